@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 12] = [
+const FILES: [&str; 13] = [
     "cgf",
     "arm",
     "baseline",
@@ -21,6 +21,7 @@ const FILES: [&str; 12] = [
     "paper",
     "released",
     "replay",
+    "script",
     "strict",
     "unseen",
 ];

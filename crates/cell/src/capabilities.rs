@@ -80,7 +80,7 @@ pub(crate) enum GoalAnswer {
 /// A cell's reply to a cancel, stop or resume request, or its answer where no report exists.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case", tag = "answer", deny_unknown_fields)]
-pub(crate) enum Word {
+pub(crate) enum Acknowledgment {
     /// Done: the motion has stopped.
     Done,
     /// The motion had already ended.

@@ -17,7 +17,7 @@ use zenoh::{
 
 use crate::{
     Access, CellError, Goal, Keys, PROTOCOL, SealedGoal, UncheckedReport,
-    capabilities::{Capabilities, GoalAnswer, Word},
+    capabilities::{Acknowledgment, Capabilities, GoalAnswer},
     error::with_causes,
     goal::{CLOCKS_MS, Sending, now_unix_ms},
     heartbeat::Heartbeat,
@@ -302,9 +302,9 @@ impl CellClient {
         let (word, _) =
             wire::split_line("answer", body).map_err(|source| CellError::Answer { key, source })?;
         Ok(match word {
-            Word::Done => Halt::Done,
-            Word::Over => Halt::Over,
-            Word::NeverTaken => Halt::NeverTaken,
+            Acknowledgment::Done => Halt::Done,
+            Acknowledgment::Over => Halt::Over,
+            Acknowledgment::NeverTaken => Halt::NeverTaken,
         })
     }
 
@@ -378,7 +378,7 @@ impl CellClient {
                 .ask_once(&key, &[], MAX_REPORT_BYTES, until)
                 .map_err(unheard)?;
             if let Some(body) = self.only(&key, &answers)? {
-                if let Ok((Word::NeverTaken, _)) = wire::split_line("answer", body) {
+                if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", body) {
                     return Ok(Recovered::NeverTaken);
                 }
                 let report =

@@ -24,7 +24,7 @@ const PERIOD: Duration = Duration::from_millis(50);
 /// Content of a heartbeat.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Beat {
+pub(crate) struct HeartbeatMessage {
     /// The dispatcher's name, as in its goals.
     pub(crate) dispatcher: String,
 }
@@ -41,7 +41,7 @@ impl Heartbeat {
         key: String,
         dispatcher: &str,
     ) -> Result<Self, CellError> {
-        let beat = wire::line(&Beat {
+        let beat = wire::line(&HeartbeatMessage {
             dispatcher: dispatcher.to_owned(),
         });
         let over = Arc::new(AtomicBool::new(false));

@@ -53,8 +53,8 @@ pub use self::{
 };
 use crate::{
     Access, CellError, Goal, Keys,
-    capabilities::Word,
-    heartbeat::Beat,
+    capabilities::Acknowledgment,
+    heartbeat::HeartbeatMessage,
     report::{Report, Sample},
     ros2::Mirror,
     session,
@@ -114,7 +114,7 @@ pub struct SimulatedCell {
     served: Option<Served>,
     worker: Option<JoinHandle<()>>,
     /// Publishes the state, in real time.
-    shower: Option<JoinHandle<()>>,
+    streamer: Option<JoinHandle<()>>,
 }
 
 /// Returns an object by its name, if it exists, or why the lookup failed.
@@ -228,14 +228,14 @@ impl SimulatedCell {
             session,
             served: Some(served),
             worker: Some(worker),
-            shower: None,
+            streamer: None,
         };
         if cell.shared.config.service.real_time {
             let shared = Arc::clone(&cell.shared);
-            let shower = thread::Builder::new()
+            let streamer = thread::Builder::new()
                 .name(format!("state {}", shared.config.name))
                 .spawn(move || shared.stream.run(&shared.ended));
-            cell.shower = Some(shower.map_err(CellError::Thread)?);
+            cell.streamer = Some(streamer.map_err(CellError::Thread)?);
         }
         Ok(cell)
     }
@@ -295,8 +295,8 @@ impl Drop for SimulatedCell {
             let _finished = worker.join();
         }
         self.shared.ended.store(true, Ordering::Relaxed);
-        if let Some(shower) = self.shower.take() {
-            let _finished = shower.join();
+        if let Some(streamer) = self.streamer.take() {
+            let _finished = streamer.join();
         }
         let _closed = self.session.close().wait();
     }
@@ -347,7 +347,7 @@ pub fn rehearse(
     let job = Job {
         sealed: goal.seal(),
         goal: goal.clone(),
-        came: Instant::now(),
+        received: Instant::now(),
     };
     let id = job.sealed.goal_id.clone();
     let done = physics::carry_out(&job, object, &robot, config, see);
@@ -386,7 +386,7 @@ fn serve(
             .declare_subscriber(keys.heartbeat())
             .callback(move |sample| {
                 let bytes = sample.payload().to_bytes();
-                let beat = wire::split_line::<Beat>("heartbeat", &bytes);
+                let beat = wire::split_line::<HeartbeatMessage>("heartbeat", &bytes);
                 // Ignore unreadable heartbeats.
                 if let Ok((beat, _)) = beat {
                     shared.control.beat(&beat.dispatcher);
@@ -412,7 +412,7 @@ fn serve(
             answer(keys.stop(), Shared::stop)?,
             answer(keys.resume(), |shared, query| {
                 shared.control.resume();
-                shared.say(&query, Word::Done);
+                shared.acknowledge(&query, Acknowledgment::Done);
             })?,
         ],
         _heartbeat: heartbeat,
@@ -434,7 +434,7 @@ impl Shared {
         if let Some(mirror) = mirror {
             mirror.announce(&job.goal);
         }
-        let mut motion = MonitoredMotion::new(self, mirror, id, job.came);
+        let mut motion = MonitoredMotion::new(self, mirror, id, job.received);
         let report = physics::carry_out(job, &object, &self.robot, &self.config, &mut |sample| {
             motion.see(sample)
         })
@@ -459,7 +459,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
         }
         // A cancel request may have come after the motion's end.
         for query in shared.control.asking() {
-            shared.say(&query, Word::Over);
+            shared.acknowledge(&query, Acknowledgment::Over);
         }
         if let Some(outcome) = outcome {
             let _published = session

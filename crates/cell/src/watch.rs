@@ -47,8 +47,8 @@ pub struct Watcher {
     events: Receiver<Event>,
     keys: Keys,
     ready: VecDeque<Seen>,
-    stream: Option<Place>,
-    list: Option<Place>,
+    stream: Option<StreamPosition>,
+    list: Option<StreamPosition>,
     polled: Option<Instant>,
     counts: Counts,
     session: Session,
@@ -93,7 +93,7 @@ pub struct Counts {
 }
 
 /// Next expected number of a stream or journal.
-struct Place {
+struct StreamPosition {
     /// Name of the stream or journal.
     of: String,
     next: u64,
@@ -201,9 +201,9 @@ impl Watcher {
 
     /// Delivers a published sample, after the missed ones before it.
     fn state(&mut self, state: State) {
-        let place = self.stream.as_ref();
-        let (next, before) = match place {
-            Some(place) if place.of == state.epoch => (place.next, Before::Counts),
+        let position = self.stream.as_ref();
+        let (next, before) = match position {
+            Some(position) if position.of == state.epoch => (position.next, Before::Counts),
             Some(_) => {
                 self.counts.restarts_n += 1;
                 (0, Before::Counts)
@@ -216,7 +216,7 @@ impl Watcher {
         if state.seq > next {
             self.recover(&state.epoch, next, state.seq, before);
         }
-        self.stream = Some(Place {
+        self.stream = Some(StreamPosition {
             of: state.epoch.clone(),
             next: state.seq + 1,
         });
@@ -271,8 +271,8 @@ impl Watcher {
     /// Delivers a published outcome.
     fn outcome(&mut self, outcome: GoalOutcome) {
         let known = self.list.as_ref();
-        let known = known.filter(|place| place.of == outcome.journal);
-        match known.map(|place| place.next) {
+        let known = known.filter(|position| position.of == outcome.journal);
+        match known.map(|position| position.next) {
             Some(next) if outcome.result_n < next => {}
             Some(next) if outcome.result_n == next => self.put(outcome),
             // Some were missed, or possibly so: query them all, this one too.
@@ -282,7 +282,7 @@ impl Watcher {
 
     /// Delivers the next outcome.
     fn put(&mut self, outcome: GoalOutcome) {
-        self.list = Some(Place {
+        self.list = Some(StreamPosition {
             of: outcome.journal.clone(),
             next: outcome.result_n.saturating_add(1),
         });
@@ -294,7 +294,7 @@ impl Watcher {
     fn poll(&mut self) {
         loop {
             self.polled = Some(Instant::now());
-            let next = self.list.as_ref().map_or(0, |place| place.next);
+            let next = self.list.as_ref().map_or(0, |position| position.next);
             let key = self.keys.results();
             let Some((journal, body)) = self.ask(&key, next) else {
                 return;
@@ -308,9 +308,9 @@ impl Watcher {
             let is_new = self
                 .list
                 .as_ref()
-                .is_none_or(|place| place.of != header.journal);
+                .is_none_or(|position| position.of != header.journal);
             if is_new {
-                self.list = Some(Place {
+                self.list = Some(StreamPosition {
                     of: header.journal,
                     next: 0,
                 });
@@ -330,7 +330,7 @@ impl Watcher {
                     is_more = true;
                 }
             }
-            let there = self.list.as_ref().map_or(0, |place| place.next);
+            let there = self.list.as_ref().map_or(0, |position| position.next);
             if !is_more || there >= header.results_n {
                 return;
             }

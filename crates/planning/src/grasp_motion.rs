@@ -3,7 +3,7 @@
 use motion::{Course, JointPoint, JointRates, PalmPoint};
 use nalgebra::Vector3;
 use simulation::{Approach, Protocol};
-use spatial::{Object, Pose, Table, Twist, quintic};
+use spatial::{Object, Pose, Table, quintic};
 
 use crate::{
     Infeasible,
@@ -116,23 +116,19 @@ impl GraspMotion<'_> {
         let hand = self.course.at(course_s);
         let [height_m, speed, change] = self.height(time_s);
         let up = Vector3::z();
-        let velocity = hand
-            .rates
-            .palm_velocity
-            .expressed_in(&self.table_from_object);
-        let acceleration = hand
-            .rates
-            .palm_acceleration
-            .expressed_in(&self.table_from_object);
+        let rates = &hand.rates;
+        let [along, bend] = [&rates.palm_velocity, &rates.palm_acceleration]
+            .map(|rate| rate.expressed_in(&self.table_from_object));
+        let mut velocity = along * once;
+        velocity.linear += up * speed;
+        let mut acceleration = bend * (once * once) + along * twice;
+        acceleration.linear += up * change;
         let before_lift = self.table_from_object * hand.frame_from_palm;
         PalmPoint {
             time_s,
             table_from_palm: before_lift.translated(&(up * height_m)),
-            velocity: Twist::new(velocity.linear * once + up * speed, velocity.angular * once),
-            acceleration: Twist::new(
-                chain(velocity.linear, acceleration.linear, once, twice) + up * change,
-                chain(velocity.angular, acceleration.angular, once, twice),
-            ),
+            velocity,
+            acceleration,
         }
     }
 
@@ -213,11 +209,6 @@ fn paced(rates: &JointRates, once: f64, twice: f64) -> JointRates {
         velocity: rates.velocity.iter().map(|v| v * once).collect(),
         acceleration: both.map(|(v, a)| a * once * once + v * twice).collect(),
     }
-}
-
-/// `p″ u′² + p′ u″`.
-fn chain(p_1: Vector3<f64>, p_2: Vector3<f64>, u_1: f64, u_2: f64) -> Vector3<f64> {
-    p_2 * (u_1 * u_1) + p_1 * u_2
 }
 
 /// Returns the joints on a [`ramp`] from one position to another.

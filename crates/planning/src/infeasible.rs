@@ -62,7 +62,7 @@ pub enum Infeasible {
         /// Number of object rotations tried.
         turns: usize,
     },
-    /// The arm cannot follow between two places where it can.
+    /// The arm cannot follow between two points where it can.
     #[error("the arm cannot follow: {0}")]
     ArmBetween(#[from] ArmFault),
     /// The arm reaches the grasp, but not along the whole path.
@@ -93,8 +93,8 @@ pub enum ArmFault {
         lower: f64,
         /// Its upper limit.
         upper: f64,
-        /// Place on the path.
-        at: Place,
+        /// Point on the path.
+        at: PathPoint,
     },
     /// The arm is close to a singularity: joints would turn fast for a slow hand.
     #[error(
@@ -105,14 +105,14 @@ pub enum ArmFault {
         value: f64,
         /// The least allowed value.
         least: f64,
-        /// Place on the path.
-        at: Place,
+        /// Point on the path.
+        at: PathPoint,
     },
     /// Inverse kinematics has no continuous solution.
     #[error("its joints would have to jump {at}")]
     Jump {
-        /// Place on the path.
-        at: Place,
+        /// Point on the path.
+        at: PathPoint,
     },
     /// A link would come too close to the table.
     #[error(
@@ -125,8 +125,8 @@ pub enum ArmFault {
         gap_m: f64,
         /// The least allowed clearance, in meters.
         least_m: f64,
-        /// Place on the path.
-        at: Place,
+        /// Point on the path.
+        at: PathPoint,
     },
     /// The number of joint positions differs from the robot's joints.
     #[error("it cannot be followed: {0}")]
@@ -144,14 +144,14 @@ pub enum ArmFault {
         gap_m: f64,
         /// The least allowed clearance, in meters.
         least_m: f64,
-        /// Place on the path.
-        at: Place,
+        /// Point on the path.
+        at: PathPoint,
     },
 }
 
-/// A place on the path of an arm.
+/// A point on the path of an arm.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub enum Place {
+pub enum PathPoint {
     /// On the reach.
     Reach {
         /// Time, in seconds after the first step.
@@ -164,7 +164,7 @@ pub enum Place {
     },
 }
 
-impl fmt::Display for Place {
+impl fmt::Display for PathPoint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Reach { time_s } => write!(f, "after {time_s:.3} s"),

@@ -60,7 +60,7 @@ mod time_scaling;
 mod timing;
 
 pub use arm::ArmConfig;
-pub use infeasible::{ArmFault, Infeasible, Place};
+pub use infeasible::{ArmFault, Infeasible, PathPoint};
 pub use limits::LimitsConfig;
 pub use planner::{ArmSetup, Feasible, Planner, Setup};
 pub use rates::{MAX_HZ, RatesConfig};

@@ -71,10 +71,7 @@ impl LimitExcess {
             let next = points.get(idx + 1);
             let after = next.map_or_else(Twist::zero, |next| velocity(point, next));
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
-            let change = Twist::new(
-                (after.linear - before.linear) * rate,
-                (after.angular - before.angular) * rate,
-            );
+            let change = (after - before) * rate;
             self.see(
                 durations.phase(point.time_s),
                 limits.of_palm(&after, &change),

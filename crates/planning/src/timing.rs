@@ -5,11 +5,11 @@
 //! for the greatest speed from which the rest can still be followed, and one pass forward, as fast
 //! as that allows (Bobrow, Dubowsky and Gibson, *Time-Optimal Control of Robotic Manipulators Along
 //! Specified Paths*, 1985; Pham and Pham, *A New Approach to Time-Optimal Path Parameterization
-//! Based on Reachability Analysis*, 2018, §III). The unknown at each place u of the path is x, the
-//! square of the speed u′; with constant u″ between two places, x changes by 2 Δ u″. Velocities of
+//! Based on Reachability Analysis*, 2018, §III). The unknown at each grid point u of the path is x, the
+//! square of the speed u′; with constant u″ between two grid points, x changes by 2 Δ u″. Velocities of
 //! the hand are its derivatives along the path times u′, accelerations `p″ x + p′ u″`. Their limits
 //! bound the lengths of vectors, which are convex in x and u″ and within the limits at rest, so the
-//! feasible speeds at a place are all those up to a greatest one.
+//! feasible speeds at a grid point are all those up to a greatest one.
 //!
 //! Such a timing has jumps in u″, which a controller could not reproduce from sampled positions,
 //! velocities and accelerations. So u is replaced by its moving average over a short time window:
@@ -19,26 +19,26 @@
 
 use crate::{Infeasible, limits::LimitedRates};
 
-/// Number of places of a course at which speeds are computed.
-const PLACES_N: usize = 600;
+/// Number of intervals of the course's grid at which speeds are computed.
+const GRID_N: usize = 600;
 /// Bisection steps for a greatest speed.
 const HALVINGS: usize = 48;
 /// Weight, in 1/s², below which a change of speed has no effect on the motion.
 const NOTHING: f64 = 1e-18;
 
-/// Places of a course and the times at which they are passed.
+/// Grid points of a course and the times at which they are passed.
 #[derive(Debug, Clone)]
 pub(crate) struct Timing {
-    passed: Vec<Passed>,
+    points: Vec<TimedPoint>,
     /// Averaging window of the course's time.
     window_s: f64,
 }
 
-/// A place and the time at which it is passed.
+/// A grid point and the time at which it is passed.
 #[derive(Debug, Clone, Copy)]
-struct Passed {
+struct TimedPoint {
     time_s: f64,
-    /// The place: seconds of the course.
+    /// Its place: seconds of the course.
     course_s: f64,
     /// Seconds of the course per second.
     speed: f64,
@@ -60,19 +60,19 @@ impl Timing {
         window_s: f64,
         rates_at: impl Fn(f64) -> Result<Vec<LimitedRates>, Infeasible>,
     ) -> Result<Self, Infeasible> {
-        let step = duration_s / PLACES_N as f64;
-        let places: Vec<Place> = (0..=PLACES_N)
-            .map(|idx| Ok(Place::new(rates_at(step * idx as f64)?, pace)))
+        let step = duration_s / GRID_N as f64;
+        let grid: Vec<GridPoint> = (0..=GRID_N)
+            .map(|idx| Ok(GridPoint::new(rates_at(step * idx as f64)?, pace)))
             .collect::<Result<_, Infeasible>>()?;
-        let greatest = greatest(&places, step);
-        let mut passed = vec![Passed {
+        let greatest = greatest(&grid, step);
+        let mut points = vec![TimedPoint {
             time_s: 0.0,
             course_s: 0.0,
             speed: 0.0,
             sum: 0.0,
         }];
         let (mut x, mut time_s, mut sum) = (0.0, 0.0, 0.0);
-        let pairs = places.iter().zip(places.iter().skip(1));
+        let pairs = grid.iter().zip(grid.iter().skip(1));
         for (idx, ((from, to), &max)) in pairs.zip(greatest.iter().skip(1)).enumerate() {
             // Rounding may leave an empty range: then the speed is kept, and the sampled motion is
             // checked.
@@ -83,14 +83,14 @@ impl Timing {
             sum += lasts_s * (0.5 * (from_s + to_s) + (x.sqrt() - next.sqrt()) * lasts_s / 12.0);
             time_s += lasts_s;
             x = next;
-            passed.push(Passed {
+            points.push(TimedPoint {
                 time_s,
                 course_s: to_s,
                 speed: x.sqrt(),
                 sum,
             });
         }
-        Ok(Self { passed, window_s })
+        Ok(Self { points, window_s })
     }
 
     /// Returns the duration in seconds; infinite if the limits allow no motion at all.
@@ -101,7 +101,7 @@ impl Timing {
     /// Returns the course's own time at `time_s` after its start, in seconds, and its first and
     /// second derivative by time; both are 0 at the ends, where it rests.
     pub(crate) fn at(&self, time_s: f64) -> [f64; 3] {
-        let end_s = self.passed.last().map_or(0.0, |passed| passed.course_s);
+        let end_s = self.points.last().map_or(0.0, |point| point.course_s);
         if time_s <= 0.0 {
             return [0.0; 3];
         }
@@ -114,22 +114,20 @@ impl Timing {
         [course_s.clamp(0.0, end_s), speed, faster]
     }
 
-    /// Returns the time at which the last place is passed.
+    /// Returns the time at which the last grid point is passed.
     fn passed_s(&self) -> f64 {
-        self.passed.last().map_or(0.0, |passed| passed.time_s)
+        self.points.last().map_or(0.0, |point| point.time_s)
     }
 
     /// Returns the integral of the course's time before averaging, that time and its derivative; at
     /// rest before and after.
     fn sums(&self, time_s: f64) -> [f64; 3] {
-        let after = self
-            .passed
-            .partition_point(|passed| passed.time_s <= time_s);
-        let Some(from) = after.checked_sub(1).and_then(|idx| self.passed.get(idx)) else {
+        let after = self.points.partition_point(|point| point.time_s <= time_s);
+        let Some(from) = after.checked_sub(1).and_then(|idx| self.points.get(idx)) else {
             return [0.0; 3];
         };
         let part_s = time_s - from.time_s;
-        let faster = self.passed.get(after).map_or(0.0, |to| {
+        let faster = self.points.get(after).map_or(0.0, |to| {
             (to.speed - from.speed) / (to.time_s - from.time_s)
         });
         [
@@ -143,27 +141,27 @@ impl Timing {
     /// Returns the same timing, slowed down by a factor `times`.
     #[must_use]
     pub(crate) fn slower(&self, times: f64) -> Self {
-        let slower = |passed: &Passed| Passed {
-            time_s: passed.time_s * times,
-            speed: passed.speed / times,
-            sum: passed.sum * times,
-            ..*passed
+        let slower = |point: &TimedPoint| TimedPoint {
+            time_s: point.time_s * times,
+            speed: point.speed / times,
+            sum: point.sum * times,
+            ..*point
         };
         Self {
-            passed: self.passed.iter().map(slower).collect(),
+            points: self.points.iter().map(slower).collect(),
             window_s: self.window_s * times,
         }
     }
 }
 
-/// A place of a course and its speed limits.
-struct Place {
+/// A grid point of a course and its speed limits.
+struct GridPoint {
     rates: Vec<LimitedRates>,
     /// Greatest x that keeps every velocity within its limit.
     ceiling: f64,
 }
 
-impl Place {
+impl GridPoint {
     fn new(rates: Vec<LimitedRates>, pace: f64) -> Self {
         let ceiling = rates
             .iter()
@@ -180,11 +178,11 @@ impl Place {
     }
 }
 
-/// Returns for each place the greatest x from which the course can still end at rest.
-fn greatest(places: &[Place], step: f64) -> Vec<f64> {
-    let mut greatest = vec![0.0; places.len()];
+/// Returns for each grid point the greatest x from which the course can still end at rest.
+fn greatest(grid: &[GridPoint], step: f64) -> Vec<f64> {
+    let mut greatest = vec![0.0; grid.len()];
     let mut next = 0.0;
-    for (idx, pair) in places.windows(2).enumerate().rev() {
+    for (idx, pair) in grid.windows(2).enumerate().rev() {
         let [from, to] = pair else { continue };
         let is_possible = |x: f64| changes(from, to, step, x, next).is_some();
         let found = if is_possible(from.ceiling) {
@@ -209,10 +207,10 @@ fn greatest(places: &[Place], step: f64) -> Vec<f64> {
     greatest
 }
 
-/// Returns the least and the greatest u″ from a place with speed `x` for which every acceleration
-/// up to the next place is within its limit and the next x is between 0 and `max`; `None` if there
+/// Returns the least and the greatest u″ from a grid point with speed `x` for which every acceleration
+/// up to the next one is within its limit and the next x is between 0 and `max`; `None` if there
 /// is none.
-fn changes(from: &Place, to: &Place, step: f64, x: f64, max: f64) -> Option<[f64; 2]> {
+fn changes(from: &GridPoint, to: &GridPoint, step: f64, x: f64, max: f64) -> Option<[f64; 2]> {
     let mut range = [-x / (2.0 * step), (max - x) / (2.0 * step)];
     for rates in &from.rates {
         range = within(range, rates, x, 0.0)?;

@@ -128,19 +128,18 @@ impl Chain {
 }
 
 impl KinematicState {
-    /// Returns the twist of the end while the joints move so: velocity of its origin, then angular
-    /// velocity, along the base's axes.
+    /// Returns the twist of the end at these joint velocities.
     ///
     /// # Panics
     ///
     /// Panics if there is not one velocity per joint.
-    pub fn twist(&self, velocity: &[f64]) -> Vector6<f64> {
+    pub fn twist(&self, velocity: &[f64]) -> Twist<Base> {
         assert_eq!(velocity.len(), self.jacobian.ncols(), "joint velocities");
         let mut twist = Vector6::zeros();
         for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
             twist.axpy(velocity, &column, 1.0);
         }
-        twist
+        Twist::from_array(twist.into())
     }
 
     /// Returns how fast the end's twist changes while the joints move at constant velocities,
@@ -154,19 +153,17 @@ impl KinematicState {
     /// # Panics
     ///
     /// Panics if there is not one velocity per joint.
-    pub fn bias(&self, velocity: &[f64]) -> Vector6<f64> {
+    pub fn bias(&self, velocity: &[f64]) -> Twist<Base> {
         assert_eq!(velocity.len(), self.jacobian.ncols(), "joint velocities");
-        let mut bias = Vector6::zeros();
+        let mut bias = Twist::zero();
         let mut spin: Vector3<f64> = Vector3::zeros();
         for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
             let linear = column.fixed_rows::<3>(0) * velocity;
             let angular = column.fixed_rows::<3>(3) * velocity;
             let before = spin;
             spin += angular;
-            let mut part = bias.fixed_rows_mut::<3>(0);
-            part += (before + spin).cross(&linear);
-            let mut part = bias.fixed_rows_mut::<3>(3);
-            part += before.cross(&angular);
+            bias.linear += (before + spin).cross(&linear);
+            bias.angular += before.cross(&angular);
         }
         bias
     }
@@ -175,10 +172,9 @@ impl KinematicState {
     /// it: `J q′ = twist` and `J q″ = rate − J′ q′`, the least ones where more than six joints leave
     /// a choice; `None` where the chain is singular.
     pub fn rates(&self, twist: &Twist<Base>, rate: &Twist<Base>) -> Option<ChainRates> {
-        let [twist, rate] = [twist, rate].map(|twist| Vector6::from(twist.to_array()));
         let square = self.square(0.0)?;
-        let velocity = self.least(&square, &twist);
-        let acceleration = self.least(&square, &(rate - self.bias(&velocity)));
+        let velocity = self.least(&square, twist);
+        let acceleration = self.least(&square, &(*rate - self.bias(&velocity)));
         let all = velocity.iter().chain(&acceleration);
         all.copied().all(f64::is_finite).then_some(ChainRates {
             velocity,
@@ -217,10 +213,11 @@ impl KinematicState {
 
     /// Returns the least joint velocities with this twist, `Jᵀ (J Jᵀ)⁻¹ twist`, improved once by what
     /// rounding leaves.
-    fn least(&self, square: &Cholesky<f64, Const<SIX>>, twist: &Vector6<f64>) -> Vec<f64> {
-        let mut velocity = self.transposed(&square.solve(twist));
-        let missing = twist - self.twist(&velocity);
-        let more = self.transposed(&square.solve(&missing));
+    fn least(&self, square: &Cholesky<f64, Const<SIX>>, twist: &Twist<Base>) -> Vec<f64> {
+        let solve =
+            |twist: Twist<Base>| self.transposed(&square.solve(&Vector6::from(twist.to_array())));
+        let mut velocity = solve(*twist);
+        let more = solve(*twist - self.twist(&velocity));
         for (velocity, more) in velocity.iter_mut().zip(more) {
             *velocity += more;
         }

@@ -1,6 +1,6 @@
 //! A root that moves freely: its pose, and small motions of it, without angles that can lock.
 
-use nalgebra::{UnitQuaternion, Vector3, Vector6};
+use nalgebra::UnitQuaternion;
 use spatial::{Palm, Pose, Twist, World};
 
 /// Below this angle in radians the series are more exact than the quotients.
@@ -33,17 +33,15 @@ impl Root {
 
     /// Returns the root's pose after it has kept its twist for a time in seconds.
     pub fn after(&self, time_s: f64) -> Pose<World, Palm> {
-        self.world_from_palm * pose_from_twist(&(Vector6::from(self.velocity.to_array()) * time_s))
+        self.world_from_palm * pose_from_twist(&(self.velocity * time_s))
     }
 }
 
-/// Returns the pose to which a twist (meters and radians, linear part first) leads in one unit of
-/// time, from the identity.
+/// Returns the pose to which a twist leads in one second, from the identity.
 ///
 /// Lynch and Park, *Modern Robotics*, 2017, §3.3.3, proposition 3.25.
-pub fn pose_from_twist(twist: &Vector6<f64>) -> Pose<Palm, Palm> {
-    let linear: Vector3<f64> = twist.fixed_rows::<3>(0).into_owned();
-    let angular: Vector3<f64> = twist.fixed_rows::<3>(3).into_owned();
+pub fn pose_from_twist(twist: &Twist<Palm>) -> Pose<Palm, Palm> {
+    let (linear, angular) = (twist.linear, twist.angular);
     let angle_sq = angular.norm_squared();
     let angle = angle_sq.sqrt();
     // (1 - cos θ) / θ² and (θ - sin θ) / θ³.

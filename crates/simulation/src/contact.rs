@@ -1,4 +1,4 @@
-//! What the hand feels of the object.
+//! Contacts between hand and object.
 
 use geometry::SurfaceDistance;
 use nalgebra::Point3;

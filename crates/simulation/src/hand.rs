@@ -42,7 +42,7 @@ const MAX_JOINT_SPEED: f32 = 30.0;
 /// Coordinates of the palm: three along the axes, three about them.
 const DIMENSIONS: usize = 6;
 
-/// The hand's place in a world and its drives.
+/// The hand's bodies in a world and its drives.
 #[derive(Debug, Clone)]
 pub(crate) struct Hand {
     /// The palm, then the movable links.
@@ -83,15 +83,15 @@ struct Drive {
 impl Drive {
     /// Sets the drive's torque for the next physics step: towards a joint's command, and what it gives
     /// `ahead` of that.
-    fn apply(&self, multibody: &mut Multibody, place: Place, q_command: f64, ahead: f32) {
+    fn apply(&self, multibody: &mut Multibody, address: JointAddress, q_command: f64, ahead: f32) {
         let spring = self.controller.spring(
             self.multiplier * real(q_command) + self.offset,
             ahead,
-            position(multibody, place.link, self.axis),
-            multibody.generalized_velocity()[place.coordinate],
+            position(multibody, address.link, self.axis),
+            multibody.generalized_velocity()[address.coordinate],
         );
-        multibody.damping_mut()[place.coordinate] = spring.damping;
-        if let Some(link) = multibody.link_mut(place.link) {
+        multibody.damping_mut()[address.coordinate] = spring.damping;
+        if let Some(link) = multibody.link_mut(address.link) {
             link.joint
                 .set_spring(self.axis, spring.stiffness, spring.rest);
         }
@@ -232,7 +232,7 @@ impl Hand {
             let (Some(joint), Some(kind)) = (link.joint, link.kind) else {
                 continue;
             };
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, *body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, *body) else {
                 continue;
             };
             let limits = &model.joints()[joint];
@@ -252,13 +252,13 @@ impl Hand {
                 offset: real(offset),
                 controller: Controller::new(scene, ends),
             });
-            multibody.damping_mut()[place.coordinate] = real(scene.drive.damping);
-            multibody.armature_mut()[place.coordinate] = real(scene.drive.armature);
+            multibody.damping_mut()[address.coordinate] = real(scene.drive.damping);
+            multibody.armature_mut()[address.coordinate] = real(scene.drive.armature);
         }
         for drive in &mut self.drives {
-            if let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) {
+            if let Some((multibody, address)) = finger_mut(&mut world.multibodies, drive.body) {
                 let inverse = multibody.dof_inverse_inertia(&world.bodies);
-                drive.controller.inverse_inertia = inverse[place.coordinate];
+                drive.controller.inverse_inertia = inverse[address.coordinate];
             }
         }
     }
@@ -272,12 +272,12 @@ impl Hand {
             palm.set_angvel(Vector::ZERO, true);
         }
         for root in &self.roots {
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, root.body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, root.body) else {
                 continue;
             };
             let mut displacement = vec![0.0; multibody.ndofs()];
             let now = multibody
-                .link(place.link)
+                .link(address.link)
                 .map(|root| *root.local_to_world());
             if let (Some(now), Some(part)) = (now, displacement.get_mut(..DIMENSIONS)) {
                 part.copy_from_slice(&twist(&now, &target, 1.0));
@@ -314,10 +314,10 @@ impl Hand {
             palm.set_angvel(Vector::new(about_x, about_y, about_z), true);
         }
         for root in &self.roots {
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, root.body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, root.body) else {
                 continue;
             };
-            let Some(root) = multibody.link(place.link) else {
+            let Some(root) = multibody.link(address.link) else {
                 continue;
             };
             let velocity = twist(root.local_to_world(), &target, seconds);
@@ -348,12 +348,12 @@ impl Hand {
     /// Keeps every joint at a speed that it can have.
     pub(crate) fn limit_speed(&self, world: &mut World) {
         for drive in &self.drives {
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
             if let Some(velocity) = multibody
                 .generalized_velocity_mut()
-                .get_mut(place.coordinate)
+                .get_mut(address.coordinate)
             {
                 *velocity = velocity.clamp(-MAX_JOINT_SPEED, MAX_JOINT_SPEED);
             }
@@ -367,10 +367,10 @@ impl Hand {
     /// Sets every finger's torque for the next physics step.
     pub(crate) fn drive(&self, world: &mut World, q_command: &[f64]) {
         for drive in &self.drives {
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
-            drive.apply(multibody, place, q_command[drive.joint], 0.0);
+            drive.apply(multibody, address, q_command[drive.joint], 0.0);
         }
     }
 
@@ -390,9 +390,9 @@ impl Hand {
         self.joints.iter().map(|&drive| {
             let drive = &self.drives[drive];
             let found = finger(&world.multibodies, drive.body);
-            found.map_or([f64::NAN; 2], |(multibody, place)| {
-                let position = position(multibody, place.link, drive.axis);
-                let velocity = multibody.generalized_velocity()[place.coordinate];
+            found.map_or([f64::NAN; 2], |(multibody, address)| {
+                let position = position(multibody, address.link, drive.axis);
+                let velocity = multibody.generalized_velocity()[address.coordinate];
                 [position, velocity].map(f64::from)
             })
         })
@@ -406,11 +406,11 @@ impl Hand {
             .iter()
             .filter_map(|&drive| {
                 let drive = self.drives.get(drive)?;
-                let (multibody, place) = finger(&world.multibodies, drive.body)?;
-                let (stiffness, rest) = multibody.link(place.link)?.joint.spring(drive.axis);
-                let q = position(multibody, place.link, drive.axis);
-                let velocity = multibody.generalized_velocity()[place.coordinate];
-                let damping = multibody.damping()[place.coordinate];
+                let (multibody, address) = finger(&world.multibodies, drive.body)?;
+                let (stiffness, rest) = multibody.link(address.link)?.joint.spring(drive.axis);
+                let q = position(multibody, address.link, drive.axis);
+                let velocity = multibody.generalized_velocity()[address.coordinate];
+                let damping = multibody.damping()[address.coordinate];
                 Some(f64::from(stiffness * (rest - q) - damping * velocity))
             })
             .collect()
@@ -449,35 +449,38 @@ impl Hand {
     }
 }
 
-/// A body's place in its finger's multibody; another one once the palm has been halted.
+/// Indices of a body's joint in its finger's multibody; they change when the palm is halted.
 #[derive(Debug, Clone, Copy)]
-struct Place {
+struct JointAddress {
     link: usize,
     /// First of its coordinates in the multibody's vectors.
     coordinate: usize,
 }
 
-/// Returns the multibody of a body and its place there.
-fn finger(fingers: &MultibodyJointSet, body: RigidBodyHandle) -> Option<(&Multibody, Place)> {
+/// Returns the multibody of a body and the indices of its joint there.
+fn finger(
+    fingers: &MultibodyJointSet,
+    body: RigidBodyHandle,
+) -> Option<(&Multibody, JointAddress)> {
     let at = *fingers.rigid_body_link(body)?;
     let multibody = fingers.get_multibody(at.multibody)?;
-    Some((multibody, place(multibody, at.id)?))
+    Some((multibody, joint_address(multibody, at.id)?))
 }
 
 /// As [`finger`], to be changed.
 fn finger_mut(
     fingers: &mut MultibodyJointSet,
     body: RigidBodyHandle,
-) -> Option<(&mut Multibody, Place)> {
+) -> Option<(&mut Multibody, JointAddress)> {
     let at = *fingers.rigid_body_link(body)?;
     let multibody = fingers.get_multibody_mut(at.multibody)?;
-    let place = place(multibody, at.id)?;
-    Some((multibody, place))
+    let address = joint_address(multibody, at.id)?;
+    Some((multibody, address))
 }
 
-fn place(multibody: &Multibody, link: usize) -> Option<Place> {
+fn joint_address(multibody: &Multibody, link: usize) -> Option<JointAddress> {
     let coordinate = multibody.link(link)?.assembly_id();
-    Some(Place { link, coordinate })
+    Some(JointAddress { link, coordinate })
 }
 
 fn link_of(multibody: &Multibody, body: RigidBodyHandle) -> Option<&MultibodyLink> {

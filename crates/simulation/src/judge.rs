@@ -5,7 +5,7 @@ use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::{KnockedUntil, Protocol},
-    contact::{Touch, touch},
+    contact::{self, Touch},
     script::{Command, Phase, Script, steps},
     shortcuts::Shortcuts,
     template::Template,
@@ -89,7 +89,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Processes the state after a command; returns the verdict once it is certain.
-    pub(crate) fn see(
+    pub(crate) fn observe(
         &mut self,
         template: &Template,
         world: &World,
@@ -114,29 +114,29 @@ impl<'a> Judge<'a> {
                 KnockedUntil::Lift => self.knocked_over(&table_from_object),
             },
             Phase::Lift => {
-                let felt = self.feel(template, world);
+                let touch = self.measure_touch(template, world);
                 self.lift_left = self.lift_left.saturating_sub(1);
                 if self.lift_left == 0 {
                     self.in_palm.push(self.last_in_palm);
-                } else if !(self.is_low() && self.is_lost(template, world, &felt)) {
+                } else if !(self.is_low() && self.is_lost(template, world, &touch)) {
                     return None;
                 }
                 self.is_low().then_some(Verdict::NotGrasped)
             }
             Phase::Hold => {
-                let felt = self.feel(template, world);
+                let touch = self.measure_touch(template, world);
                 self.in_palm.push(self.last_in_palm);
-                self.count_pressing(&felt);
-                if self.is_low() || self.will_be_dropped(template, world, &felt) {
+                self.count_pressing(&touch);
+                if self.is_low() || self.will_be_dropped(template, world, &touch) {
                     return Some(Verdict::Dropped);
                 }
-                self.has_settled(template, &palm_from_object, felt)
+                self.has_settled(template, &palm_from_object, touch)
                     .then_some(Verdict::Held)
             }
             Phase::Pull => {
-                let felt = self.feel(template, world);
+                let touch = self.measure_touch(template, world);
                 self.in_palm.push(self.last_in_palm);
-                self.count_pressing(&felt);
+                self.count_pressing(&touch);
                 let from = *self.pulled_from.get_or_insert(palm_from_object);
                 let away = from.inv_mul(&palm_from_object);
                 let limits = &self.protocol.pull;
@@ -145,7 +145,7 @@ impl<'a> Judge<'a> {
                 {
                     return None;
                 }
-                let touching = self.is_grasped(template, &indices(&felt.bodies));
+                let touching = self.is_grasped(template, &indices(&touch.bodies));
                 Some(if touching {
                     Verdict::Slipped
                 } else {
@@ -169,9 +169,9 @@ impl<'a> Judge<'a> {
     }
 
     /// Counts, in the final window, in how many steps each body of the hand pressed.
-    fn count_pressing(&mut self, felt: &Touch) {
+    fn count_pressing(&mut self, touch: &Touch) {
         if self.hold_left <= self.window {
-            for (count, pressed) in self.pressed.iter_mut().zip(&felt.bodies) {
+            for (count, pressed) in self.pressed.iter_mut().zip(&touch.bodies) {
                 *count += usize::from(*pressed);
             }
         }
@@ -180,15 +180,15 @@ impl<'a> Judge<'a> {
 
     /// Whether the whole hand is above the whole object, which does not rise: a hand that only
     /// rises will not touch it again.
-    fn is_lost(&self, template: &Template, world: &World, felt: &Touch) -> bool {
+    fn is_lost(&self, template: &Template, world: &World, touch: &Touch) -> bool {
         self.shortcuts.lost
-            && felt.bodies.iter().all(|pressed| !pressed)
+            && touch.bodies.iter().all(|pressed| !pressed)
             && world.is_below(template.object, template.hand.bodies())
     }
 
     /// Whether a lost object has time to fall before contacts are counted.
-    fn will_be_dropped(&self, template: &Template, world: &World, felt: &Touch) -> bool {
-        self.hold_left > self.window && self.needs_contact() && self.is_lost(template, world, felt)
+    fn will_be_dropped(&self, template: &Template, world: &World, touch: &Touch) -> bool {
+        self.hold_left > self.window && self.needs_contact() && self.is_lost(template, world, touch)
     }
 
     /// Whether the object has rested in the hand for so long, with enough links pressing
@@ -198,7 +198,7 @@ impl<'a> Judge<'a> {
         &mut self,
         template: &Template,
         palm_from_object: &Pose<Palm, Object>,
-        felt: Touch,
+        touch: Touch,
     ) -> bool {
         if !self.shortcuts.settled {
             return false;
@@ -210,7 +210,7 @@ impl<'a> Judge<'a> {
         let rest = match self.rest.take() {
             Some(mut rest) if !moved(&rest) => {
                 rest.steps += 1;
-                for (pressing, pressed) in rest.pressing.iter_mut().zip(felt.bodies) {
+                for (pressing, pressed) in rest.pressing.iter_mut().zip(touch.bodies) {
                     *pressing &= pressed;
                 }
                 rest
@@ -218,7 +218,7 @@ impl<'a> Judge<'a> {
             _ => Resting {
                 palm_from_object: *palm_from_object,
                 steps: 0,
-                pressing: felt.bodies,
+                pressing: touch.bodies,
             },
         };
         let links = indices(&rest.pressing);
@@ -234,11 +234,11 @@ impl<'a> Judge<'a> {
     }
 
     /// Records how deep hand and object overlap while the object is carried.
-    fn feel(&mut self, template: &Template, world: &World) -> Touch {
+    fn measure_touch(&mut self, template: &Template, world: &World) -> Touch {
         let surface = template.surface.as_ref();
-        let felt = touch(world, template.object, surface, template.hand.bodies_n());
-        self.penetration_m = self.penetration_m.max(felt.depth_m);
-        felt
+        let touch = contact::touch(world, template.object, surface, template.hand.bodies_n());
+        self.penetration_m = self.penetration_m.max(touch.depth_m);
+        touch
     }
 
     /// Whether a success needs the hand to touch the object at the end.

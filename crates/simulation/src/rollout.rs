@@ -137,16 +137,16 @@ pub(crate) fn run_watched<'a>(
     let mut judge = Judge::new(template, protocol, script, shortcuts);
     let mut verdict = None;
     let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
-    let mut performance = Performance::begin(template, script, record, watcher);
+    let mut execution = Execution::begin(template, script, record, watcher);
     let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
-        if performance.flow == Flow::Hold {
+        if execution.flow == Flow::Hold {
             aborted = Some(idx.checked_sub(1));
             break;
         }
-        verdict = match performance.advance(idx, command, script.desired.as_ref()) {
+        verdict = match execution.advance(idx, command, script.desired.as_ref()) {
             Finite::No => Some(Verdict::Diverged),
-            Finite::Yes => judge.see(template, &performance.world, command),
+            Finite::Yes => judge.observe(template, &execution.world, command),
         };
         if verdict.is_some() {
             break;
@@ -156,22 +156,22 @@ pub(crate) fn run_watched<'a>(
     let last = aborted.flatten();
     if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
-            if performance.advance(idx, command, None) == Finite::No {
+            if execution.advance(idx, command, None) == Finite::No {
                 verdict = Some(Verdict::Diverged);
                 break;
             }
         }
     }
-    let Performance { cost_n, trace, .. } = performance;
+    let Execution { cost_n, trace, .. } = execution;
     let verdict = verdict.unwrap_or_else(|| judge.conclude(template));
     let rollout = Rollout {
         verdict,
         cost_n,
         saved_n: count(script.commands.len()).saturating_sub(cost_n),
-        lift_m: sane(judge.rise_m()),
-        slip_m: sane(judge.slip_m()),
-        displacement_m: sane(judge.displacement_m()),
-        penetration_m: sane(judge.penetration_m()),
+        lift_m: finite_or_zero(judge.rise_m()),
+        slip_m: finite_or_zero(judge.slip_m()),
+        displacement_m: finite_or_zero(judge.displacement_m()),
+        penetration_m: finite_or_zero(judge.penetration_m()),
         contacts_n: judge.contacts_n(),
         trace: trace.filter(|_| verdict != Verdict::Diverged),
     };
@@ -181,8 +181,8 @@ pub(crate) fn run_watched<'a>(
     }
 }
 
-/// A script in execution in a copy of the template's world.
-struct Performance<'a> {
+/// Execution of a script in a copy of the template's world.
+struct Execution<'a> {
     template: &'a Template,
     world: World,
     table_from_estimate: Pose<Table, Object>,
@@ -197,7 +197,7 @@ struct Performance<'a> {
     flow: Flow,
 }
 
-impl<'a> Performance<'a> {
+impl<'a> Execution<'a> {
     fn begin(
         template: &'a Template,
         script: &Script,
@@ -205,7 +205,7 @@ impl<'a> Performance<'a> {
         watcher: Option<Watcher<'a>>,
     ) -> Self {
         let start = &script.start;
-        let mut begun = Self {
+        let mut execution = Self {
             template,
             world: template.world.fork(),
             table_from_estimate: template.table_from_estimate(),
@@ -216,12 +216,12 @@ impl<'a> Performance<'a> {
             watcher,
             flow: Flow::Continue,
         };
-        let table_from_palm = start.table_from_palm(&begun.table_from_estimate);
+        let table_from_palm = start.table_from_palm(&execution.table_from_estimate);
         template
             .hand
-            .place(&mut begun.world, &table_from_palm, &start.hand.q);
-        begun.note(&start.hand.q);
-        begun
+            .place(&mut execution.world, &table_from_palm, &start.hand.q);
+        execution.record(&start.hand.q);
+        execution
     }
 
     /// Advances by one control step with this command, along the fingers' course if there is one.
@@ -246,17 +246,17 @@ impl<'a> Performance<'a> {
             Some(desired) => control_step_along(template, world, desired, idx),
         };
         self.cost_n += 1;
-        self.note(&command.hand.q);
+        self.record(&command.hand.q);
         finite
     }
 
     /// Records the current state and calls the observer.
-    fn note(&mut self, q_command: &[f64]) {
+    fn record(&mut self, q_command: &[f64]) {
         let Some(trace) = &mut self.trace else {
             return;
         };
         let time_s = f64::from(self.cost_n) * self.template.scene.control_step_s();
-        let step = look(self.template, &self.world, time_s, q_command);
+        let step = trace_step(self.template, &self.world, time_s, q_command);
         if let Some(watcher) = &mut self.watcher {
             self.flow = (watcher.see)(&step);
         }
@@ -265,7 +265,7 @@ impl<'a> Performance<'a> {
 }
 
 /// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
-fn sane(figure: f64) -> f64 {
+fn finite_or_zero(figure: f64) -> f64 {
     if figure.is_finite() { figure } else { 0.0 }
 }
 
@@ -302,7 +302,7 @@ fn control_step_along(
     Finite::Yes
 }
 
-fn look(template: &Template, world: &World, time_s: f64, q_command: &[f64]) -> TraceStep {
+fn trace_step(template: &Template, world: &World, time_s: f64, q_command: &[f64]) -> TraceStep {
     TraceStep {
         time_s,
         table_from_palm: template.hand.table_from_palm(world),

@@ -3,7 +3,10 @@
 //! The moving frame is always a palm or the root of a robot, so that the type names only the frame of the
 //! axes, which could be confused. A field that holds a twist says relative to what it moves.
 
-use std::marker::PhantomData;
+use std::{
+    marker::PhantomData,
+    ops::{Add, Mul, Sub},
+};
 
 use nalgebra::Vector3;
 
@@ -56,5 +59,29 @@ impl<Frame> Twist<Frame> {
     /// Whether every number is finite.
     pub fn is_finite(&self) -> bool {
         self.to_array().iter().all(|number| number.is_finite())
+    }
+}
+
+impl<Frame> Add for Twist<Frame> {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self::new(self.linear + other.linear, self.angular + other.angular)
+    }
+}
+
+impl<Frame> Sub for Twist<Frame> {
+    type Output = Self;
+
+    fn sub(self, other: Self) -> Self {
+        Self::new(self.linear - other.linear, self.angular - other.angular)
+    }
+}
+
+impl<Frame> Mul<f64> for Twist<Frame> {
+    type Output = Self;
+
+    fn mul(self, factor: f64) -> Self {
+        Self::new(self.linear * factor, self.angular * factor)
     }
 }

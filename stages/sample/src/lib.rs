@@ -12,8 +12,8 @@ mod draw;
 mod error;
 pub mod inputs;
 mod motions;
+pub mod penetration;
 mod recording;
-pub mod room;
 mod stage;
 
 pub use config::{Epoch, Rests, SampleConfig};

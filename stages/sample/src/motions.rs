@@ -16,13 +16,13 @@ use spatial::{Object as InObject, Pose, Rest, Table, Twist};
 use crate::{
     SampleConfig, SampleError,
     draw::{self, Draw, Source},
-    room::{Depth, Gauge},
+    penetration::{Depth, PenetrationProbe},
 };
 
 /// What the candidates say drew them.
 const GENERATOR: &str = "cgf";
 
-/// Draws and decodes all motions of one object, in the order of their names. With a gauge, a motion whose
+/// Draws and decodes all motions of one object, in the order of their names. With a probe, a motion whose
 /// hand is too deep in object or table is drawn again, as often as the configuration says; the least
 /// deep is kept, and the others are refused draws of it.
 ///
@@ -33,7 +33,7 @@ pub(crate) fn sample(
     config: &SampleConfig,
     cgf: &Cgf,
     object: &Object,
-    gauge: Option<Gauge<'_>>,
+    probe: Option<PenetrationProbe<'_>>,
     seed: u64,
 ) -> Result<Vec<Candidate>, SampleError> {
     let rests = draw::rests(config, object);
@@ -54,7 +54,7 @@ pub(crate) fn sample(
         let measured: Vec<(usize, Measured)> = decoder
             .decode(&draws)?
             .into_par_iter()
-            .map(|(number, candidate)| Ok((number, Measured::new(candidate, gauge)?)))
+            .map(|(number, candidate)| Ok((number, Measured::new(candidate, probe)?)))
             .collect::<Result<_, WrongDof>>()?;
         left.clear();
         for (number, draw) in measured {
@@ -83,8 +83,8 @@ struct Measured {
 }
 
 impl Measured {
-    fn new(candidate: Candidate, gauge: Option<Gauge<'_>>) -> Result<Self, WrongDof> {
-        let depth = gauge.map(|gauge| gauge.deepest(&candidate)).transpose()?;
+    fn new(candidate: Candidate, probe: Option<PenetrationProbe<'_>>) -> Result<Self, WrongDof> {
+        let depth = probe.map(|probe| probe.deepest(&candidate)).transpose()?;
         let depth = depth.unwrap_or_default();
         Ok(Self {
             depth,

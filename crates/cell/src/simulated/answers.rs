@@ -9,12 +9,12 @@ use super::{
     Fault, Gap, HEARTBEAT_TIMEOUT, Shared,
     acceptance::{self, MAX_GOAL_BYTES, PALM},
     fault::GARBLED,
-    journal::{Asked, Job},
+    journal::{Job, Lookup},
     lock,
 };
 use crate::{
     Goal, PROTOCOL,
-    capabilities::{Capabilities, GoalAnswer, Word},
+    capabilities::{Acknowledgment, Capabilities, GoalAnswer},
     goal::{Rejection, RejectionCode, SealedGoal, now_unix_ms},
     keys::goal_id_of,
     signature::Question,
@@ -35,8 +35,8 @@ impl Shared {
     }
 
     /// Answers with a word.
-    pub(super) fn say(&self, query: &Query, word: Word) {
-        self.reply(query, &wire::line(&word));
+    pub(super) fn acknowledge(&self, query: &Query, acknowledgment: Acknowledgment) {
+        self.reply(query, &wire::line(&acknowledgment));
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
@@ -116,9 +116,9 @@ impl Shared {
 
     /// Accepts or refuses a goal; a goal accepted before stays known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
-        let came = Instant::now();
+        let received = Instant::now();
         let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
-        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, came)) {
+        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, received)) {
             Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
             Ok(None) => (GoalAnswer::Accepted { known: true }, None),
             Err(rejection) => (GoalAnswer::Rejected(rejection), None),
@@ -130,7 +130,7 @@ impl Shared {
         &self,
         sealed: SealedGoal,
         goal: Goal,
-        came: Instant,
+        received: Instant,
     ) -> Result<Option<Job>, Rejection> {
         if lock(&self.journal).knows(&sealed.goal_id) {
             return Ok(None);
@@ -163,7 +163,11 @@ impl Shared {
         let sending = sealed.sending.as_ref();
         self.control
             .begin(sending.map(|sending| sending.dispatcher.as_str()));
-        Ok(Some(Job { sealed, goal, came }))
+        Ok(Some(Job {
+            sealed,
+            goal,
+            received,
+        }))
     }
 
     /// Answers with a goal's report, now or when its motion ends.
@@ -178,9 +182,9 @@ impl Shared {
         let id = goal_id_of(query.key_expr().as_str()).map(ToOwned::to_owned);
         let answer = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
         match answer {
-            Asked::Kept => {}
-            Asked::Over(query, report) => self.reply(&query, &report),
-            Asked::NeverTaken(query) => self.say(&query, Word::NeverTaken),
+            Lookup::Kept => {}
+            Lookup::Over(query, report) => self.reply(&query, &report),
+            Lookup::NeverTaken(query) => self.acknowledge(&query, Acknowledgment::NeverTaken),
         }
     }
 
@@ -192,9 +196,9 @@ impl Shared {
         if journal.executing() == Some(&id) {
             self.control.cancel(&id, query);
         } else if journal.knows(&id) {
-            self.say(&query, Word::Over);
+            self.acknowledge(&query, Acknowledgment::Over);
         } else {
-            self.say(&query, Word::NeverTaken);
+            self.acknowledge(&query, Acknowledgment::NeverTaken);
         }
     }
 
@@ -202,7 +206,7 @@ impl Shared {
     pub(super) fn stop(&self, query: Query) {
         let journal = lock(&self.journal);
         if let Some(query) = self.control.stop(query, journal.executing()) {
-            self.say(&query, Word::Done);
+            self.acknowledge(&query, Acknowledgment::Done);
         }
     }
 }

@@ -59,7 +59,7 @@ pub(super) struct Job {
     pub(super) sealed: SealedGoal,
     pub(super) goal: Goal,
     /// Time of arrival.
-    pub(super) came: Instant,
+    pub(super) received: Instant,
 }
 
 /// Every accepted goal, by id. Ids are derived from the content, so one id is one content.
@@ -83,7 +83,7 @@ struct Folder {
 }
 
 /// How to answer a report query.
-pub(super) enum Asked {
+pub(super) enum Lookup {
     /// Kept: it is answered when the motion ends.
     Kept,
     /// Answer with this report.
@@ -217,22 +217,22 @@ impl Journal {
     }
 
     /// Handles a report query: keeps it while the robot moves, else returns how to answer.
-    pub(super) fn ask(&mut self, goal_id: &str, query: Query) -> Asked {
+    pub(super) fn ask(&mut self, goal_id: &str, query: Query) -> Lookup {
         let file = self.file(goal_id, REPORT);
         match self.entries.get_mut(goal_id) {
-            None => Asked::NeverTaken(query),
+            None => Lookup::NeverTaken(query),
             Some(Entry::Executing(waiting)) => {
                 waiting.push(query);
-                Asked::Kept
+                Lookup::Kept
             }
-            Some(Entry::Done(report)) => Asked::Over(query, report.clone()),
+            Some(Entry::Done(report)) => Lookup::Over(query, report.clone()),
             Some(Entry::Stored) => {
                 let report = file.and_then(|file| fs::read(file).ok());
                 let report = report.unwrap_or_else(|| {
                     let message = "the cell has lost its report on this motion";
                     Report::unknown(goal_id, message.to_owned()).to_bytes()
                 });
-                Asked::Over(query, report)
+                Lookup::Over(query, report)
             }
         }
     }

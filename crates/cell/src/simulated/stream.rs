@@ -30,7 +30,7 @@ use crate::{
 pub(super) const PERIOD: Duration = Duration::from_millis(10);
 
 /// Longest delay that the stream catches up.
-const STOOD_STILL: Duration = Duration::from_secs(1);
+const MAX_CATCH_UP: Duration = Duration::from_secs(1);
 
 /// Number of samples kept: thirty seconds of them.
 const KEPT: usize = 3000;
@@ -44,20 +44,20 @@ pub(super) struct Stream {
     joints: Vec<String>,
     /// Watchers may lose samples: a motion's are all in its report.
     publisher: Publisher<'static>,
-    shown: Mutex<Shown>,
+    state: Mutex<StreamState>,
 }
 
-struct Shown {
+struct StreamState {
     /// Number of the next sample.
     seq: u64,
     /// The executing goal; empty if nothing moves.
     goal_id: String,
     /// The latest measurement, as a row.
     measured: Vec<f64>,
-    kept: VecDeque<Kept>,
+    kept: VecDeque<KeptSample>,
 }
 
-struct Kept {
+struct KeptSample {
     seq: u64,
     goal_id: String,
     row: Vec<f64>,
@@ -82,7 +82,7 @@ impl Stream {
                 .congestion_control(CongestionControl::Drop)
                 .priority(Priority::InteractiveHigh)
                 .wait()?,
-            shown: Mutex::new(Shown {
+            state: Mutex::new(StreamState {
                 seq: 0,
                 goal_id: String::new(),
                 measured: at_rest.to_row(),
@@ -93,32 +93,32 @@ impl Stream {
 
     /// Records a measurement during a goal.
     pub(super) fn measure(&self, goal_id: &str, sample: &Sample) {
-        let mut shown = lock(&self.shown);
-        if shown.goal_id != goal_id {
-            goal_id.clone_into(&mut shown.goal_id);
+        let mut state = lock(&self.state);
+        if state.goal_id != goal_id {
+            goal_id.clone_into(&mut state.goal_id);
         }
-        shown.measured = sample.to_row();
+        state.measured = sample.to_row();
     }
 
     /// Records that nothing moves any more.
     pub(super) fn rest(&self) {
-        lock(&self.shown).goal_id.clear();
+        lock(&self.state).goal_id.clear();
     }
 
     /// Publishes the latest measurement.
     pub(super) fn publish(&self) {
-        let mut shown = lock(&self.shown);
-        let next = Kept {
-            seq: shown.seq,
-            goal_id: shown.goal_id.clone(),
-            row: shown.measured.clone(),
+        let mut state = lock(&self.state);
+        let next = KeptSample {
+            seq: state.seq,
+            goal_id: state.goal_id.clone(),
+            row: state.measured.clone(),
         };
         let bytes = self.chunk(next.seq, &next.goal_id, std::iter::once(&next));
-        shown.seq += 1;
-        if shown.kept.len() == KEPT {
-            shown.kept.pop_front();
+        state.seq += 1;
+        if state.kept.len() == KEPT {
+            state.kept.pop_front();
         }
-        shown.kept.push_back(next);
+        state.kept.push_back(next);
         // Publish under the lock, to keep the order of the numbers.
         let _published = self.publisher.put(bytes).wait();
     }
@@ -132,7 +132,7 @@ impl Stream {
             let now = Instant::now();
             thread::sleep(next.saturating_duration_since(now));
             // A busy machine catches up, so that numbers follow the time; a suspended one does not.
-            if now.saturating_duration_since(next) > STOOD_STILL {
+            if now.saturating_duration_since(next) > MAX_CATCH_UP {
                 next = now;
             }
         }
@@ -140,18 +140,23 @@ impl Stream {
 
     /// Returns samples of one goal from a number on: at most one answer's worth, possibly none.
     pub(super) fn since(&self, from: u64) -> Vec<u8> {
-        let shown = lock(&self.shown);
-        let begin = shown.kept.partition_point(|kept| kept.seq < from);
-        let mut rows = shown.kept.range(begin..).peekable();
+        let state = lock(&self.state);
+        let begin = state.kept.partition_point(|kept| kept.seq < from);
+        let mut rows = state.kept.range(begin..).peekable();
         let Some(first) = rows.peek() else {
-            return self.chunk(shown.seq, &shown.goal_id, std::iter::empty());
+            return self.chunk(state.seq, &state.goal_id, std::iter::empty());
         };
         let (seq, goal_id) = (first.seq, first.goal_id.as_str());
         let rows = rows.take_while(|kept| kept.goal_id == goal_id).take(CHUNK);
         self.chunk(seq, goal_id, rows)
     }
 
-    fn chunk<'a>(&self, seq: u64, goal_id: &str, rows: impl Iterator<Item = &'a Kept>) -> Vec<u8> {
+    fn chunk<'a>(
+        &self,
+        seq: u64,
+        goal_id: &str,
+        rows: impl Iterator<Item = &'a KeptSample>,
+    ) -> Vec<u8> {
         let mut bytes = wire::line(&StateHeader {
             epoch: self.epoch.clone(),
             goal_id: goal_id.to_owned(),

@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::{Abort, Fault, Shared, lock, stream::PERIOD};
-use crate::{capabilities::Word, pacer::Pacer, report::Sample, ros2::Mirror};
+use crate::{capabilities::Acknowledgment, pacer::Pacer, report::Sample, ros2::Mirror};
 
 /// Rounding that a sample's time may have, in seconds.
 const ROUNDING_S: f64 = 1e-6;
@@ -26,7 +26,7 @@ pub(super) struct MonitoredMotion<'a> {
     joints: Vec<String>,
     mirror: Option<&'a Mirror>,
     /// The goal's arrival.
-    came: Instant,
+    received: Instant,
     pacer: Pacer,
     /// Time of the next published sample, in seconds of the motion: for motions faster than the
     /// clock.
@@ -40,14 +40,14 @@ impl<'a> MonitoredMotion<'a> {
         shared: &'a Shared,
         mirror: Option<&'a Mirror>,
         goal_id: &'a str,
-        came: Instant,
+        received: Instant,
     ) -> Self {
         Self {
             shared,
             goal_id,
             joints: shared.robot.joint_names(),
             mirror,
-            came,
+            received,
             pacer: Pacer::default(),
             due_s: 0.0,
             halted: false,
@@ -68,7 +68,7 @@ impl<'a> MonitoredMotion<'a> {
             listener(Tick {
                 time_s: sample.time_s,
                 late_s,
-                since_goal_s: self.came.elapsed().as_secs_f64(),
+                since_goal_s: self.received.elapsed().as_secs_f64(),
             });
         }
         if !is_first {
@@ -86,7 +86,7 @@ impl<'a> MonitoredMotion<'a> {
         if reason.is_some() && !self.halted {
             self.halted = true;
             for query in self.shared.control.asking() {
-                self.shared.say(&query, Word::Done);
+                self.shared.acknowledge(&query, Acknowledgment::Done);
             }
         }
         reason

@@ -1,13 +1,13 @@
 //! Dispatcher and simulated cell over real sockets of the loopback interface.
 
 mod access;
-mod believing;
-mod carried;
+mod arm;
 mod halting;
 mod impostor;
 mod lab;
 mod papers;
-mod remembering;
+mod report_checks;
+mod restart;
 mod ros2;
 mod serving;
 mod signing;

@@ -1,4 +1,4 @@
-//! Whose answers are believed.
+//! Which answers are accepted by their signature.
 
 use std::{
     sync::{

@@ -7,12 +7,12 @@ use spatial::{Object, Pose, Table};
 
 use super::{
     Arm,
-    clearance::Stand,
+    clearance::LinkPoses,
     palm_path::{PalmPath, Target},
     path::ArmPath,
     trace::{Knot, Tracer},
 };
-use crate::infeasible::{ArmFault, Infeasible, Place};
+use crate::infeasible::{ArmFault, Infeasible, PathPoint};
 
 /// Places of the reach at which inverse kinematics is solved, besides its start.
 const REACH_N: usize = 120;
@@ -29,11 +29,11 @@ struct Hand {
     lift_m: f64,
 }
 
-/// How far a posture comes that reaches the grasp, that would meet something there, or that can be followed
-/// all the way, but would meet something on it.
+/// Progress of a posture that reaches the grasp, of one that collides there, and of one that follows the whole
+/// path but collides on it.
 const REACHES: usize = 0;
-const MEETS_AT_GRASP: usize = 1;
-const MEETS: usize = usize::MAX;
+const COLLIDES_AT_GRASP: usize = 1;
+const COLLIDES: usize = usize::MAX;
 
 /// A posture in which the arm can follow.
 struct Choice<'a> {
@@ -47,9 +47,9 @@ struct Choice<'a> {
     margin: f64,
 }
 
-/// Why none was found, so far.
+/// Failures of the postures tried so far.
 #[derive(Default)]
-struct Worse {
+struct Failures {
     postures: usize,
     /// What kept the one from following that came farthest, and how far that was.
     best: Option<(usize, ArmFault)>,
@@ -86,12 +86,12 @@ impl Arm {
             fingers,
             lift_m,
         };
-        let mut worse = Worse::default();
+        let mut failures = Failures::default();
         let mut choices = Vec::new();
         for turn in 0..turns {
             let angle = TAU * turn as f64 / turns as f64;
             let palm_path = PalmPath::new(self, course, table_from_object, angle);
-            self.gather(&palm_path, &hand, &mut choices, &mut worse);
+            self.gather(&palm_path, &hand, &mut choices, &mut failures);
         }
         choices.sort_by(Choice::compare);
         for choice in choices {
@@ -105,12 +105,12 @@ impl Arm {
                         choice.lift,
                     ));
                 }
-                Err(fault) => worse.add(MEETS, fault),
+                Err(fault) => failures.add(COLLIDES, fault),
             }
         }
-        Err(worse.infeasible(turns).unwrap_or_else(|| {
+        Err(failures.infeasible(turns).unwrap_or_else(|| {
             let palm_path = PalmPath::new(self, course, table_from_object, 0.0);
-            let grasp = palm_path.at(Place::Lift { height_m: 0.0 });
+            let grasp = palm_path.at(PathPoint::Lift { height_m: 0.0 });
             Infeasible::Reach {
                 palm_in_base_m: grasp.base_from_palm.translation.vector.into(),
                 turns,
@@ -124,13 +124,13 @@ impl Arm {
         palm_path: &PalmPath<'a>,
         hand: &Hand,
         choices: &mut Vec<Choice<'a>>,
-        worse: &mut Worse,
+        failures: &mut Failures,
     ) {
         let mut to_start: Vec<Target> = hand
             .moving
             .iter()
             .rev()
-            .map(|(time_s, hand)| palm_path.of(Place::Reach { time_s: *time_s }, hand))
+            .map(|(time_s, hand)| palm_path.of(PathPoint::Reach { time_s: *time_s }, hand))
             .collect();
         if to_start.is_empty() {
             return;
@@ -138,7 +138,7 @@ impl Arm {
         let grasp = to_start.remove(0);
         let up: Vec<Target> = (0..=LIFT_N)
             .map(|k| hand.lift_m * k as f64 / LIFT_N as f64)
-            .map(|height_m| palm_path.at(Place::Lift { height_m }))
+            .map(|height_m| palm_path.at(PathPoint::Lift { height_m }))
             .collect();
         let closed = hand.fingers.last().map_or(&[][..], std::slice::from_ref);
         let tracer = Tracer {
@@ -147,7 +147,7 @@ impl Arm {
             least: self.config.least_singular_value,
         };
         for q in self.chain.solutions(&grasp.base_from_palm) {
-            worse.postures += 1;
+            failures.postures += 1;
             // Most that cannot be followed do not even stand free at the grasp.
             let found = tracer
                 .knot(&grasp, q)
@@ -155,15 +155,15 @@ impl Arm {
                 .map_err(|fault| (REACHES, fault))
                 .and_then(|knot| match self.clear(palm_path, [&knot], closed) {
                     Ok(()) => Ok(knot),
-                    Err(fault) => Err((MEETS_AT_GRASP, fault)),
+                    Err(fault) => Err((COLLIDES_AT_GRASP, fault)),
                 })
                 .and_then(|knot| {
                     let found = self.posture(tracer, knot, &to_start, &up);
-                    found.map_err(|(n, fault)| (MEETS_AT_GRASP + n, fault))
+                    found.map_err(|(n, fault)| (COLLIDES_AT_GRASP + n, fault))
                 });
             match found {
                 Ok(choice) => choices.push(choice),
-                Err((n, fault)) => worse.add(n, fault),
+                Err((n, fault)) => failures.add(n, fault),
             }
         }
     }
@@ -226,18 +226,19 @@ impl Arm {
         fingers: &[Vec<f64>],
     ) -> Result<(), ArmFault> {
         let last = fingers.last().into_iter().cycle();
-        let stands: Vec<Stand> = knots
+        let link_poses: Vec<LinkPoses> = knots
             .into_iter()
             .zip(fingers.iter().chain(last))
             .map(|(knot, fingers)| {
-                Ok(Stand {
+                Ok(LinkPoses {
                     at: knot.at,
                     base_from_links: self.links(&knot.q, fingers)?,
                 })
             })
             .collect::<Result<_, ArmFault>>()?;
         let base_height_m = self.base_from_table.inverse().translation.z;
-        self.clearance.check(&stands, palm_path.up(), base_height_m)
+        self.clearance
+            .check(&link_poses, palm_path.up(), base_height_m)
     }
 }
 
@@ -250,7 +251,7 @@ impl Choice<'_> {
     }
 }
 
-impl Worse {
+impl Failures {
     fn add(&mut self, n: usize, fault: ArmFault) {
         if self.best.as_ref().is_none_or(|(best, _)| n > *best) {
             self.best = Some((n, fault));

@@ -5,14 +5,14 @@ use robot::{Link, RobotModel, Shape, gap};
 use spatial::{Base, Pose};
 
 use super::hand::beyond;
-use crate::infeasible::{ArmFault, Place};
+use crate::infeasible::{ArmFault, PathPoint};
 
 /// How near each other links with one other between them may come, in meters.
 const NEIGHBORS_M: f64 = 0.001;
 
 /// The collision shapes of an arm with its hand, and which of them must not meet.
 ///
-/// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between two places
+/// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between two points
 /// of a path at which they are measured, shapes move by what they are apart at the two, one seen from the
 /// other; half of that is added to the required clearance. Bends in between are left out: they are of second order.
 #[derive(Debug, Clone)]
@@ -43,10 +43,10 @@ struct Piece {
     shape: Shape,
 }
 
-/// Where the robot is at one place of a path.
+/// Poses of the robot's links at one point of a path.
 #[derive(Debug, Clone)]
-pub(crate) struct Stand {
-    pub(crate) at: Place,
+pub(crate) struct LinkPoses {
+    pub(crate) at: PathPoint,
     /// Pose of each link in the frame of the arm's base.
     pub(crate) base_from_links: Vec<Pose<Base, Link>>,
 }
@@ -70,8 +70,8 @@ impl Clearance {
             Some(body(parent))
         };
         let pieces = pieces(robot);
-        let stand = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
-        let zero: Vec<Pose<Base, Shape>> = pieces.iter().map(|piece| piece.pose(&stand)).collect();
+        let links = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
+        let zero: Vec<Pose<Base, Shape>> = pieces.iter().map(|piece| piece.pose(&links)).collect();
         let mut pairs = Vec::new();
         for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
             for (second, (b, at_b)) in pieces.iter().zip(&zero).enumerate().skip(first + 1) {
@@ -106,13 +106,13 @@ impl Clearance {
         }
     }
 
-    /// Checks a path, given at places close to each other in their order.
+    /// Checks a path, given at points close to each other in their order.
     ///
-    /// `up` is the table's vertical in the frame of the arm's base, and `base_height_m` how high above the table
-    /// its origin is.
+    /// `up` is the table's vertical in the frame of the arm's base, and `base_height_m` the height of that
+    /// frame's origin above the table.
     pub(crate) fn check(
         &self,
-        stands: &[Stand],
+        link_poses: &[LinkPoses],
         up: &Vector3<f64>,
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
@@ -120,9 +120,9 @@ impl Clearance {
             .pieces
             .iter()
             .map(|piece| {
-                let stands = stands.iter();
-                stands
-                    .map(|stand| piece.pose(&stand.base_from_links))
+                let link_poses = link_poses.iter();
+                link_poses
+                    .map(|all| piece.pose(&all.base_from_links))
                     .collect()
             })
             .collect();
@@ -133,14 +133,14 @@ impl Clearance {
             .map(|(piece, poses)| Track::new(piece, poses))
             .collect();
         for &idx in &self.above {
-            self.check_table(&tracks[idx], stands, up, base_height_m)?;
+            self.check_table(&tracks[idx], link_poses, up, base_height_m)?;
         }
         for pair in &self.pairs {
             check_pair(
                 &tracks[pair.first],
                 &tracks[pair.second],
                 pair.least_m,
-                stands,
+                link_poses,
             )?;
         }
         Ok(())
@@ -149,11 +149,11 @@ impl Clearance {
     fn check_table(
         &self,
         track: &Track<'_>,
-        stands: &[Stand],
+        link_poses: &[LinkPoses],
         up: &Vector3<f64>,
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
-        for (idx, (pose, stand)) in track.poses.iter().zip(stands).enumerate() {
+        for (idx, (pose, links)) in track.poses.iter().zip(link_poses).enumerate() {
             let down = pose.rotation.inverse_transform_vector(up);
             let lowest =
                 base_height_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
@@ -165,7 +165,7 @@ impl Clearance {
                     link: track.piece.name.clone(),
                     gap_m,
                     least_m: self.least_m,
-                    at: stand.at,
+                    at: links.at,
                 });
             }
         }
@@ -178,11 +178,11 @@ fn check_pair(
     a: &Track<'_>,
     b: &Track<'_>,
     least_m: f64,
-    stands: &[Stand],
+    link_poses: &[LinkPoses],
 ) -> Result<(), ArmFault> {
     let mut apart_m = f64::NEG_INFINITY;
     let mut moved_m = 0.0;
-    for (idx, ((at_a, at_b), stand)) in a.poses.iter().zip(b.poses).zip(stands).enumerate() {
+    for (idx, ((at_a, at_b), links)) in a.poses.iter().zip(b.poses).zip(link_poses).enumerate() {
         apart_m -= moved_m;
         moved_m = a.next(idx) + b.next(idx);
         let needed_m = least_m + 0.5 * (a.moves(idx) + b.moves(idx));
@@ -204,14 +204,14 @@ fn check_pair(
                 second: b.piece.name.clone(),
                 gap_m: (apart_m - slack_m).max(0.0),
                 least_m,
-                at: stand.at,
+                at: links.at,
             });
         }
     }
     Ok(())
 }
 
-/// Returns how far points of one piece move in the frame of the other from a place to the next, or came
+/// Returns how far points of one piece move in the frame of the other from a point to the next, or came
 /// from the last, at most.
 fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
     let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * *b.poses.get(idx)?);
@@ -234,7 +234,7 @@ struct Track<'a> {
     piece: &'a Piece,
     radius_m: f64,
     poses: &'a [Pose<Base, Shape>],
-    /// How far its points move from each place to the next, at most.
+    /// How far its points move from each point to the next, at most.
     moves_m: Vec<f64>,
 }
 
@@ -253,12 +253,12 @@ impl<'a> Track<'a> {
         }
     }
 
-    /// Returns how far its points move from a place to the next.
+    /// Returns how far its points move from a point to the next.
     fn next(&self, idx: usize) -> f64 {
         self.moves_m.get(idx).copied().unwrap_or(0.0)
     }
 
-    /// Returns how far its points move from a place to the next or came from the last, the greater of the
+    /// Returns how far its points move from a point to the next or came from the last, the greater of the
     /// two.
     fn moves(&self, idx: usize) -> f64 {
         let before = idx.checked_sub(1).map_or(0.0, |before| self.next(before));

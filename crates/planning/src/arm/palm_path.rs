@@ -6,7 +6,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use spatial::{Base, Object, Palm, Pose, Table, Twist};
 
 use super::Arm;
-use crate::infeasible::Place;
+use crate::infeasible::PathPoint;
 
 /// The palm's path for one yaw of the object.
 #[derive(Debug, Clone)]
@@ -18,12 +18,12 @@ pub(crate) struct PalmPath<'a> {
     up: Vector3<f64>,
 }
 
-/// The palm at one place of its path, in the frame of the arm's base.
+/// The palm at one point of its path, in the frame of the arm's base.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Target {
-    pub(crate) at: Place,
+    pub(crate) at: PathPoint,
     pub(crate) base_from_palm: Pose<Base, Palm>,
-    /// Derivative by the place (s or m).
+    /// Derivative by the point (s or m).
     pub(crate) twist: Twist<Base>,
     /// Second derivative.
     pub(crate) rate: Twist<Base>,
@@ -49,11 +49,11 @@ impl<'a> PalmPath<'a> {
         }
     }
 
-    /// Returns where the palm is at a place, and how it moves.
-    pub(crate) fn at(&self, at: Place) -> Target {
+    /// Returns where the palm is at a point, and how it moves.
+    pub(crate) fn at(&self, at: PathPoint) -> Target {
         match at {
-            Place::Reach { time_s } => self.of(at, &self.course.at(time_s)),
-            Place::Lift { height_m } => {
+            PathPoint::Reach { time_s } => self.of(at, &self.course.at(time_s)),
+            PathPoint::Lift { height_m } => {
                 let grasp = self.course.grasp();
                 let base_from_palm = self.base_from_object * grasp.frame_from_palm;
                 let up = self.up;
@@ -68,7 +68,7 @@ impl<'a> PalmPath<'a> {
     }
 
     /// Returns where the palm is at a step of the course.
-    pub(crate) fn of(&self, at: Place, hand: &Step<Object>) -> Target {
+    pub(crate) fn of(&self, at: PathPoint, hand: &Step<Object>) -> Target {
         let (base_from_object, rates) = (&self.base_from_object, &hand.rates);
         Target {
             at,
@@ -84,7 +84,7 @@ impl<'a> PalmPath<'a> {
     }
 }
 
-impl Place {
+impl PathPoint {
     /// Seconds or meters: by what derivatives are taken.
     pub(crate) fn number(self) -> f64 {
         match self {
@@ -93,7 +93,7 @@ impl Place {
         }
     }
 
-    /// Returns the place in the middle of two of one kind.
+    /// Returns the point in the middle of two of one kind.
     pub(crate) fn middle(self, other: Self) -> Self {
         let middle = 0.5 * (self.number() + other.number());
         match self {

@@ -8,7 +8,7 @@ use super::{
     palm_path::PalmPath,
     trace::{Knot, Tracer},
 };
-use crate::infeasible::{ArmFault, Infeasible, Place};
+use crate::infeasible::{ArmFault, Infeasible, PathPoint};
 
 /// The arm's joints over a course and the lift from its end.
 #[derive(Debug, Clone)]
@@ -23,7 +23,7 @@ pub(crate) struct ArmPath<'a> {
     lift: Vec<Knot>,
 }
 
-/// The arm's joints at a place of the path, in the order of [`Arm::joint_names`].
+/// The arm's joints at a point of the path, in the order of [`Arm::joint_names`].
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct ArmMoving {
     /// Positions in radians (meters if prismatic).
@@ -59,18 +59,18 @@ impl<'a> ArmPath<'a> {
     /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad.
     pub(crate) fn at(&self, course_s: f64) -> Result<ArmMoving, Infeasible> {
         let time_s = course_s.clamp(0.0, end(&self.to_grasp));
-        self.moving(&self.to_grasp, Place::Reach { time_s })
+        self.moving(&self.to_grasp, PathPoint::Reach { time_s })
     }
 
     /// Returns the joints with the palm this high above the grasp, in meters; below and beyond the lift
     /// they are as at its ends.
     pub(crate) fn lifted(&self, height_m: f64) -> Result<ArmMoving, Infeasible> {
         let height_m = height_m.clamp(0.0, end(&self.lift));
-        self.moving(&self.lift, Place::Lift { height_m })
+        self.moving(&self.lift, PathPoint::Lift { height_m })
     }
 
     /// Seeks the joints from the nearest knot.
-    fn moving(&self, knots: &[Knot], at: Place) -> Result<ArmMoving, Infeasible> {
+    fn moving(&self, knots: &[Knot], at: PathPoint) -> Result<ArmMoving, Infeasible> {
         let number = at.number();
         let after = knots.partition_point(|knot| knot.at.number() < number);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten();

@@ -76,12 +76,12 @@ fn links_are_those_of_all_joints_or_an_error() {
     // Nor is a pose of NaN clear.
     let mut links = links(6, 16).unwrap();
     links[3] = Pose::new(nalgebra::Isometry3::translation(f64::NAN, 0.0, 0.0));
-    let stand = clearance::Stand {
-        at: crate::Place::Reach { time_s: 0.0 },
+    let links = clearance::LinkPoses {
+        at: crate::PathPoint::Reach { time_s: 0.0 },
         base_from_links: links,
     };
     let up = nalgebra::Vector3::z();
-    arm.clearance.check(&[stand], &up, 1.0).unwrap_err();
+    arm.clearance.check(&[links], &up, 1.0).unwrap_err();
 }
 
 fn course_of(drawn: &Drawn) -> Option<Course<Object>> {
@@ -162,7 +162,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
         if let Some(before) = before {
             for ((before, now), max) in before.iter().zip(&now.q).zip(&max_velocity) {
                 let step = (now - before).abs();
-                // The greatest speed is that of a thousand places.
+                // The greatest speed is that of a thousand points.
                 assert!(step <= max / RATE_HZ * 1.001, "{step} rad at {time_s} s");
             }
         }
@@ -453,7 +453,7 @@ fn a_wrist_that_would_turn_too_far_is_refused() {
     // Less than two turns are within its limits.
     let drawn = motions::wound(1.8);
     let course = course_of(&drawn).unwrap();
-    // It turns so fast that from one place to the next the thumb moves farther than it keeps away.
+    // It turns so fast that from one point to the next the thumb moves farther than it keeps away.
     let arm = arm(&ArmConfig {
         clearance_m: 0.001,
         ..config()
@@ -550,7 +550,7 @@ fn joint_path_rates_are_its_derivatives() {
         let time_s = share * course.duration_s();
         let expected = arm.chain.state(&path.q(time_s)).unwrap().base_from_palm;
         let palm_path = PalmPath::new(&arm, &course, &drawn.table_from_object, 0.0);
-        let found = palm_path.at(crate::Place::Reach { time_s });
+        let found = palm_path.at(crate::PathPoint::Reach { time_s });
         assert!(off(&found.base_from_palm, &expected) < 1e-5);
     }
 }

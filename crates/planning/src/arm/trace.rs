@@ -1,6 +1,6 @@
 //! Following a path in one posture of the arm.
 //!
-//! Joints are those of inverse kinematics, sought from where velocity and acceleration at the last place
+//! Joints are those of inverse kinematics, sought from where velocity and acceleration at the last point
 //! have them. Where the arm is regular they are the one continuation of the posture, as long as each is
 //! found next to where it was looked for; else the step is halved.
 
@@ -12,28 +12,28 @@ use super::{
     Arm,
     palm_path::{PalmPath, Target},
 };
-use crate::infeasible::{ArmFault, Place};
+use crate::infeasible::{ArmFault, PathPoint};
 
 /// How far joints may be found from where they are looked for, in radians (meters if prismatic).
 const NEAR: f64 = 0.05;
 /// Maximum number of halvings of a step.
 const HALVINGS: usize = 6;
 
-/// The arm at one place of a path.
+/// The arm at one point of a path.
 #[derive(Debug, Clone)]
 pub(crate) struct Knot {
-    pub(crate) at: Place,
+    pub(crate) at: PathPoint,
     /// Joint positions; turns are counted through.
     pub(crate) q: Vec<f64>,
-    /// Their derivatives by the place.
+    /// Their derivatives by the point.
     pub(crate) rates: ChainRates,
     /// The palm's Jacobian and pose.
     pub(crate) state: KinematicState,
 }
 
 impl Knot {
-    /// Returns where the joints are at a place nearby, as far as their rates tell.
-    pub(crate) fn ahead(&self, at: Place) -> Vec<f64> {
+    /// Returns where the joints are at a point nearby, as far as their rates tell.
+    pub(crate) fn ahead(&self, at: PathPoint) -> Vec<f64> {
         let step = at.number() - self.at.number();
         let rates = self.rates.velocity.iter().zip(&self.rates.acceleration);
         let joints = self.q.iter().zip(rates);
@@ -159,7 +159,7 @@ impl Arm {
             if margin < 0.0 {
                 let inside = |knot: &&Knot| (q(knot) - joint.lower).min(joint.upper - q(knot));
                 let worst = knots.iter().min_by(|a, b| inside(a).total_cmp(&inside(b)));
-                let at = worst.map_or(Place::Reach { time_s: 0.0 }, |knot| knot.at);
+                let at = worst.map_or(PathPoint::Reach { time_s: 0.0 }, |knot| knot.at);
                 return Err(ArmFault::Limit {
                     joint: joint.name.clone(),
                     q: worst.map_or(f64::NAN, q),

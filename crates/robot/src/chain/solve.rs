@@ -23,8 +23,8 @@ const HALVINGS: usize = 5;
 const DAMPING: f64 = 0.02;
 /// A step that leaves more than this share of what is missing comes to nothing; so many may follow each
 /// other.
-const NOTHING: f64 = 0.98;
-const MAX_NOTHINGS: usize = 4;
+const STALL: f64 = 0.98;
+const MAX_STALLS: usize = 4;
 
 impl Chain {
     /// Returns joint positions, within the limits or not, with which the end is at `base_from_palm`,
@@ -38,7 +38,7 @@ impl Chain {
         let mut q = near.to_vec();
         let mut state = self.state(&q).ok()?;
         let mut missing = missing(base_from_palm, &state);
-        let mut nothings = 0;
+        let mut stalls = 0;
         for _ in 0..STEPS {
             let before = missing.norm();
             if before <= TOLERANCE {
@@ -50,12 +50,12 @@ impl Chain {
                 break;
             };
             (q, state, missing) = next;
-            nothings = if missing.norm() > NOTHING * before {
-                nothings + 1
+            stalls = if missing.norm() > STALL * before {
+                stalls + 1
             } else {
                 0
             };
-            if nothings > MAX_NOTHINGS {
+            if stalls > MAX_STALLS {
                 break;
             }
         }
@@ -88,8 +88,8 @@ impl Chain {
     }
 }
 
-/// Returns the error of the end's pose: its displacement in meters, then its rotation in radians, along the base's
-/// axes.
+/// Returns the error of the end's pose: its displacement in meters, then its rotation in radians, along the
+/// base's axes.
 fn missing(base_from_palm: &Pose<Base, Palm>, state: &KinematicState) -> Vector6<f64> {
     let found = &state.base_from_palm;
     let moved = base_from_palm.translation.vector - found.translation.vector;

@@ -152,8 +152,8 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     hand.place(&mut world, &Pose::identity(), &q);
     let set = |world: &mut World| {
         for drive in &hand.drives {
-            let (multibody, place) = finger_mut(&mut world.multibodies, drive.body).unwrap();
-            multibody.generalized_velocity_mut()[place.coordinate] = real(velocity[drive.joint]);
+            let (multibody, address) = finger_mut(&mut world.multibodies, drive.body).unwrap();
+            multibody.generalized_velocity_mut()[address.coordinate] = real(velocity[drive.joint]);
         }
     };
     set(&mut world);
@@ -166,8 +166,8 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     world.step();
     let mut worst: f64 = 0.0;
     for drive in &hand.drives {
-        let (multibody, place) = super::finger(&world.multibodies, drive.body).unwrap();
-        let after = f64::from(multibody.generalized_velocity()[place.coordinate]);
+        let (multibody, address) = super::finger(&world.multibodies, drive.body).unwrap();
+        let after = f64::from(multibody.generalized_velocity()[address.coordinate]);
         let found = (after - velocity[drive.joint]) / scene.time_step_s;
         worst = worst.max((found - wanted[drive.joint]).abs());
     }

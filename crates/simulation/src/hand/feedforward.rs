@@ -45,12 +45,12 @@ impl Hand {
         };
         for (drive, torque) in self.drives.iter().zip(torques) {
             let (q, speed) = (desired.q[drive.joint], desired.velocity[drive.joint]);
-            let Some((multibody, place)) = finger_mut(&mut world.multibodies, drive.body) else {
+            let Some((multibody, address)) = finger_mut(&mut world.multibodies, drive.body) else {
                 continue;
             };
             let speed = drive.multiplier * real(speed);
             let ahead = drive.controller.ahead(real(torque), speed);
-            drive.apply(multibody, place, q, ahead);
+            drive.apply(multibody, address, q, ahead);
         }
     }
 }

@@ -10,14 +10,14 @@ use schemas::{
     trajectories::{Rates, Trajectory},
 };
 use spatial::Object;
-use stage_sample::room::Gauge;
+use stage_sample::penetration::PenetrationProbe;
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
 
 /// What motions of an object are measured against.
 pub(crate) struct Measure<'a> {
-    pub(crate) gauge: Gauge<'a>,
+    pub(crate) probe: PenetrationProbe<'a>,
     /// The object's demonstrations, their joints in the candidates' order.
     pub(crate) shown: &'a [Trajectory],
 }
@@ -57,14 +57,14 @@ impl Measure<'_> {
         };
         let motion = &candidate.motion;
         for step in &motion.steps()[..motion.steps().len() - 1] {
-            let depth = self.gauge.depth(candidate, step)?;
+            let depth = self.probe.depth(candidate, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
                 sampled.approach_depth_time_s = step.time_s;
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.gauge.depth(candidate, motion.grasp())?;
+        let depth = self.probe.depth(candidate, motion.grasp())?;
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         Ok(sampled)

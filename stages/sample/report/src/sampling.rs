@@ -17,7 +17,7 @@ use schemas::{
 use stage_sample::{
     Sample, SampleConfig, SampleError,
     inputs::{hand_file, order},
-    room::{Gauge, Room},
+    penetration::{CollisionModel, PenetrationProbe},
 };
 
 use crate::{charts, measure::Measure};
@@ -113,8 +113,8 @@ impl Output for SamplingReport {
             .map(|artifact| read_shown(artifact, &drawn.joints))
             .collect::<Result<Vec<_>, _>>()?;
         let measure = Measure {
-            gauge: Gauge {
-                room: &Room::new(&hand)?,
+            probe: PenetrationProbe {
+                collision_model: &CollisionModel::new(&hand)?,
                 field: &field,
                 order: &order(&hand, &drawn.joints, "set of candidates")?,
             },

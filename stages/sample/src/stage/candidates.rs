@@ -17,8 +17,8 @@ use crate::{
     Epoch, SampleConfig, SampleError,
     inputs::{hand_file, order},
     motions::sample,
+    penetration::{CollisionModel, PenetrationProbe},
     recording,
-    room::{Gauge, Room},
 };
 
 /// One unit per object.
@@ -94,17 +94,24 @@ pub(super) fn make(
     let field = inputs.artifacts(FieldInfo::NAME).first();
     let field = field.map(|field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes));
     let field = field.transpose()?;
-    let room = hand
+    let collision_model = hand
         .as_ref()
-        .map(|hand| Room::new(&hand.model))
+        .map(|hand| CollisionModel::new(&hand.model))
         .transpose()?;
-    let hand_and_field = room.as_ref().zip(order.as_ref()).zip(field.as_ref());
-    let gauge = hand_and_field.filter(|_| config.redraws());
-    let gauge = gauge.map(|((room, order), field)| Gauge { room, field, order });
+    let hand_and_field = collision_model
+        .as_ref()
+        .zip(order.as_ref())
+        .zip(field.as_ref());
+    let probe = hand_and_field.filter(|_| config.redraws());
+    let probe = probe.map(|((collision_model, order), field)| PenetrationProbe {
+        collision_model,
+        field,
+        order,
+    });
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
-        candidates: sample(config, &cgf, &object, gauge, cx.seed())?,
+        candidates: sample(config, &cgf, &object, probe, cx.seed())?,
     };
     cx.write(&drawn)?;
     if config.recorded_per_object > 0
@@ -124,10 +131,10 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let of_each = drawn.candidates.iter().map(|one| 1 + one.refused.len());
+    let draw_counts = drawn.candidates.iter().map(|one| 1 + one.refused.len());
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: of_each.sum::<usize>() as f64,
+        draws: draw_counts.sum::<usize>() as f64,
     };
     Ok(Outcome::Made(metrics))
 }

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use motion::{HandRates, Step};
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3, Vector6};
+use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use robot::{Link, gap};
 use spatial::{Base, Object, Pose, Table, Twist};
@@ -91,17 +91,16 @@ impl JointPath {
             .collect();
         let step = |idx: usize| {
             let time_s = DURATION_S * idx as f64 / (STEPS - 1) as f64;
-            let posture = arm.chain.state(&self.q(time_s)).unwrap();
+            let state = arm.chain.state(&self.q(time_s)).unwrap();
             let velocity = self.order(1, time_s);
-            let bend = posture.twist(&self.order(2, time_s)) + posture.bias(&velocity);
-            let turn =
-                |six: Vector6<f64>| Twist::from_array(six.into()).expressed_in(&object_from_base);
+            let bend = state.twist(&self.order(2, time_s)) + state.bias(&velocity);
+            let turn = |twist: Twist<Base>| twist.expressed_in(&object_from_base);
             Step {
                 time_s,
-                frame_from_palm: object_from_base * posture.base_from_palm,
+                frame_from_palm: object_from_base * state.base_from_palm,
                 q_rad: fingers.clone(),
                 rates: HandRates {
-                    palm_velocity: turn(posture.twist(&velocity)),
+                    palm_velocity: turn(state.twist(&velocity)),
                     palm_acceleration: turn(bend),
                     ..HandRates::still(16)
                 },
@@ -124,7 +123,7 @@ impl JointPath {
             can_grasp: true,
             is_clear: true,
         };
-        let mut stands: Vec<Vec<f64>> = (0..=100)
+        let mut positions: Vec<Vec<f64>> = (0..=100)
             .map(|k| self.q(DURATION_S * f64::from(k) / 100.0))
             .collect();
         let q_grasp = self.q(DURATION_S);
@@ -137,12 +136,12 @@ impl JointPath {
                 Some(found) => q = found,
                 None => given.is_free = false,
             }
-            stands.push(q.clone());
+            positions.push(q.clone());
         }
         given.can_grasp = arm
             .clearance
             .is_clear(&arm.links(&q_grasp, fingers).unwrap(), 0.0);
-        for q in stands {
+        for q in positions {
             let inside = arm
                 .joints()
                 .iter()

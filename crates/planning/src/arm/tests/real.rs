@@ -14,7 +14,7 @@ const CHECKED: usize = 20;
 /// Places at which speeds are looked up.
 const PLACES: u32 = 200;
 
-/// What became of all motions at one place.
+/// Results of all motions at one object place.
 #[derive(Default)]
 struct Tally {
     followed: u32,

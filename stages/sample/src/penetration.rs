@@ -1,4 +1,4 @@
-//! How deep a hand is in an object and below the table.
+//! Penetration of a hand into an object and the table.
 
 use geometry::DistanceField;
 use motion::Step;
@@ -15,8 +15,8 @@ use crate::SampleError;
 /// Factor on the size of a cluster of balls that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
 
-/// The room that a hand takes up: its collision shapes filled with balls.
-pub struct Room<'a> {
+/// Collision model of a hand: its collision shapes filled with balls.
+pub struct CollisionModel<'a> {
     hand: &'a RobotModel,
     clusters: Vec<Cluster>,
 }
@@ -46,7 +46,7 @@ impl Depth {
     }
 }
 
-impl<'a> Room<'a> {
+impl<'a> CollisionModel<'a> {
     /// Fills the hand's collision shapes with balls.
     ///
     /// # Errors
@@ -94,25 +94,25 @@ impl<'a> Room<'a> {
     }
 }
 
-/// What tells how deep motions of an object are in things.
+/// Measures how deep motions of an object penetrate object and table.
 #[derive(Clone, Copy)]
-pub struct Gauge<'a> {
-    /// The hand's room.
-    pub room: &'a Room<'a>,
+pub struct PenetrationProbe<'a> {
+    /// The hand's collision model.
+    pub collision_model: &'a CollisionModel<'a>,
     /// Distances about the object.
     pub field: &'a DistanceField,
     /// From a candidate's joints to the hand's.
     pub order: &'a JointOrder,
 }
 
-impl Gauge<'_> {
+impl PenetrationProbe<'_> {
     /// Measures how deep the hand is at one step.
     ///
     /// # Errors
     ///
     /// Fails if the step has not one position per joint of the hand.
     pub fn depth(&self, candidate: &Candidate, step: &Step<Object>) -> Result<Depth, WrongDof> {
-        self.room.depth(
+        self.collision_model.depth(
             self.field,
             &step.frame_from_palm,
             &candidate.table_from_object,
@@ -171,11 +171,11 @@ mod tests {
             </robot>"#,
         )
         .unwrap();
-        let room = Room::new(&hand).unwrap();
+        let collision_model = CollisionModel::new(&hand).unwrap();
         let check = |palm: [f64; 3], q: f64, object_m: f64, table_m: f64| {
             let object_from_palm = Pose::new(Translation3::from(palm).into());
             let table_from_object = Pose::new(Translation3::new(0.0, 0.0, 0.05).into());
-            let found = room.depth(&cube(), &object_from_palm, &table_from_object, &[q]);
+            let found = collision_model.depth(&cube(), &object_from_palm, &table_from_object, &[q]);
             let found = found.unwrap();
             assert!((found.object_m - object_m).abs() < 2e-4, "{found:?}");
             assert!((found.table_m - table_m).abs() < 1e-9, "{found:?}");
@@ -186,7 +186,7 @@ mod tests {
         check([0.1, 0.0, 0.0], -0.058, 0.018, 0.0);
         check([0.2, 0.0, -0.047], 0.0, 0.0, 0.007);
         // Without positions for all joints nothing is known, least of all that the hand is clear.
-        let found = room.depth(&cube(), &Pose::identity(), &Pose::identity(), &[]);
+        let found = collision_model.depth(&cube(), &Pose::identity(), &Pose::identity(), &[]);
         assert_eq!(
             (found.unwrap_err().expected, found.unwrap_err().found),
             (1, 0)

@@ -1,4 +1,4 @@
-//! Which reports are believed: those that a cell gives of what it did, and none that contradicts itself.
+//! Checks of reports: consistent ones are accepted, contradictory ones refused.
 
 use std::sync::{Arc, Mutex, OnceLock};
 
@@ -12,7 +12,7 @@ use schemas::executions::Outcome;
 use serde_json::{Value, json};
 
 use crate::{
-    carried::{self, ARM},
+    arm::{self, ARM},
     impostor::{Key, Somebody, capabilities, line},
     lab::{self, GRIPPER, LISTEN, SOON, cube, goal, joints_of, robot},
 };
@@ -53,7 +53,7 @@ impl Loose {
         bytes
     }
 
-    /// Returns why it is not believed, if it is not.
+    /// Returns why it is refused, if it is.
     fn refused(&self) -> Option<String> {
         refused(&self.bytes(), &goal(0.04), &robot())
     }
@@ -135,7 +135,7 @@ fn consistent_report_is_accepted() {
 
 #[test]
 fn arm_report_is_accepted_in_the_goal_s_joint_order() {
-    let asked = carried::carried();
+    let asked = arm::carried();
     let robot = joints_of(ARM);
     for gap in [
         Gap::default(),
@@ -148,10 +148,10 @@ fn arm_report_is_accepted_in_the_goal_s_joint_order() {
         for until_s in [f64::MAX, 0.2] {
             let config = SimulatedCellConfig {
                 gap,
-                ..carried::config()
+                ..arm::config()
             };
             let mut see = |sample: &cell::Sample| broken_off_after(until_s, sample);
-            let report = rehearse(&config, carried::HAND, &cube(), &asked, &mut see).unwrap();
+            let report = rehearse(&config, arm::HAND, &cube(), &asked, &mut see).unwrap();
             let why = refused(&report.to_bytes(), &asked, &robot);
             assert_eq!(why, None, "{gap:?} {until_s}: {}", report.message);
             assert_eq!(report.joints, asked.joint_names());
@@ -450,7 +450,7 @@ fn contradictory_report_is_refused() {
         let mut report = success();
         change(&mut report);
         let why = report.refused();
-        let why = why.unwrap_or_else(|| panic!("{what}: it is believed"));
+        let why = why.unwrap_or_else(|| panic!("{what}: it is accepted"));
         assert!(why.contains(said), "{what}: {why}");
     }
 }
