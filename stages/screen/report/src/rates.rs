@@ -90,9 +90,9 @@ fn units(scope: &Scope) -> Vec<Unit> {
 /// What was counted of one object.
 #[derive(Clone, Copy, Default)]
 struct Counts {
-    candidates_n: i64,
-    draws_n: i64,
-    successes_n: i64,
+    candidates: i64,
+    draws: i64,
+    successes: i64,
 }
 
 /// Counts by object.
@@ -102,9 +102,9 @@ struct ByObject<'a>(BTreeMap<&'a str, Counts>);
 impl<'a> ByObject<'a> {
     fn add(&mut self, row: &'a Success) {
         let counts = self.0.entry(&row.object).or_default();
-        counts.candidates_n += row.verdicts.total_n();
-        counts.draws_n += row.draws_n;
-        counts.successes_n += row.verdicts.successes_n();
+        counts.candidates += row.verdicts.total_n();
+        counts.draws += row.draws_n;
+        counts.successes += row.verdicts.successes_n();
     }
 
     fn sum(&self, number: fn(&Counts) -> i64) -> i64 {
@@ -114,8 +114,8 @@ impl<'a> ByObject<'a> {
     /// Returns the means over the objects of the shares of candidates and of draws that hold.
     fn means(&self) -> [OverObjects; 2] {
         [
-            self.mean(|counts| counts.candidates_n),
-            self.mean(|counts| counts.draws_n),
+            self.mean(|counts| counts.candidates),
+            self.mean(|counts| counts.draws),
         ]
     }
 
@@ -123,7 +123,7 @@ impl<'a> ByObject<'a> {
     /// nothing of it are left out.
     fn mean(&self, of: fn(&Counts) -> i64) -> OverObjects {
         let counted = self.0.values().filter(|counts| of(counts) > 0);
-        let shares = counted.map(|counts| counts.successes_n as f64 / of(counts) as f64);
+        let shares = counted.map(|counts| counts.successes as f64 / of(counts) as f64);
         over_objects(&shares.collect::<Vec<f64>>())
     }
 }
@@ -148,9 +148,9 @@ fn rates(successes: &[Success], protocol: &Protocol) -> Rates {
             squeeze_rad: protocol.squeeze_rad,
             // No count in memory is larger than the largest `i64`.
             objects_n: i64::try_from(objects.0.len()).unwrap_or(i64::MAX),
-            candidates_n: objects.sum(|counts| counts.candidates_n),
-            draws_n: objects.sum(|counts| counts.draws_n),
-            successes_n: objects.sum(|counts| counts.successes_n),
+            candidates_n: objects.sum(|counts| counts.candidates),
+            draws_n: objects.sum(|counts| counts.draws),
+            successes_n: objects.sum(|counts| counts.successes),
             candidate_rate_mean: by_candidate.mean,
             candidate_rate_low: by_candidate.low,
             candidate_rate_high: by_candidate.high,
@@ -187,9 +187,10 @@ impl RatesMetrics {
 fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
-    let approach = match all.opens > 0.0 {
-        true => Approach::Open,
-        false => Approach::Follow,
+    let approach = if all.opens > 0.0 {
+        Approach::Open
+    } else {
+        Approach::Follow
     };
     format!(
         "{:.1} % hold over {} objects (95 % CI {:.0} to {:.0}); {}, squeeze {} rad",
