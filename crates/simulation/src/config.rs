@@ -26,6 +26,10 @@ pub struct SceneConfig {
     /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.
     #[serde(default = "defaults::time_step_s")]
     pub time_step_s: f64,
+    /// Solver substeps in one physics step, between which contacts keep their normals (1): with 4, a
+    /// step costs about twice as much, and a finger drags what it otherwise slides along.
+    #[serde(default = "defaults::substeps")]
+    pub substeps: u32,
     /// Physics steps in one control step: with the default step, 50 commands a second.
     #[serde(default = "defaults::steps_per_control")]
     pub steps_per_control: u32,
@@ -309,6 +313,7 @@ mod defaults {
     pub(super) fn mass_scale() -> f64 { 1.0 }
     pub(super) fn hand_mass_scale() -> f64 { 1.0 }
     pub(super) fn time_step_s() -> f64 { 0.004 }
+    pub(super) fn substeps() -> u32 { 1 }
     pub(super) fn steps_per_control() -> u32 { 5 }
     pub(super) fn prediction_m() -> f64 { 0.002 }
     pub(super) fn contact_recycle_m() -> f64 { 0.001 }

@@ -177,8 +177,9 @@ mod tests {
         }
         let time = f64::from(steps) * scene.time_step_s;
         let fallen = 10.0 - world.table_from_body::<Object>(body).translation.z;
-        // Symplectic Euler moves with the velocity at the end of each step.
-        let expected = 0.5 * 9.81 * time * (time + scene.time_step_s);
+        // Symplectic Euler moves with the velocity at the end of each substep.
+        let substep_s = scene.time_step_s / f64::from(scene.substeps);
+        let expected = 0.5 * 9.81 * time * (time + substep_s);
         assert!(
             (fallen - expected).abs() < 1e-3,
             "{fallen} against {expected}"

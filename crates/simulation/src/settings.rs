@@ -8,6 +8,8 @@ const LONGEST_S: f64 = 3600.0;
 const SHORTEST_STEP_S: f64 = 1e-6;
 /// Longest physics time step, in seconds.
 const LONGEST_STEP_S: f64 = 0.1;
+/// Most solver substeps in one physics step.
+const MAX_SUBSTEPS: u32 = 100;
 /// Maximum number of physics steps in one control step.
 const MAX_STEPS_PER_CONTROL: u32 = 10_000;
 /// Maximum number of control steps of a motion, of which each is held in memory: 500 times those of a usual one.
@@ -75,6 +77,13 @@ impl SceneConfig {
         let why = "physics computes with 32 bits, and passes over what is faster";
         let step_s = self.time_step_s;
         faults.within("time_step_s", step_s, SHORTEST_STEP_S, LONGEST_STEP_S, why);
+        if !(1..=MAX_SUBSTEPS).contains(&self.substeps) {
+            let problem = format!(
+                "is {}, and must be from 1 to {MAX_SUBSTEPS}: more change nothing",
+                self.substeps
+            );
+            faults.note("substeps", problem);
+        }
         let per_control = self.steps_per_control;
         if !(1..=MAX_STEPS_PER_CONTROL).contains(&per_control) {
             let problem = format!(

@@ -123,8 +123,7 @@ impl World {
             contact_softness: rigid(defaults.contact_softness),
             static_contact_softness: rigid(defaults.static_contact_softness),
             dt: real(scene.time_step_s),
-            // One substep holds with implicit drives; each further one costs as much as a step.
-            num_solver_iterations: 1,
+            num_solver_iterations: scene.substeps as usize,
             // Nothing here is fast enough to pass through anything.
             max_ccd_substeps: 0,
             // Nearly free, and stops the creep of held objects.

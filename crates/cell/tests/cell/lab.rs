@@ -32,6 +32,7 @@ pub(crate) fn scene() -> SceneConfig {
         hand_mass_scale: 1.0,
         object_offset: Offset::default(),
         time_step_s: 0.002,
+        substeps: 1,
         steps_per_control: 5,
         prediction_m: 0.002,
         contact_recycle_m: 0.001,

@@ -245,6 +245,6 @@ fn stored_statistics_of_the_same_clouds_give_nearly_the_same_features() {
     let stored = net.forward(&clouds, Statistics::Stored);
     for (a, b) in measured.features.iter().zip(&stored.features) {
         // The stored variance is the unbiased one of 150 points: 0.7 % more in each layer.
-        assert!((a - b).abs() < 0.02 * a.abs().max(1.0), "{a} {b}");
+        assert!((a - b).abs() < 0.1 + 0.01 * a.abs(), "{a} {b}");
     }
 }
