@@ -95,8 +95,8 @@ impl SchemaError {
         vector: [f64; 3],
     ) -> Result<Unit<Vector3<f64>>, Self> {
         /// Directions are written as unit vectors.
-        const SHORTEST: f64 = 0.5;
-        Unit::try_new(Vector3::from(vector), SHORTEST)
+        const MIN_NORM: f64 = 0.5;
+        Unit::try_new(Vector3::from(vector), MIN_NORM)
             .ok_or_else(|| Self::invalid(column, format!("{vector:?} is not a direction")))
     }
 

@@ -1,8 +1,8 @@
 //! `rates`: how often candidates hold over all objects, one partition for all of them, one row per
 //! generator, origin of the motions and split of the objects.
 //!
-//! Every rate is given by candidate (c) and by draw (d): with N candidates, D draws made for them,
-//! refused ones included, and S that hold, c = S/N and d = S/D. Pooled, the sums are over all
+//! Every rate is given by candidate (c) and by draw (d): with N candidates, D draws of the row's
+//! origin, refused ones included, and S that hold, c = S/N and d = S/D. Pooled, the sums are over all
 //! objects; their mean is that of the objects' own rates, each of equal weight, with a 95 % interval
 //! by resampling objects (crate `statistics`). Motions of one object are alike, so that no interval
 //! is given for the pooled rates.
@@ -23,7 +23,7 @@ columns! {
         squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed",
         objects_n: i64 => "objects with a draw",
         candidates_n: i64 => "candidates that were screened",
-        draws_n: i64 => "draws made for them, refused ones included",
+        draws_n: i64 => "draws of this origin, refused ones included",
         successes_n: i64 => "those that were lifted and held to the end",
         + candidate_rate: f64 ["1"] = |row| share(row.successes_n, row.candidates_n)
             => "share of all candidates that held; 0 of none",

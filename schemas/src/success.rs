@@ -2,8 +2,8 @@
 //! row per object, generator and origin of the motions.
 //!
 //! A draw counts for the origin of its own code, also where another draw of the motion was kept.
-//! Draws for one object are independent, and so the interval of their rate is Wilson's; for the
-//! rate over objects it is not (`rates`).
+//! Candidates of one object are drawn independently: the interval of `rate` is Wilson's; `draw_rate`
+//! has none, and the rates over objects have their own (`rates`).
 //!
 //! A grasp is the last step of a candidate, the palm in the object's frame. Spread is the root mean
 //! square over successful grasps of the distance from their mean: for the palm's origin √(Σ|p −
@@ -31,7 +31,7 @@ columns! {
         object_split: Option<ObjectSplit> => "split of the object, as in `candidates`",
         /// The candidates by verdict.
         verdicts: Tally<Verdict>,
-        draws_n: i64 => "draws made for them, refused ones included",
+        draws_n: i64 => "draws of this origin, refused ones included",
         + draw_rate: f64 ["1"] = |row| share(row.verdicts.successes_n(), row.draws_n)
             => "share of the draws that held; 0 of none",
         control_steps_n: i64 => "control steps simulated, for failures too",

@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Longest type with a column of its own; a longer list of names follows the option's description.
-const WIDEST_TYPE: usize = 60;
+const MAX_TYPE_WIDTH: usize = 60;
 
 /// Lists the kinds of stages, or the options of one.
 pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, CommandError> {
@@ -68,7 +68,7 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
             None if option.required => "required".to_owned(),
             None => "-".to_owned(),
         };
-        let (value, about) = if option.value.len() > WIDEST_TYPE {
+        let (value, about) = if option.value.len() > MAX_TYPE_WIDTH {
             let about = format!("{}: {}", option.about, option.value);
             ("name".to_owned(), about)
         } else {

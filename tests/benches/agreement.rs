@@ -35,11 +35,11 @@ use spatial::{Object, Pose, Rest, Table};
 use statistics::mcnemar;
 
 /// Least kappa of all candidates, and of those of unseen objects.
-const LEAST_KAPPA: [f64; 2] = [0.80, 0.75];
+const MIN_KAPPA: [f64; 2] = [0.80, 0.75];
 /// Least share of the accepted motions that hold there too, of all and of unseen objects.
-const LEAST_SHARE: [f64; 2] = [0.90, 0.85];
+const MIN_SHARE: [f64; 2] = [0.90, 0.85];
 /// Most that the shares that hold of one object differ by.
-const MOST_APART: f64 = 0.25;
+const MAX_RATE_DIFFERENCE: f64 = 0.25;
 /// Both engines are deterministic: equal lakes give equal shares.
 const NOISE: f64 = 0.0;
 /// Each with what it asks.
@@ -97,8 +97,8 @@ fn main() -> ExitCode {
         if splits.any(|split| split == Some(ObjectSplit::Unseen)) {
             unseen.add(&counts);
         }
-        if counts.apart() > apart.0 {
-            apart = (counts.apart(), name.to_string());
+        if counts.rate_difference() > apart.0 {
+            apart = (counts.rate_difference(), name.to_string());
         }
     }
     println!("{:24} {}", "unseen", unseen.line());
@@ -127,10 +127,10 @@ fn main() -> ExitCode {
     }
     let mut limits = Limits::with_noise(NOISE);
     let parts = [("all", &totals), ("unseen objects", &unseen)];
-    for ((what, counts), least) in parts.into_iter().zip(LEAST_KAPPA) {
+    for ((what, counts), least) in parts.into_iter().zip(MIN_KAPPA) {
         limits.keep(&format!("kappa, {what}"), counts.kappa(), least..);
     }
-    for ((what, counts), least) in parts.into_iter().zip(LEAST_SHARE) {
+    for ((what, counts), least) in parts.into_iter().zip(MIN_SHARE) {
         let share = counts.there[0] as f64 / counts.held as f64;
         limits.keep(&format!("accepted that hold there, {what}"), share, least..);
     }
@@ -138,7 +138,7 @@ fn main() -> ExitCode {
     limits.keep(
         &format!("most apart of one object ({name})"),
         apart,
-        ..=MOST_APART,
+        ..=MAX_RATE_DIFFERENCE,
     );
     limits.end()
 }
@@ -194,12 +194,12 @@ impl Counts {
     }
 
     /// Returns how far apart the shares are that hold here and with the first engine.
-    fn apart(&self) -> f64 {
+    fn rate_difference(&self) -> f64 {
         let shares = [self.held, self.held_there()].map(|n| n as f64 / self.candidates as f64);
         (shares[0] - shares[1]).abs()
     }
 
-    /// Returns Cohen's kappa of this and the first engine; NaN if both always say the same.
+    /// Returns Cohen's kappa of this and the first engine; NaN if all verdicts of both are the same one.
     fn kappa(&self) -> f64 {
         let n = self.candidates as f64;
         let (held, there) = (self.held as f64 / n, self.held_there() as f64 / n);

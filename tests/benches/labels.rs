@@ -27,9 +27,9 @@ use stage_ingest::{Demonstrations, Ingest, IngestConfig, read::LabelReader};
 use tempfile::TempDir;
 
 /// How many times faster than `numpy` the reader has to be.
-const LEAST_TIMES_FASTER: f64 = 20.0;
+const MIN_TIMES_FASTER: f64 = 20.0;
 /// Most memory that the process may ever hold, in MiB.
-const MOST_MIB: f64 = 1024.0;
+const MAX_MIB: f64 = 1024.0;
 /// Files that `numpy` reads; more would change nothing but the time that it takes.
 const N_FOR_NUMPY: usize = 8000;
 /// Times that each way is measured, one way after another; the fastest counts, since what disturbs
@@ -79,7 +79,7 @@ fn main() -> ExitCode {
         "{:<44} {memory_before:>6.0} MiB",
         "most memory held while making the files"
     );
-    limits.keep("most memory held, MiB", peak_mib(), ..=MOST_MIB);
+    limits.keep("most memory held, MiB", peak_mib(), ..=MAX_MIB);
     limits.end()
 }
 
@@ -187,7 +187,7 @@ impl Us {
                 show("numpy, landmarks and pose", *numpy);
                 times("  times longer than the stage", numpy / self.stage);
                 let longer = numpy / self.reader;
-                limits.keep("numpy over the reader", longer, LEAST_TIMES_FASTER..);
+                limits.keep("numpy over the reader", longer, MIN_TIMES_FASTER..);
             }
             Err(reason) => println!("numpy: skipped, {reason}"),
         }

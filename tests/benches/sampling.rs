@@ -42,10 +42,10 @@ const TURN: usize = 500;
 const RELEASED_TURN: usize = 10;
 const THREADS: &str = "RAYON_NUM_THREADS";
 
-const LEAST_BESIDE_RELEASED: f64 = 40.0;
-const LEAST_BESIDE_BATCHED: f64 = 1.5;
-const LEAST_BESIDE_FACTORED: f64 = 2.0;
-const MOST_FOR_RATES: f64 = 3.0;
+const MIN_BESIDE_RELEASED: f64 = 40.0;
+const MIN_BESIDE_BATCHED: f64 = 1.5;
+const MIN_BESIDE_FACTORED: f64 = 2.0;
+const MAX_FOR_RATES: f64 = 3.0;
 /// By how much a ratio of two sums of turns differs from run to run, with other programs beside.
 const NOISE: f64 = 0.1;
 
@@ -125,18 +125,18 @@ fn main() -> ExitCode {
             let [released, batched, by_25, factored, factored_by_25] = theirs;
             let (batched, factored) = (batched.min(by_25), factored.min(factored_by_25));
             let batched = batched / ours[0];
-            limits.keep("batched over ours", batched, LEAST_BESIDE_BATCHED..);
+            limits.keep("batched over ours", batched, MIN_BESIDE_BATCHED..);
             let released = released / ours[0];
-            limits.keep("released way over ours", released, LEAST_BESIDE_RELEASED..);
+            limits.keep("released way over ours", released, MIN_BESIDE_RELEASED..);
             let factored = factored / ours[0];
             let what = "batched with a factored first layer over ours";
-            limits.keep(what, factored, LEAST_BESIDE_FACTORED..);
+            limits.keep(what, factored, MIN_BESIDE_FACTORED..);
         }
         Err(reason) => println!("PyTorch: skipped, {reason}"),
     }
     for (what, with, without) in [("ReLU", ours[1], ours[0]), ("SiLU", ours[3], ours[2])] {
         let what = format!("{what} with both derivatives over without");
-        limits.keep(&what, with / without, ..=MOST_FOR_RATES);
+        limits.keep(&what, with / without, ..=MAX_FOR_RATES);
     }
     limits.end()
 }

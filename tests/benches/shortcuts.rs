@@ -70,6 +70,7 @@ struct Counts {
 fn main() -> ExitCode {
     let hand = options::hand();
     let (scene, protocol) = options::options();
+    let scripted = grasps::opened(protocol.clone());
     let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
     let motions = grasps::grasps(&hand, GRASPS);
     for (name, object, rest) in bodies::bodies() {
@@ -80,7 +81,7 @@ fn main() -> ExitCode {
             &object,
             &motions,
             &scene,
-            &protocol,
+            &scripted,
             &mut totals,
         );
     }

@@ -43,8 +43,8 @@ const HAND: &str = concat!(
     "/data/robots/allegro_right.urdf"
 );
 /// Times that the released model in PyTorch takes longer, at least; and most memory, in MB.
-const LEAST: f64 = 5.0;
-const MOST_MB: f64 = 400.0;
+const MIN_TIMES: f64 = 5.0;
+const MAX_MB: f64 = 400.0;
 /// By how much a ratio of medians differs from run to run, with other programs beside.
 const NOISE: f64 = 0.15;
 
@@ -103,8 +103,8 @@ fn race() -> ExitCode {
     let mut limits = Limits::with_noise(NOISE);
     if has_peer {
         let times = figures[1].cpu_s / ours.cpu_s;
-        limits.keep("CPU of PyTorch as released over ours", times, LEAST..);
+        limits.keep("CPU of PyTorch as released over ours", times, MIN_TIMES..);
     }
-    limits.keep("MB held by this crate", ours.peak_mb, ..=MOST_MB);
+    limits.keep("MB held by this crate", ours.peak_mb, ..=MAX_MB);
     limits.end()
 }

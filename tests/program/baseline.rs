@@ -111,8 +111,9 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
     // One table compares them.
     let success = ask(
         &bench,
-        "select object, generator, sum(candidates_n) as candidates_n, sum(draws_n) as draws_n \
-         from success group by object, generator order by object, generator",
+        "select object, generator, sum(candidates_n) as candidates_n, sum(draws_n) as draws_n, \
+         sum(case when candidates_n > 0 and (rate < rate_low or rate > rate_high) then 1 else 0 end) \
+         as outside_n from success group by object, generator order by object, generator",
     );
     let rows: Vec<(&str, &str)> = success
         .iter()
@@ -124,6 +125,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
         let number = |column: &str| row[column].as_f64().unwrap();
         assert_eq!(number("candidates_n"), PER_OBJECT as f64);
         assert!(number("draws_n") >= number("candidates_n"), "{row}");
+        assert_eq!(number("outside_n"), 0.0, "{row}");
         let chart = match text(row, "generator") {
             "cgf" => "screen",
             _ => "screen_line",

@@ -100,7 +100,7 @@ fn interrupted_motion_is_canceled_reported_and_resent_only_on_request() {
 }
 
 #[test]
-fn a_cell_that_does_not_answer_a_cancellation_is_named_and_whoever_stops_it_warned() {
+fn an_unanswered_cancellation_names_its_cell_and_warns() {
     let lab = Lab::new();
     let cell = lab.cell(&[]);
     for twice in [false, true] {

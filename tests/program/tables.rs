@@ -117,7 +117,7 @@ fn every_command_of_a_query_names_a_file_and_options_that_there_are() {
 }
 
 #[test]
-fn hand_tables_of_the_table_of_terms_differ_in_their_scale_alone() {
+fn hand_tables_of_the_ablation_differ_only_in_scale() {
     let lines = |path: &str| {
         let text = fs::read_to_string(path).unwrap();
         let lines = text.lines().filter(|line| !line.starts_with('#'));

@@ -335,7 +335,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_is_replaced_by_what_was_checked_unless_a_certificate_holds_it() {
+    fn an_endpoint_keeps_its_host_name_only_under_tls() {
         let at = |endpoint: &str| Endpoint::parse(endpoint).map(|found| found.at(1)).unwrap();
         assert!(["tcp/127.0.0.1:1", "tcp/[::1]:1"].contains(&at("tcp/localhost:0").as_str()));
         assert_eq!(at("tls/localhost:0"), "tls/localhost:1");

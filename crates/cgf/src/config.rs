@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::{CgfError, grasp::ROOT};
 
 /// Fewest surface points that still show an object's shape.
-const LEAST_POINTS: usize = 32;
+const MIN_POINTS: usize = 32;
 /// Maximum number of surface points, thirty times the paper's.
 const MAX_POINTS: usize = 65_536;
 /// Maximum number of outputs of a layer, sixteen times the paper's widest.
@@ -430,7 +430,7 @@ impl NetworkConfig {
     /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
         let why = "each point of each object goes through every layer";
-        check("points", self.points, LEAST_POINTS..=MAX_POINTS, why)?;
+        check("points", self.points, MIN_POINTS..=MAX_POINTS, why)?;
         let why = "the encoder sees all of them together";
         check("encoder_steps", self.encoder_steps, 1..=MAX_TIMES, why)?;
         let why = "the square of a width is a number of weights";

@@ -37,17 +37,17 @@ pub(crate) struct View {
 impl View {
     /// Looks at an object as it lies.
     pub(crate) fn of(scene: &Scene, frame: Frame) -> Result<Self, CgfError> {
-        const LEAST: usize = 32;
+        const MIN_POINTS: usize = 32;
         let table_from_object = *scene.rest.table_from_object();
         let (table_from_network, network_from_object) = match frame {
             Frame::Resting => (Pose::identity(), Pose::new(table_from_object)),
             Frame::Object => (Pose::new(table_from_object), Pose::identity()),
         };
         let found = scene.points_in_object.len();
-        if found < LEAST {
+        if found < MIN_POINTS {
             return Err(CgfError::TooFewPoints {
                 object: scene.object.clone(),
-                expected: LEAST,
+                expected: MIN_POINTS,
                 found,
             });
         }

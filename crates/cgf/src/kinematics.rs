@@ -74,8 +74,9 @@ impl LinkPoses {
             let mut by_vectors = by_link
                 .chunks_exact(3)
                 .map(|by| Vector3::from_iterator(by.iter().map(|&x| f64::from(x))));
-            let force = by_vectors.next().unwrap_or_default();
-            forces.push(idx, &link.translation.vector, &force);
+            if let Some(force) = by_vectors.next() {
+                forces.push(idx, &link.translation.vector, &force);
+            }
             let columns = link.rotation.to_rotation_matrix();
             for (by_column, column) in by_vectors.zip(columns.matrix().column_iter()) {
                 forces.turn(idx, &column.into_owned(), &by_column);

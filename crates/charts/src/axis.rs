@@ -51,7 +51,7 @@ pub(crate) struct Axis {
 
 /// Numbers beyond this have no position: their differences might be infinite. On a logarithmic axis
 /// neither do those below its inverse.
-const LARGEST: f64 = 1e300;
+const MAX_ABS: f64 = 1e300;
 
 /// Relative difference below which two numbers count as equal.
 const RESOLUTION: f64 = 1e-9;
@@ -59,10 +59,10 @@ const RESOLUTION: f64 = 1e-9;
 impl Scale {
     /// Position of a number before the ends of the axis are known.
     fn position(self, value: f64) -> Option<f64> {
-        let is_number = value.is_finite() && value.abs() <= LARGEST;
+        let is_number = value.is_finite() && value.abs() <= MAX_ABS;
         match self {
             Self::Linear => is_number.then_some(value),
-            Self::Log => (is_number && value >= 1.0 / LARGEST).then(|| value.log10()),
+            Self::Log => (is_number && value >= 1.0 / MAX_ABS).then(|| value.log10()),
         }
     }
 }
@@ -216,8 +216,8 @@ fn round_step(step: f64) -> f64 {
 )]
 fn count_of(number: f64) -> usize {
     /// Far more lines than an axis ever has.
-    const MOST: f64 = 1000.0;
-    number.clamp(0.0, MOST) as usize
+    const MAX_VALUE: f64 = 1000.0;
+    number.clamp(0.0, MAX_VALUE) as usize
 }
 
 /// A number with the digits that tell it from its neighbors at this step, on an axis whose numbers

@@ -41,7 +41,7 @@ pub(crate) struct Quality {
 /// A finger touches when its gap is smaller, in meters.
 pub(crate) const TOUCHING_M: f64 = 0.003;
 /// Deepest flesh below the surface of a good grasp, in meters.
-pub(crate) const DEEPEST_M: f64 = 0.0025;
+pub(crate) const MAX_DEPTH_M: f64 = 0.0025;
 /// Largest force and torque left over in a good grasp.
 const MAX_IMBALANCE: f64 = 0.25;
 
@@ -52,7 +52,7 @@ impl Quality {
         let touching = fingers.iter().filter(|gap| gap.abs() < TOUCHING_M).count();
         thumb.abs() < TOUCHING_M
             && touching >= 2
-            && self.penetration_m < DEEPEST_M
+            && self.penetration_m < MAX_DEPTH_M
             && self.clearance_m > 0.0
             && self.imbalance < MAX_IMBALANCE
     }

@@ -38,7 +38,7 @@ const THICKER_M: f64 = 0.002;
 const SAMPLES: usize = 60;
 
 /// Smallest part kept, as a share of all parts' volume.
-const SMALLEST_SHARE: f64 = 1e-3;
+const MIN_SHARE: f64 = 1e-3;
 
 /// Returns the corners of convex bodies that together nearly fill the mesh, in meters, each with at
 /// most [`MAX_PART_VERTICES`] corners: one body where the mesh is nearly convex, else as few as stick out
@@ -101,7 +101,7 @@ pub fn convex_parts(
             convex_hull(&on_or_in).ok()
         })
         .collect();
-    let smallest = SMALLEST_SHARE * hulls.iter().map(TriMesh::volume_m3).sum::<f64>();
+    let smallest = MIN_SHARE * hulls.iter().map(TriMesh::volume_m3).sum::<f64>();
     let hulls = hulls
         .into_iter()
         .filter(|part| part.volume_m3() > smallest)

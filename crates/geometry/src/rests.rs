@@ -19,7 +19,7 @@ pub struct StableRest {
 /// Rests closer than this, in radians, count as one: scanned faces are not quite flat.
 const SAME_REST_RAD: f64 = 0.2;
 /// Rests less likely than this are bumps of the mesh, not ways to lie.
-const LEAST_PROBABILITY: f64 = 0.005;
+const MIN_PROBABILITY: f64 = 0.005;
 /// How far the center of mass may be outside a facet's edge and still rest on it, in meters.
 const EDGE_TOLERANCE_M: f64 = 1e-5;
 
@@ -74,7 +74,7 @@ pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<Stabl
             });
         }
     }
-    rests.retain(|rest| rest.probability >= LEAST_PROBABILITY);
+    rests.retain(|rest| rest.probability >= MIN_PROBABILITY);
     rests.sort_by(|a, b| b.probability.total_cmp(&a.probability));
     let sum: f64 = rests.iter().map(|rest| rest.probability).sum();
     for rest in &mut rests {

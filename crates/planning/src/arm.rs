@@ -19,7 +19,7 @@ use spatial::{Base, Pose, Table};
 use crate::limits::MotionLimits;
 use clearance::Clearance;
 pub use config::ArmConfig;
-pub(crate) use path::{ArmMoving, ArmPath};
+pub(crate) use path::{ArmPath, ArmPoint};
 
 /// Number of joints that an arm must have: fewer cannot reach every pose, more leave the joints of
 /// a pose undetermined.

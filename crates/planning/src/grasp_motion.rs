@@ -7,7 +7,7 @@ use spatial::{Object, Pose, Table, quintic};
 
 use crate::{
     Infeasible,
-    arm::{ArmMoving, ArmPath},
+    arm::{ArmPath, ArmPoint},
     timing::Timing,
 };
 
@@ -112,17 +112,17 @@ impl GraspMotion<'_> {
 
     /// Returns the palm in the table's frame.
     pub(crate) fn palm(&self, time_s: f64) -> PalmPoint {
-        let [course_s, once, twice] = self.timing.at(time_s);
+        let [course_s, speed, path_acceleration] = self.timing.at(time_s);
         let hand = self.course.at(course_s);
-        let [height_m, speed, change] = self.height(time_s);
+        let [height_m, lift_speed, lift_acceleration] = self.height(time_s);
         let up = Vector3::z();
         let rates = &hand.rates;
-        let [along, bend] = [&rates.palm_velocity, &rates.palm_acceleration]
+        let [tangent, curvature] = [&rates.palm_velocity, &rates.palm_acceleration]
             .map(|rate| rate.expressed_in(&self.table_from_object));
-        let mut velocity = along * once;
-        velocity.linear += up * speed;
-        let mut acceleration = bend * (once * once) + along * twice;
-        acceleration.linear += up * change;
+        let mut velocity = tangent * speed;
+        velocity.linear += up * lift_speed;
+        let mut acceleration = curvature * (speed * speed) + tangent * path_acceleration;
+        acceleration.linear += up * lift_acceleration;
         let before_lift = self.table_from_object * hand.frame_from_palm;
         PalmPoint {
             time_s,
@@ -134,19 +134,19 @@ impl GraspMotion<'_> {
 
     /// Returns the arm.
     pub(crate) fn arm(&self, arm: &ArmPath<'_>, time_s: f64) -> Result<JointPoint, Infeasible> {
-        let [height_m, speed, change] = self.height(time_s);
+        let [height_m, lift_speed, lift_acceleration] = self.height(time_s);
         let lifts = time_s > self.durations.lift_from_s();
-        let (moving, [once, twice]) = if lifts {
-            (arm.lifted(height_m)?, [speed, change])
+        let (moving, [speed, acceleration]) = if lifts {
+            (arm.lifted(height_m)?, [lift_speed, lift_acceleration])
         } else {
-            let [course_s, once, twice] = self.timing.at(time_s);
-            (arm.at(course_s)?, [once, twice])
+            let [course_s, speed, acceleration] = self.timing.at(time_s);
+            (arm.at(course_s)?, [speed, acceleration])
         };
-        let ArmMoving { q, rates } = moving;
+        let ArmPoint { q, rates } = moving;
         Ok(JointPoint {
             time_s,
             q_rad: q,
-            rates: paced(&rates, once, twice),
+            rates: time_scaled(&rates, speed, acceleration),
         })
     }
 
@@ -170,11 +170,11 @@ impl GraspMotion<'_> {
         if let Some(opened) = opened {
             return between(opened, grasp, time_s, reach_s, close_s);
         }
-        let [course_s, once, twice] = self.timing.at(time_s);
+        let [course_s, speed, acceleration] = self.timing.at(time_s);
         let hand = self.course.at(course_s);
         JointPoint {
             time_s,
-            rates: paced(&hand.rates.joints, once, twice),
+            rates: time_scaled(&hand.rates.joints, speed, acceleration),
             q_rad: hand.q_rad,
         }
     }
@@ -203,17 +203,19 @@ impl GraspMotion<'_> {
 
 /// Returns derivatives by time from those by a path's own time, of which the first and second derivative by
 /// time are given.
-fn paced(rates: &JointRates, once: f64, twice: f64) -> JointRates {
+fn time_scaled(rates: &JointRates, speed: f64, acceleration: f64) -> JointRates {
     let both = rates.velocity.iter().zip(&rates.acceleration);
     JointRates {
-        velocity: rates.velocity.iter().map(|v| v * once).collect(),
-        acceleration: both.map(|(v, a)| a * once * once + v * twice).collect(),
+        velocity: rates.velocity.iter().map(|v| v * speed).collect(),
+        acceleration: both
+            .map(|(v, a)| a * speed * speed + v * acceleration)
+            .collect(),
     }
 }
 
 /// Returns the joints on a [`ramp`] from one position to another.
 fn between(from: &[f64], to: &[f64], time_s: f64, start_s: f64, duration_s: f64) -> JointPoint {
-    let [share, once, twice] = ramp(time_s - start_s, duration_s);
+    let [share, speed, acceleration] = ramp(time_s - start_s, duration_s);
     let ends = || from.iter().zip(to);
     JointPoint {
         time_s,
@@ -221,8 +223,10 @@ fn between(from: &[f64], to: &[f64], time_s: f64, start_s: f64, duration_s: f64)
             .map(|(from, to)| from + (to - from) * share)
             .collect(),
         rates: JointRates {
-            velocity: ends().map(|(from, to)| (to - from) * once).collect(),
-            acceleration: ends().map(|(from, to)| (to - from) * twice).collect(),
+            velocity: ends().map(|(from, to)| (to - from) * speed).collect(),
+            acceleration: ends()
+                .map(|(from, to)| (to - from) * acceleration)
+                .collect(),
         },
     }
 }

@@ -139,7 +139,7 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
 /// Maximum number of balls in one group.
 const GROUP: usize = 12;
 /// Maximum number of balls of a hand: those of all sides of a box of one meter, three times.
-const MOST: f64 = 150_000.0;
+const MAX_BALLS: f64 = 150_000.0;
 
 /// Neighboring balls of one link.
 #[derive(Debug, Clone, PartialEq)]
@@ -168,7 +168,7 @@ pub fn check(hand: &RobotModel) -> Result<(), TooLarge> {
     let mut n_balls = 0.0;
     for body in hand.links() {
         n_balls += body.collisions.iter().map(count).sum::<f64>();
-        if n_balls > MOST {
+        if n_balls > MAX_BALLS {
             return Err(TooLarge {
                 link: body.name.clone(),
             });

@@ -11,7 +11,7 @@ const OUTSIDE: f64 = 0.1;
 /// How many times as far from the center of mass as the shapes reach a link's mass may seem to be.
 const SPREAD: f64 = 1.5;
 /// Longest way from a joint to the next, or across a link, in meters: more is a file in millimeters.
-const LONGEST_M: f64 = 10.0;
+const MAX_LENGTH_M: f64 = 10.0;
 /// Largest limit of a joint that turns, in radians: more is a file in degrees.
 const MAX_RAD: f64 = 30.0;
 
@@ -46,7 +46,7 @@ impl RobotModel {
                 }
             }
             let length = link.parent_from_joint.translation.vector.norm();
-            if length > LONGEST_M {
+            if length > MAX_LENGTH_M {
                 let problem = format!("is {length} m from its parent");
                 findings.push(about(
                     Severity::Doubtful,
@@ -251,7 +251,7 @@ fn bounds(link: &Link) -> Option<(Vector3<f64>, Vector3<f64>)> {
 fn oversized(link: &Link) -> Option<Finding> {
     let (lower, upper) = bounds(link)?;
     let across = (upper - lower).norm();
-    (across > LONGEST_M).then(|| Finding {
+    (across > MAX_LENGTH_M).then(|| Finding {
         severity: Severity::Doubtful,
         part: Part::Link(link.name.clone()),
         problem: format!("has shapes that are {across:.1} m across"),

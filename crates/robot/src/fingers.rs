@@ -221,14 +221,14 @@ fn thumb_by_direction(fingers: &[Finger], base_from_links: &[Pose<Base, Link>]) 
 /// Returns the point of a link that is farthest along the direction of its shapes' middle (or of
 /// its center of mass, if it has no shape), in its frame in meters.
 fn far_end(link: &Link) -> Vector3<f64> {
-    const SHORTEST_M: f64 = 1e-6;
+    const MIN_LENGTH_M: f64 = 1e-6;
     let n = link.collisions.len() as f64;
     let middle: Vector3<f64> = link
         .collisions
         .iter()
         .map(|collision| collision.link_from_shape.translation.vector / n)
         .sum();
-    if let Some(direction) = middle.try_normalize(SHORTEST_M) {
+    if let Some(direction) = middle.try_normalize(MIN_LENGTH_M) {
         let far = link
             .collisions
             .iter()

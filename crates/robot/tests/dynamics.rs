@@ -15,7 +15,7 @@ const ROBOTS: [&str; 3] = [
 const GRAVITY: Vector3<f64> = Vector3::new(0.0, 0.0, -9.81);
 
 /// The most degrees of freedom of those, and a root's.
-const MOST: usize = 28;
+const MAX_DOF: usize = 28;
 
 fn robots() -> impl Iterator<Item = RobotModel> {
     ROBOTS.iter().map(|xml| RobotModel::from_urdf(xml).unwrap())
@@ -30,7 +30,7 @@ fn twist(numbers: &[f64]) -> Twist<Palm> {
 }
 
 fn numbers() -> impl Strategy<Value = Vec<f64>> {
-    prop::collection::vec(-1.5..1.5, MOST)
+    prop::collection::vec(-1.5..1.5, MAX_DOF)
 }
 
 fn pose() -> impl Strategy<Value = Pose<World, Palm>> {
@@ -97,7 +97,7 @@ proptest! {
                 DVector::from_iterator(6 + n, all)
             };
             let mass = bodies.free_mass_matrix(&q[..n]).unwrap();
-            let bias = efforts(&[0.0; MOST]);
+            let bias = efforts(&[0.0; MAX_DOF]);
             let product = &mass * DVector::from_column_slice(&acceleration[..6 + n]);
             let difference = efforts(&acceleration) - bias - &product;
             prop_assert!(difference.amax() < 1e-12 * (1.0 + product.amax()), "{difference}");

@@ -20,7 +20,7 @@ pub struct SceneConfig {
     /// Factor on the masses and inertias of the hand's links, known to its controller.
     #[serde(default = "defaults::hand_mass_scale")]
     pub hand_mass_scale: f64,
-    /// Displacement of the object from its believed pose: none.
+    /// Displacement of the object from its estimated pose: none.
     #[serde(default)]
     pub object_offset: Offset,
     /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.

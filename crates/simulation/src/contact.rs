@@ -58,8 +58,8 @@ pub(crate) fn touch(
                 } else {
                     contact.local_p2
                 };
-                let thicker_m = surface.map_or(0.0, |surface| thicker_m(surface, on_part));
-                touch.depth_m = touch.depth_m.max(depth_m - thicker_m);
+                let protrusion_m = surface.map_or(0.0, |surface| protrusion_m(surface, on_part));
+                touch.depth_m = touch.depth_m.max(depth_m - protrusion_m);
             }
         }
     }
@@ -67,7 +67,7 @@ pub(crate) fn touch(
 }
 
 /// Returns how far a point of a part sticks out of the surface, in meters.
-fn thicker_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
+fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
     let [x, y, z] = on_part.to_array().map(f64::from);
     let distance_m = surface.signed_distance(&Point3::new(x, y, z)).distance_m;
     distance_m.max(0.0)

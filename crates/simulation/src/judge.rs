@@ -22,9 +22,11 @@ const FINAL_WINDOW_S: f64 = 0.5;
 const TOUCHING_SHARE: f64 = 0.5;
 /// Time at rest in the hand after which a held object has settled, in seconds.
 const SETTLED_S: f64 = 0.3;
-/// Largest motion in the hand that counts as rest, in meters and radians.
+/// Largest motion in the hand that counts as rest, in meters and radians, and as a share of the motion
+/// that is a slip.
 const SETTLED_M: f64 = 2e-4;
 const SETTLED_RAD: f64 = 4e-3;
+const SETTLED_SHARE: f64 = 0.1;
 
 /// Follows a rollout and ends it as soon as its verdict is known.
 pub(crate) struct Judge<'a> {
@@ -192,8 +194,8 @@ impl<'a> Judge<'a> {
     }
 
     /// Whether the object has rested in the hand for so long, with enough links pressing
-    /// throughout, that nothing more will happen: a creep 10 times slower than a slip would have
-    /// been detected.
+    /// throughout, that nothing more will happen: a creep at a tenth of the speed of a slip would
+    /// have been detected.
     fn has_settled(
         &mut self,
         template: &Template,
@@ -203,9 +205,13 @@ impl<'a> Judge<'a> {
         if !self.shortcuts.settled {
             return false;
         }
+        let protocol = self.protocol;
+        let settled_m = SETTLED_M.min(SETTLED_SHARE * SETTLED_S * protocol.max_slip_m_per_s);
+        let max_spin_rad_per_s = protocol.strict.max_spin_rad_per_s;
+        let settled_rad = SETTLED_RAD.min(SETTLED_SHARE * SETTLED_S * max_spin_rad_per_s);
         let moved = |rest: &Resting| {
             let away = rest.palm_from_object.inv_mul(palm_from_object);
-            away.translation.vector.norm() > SETTLED_M || away.rotation.angle() > SETTLED_RAD
+            away.translation.vector.norm() > settled_m || away.rotation.angle() > settled_rad
         };
         let rest = match self.rest.take() {
             Some(mut rest) if !moved(&rest) => {

@@ -3,11 +3,11 @@
 use crate::config::{Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
 
 /// Longest of the times that a protocol is made of, in seconds.
-const LONGEST_S: f64 = 3600.0;
+const MAX_DURATION_S: f64 = 3600.0;
 /// Shortest physics time step, in seconds: the numbers of physics have 32 bits.
-const SHORTEST_STEP_S: f64 = 1e-6;
+const MIN_STEP_S: f64 = 1e-6;
 /// Longest physics time step, in seconds.
-const LONGEST_STEP_S: f64 = 0.1;
+const MAX_STEP_S: f64 = 0.1;
 /// Most solver substeps in one physics step.
 const MAX_SUBSTEPS: u32 = 100;
 /// Maximum number of physics steps in one control step.
@@ -19,7 +19,7 @@ const MAX_STEPS: f64 = 10_000_000.0;
 /// Maximum number of links of a hand.
 const MAX_LINKS: u32 = 5000;
 /// Greatest number of any other setting.
-const MOST: f64 = 1e6;
+const MAX_SETTING: f64 = 1e6;
 
 /// What is wrong with one setting.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -65,18 +65,30 @@ impl SceneConfig {
             ("drive.armature", self.drive.armature),
             ("drive.stop_stiffness", self.drive.stop_stiffness),
         ] {
-            faults.within(key, number, 0.0, MOST, "physics computes with 32 bits");
+            faults.within(
+                key,
+                number,
+                0.0,
+                MAX_SETTING,
+                "physics computes with 32 bits",
+            );
         }
         for (key, number) in [
             ("object_offset.x_m", self.object_offset.x_m),
             ("object_offset.y_m", self.object_offset.y_m),
             ("object_offset.yaw_rad", self.object_offset.yaw_rad),
         ] {
-            faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
+            faults.within(
+                key,
+                number,
+                -MAX_SETTING,
+                MAX_SETTING,
+                "physics computes with 32 bits",
+            );
         }
         let why = "physics computes with 32 bits, and passes over what is faster";
         let step_s = self.time_step_s;
-        faults.within("time_step_s", step_s, SHORTEST_STEP_S, LONGEST_STEP_S, why);
+        faults.within("time_step_s", step_s, MIN_STEP_S, MAX_STEP_S, why);
         if !(1..=MAX_SUBSTEPS).contains(&self.substeps) {
             let problem = format!(
                 "is {}, and must be from 1 to {MAX_SUBSTEPS}: more change nothing",
@@ -93,7 +105,7 @@ impl SceneConfig {
             faults.note("steps_per_control", problem);
         }
         let why = "what does not rest by then never will";
-        faults.within("settle_s", self.settle_s, 0.0, LONGEST_S, why);
+        faults.within("settle_s", self.settle_s, 0.0, MAX_DURATION_S, why);
         let settling = self.settle_s / step_s;
         if faults.0.is_empty() && settling > MAX_STEPS {
             faults.note(
@@ -114,7 +126,12 @@ impl Protocol {
     /// they are there.
     pub fn faults(&self, scene: &SceneConfig) -> Vec<SettingFault> {
         let mut faults = Faults::default();
-        faults.above_to("reach_s", self.reach_s, LONGEST_S, "reaching takes seconds");
+        faults.above_to(
+            "reach_s",
+            self.reach_s,
+            MAX_DURATION_S,
+            "reaching takes seconds",
+        );
         for (key, seconds) in [
             ("squeeze_s", self.squeeze_s),
             ("pause_s", self.pause_s),
@@ -122,7 +139,7 @@ impl Protocol {
             ("hold_s", self.hold_s),
             ("pull.pull_s", self.pull.pull_s),
         ] {
-            faults.within(key, seconds, 0.0, LONGEST_S, "a grasp takes seconds");
+            faults.within(key, seconds, 0.0, MAX_DURATION_S, "a grasp takes seconds");
         }
         let closing = self.close_fraction;
         faults.within(
@@ -163,7 +180,13 @@ impl Protocol {
             ("pull.max_displacement_m", max_displacement_m),
             ("pull.max_rotation_rad", max_rotation_rad),
         ] {
-            faults.within(key, number, -MOST, MOST, "physics computes with 32 bits");
+            faults.within(
+                key,
+                number,
+                -MAX_SETTING,
+                MAX_SETTING,
+                "physics computes with 32 bits",
+            );
         }
         for (key, number) in [
             ("min_links", self.min_links),
@@ -243,7 +266,7 @@ impl Faults {
     }
 
     fn above(&mut self, key: &'static str, number: f64, why: &str) {
-        self.above_to(key, number, MOST, why);
+        self.above_to(key, number, MAX_SETTING, why);
     }
 
     fn above_to(&mut self, key: &'static str, number: f64, most: f64, why: &str) {

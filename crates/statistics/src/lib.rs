@@ -4,7 +4,7 @@
 //!   Motions of one object are alike, so that an interval for independent trials, such as
 //!   [`wilson`](schemas::tally::wilson), is right for those of one object, and too narrow for those
 //!   of many.
-//! - [`mcnemar`]: whether two settings differ, by their verdicts on the same motions.
+//! - [`mcnemar()`]: whether two settings differ, by their verdicts on the same motions.
 //!
 //! ```
 //! use schemas::tally::wilson;

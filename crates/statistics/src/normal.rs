@@ -24,8 +24,8 @@ pub(crate) fn probability(z: f64) -> f64 {
 /// Returns the value below which the probability is `p`, in 0..1, by bisection of [`probability`].
 pub(crate) fn percentile(p: f64) -> f64 {
     /// Farther out than 1 in 10⁸.
-    const FARTHEST: f64 = 6.0;
-    let (mut low, mut high) = (-FARTHEST, FARTHEST);
+    const MAX_ABS: f64 = 6.0;
+    let (mut low, mut high) = (-MAX_ABS, MAX_ABS);
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if probability(middle) < p {

@@ -11,7 +11,7 @@ const SAME_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
 /// are measured to a few degrees.
 const SNAP_RAD: f64 = 10.0 * std::f64::consts::PI / 180.0;
 /// Stable orientations less probable than this are left out unless they were seen.
-const LEAST_PROBABILITY: f64 = 0.02;
+const MIN_PROBABILITY: f64 = 0.02;
 
 /// Returns the resting orientations, most often seen first, then most probable first.
 ///
@@ -42,7 +42,7 @@ pub(crate) fn rests(object: &Object, seen: &[Unit<Vector3<f64>>]) -> Vec<Resting
     }
     let mut unseen: Vec<RestingOrientation> = stable
         .iter()
-        .filter(|stable| stable.probability > LEAST_PROBABILITY)
+        .filter(|stable| stable.probability > MIN_PROBABILITY)
         .filter(|stable| {
             let up = stable.rest.up_in_object;
             found

@@ -179,7 +179,7 @@ mod tests {
     }
 
     #[test]
-    fn ends_and_times_are_the_motion_s_and_its_name_says_whose() {
+    fn a_line_keeps_the_ends_the_times_and_the_source_of_its_motion() {
         let motion = motion();
         let line = line(&motion).unwrap();
         assert_eq!(line.candidate_id, "can-00007-line");

@@ -8,12 +8,12 @@ use serde::{Deserialize, Serialize};
 use crate::RetargetError;
 
 /// Largest size of a robot hand relative to a person's.
-const LARGEST_SCALE: f64 = 100.0;
+const MAX_SCALE: f64 = 100.0;
 /// Greatest weight of a point.
 const HEAVIEST: f64 = 1e6;
 /// Greatest distance of a point from its link's frame along an axis, and largest finger tip, in
 /// meters.
-const FARTHEST_M: f64 = 10.0;
+const MAX_DISTANCE_M: f64 = 10.0;
 
 /// Which landmarks the points of a robot hand follow.
 ///
@@ -105,9 +105,9 @@ impl HandTable {
     /// Checks what types cannot say.
     fn check(&self) -> Result<(), RetargetError> {
         let bad = |key: String, problem: String| Err(RetargetError::BadHandTable { key, problem });
-        if !(self.scale > 0.0 && self.scale <= LARGEST_SCALE) {
+        if !(self.scale > 0.0 && self.scale <= MAX_SCALE) {
             let problem = format!(
-                "{:?} is not a size, expected more than 0 and at most {LARGEST_SCALE}",
+                "{:?} is not a size, expected more than 0 and at most {MAX_SCALE}",
                 self.scale
             );
             return bad("scale".to_owned(), problem);
@@ -126,13 +126,15 @@ impl HandTable {
                 let problem = format!("`weight` must be at least 0 and at most {HEAVIEST}");
                 return bad(key, problem);
             }
-            if !point.offset_m.iter().all(|x| x.abs() <= FARTHEST_M) {
-                let problem = format!("`offset_m` must be at most {FARTHEST_M} m along each axis");
+            if !point.offset_m.iter().all(|x| x.abs() <= MAX_DISTANCE_M) {
+                let problem =
+                    format!("`offset_m` must be at most {MAX_DISTANCE_M} m along each axis");
                 return bad(key, problem);
             }
-            let is_radius = |radius| (0.0..=FARTHEST_M).contains(&radius);
+            let is_radius = |radius| (0.0..=MAX_DISTANCE_M).contains(&radius);
             if point.tip_radius_m.is_some_and(|radius| !is_radius(radius)) {
-                let problem = format!("`tip_radius_m` must be at least 0 and at most {FARTHEST_M}");
+                let problem =
+                    format!("`tip_radius_m` must be at least 0 and at most {MAX_DISTANCE_M}");
                 return bad(key, problem);
             }
         }

@@ -7,21 +7,21 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 /// Most motions of one object, a hundred times the paper's.
-const MOST_MOTIONS: usize = 1_000_000;
+const MAX_MOTIONS: usize = 1_000_000;
 /// Most steps of a motion: ten seconds at a controller's 1000 Hz.
-const MOST_STEPS: usize = 10_000;
+const MAX_STEPS: usize = 10_000;
 /// Most steps of all motions of one object, ten times the paper's: 4 GB.
-const MOST_STEPS_HELD: usize = 4_000_000;
+const MAX_STEPS_HELD: usize = 4_000_000;
 /// Most codes drawn for one motion.
-const MOST_DRAWS: usize = 10_000;
+const MAX_DRAWS: usize = 10_000;
 /// Longest motion, in seconds.
-const LONGEST_S: f64 = 3600.0;
+const MAX_DURATION_S: f64 = 3600.0;
 /// Greatest factor on a deviation, and greatest share of an extent.
-const WIDEST: f64 = 1000.0;
+const MAX_FACTOR: f64 = 1000.0;
 /// Greatest depth, in meters.
-const DEEPEST_M: f64 = 10.0;
+const MAX_DEPTH_M: f64 = 10.0;
 /// Most motions side by side.
-const MOST_RECORDED: usize = 1000;
+const MAX_RECORDED: usize = 1000;
 
 /// Options of `kind = "sample"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -58,8 +58,7 @@ pub struct SampleConfig {
     #[serde(default = "defaults::spread")]
     pub spread: f64,
     /// Most latent codes drawn for a motion until its hand stays out of object and table, else the
-    /// shallowest of them; the refused ones are rows of `candidates` too: 864 of 1280 hold with 16,
-    /// 632 with the paper's 1
+    /// shallowest of them; the refused ones are rows of `candidates` too; paper: 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
     /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`
@@ -111,33 +110,33 @@ impl SampleConfig {
         let least = if self.path.is_empty() { 1 } else { 2 };
         let why = "a table of more motions of one object is read by nobody whole, and a path has two \
                    ends";
-        faults.within("per_object", self.per_object, least..=MOST_MOTIONS, why);
+        faults.within("per_object", self.per_object, least..=MAX_MOTIONS, why);
         let why = "a motion has a beginning and an end, and controllers are told no more than this";
-        faults.within("steps", self.steps, 2..=MOST_STEPS, why);
+        faults.within("steps", self.steps, 2..=MAX_STEPS, why);
         let steps = self.per_object.saturating_mul(self.steps);
-        if self.per_object <= MOST_MOTIONS && self.steps <= MOST_STEPS && steps > MOST_STEPS_HELD {
+        if self.per_object <= MAX_MOTIONS && self.steps <= MAX_STEPS && steps > MAX_STEPS_HELD {
             let problem = format!(
                 "is {}, with `steps` = {} that makes {steps} steps per object, and may make \
-                 {MOST_STEPS_HELD}: they are held in memory together, about 1 kB each",
+                 {MAX_STEPS_HELD}: they are held in memory together, about 1 kB each",
                 self.per_object, self.steps
             );
             faults.note("per_object", problem);
         }
         let why = "reaching for an object takes seconds";
-        faults.above("duration_s", self.duration_s, 0.0, LONGEST_S, why);
+        faults.above("duration_s", self.duration_s, 0.0, MAX_DURATION_S, why);
         let why = "it multiplies a standard deviation of 1, and codes farther out mean nothing";
-        faults.within("spread", self.spread, 0.0..=WIDEST, why);
+        faults.within("spread", self.spread, 0.0..=MAX_FACTOR, why);
         let why = "it is a share of the object's extent";
-        faults.within("point_noise", self.point_noise, 0.0..=WIDEST, why);
+        faults.within("point_noise", self.point_noise, 0.0..=MAX_FACTOR, why);
         let share = self.demonstrated_share;
         faults.within("demonstrated_share", share, 0.0..=1.0, "it is a share");
         let why = "every draw is decoded and measured, and more find no better ones";
-        faults.within("draws", self.draws, 1..=MOST_DRAWS, why);
+        faults.within("draws", self.draws, 1..=MAX_DRAWS, why);
         let why = "it is a depth in an object that a hand can hold";
-        faults.within("max_depth_m", self.max_depth_m, 0.0..=DEEPEST_M, why);
+        faults.within("max_depth_m", self.max_depth_m, 0.0..=MAX_DEPTH_M, why);
         let why = "they stand side by side in one scene";
         let recorded = self.recorded_per_object;
-        faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
+        faults.within("recorded_per_object", recorded, 0..=MAX_RECORDED, why);
         if !matches!(self.path.len(), 0 | 2) {
             let problem = format!("is {:?}, and must be two names or none", self.path);
             faults.note("path", problem);

@@ -11,7 +11,7 @@ use robot_meshes::LoadError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SampleError {
-    /// A name in the configuration is no object of the lake.
+    /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{object}`")]
     UnknownObject {
         /// The name.

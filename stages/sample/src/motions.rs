@@ -62,7 +62,7 @@ pub(crate) fn sample(
                 left.push(number);
             }
             kept[number] = Some(match kept[number].take() {
-                Some(kept) => kept.or_less_deep(draw),
+                Some(kept) => kept.merged(draw),
                 None => draw,
             });
         }
@@ -95,9 +95,9 @@ impl Measured {
         })
     }
 
-    /// Returns the less deep of two draws of a motion, by which the other and what it refused are
-    /// refused; this one if they are equal.
-    fn or_less_deep(self, other: Self) -> Self {
+    /// Merges two draws of a motion: keeps the less deep, this one if they are equal, and adds the other
+    /// to its refused draws.
+    fn merged(self, other: Self) -> Self {
         let is_less = other.depth.deepest_m() < self.depth.deepest_m();
         let (mut kept, lost) = if is_less {
             (other, self)

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use simulation::{Protocol, SceneConfig};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
-const MOST_RECORDED: usize = 10_000;
+const MAX_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
 const MAX_POSE_NOISE: f64 = 1000.0;
 
@@ -46,7 +46,7 @@ impl ScreenConfig {
         let mut faults = OptionFaults::default();
         let recorded = self.recorded_per_object;
         let why = "a recording has about 1 MB";
-        faults.within("recorded_per_object", recorded, 0..=MOST_RECORDED, why);
+        faults.within("recorded_per_object", recorded, 0..=MAX_RECORDED, why);
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
         let why = "it is a depth in an object of a hand's size";

@@ -19,7 +19,7 @@ use spatial::{Object as InObject, Pose, Rest, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
 
-/// One settled scene per way in which the object lies.
+/// One settled scene per resting pose of the object.
 pub(crate) struct Screening<'a> {
     config: &'a ScreenConfig,
     candidates: &'a Candidates,
@@ -27,15 +27,14 @@ pub(crate) struct Screening<'a> {
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    /// Nothing for a way in which the object does not come to rest.
+    /// Nothing for a pose in which the object does not come to rest.
     templates: Vec<Option<Template>>,
     /// The template of each candidate.
     template_of: Vec<usize>,
 }
 
 impl<'a> Screening<'a> {
-    /// Builds the scenes; of `seed` are the mistakes about the object's place. Fails if the object comes
-    /// to rest in none of them.
+    /// Builds the scenes; `seed` draws the pose noise. Fails if the object comes to rest in none of them.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
@@ -102,22 +101,22 @@ impl<'a> Screening<'a> {
     /// Returns a candidate's motion with the joints in the hand's order.
     fn in_order(&self, candidate: &Candidate) -> Result<Motion<InObject>, SimulationError> {
         let joints = self.model.joint_names();
-        candidate.motion.reordered(&joints).map_err(unfit)
+        candidate.motion.reordered(&joints).map_err(motion_error)
     }
 
-    /// Returns the same, shifted with the object's place if that is mistaken.
+    /// Returns the same, shifted by the pose noise.
     fn motion(
         &self,
         idx: usize,
         candidate: &Candidate,
     ) -> Result<Motion<InObject>, SimulationError> {
-        let noise = self.config.pose_noise;
-        let mistake = Translation3::from(if noise > 0.0 {
-            pose_noise_m(&(self.extent_m * noise), self.seed, idx)
+        let scale = self.config.pose_noise;
+        let noise_m = Translation3::from(if scale > 0.0 {
+            pose_noise_m(&(self.extent_m * scale), self.seed, idx)
         } else {
             Vector3::zeros()
         });
-        Ok(self.in_order(candidate)?.shifted(&mistake))
+        Ok(self.in_order(candidate)?.shifted(&noise_m))
     }
 }
 
@@ -131,7 +130,7 @@ fn feasible<T>(simulated: Result<T, SimulationError>) -> Result<Option<T>, Simul
 }
 
 /// A motion that is not one of the hand.
-fn unfit(err: impl Display) -> SimulationError {
+fn motion_error(err: impl Display) -> SimulationError {
     SimulationError::Motion(err.to_string())
 }
 
@@ -169,7 +168,7 @@ impl Screening<'_> {
             displacement_m: rollout.displacement_m,
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
-            smoothness: smoothness(&motion, self.model).map_err(unfit)?,
+            smoothness: smoothness(&motion, self.model).map_err(motion_error)?,
             ..infeasible(candidate)
         })
     }

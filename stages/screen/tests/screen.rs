@@ -311,7 +311,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     assert!(table[0].candidate_rate_low < 0.05 && table[0].candidate_rate_high > 0.85);
     let said = RatesReport::LINE.unwrap()(&Summary::made(&[made]));
     assert!(
-        said.starts_with("33.3 % hold over 1 objects (95 % CI "),
+        said.starts_with("33.3 % hold, 1 objects (95 % CI "),
         "{said}"
     );
     let svg = fs::read_to_string(rates.join("objects_mean.svg")).unwrap();
@@ -552,7 +552,7 @@ fn smoothness_of_a_straight_reach_is_that_of_a_line_for_the_palm() {
 }
 
 #[test]
-fn a_mistaken_place_spoils_grasps_the_more_the_larger_and_the_same_again() {
+fn pose_noise_lowers_success_and_is_reproducible() {
     let judged = |pose_noise: f64| {
         let folder = tempfile::tempdir().unwrap();
         let mut config = config();

@@ -17,7 +17,7 @@ const STATE: &str = "state.safetensors";
 /// The epochs that are done, one JSON object per line, beside it.
 const CURVE: &str = "curve.jsonl";
 /// States are not saved more often than this,
-const LEAST: Duration = Duration::from_secs(1);
+const MIN_INTERVAL: Duration = Duration::from_secs(1);
 /// nor so often that saving takes more than one part in so many of the time.
 const SHARE: u32 = 50;
 
@@ -37,7 +37,7 @@ impl Saver {
             state: folder.join(STATE),
             curve: folder.join(CURVE),
             saved: Instant::now(),
-            pause: LEAST,
+            pause: MIN_INTERVAL,
         };
         let found = match fs::read(&saver.state) {
             Err(err) if err.kind() == io::ErrorKind::NotFound => Found::Nothing,
@@ -70,7 +70,7 @@ impl Saver {
             let started = Instant::now();
             lake::write_whole(&self.state, &trainer.state()?)?;
             self.saved = Instant::now();
-            self.pause = LEAST.max(started.elapsed() * SHARE);
+            self.pause = MIN_INTERVAL.max(started.elapsed() * SHARE);
         }
         Ok(())
     }

@@ -105,14 +105,14 @@ impl Output for Train {
                 keys.push(&trajectory.key);
             }
         }
-        let unseen_n = unseen(config, &objects).len();
-        if let Some(fold) = config.unseen_fold.filter(|_| unseen_n == 0) {
+        let of_fold = config.unseen_fold.map(|fold| (fold, fold.of(&objects)));
+        if let Some((fold, _)) = of_fold.filter(|(_, objects)| objects.is_empty()) {
             return Err(TrainError::EmptyFold {
                 fold,
                 objects_n: objects.len(),
             });
         }
-        if unseen_n == objects.len() {
+        if unseen(config, &objects).len() == objects.len() {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
             });

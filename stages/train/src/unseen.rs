@@ -23,9 +23,9 @@ pub struct Fold {
 
 impl Fold {
     /// Returns the names that belong to this fold.
-    fn of<'a>(self, names: &BTreeSet<&'a str>) -> impl Iterator<Item = &'a str> {
+    pub(crate) fn of<'a>(self, names: &BTreeSet<&'a str>) -> Vec<&'a str> {
         let names = names.iter().skip(self.number - 1).step_by(self.folds_n);
-        names.copied().collect::<Vec<_>>().into_iter()
+        names.copied().collect()
     }
 }
 
@@ -82,7 +82,7 @@ mod tests {
     fn each_object_is_in_one_fold() {
         let objects: BTreeSet<&str> = ["a", "b", "c", "d", "e"].into();
         let folds = ["1/2", "2/2"].map(|fold| fold.parse::<Fold>().unwrap());
-        let of = folds.map(|fold| fold.of(&objects).collect::<Vec<_>>());
+        let of = folds.map(|fold| fold.of(&objects));
         assert_eq!(of, [vec!["a", "c", "e"], vec!["b", "d"]]);
         assert_eq!(folds[1].to_string(), "2/2");
     }

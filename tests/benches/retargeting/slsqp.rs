@@ -14,7 +14,7 @@ const VALUE_TOLERANCE: f64 = 1e-5;
 const ROOT_BOUNDS: [f64; 2] = [5.0, TAU];
 
 /// Postures tried at most; the peer sets no such limit, and neither comes near.
-const MOST_EVALUATIONS: usize = 1000;
+const MAX_EVALUATIONS: usize = 1000;
 
 /// A constraint beside the bounds; there is none.
 type Constraint = fn(&[f64], Option<&mut [f64]>, &mut ()) -> f64;
@@ -90,7 +90,7 @@ pub(crate) fn retarget(
         &bounds,
         &no_constraints,
         (),
-        MOST_EVALUATIONS,
+        MAX_EVALUATIONS,
         Some(tolerances),
     );
     // It fails where rounding keeps it from going on, and is then as near as it gets.

@@ -5,7 +5,16 @@ use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use robot::RobotModel;
+use simulation::{Approach, Protocol};
 use spatial::{Object, Pose};
+
+/// Returns the protocol of scripted grasps: their fingers are closed all the way, so they wait open.
+pub(crate) fn opened(protocol: Protocol) -> Protocol {
+    Protocol {
+        approach: Approach::Open,
+        ..protocol
+    }
+}
 
 /// Draws grasps: the palm comes from the side over 15 cm, its fingers around the can, the thumb up;
 /// where it stands and how far it closes is drawn from ranges in which some fail in each way.

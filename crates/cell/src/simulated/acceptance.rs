@@ -169,6 +169,12 @@ fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
         ("max_slip_m_per_s", grasp.max_slip_m_per_s),
         ("knocked_m", grasp.knocked_m),
         ("knocked_rad", grasp.knocked_rad),
+        ("strict.max_spin_rad_per_s", grasp.strict.max_spin_rad_per_s),
+        (
+            "strict.palm_table_tolerance_m",
+            grasp.strict.palm_table_tolerance_m,
+        ),
+        ("strict.start_tolerance_m", grasp.strict.start_tolerance_m),
     ] {
         if !(number.is_finite() && number >= 0.0) {
             let problem = format!("`{name}` is {number}, expected 0 or more");

@@ -9,7 +9,7 @@ use simulation::Offset;
 /// digest, so that a goal has one outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gap {
-    /// Error of the object's believed pose.
+    /// Error of the object's estimated pose.
     pub object: ObjectError,
     /// Delay until a command takes effect, in seconds.
     pub latency_s: f64,

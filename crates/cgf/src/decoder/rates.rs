@@ -98,9 +98,9 @@ fn spin(frame: &[Moving; 3]) -> [Vector3<f64>; 2] {
 
 /// Returns a vector over its length; `None` if that is about zero or no number.
 fn unit(v: &Moving) -> Option<Moving> {
-    const LEAST: f64 = 1e-9;
+    const MIN_NORM: f64 = 1e-9;
     let length = v[0].norm();
-    if !(length.is_finite() && length > LEAST) {
+    if !(length.is_finite() && length > MIN_NORM) {
         return None;
     }
     let first = v[0].dot(&v[1]) / length;

@@ -185,7 +185,7 @@ fn equals_the_plain_form_at_the_widths_of_the_paper() {
 
 /// The plain form of the tape takes part in the same way on every device; here on the CPU.
 #[test]
-fn the_form_for_other_devices_gives_the_same_features_gradients_and_statistics() {
+fn the_device_kernel_gives_the_features_gradients_and_statistics_of_the_cpu_kernel() {
     let (weights, clouds, by) = setting(&SMALL);
     let clouds = Arc::new(clouds);
     for statistics in [Statistics::Measured, Statistics::Stored] {

@@ -25,7 +25,7 @@ pub(crate) struct ArmPath<'a> {
 
 /// The arm's joints at a point of the path, in the order of [`Arm::joint_names`].
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct ArmMoving {
+pub(crate) struct ArmPoint {
     /// Positions in radians (meters if prismatic).
     pub(crate) q: Vec<f64>,
     /// Derivatives by the course's time in seconds, or by the lift's height in meters.
@@ -57,20 +57,20 @@ impl<'a> ArmPath<'a> {
     /// its last they are as there.
     ///
     /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad.
-    pub(crate) fn at(&self, course_s: f64) -> Result<ArmMoving, Infeasible> {
+    pub(crate) fn at(&self, course_s: f64) -> Result<ArmPoint, Infeasible> {
         let time_s = course_s.clamp(0.0, end(&self.to_grasp));
         self.moving(&self.to_grasp, PathPoint::Reach { time_s })
     }
 
     /// Returns the joints with the palm this high above the grasp, in meters; below and beyond the lift
     /// they are as at its ends.
-    pub(crate) fn lifted(&self, height_m: f64) -> Result<ArmMoving, Infeasible> {
+    pub(crate) fn lifted(&self, height_m: f64) -> Result<ArmPoint, Infeasible> {
         let height_m = height_m.clamp(0.0, end(&self.lift));
         self.moving(&self.lift, PathPoint::Lift { height_m })
     }
 
     /// Seeks the joints from the nearest knot.
-    fn moving(&self, knots: &[Knot], at: PathPoint) -> Result<ArmMoving, Infeasible> {
+    fn moving(&self, knots: &[Knot], at: PathPoint) -> Result<ArmPoint, Infeasible> {
         let number = at.number();
         let after = knots.partition_point(|knot| knot.at.number() < number);
         let near = [after.checked_sub(1), Some(after)].into_iter().flatten();
@@ -86,7 +86,7 @@ impl<'a> ArmPath<'a> {
             least: 0.0,
         };
         let knot = tracer.next(nearest, &self.palm_path.at(at))?;
-        Ok(ArmMoving {
+        Ok(ArmPoint {
             q: knot.q,
             rates: JointRates {
                 velocity: knot.rates.velocity,

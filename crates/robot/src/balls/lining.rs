@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn a_box_has_about_as_many_balls_as_a_body_as_it_has_as_a_primitive() {
+    fn a_box_of_a_mesh_and_a_primitive_box_get_about_as_many_balls() {
         for half_extents_m in [
             Vector3::new(0.01, 0.014, 0.027),
             Vector3::new(0.02, 0.056, 0.0475),

@@ -17,10 +17,10 @@ use spatial::{Object, Pose, Rest};
 use crate::scene::{hand, protocol, scene};
 
 /// Verdicts of 62 that have to agree: `SAPIEN` and `MuJoCo` agree on 51.
-const LEAST_AGREEMENTS: usize = 53;
+const MIN_AGREEMENTS: usize = 53;
 /// Greatest spin of a held can in rad/s, root of the mean square over the last 0.6 s: below the median of those
 /// that `MuJoCo` holds, 0.086 (with its default contacts; its most is 0.39).
-const MAX_SPIN: f64 = 0.08;
+const MAX_SPIN: f64 = 0.07;
 
 /// A recorded grasp.
 struct Grasp {
@@ -171,10 +171,7 @@ fn verdicts_on_scripted_grasps_agree_with_mujoco() {
         count((false, true)),
     );
     println!("{said}");
-    assert!(
-        grasps.len() == 62 && agreements >= LEAST_AGREEMENTS,
-        "{said}"
-    );
+    assert!(grasps.len() == 62 && agreements >= MIN_AGREEMENTS, "{said}");
 }
 
 #[test]
@@ -209,5 +206,8 @@ fn a_held_can_does_not_jitter() {
         "{} held, spin: median {median:.5}, most {most:.5} rad/s",
         spins.len()
     );
-    assert!(spins.len() > 30 && most < MAX_SPIN, "{spins:?}");
+    assert!(
+        spins.len() > 30 && most < MAX_SPIN && median < 1e-3,
+        "{spins:?}"
+    );
 }

@@ -94,11 +94,26 @@ fn contact_is_counted_by_fingers() {
 
 #[test]
 fn an_object_that_turns_in_the_hand_slips() {
+    // The limit is on either side of the spin that the trace shows.
     let template = template(&scene());
-    for (max_spin_rad_per_s, expected) in [(0.2, Verdict::Held), (0.0, Verdict::Slipped)] {
+    let rollout = |max_spin_rad_per_s| {
         let protocol = strict(|strict| strict.max_spin_rad_per_s = max_spin_rad_per_s);
-        assert_eq!(roll(&template, &protocol).verdict, expected);
-    }
+        let motion = side_grasp(BESIDE, &closed());
+        template.rollout(&motion, &protocol, Record::Trace).unwrap()
+    };
+    let held = rollout(StrictConfig::default().max_spin_rad_per_s);
+    assert_eq!(held.verdict, Verdict::Held);
+    let steps = held.trace.unwrap().steps;
+    // The final window of half a second, at 50 Hz.
+    let [before, after] = [steps.len() - 26, steps.len() - 1].map(|step| {
+        let step = &steps[step];
+        step.table_from_palm
+            .inv_mul(&step.table_from_object)
+            .rotation
+    });
+    let spin_rad_per_s = before.angle_to(&after) / 0.5;
+    assert_eq!(rollout(1.1 * spin_rad_per_s).verdict, Verdict::Held);
+    assert_eq!(rollout(0.9 * spin_rad_per_s).verdict, Verdict::Slipped);
 }
 
 #[test]

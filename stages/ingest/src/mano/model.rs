@@ -29,10 +29,10 @@ const REGRESSOR_SUM_TOLERANCE: f64 = 1e-2;
 /// meters.
 const JOINT_TOLERANCE_M: f64 = 1e-4;
 /// No vertex of a hand is farther from the origin, in meters.
-const FARTHEST_VERTEX_M: f64 = 1.0;
+const MAX_VERTEX_DISTANCE_M: f64 = 1.0;
 /// Least cosine, without its sign, between the palm's normal and where the mean pose bends the
 /// fingers; it is 0.99 for the index finger of the right hand, by what is published of its joints.
-const LEAST_BEND: f64 = 0.5;
+const MIN_BEND: f64 = 0.5;
 
 /// Returns the vertices at the tips of thumb, index, middle, ring and little finger.
 ///
@@ -107,7 +107,7 @@ impl ManoModel {
         check_tree(&arrays.integers("kintree_table", &[2, JOINTS])?)?;
 
         let template = vectors(&arrays.numbers("v_template", &[VERTICES, 3])?);
-        if template.iter().any(|at| at.norm() > FARTHEST_VERTEX_M) {
+        if template.iter().any(|at| at.norm() > MAX_VERTEX_DISTANCE_M) {
             return Err(ManoError::NotMano("a vertex is not within a meter"));
         }
         let directions = arrays.directions("shapedirs", [VERTICES, 3, BETAS])?;
@@ -234,9 +234,9 @@ fn side(joints: &[Shaped; JOINTS], mean: &[f64; ANGLES]) -> Result<Side, ManoErr
         }
     }
     let cosine = n.dot(&bend) / (n.norm() * bend.norm());
-    if cosine > LEAST_BEND {
+    if cosine > MIN_BEND {
         Ok(Side::Right)
-    } else if cosine < -LEAST_BEND {
+    } else if cosine < -MIN_BEND {
         Ok(Side::Left)
     } else {
         Err(ManoError::NotMano(

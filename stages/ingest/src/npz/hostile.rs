@@ -123,7 +123,7 @@ fn every_way_of_storing_gives_the_same_numbers() {
 }
 
 #[test]
-fn first_axis_fastest_is_turned_about_in_three_dimensions() {
+fn fortran_order_is_transposed_in_three_dimensions() {
     // Element (i, j, k) of shape (2, 3, 4) is 100 i + 10 j + k.
     let number = |i: u32, j: u32, k: u32| f64::from(100 * i + 10 * j + k);
     let mut columns = Vec::new();

@@ -30,7 +30,7 @@ const MAX_OBJECTS: usize = 1000;
 /// Maximum number of images per second, ten times those of the fastest cameras that film a whole hand.
 const MAX_HZ: f64 = 10_000.0;
 /// Greatest length, angle, factor or mass.
-const MOST: f64 = 1e6;
+const MAX_SETTING: f64 = 1e6;
 
 /// Returns what is wrong with the options beyond their types.
 pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
@@ -46,7 +46,7 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
         ("max_table_error_m", config.max_table_error_m),
     ] {
         let why = "with 0 nothing is good enough, and no hand's scene is larger";
-        faults.above(key, number, 0.0, MOST, why);
+        faults.above(key, number, 0.0, MAX_SETTING, why);
     }
     for (key, number, least) in [
         ("settle_n", config.settle_n, 1),
@@ -69,7 +69,7 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
     let meshes = config.meshes.iter();
     let added = meshes.map(|(object, mesh)| (format!("meshes.{object}.mass_kg"), mesh.mass_kg));
     for (key, kg) in masses.chain(added) {
-        faults.above(&key, kg, 0.0, MOST, "a hand lifts it");
+        faults.above(&key, kg, 0.0, MAX_SETTING, "a hand lifts it");
     }
     faults.found()
 }

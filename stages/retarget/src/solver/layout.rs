@@ -6,7 +6,7 @@ use super::{
 };
 
 /// Maximum number of unknowns of one finger, and of the trunk.
-pub(super) const MOST: usize = 64;
+pub(super) const MAX_JOINTS: usize = 64;
 
 /// The order of the unknowns and the places of their second derivatives.
 ///
@@ -76,10 +76,10 @@ impl Layout {
             }
         }
         let longest = fingers.iter().map(|&(_, len)| len).max().unwrap_or(0);
-        if n_trunk.max(longest) > MOST {
+        if n_trunk.max(longest) > MAX_JOINTS {
             return Err(SolverError::TooManyJoints {
                 found: n_trunk.max(longest),
-                most: MOST,
+                most: MAX_JOINTS,
             });
         }
         let mut layout = Self {

@@ -15,7 +15,7 @@ use super::{
 /// such as a turn of the wrist against one of a free root, where it is.
 const FLOOR: f64 = 1e-12;
 /// Share of that which every pivot must keep for the matrix to count as positive definite.
-const LEAST_PIVOT: f64 = 0.1;
+const MIN_PIVOT: f64 = 0.1;
 /// Turns of the search for the limits that hold.
 const MAX_TURNS: usize = 12;
 
@@ -38,7 +38,7 @@ impl Solver<'_> {
                 right: &self.right,
                 damping: &self.damping,
                 free: &self.free,
-                least_pivot: LEAST_PIVOT * floor,
+                least_pivot: MIN_PIVOT * floor,
             };
             if !self.eliminator.solve(&system, &mut self.step) {
                 return None;

@@ -15,11 +15,11 @@ use super::{
 /// Damping after the first step that failed, relative to the diagonal.
 const FIRST_DAMPING: f64 = 1e-2;
 /// Damping below which there is none.
-const LEAST_DAMPING: f64 = 1e-4;
+const MIN_DAMPING: f64 = 1e-4;
 /// Damping at which nothing more is to be found.
 const MAX_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
-const LEAST_SHARE: f64 = 1e-4;
+const MIN_SHARE: f64 = 1e-4;
 /// How near to 1 the share must be for the expansion to be believed for one more step.
 const NEAR: f64 = 0.3;
 
@@ -228,7 +228,7 @@ impl<'a> Solver<'a> {
             let trial_cost = self.evaluation.cost(&self.trial, task, terms);
             outcome.iterations += 1;
             let share = (cost - trial_cost) / predicted;
-            if share > LEAST_SHARE {
+            if share > MIN_SHARE {
                 std::mem::swap(&mut self.state, &mut self.trial);
                 cost = trial_cost;
                 outcome.cost = cost;
@@ -237,7 +237,7 @@ impl<'a> Solver<'a> {
                     damping = (damping * 4.0).max(FIRST_DAMPING);
                 } else if share > 0.7 {
                     damping *= 0.1;
-                    if damping < LEAST_DAMPING {
+                    if damping < MIN_DAMPING {
                         damping = 0.0;
                     }
                 }

@@ -5,7 +5,7 @@ use std::f64::consts::FRAC_2_PI;
 /// Added and taken away again, this rounds to a whole number: 1.5 × 2⁵².
 const ROUND: f64 = 6_755_399_441_055_744.0;
 /// Beyond this angle the reduction below loses digits, in radians.
-const LARGEST: f64 = 1e5;
+const MAX_ANGLE: f64 = 1e5;
 /// π/2 in three parts, the first two with trailing zeros, so that small multiples are exact (Cody
 /// and Waite, *Software Manual for the Elementary Functions*, 1980, §8.1; the parts are fdlibm's).
 const HALF_PI: [f64; 3] = [
@@ -91,7 +91,7 @@ fn lanes(angles: [f64; LANES]) -> ([f64; LANES], [f64; LANES]) {
         sines[lane] = f64::from_bits(sine_bits ^ ((quarter & 2) << 62));
         cosines[lane] = f64::from_bits(cosine_bits ^ ((quarter.wrapping_add(1) & 2) << 62));
     }
-    if largest > LARGEST {
+    if largest > MAX_ANGLE {
         for lane in 0..LANES {
             (sines[lane], cosines[lane]) = angles[lane].sin_cos();
         }

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// Greatest coordinate of a landmark in the object frame, in meters.
-const FARTHEST_M: f64 = 1000.0;
+const MAX_DISTANCE_M: f64 = 1000.0;
 
 /// Makes the trajectory of one demonstration.
 pub(super) fn make(
@@ -95,7 +95,7 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
     }
     let is_sound = |step: &demonstrations::Step| {
         let mut coordinates = step.keypoints_m.as_flattened().iter();
-        coordinates.all(|x| x.abs() <= FARTHEST_M) && step.time_s.is_finite()
+        coordinates.all(|x| x.abs() <= MAX_DISTANCE_M) && step.time_s.is_finite()
     };
     let broken = demonstration
         .steps
@@ -103,7 +103,7 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
         .position(|step| !is_sound(step))?;
     Some(format!(
         "step {broken} has a time that is not finite, or a landmark that is not within \
-         {FARTHEST_M} m"
+         {MAX_DISTANCE_M} m"
     ))
 }
 

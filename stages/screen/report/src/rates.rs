@@ -35,7 +35,7 @@ dataflow::metrics! {
         /// Upper end of its 95 % interval.
         draw_rate_high: Mean,
         /// 1 if the fingers stay open until the closing, 0 if they follow the motion.
-        opens: Mean,
+        approach_open: Mean,
         /// How far the joints squeeze beyond their final positions, in radians.
         squeeze_rad: Mean,
     }
@@ -177,7 +177,7 @@ impl RatesMetrics {
             draw_rate_mean: by_draw.mean,
             draw_rate_low: by_draw.low,
             draw_rate_high: by_draw.high,
-            opens: f64::from(u8::from(protocol.approach == Approach::Open)),
+            approach_open: f64::from(u8::from(protocol.approach == Approach::Open)),
             squeeze_rad: protocol.squeeze_rad,
         }
     }
@@ -187,13 +187,13 @@ impl RatesMetrics {
 fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
-    let approach = if all.opens > 0.0 {
+    let approach = if all.approach_open > 0.0 {
         Approach::Open
     } else {
         Approach::Follow
     };
     format!(
-        "{:.1} % hold over {} objects (95 % CI {:.0} to {:.0}); {}, squeeze {} rad",
+        "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}, squeeze {}",
         percent(all.candidate_rate_mean),
         all.objects_n,
         percent(all.candidate_rate_low),
@@ -335,8 +335,8 @@ mod tests {
         let said = |protocol: &Protocol| line(&Summary::made(&[RatesMetrics::of(&rows, protocol)]));
         let text = said(&protocol());
         let (begin, end) = (
-            "61.7 % hold over 6 objects (95 % CI ",
-            "); follow, squeeze 0.15 rad",
+            "61.7 % hold, 6 objects (95 % CI ",
+            "); follow, squeeze 0.15",
         );
         assert!(text.starts_with(begin) && text.ends_with(end), "{text}");
         // With its place, its stage and its time it fits 100 columns.
@@ -347,7 +347,7 @@ mod tests {
             ..protocol()
         };
         assert!(
-            said(&open).ends_with("; open, squeeze 0 rad"),
+            said(&open).ends_with("; open, squeeze 0"),
             "{}",
             said(&open)
         );

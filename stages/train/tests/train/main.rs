@@ -264,7 +264,7 @@ fn choices_that_leave_nothing_are_refused_with_a_hint() {
     config.unseen_objects = vec!["cup".to_owned()];
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
-    config.unseen_objects.clear();
+    config.unseen_objects = vec!["can".to_owned()];
     config.unseen_fold = Some("3/3".parse().unwrap());
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(matches!(err, TrainError::EmptyFold { objects_n: 2, .. }) && err.hint().is_some());
