@@ -21,7 +21,7 @@ with
             100.0 * sum((1 - is_unseen) * successes_n) / sum((1 - is_unseen) * candidates_n) as seen,
             100.0 * sum(is_unseen * successes_n) / sum(is_unseen * candidates_n) as unseen
         from by_object group by frame, augmentation, offset_m),
-    rates as (
+    by_offset as (
         select frame, augmentation,
             max(case when offset_m = 0 then seen end) as seen_0,
             max(case when offset_m = 0.01 then seen end) as seen_10,
@@ -41,4 +41,4 @@ select
     round(unseen_0, 0) as "unseen, in place, %",
     round(unseen_10, 0) as "unseen, 10 mm, 0.1 rad, %",
     round(unseen_20, 0) as "unseen, 20 mm, 0.2 rad, %"
-from rates order by frame desc, augmentation desc
+from by_offset order by frame desc, augmentation desc
