@@ -27,7 +27,7 @@ const OTHERS: [(&str, &str); 4] = [
         "`cargo bench --bench screening` and `--bench agreement` print it",
     ),
     (
-        "| contacts | hold there too |",
+        "| | all | unseen objects |",
         "`cargo bench --bench agreement` prints it",
     ),
     (
