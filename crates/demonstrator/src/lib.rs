@@ -39,4 +39,4 @@ mod solid;
 
 pub use error::DemonstratorError;
 pub use recipe::Recipe;
-pub use sample::{GENERATOR_VERSION, Made, RECIPE_FILE, ensure_sample};
+pub use sample::{Made, RECIPE_FILE, ensure_sample};

@@ -17,8 +17,8 @@ use crate::{
     scene,
 };
 
-/// Bump on any change of what a recipe gives: samples made before are then made again.
-pub const GENERATOR_VERSION: u32 = 3;
+/// Digests of the sources that decide what a recipe gives: recordings that others made are made again.
+const CODE: &str = env!("PIPELINE_CODE");
 
 /// The recipe's file in a folder of made-up recordings.
 pub const RECIPE_FILE: &str = "recipe.toml";
@@ -34,7 +34,7 @@ const LOCK_FILE: &str = ".lock";
 pub enum Made {
     /// The folder has no recipe: its recordings are not ours to make.
     NoRecipe,
-    /// The recordings were made by this recipe and generator before.
+    /// The recordings were made by this recipe and code before.
     Kept,
     /// The recordings were made now.
     Written {
@@ -46,7 +46,7 @@ pub enum Made {
 }
 
 /// Makes the recordings of the folder's `recipe.toml` where they are missing or were made by another
-/// recipe or generator; equal recipes give equal bytes on any number of threads.
+/// recipe or other code; equal recipes give equal bytes on any number of threads.
 ///
 /// Recordings that this recipe made are left alone, edited or not. A folder without a recipe, such
 /// as the real dataset, is not touched. Work in progress lies in `.making` and moves into place at
@@ -66,8 +66,9 @@ pub fn ensure_sample(root: &Path) -> Result<Made, DemonstratorError> {
     let lock = File::create(&lock_path).map_err(failed("write", &lock_path))?;
     lock.lock().map_err(failed("lock", &lock_path))?;
 
-    let digest = blake3::hash(text.as_bytes()).to_hex();
-    let made_by = format!("recipe {digest}\ngenerator {GENERATOR_VERSION}\n");
+    let [recipe_digest, code_digest] =
+        [&*text, CODE].map(|text| blake3::hash(text.as_bytes()).to_hex());
+    let made_by = format!("recipe {recipe_digest}\ncode {code_digest}\n");
     let stamp_path = root.join(STAMP_FILE);
     let stamp = fs::read_to_string(&stamp_path).unwrap_or_default();
     if stamp.starts_with(&made_by) {
