@@ -42,22 +42,33 @@ const MIN_SHARE: [f64; 2] = [0.90, 0.85];
 const MAX_RATE_DIFFERENCE: f64 = 0.25;
 /// Both engines are deterministic: equal lakes give equal shares.
 const NOISE: f64 = 0.0;
-/// Each with what it asks.
-const ENGINES: [(&str, Engine); 2] = [
+/// The peer, the peer at half the step as the bound of any agreement with it, and its own defaults.
+const ENGINES: [(&str, Engine); 3] = [
     (
         "elliptic",
         Engine {
             cone: "elliptic",
             impratio: 10.0,
-            solref: [0.02, 1.0],
+            solref: mujoco::SOLREF,
+            steps: 1,
         },
     ),
     (
-        "pyramidal",
+        "half steps",
+        Engine {
+            cone: "elliptic",
+            impratio: 10.0,
+            solref: mujoco::SOLREF,
+            steps: 2,
+        },
+    ),
+    (
+        "defaults",
         Engine {
             cone: "pyramidal",
             impratio: 1.0,
             solref: [0.02, 1.0],
+            steps: 1,
         },
     ),
 ];
@@ -111,6 +122,13 @@ fn main() -> ExitCode {
         totals.only_there,
         mcnemar(only_here as u64, totals.only_there as u64)
     );
+    println!(
+        "{} and {}: kappa {:.2}, {} verdicts differ",
+        ENGINES[0].0,
+        ENGINES[1].0,
+        totals.kappa_of_peers(),
+        totals.peers_differ
+    );
     let all = totals.candidates as f64;
     println!(
         "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that hold",
@@ -154,6 +172,9 @@ struct Counts {
     reasons: BTreeMap<String, usize>,
     /// Held with the first engine, and not here.
     only_there: usize,
+    /// Held with the second engine, here or not, and how often the first two differ.
+    held_by_second: usize,
+    peers_differ: usize,
     /// Physics steps of a candidate to the end.
     steps: f64,
     /// CPU seconds of all here, of those that hold, and of all there by engine.
@@ -201,11 +222,14 @@ impl Counts {
 
     /// Returns Cohen's kappa of this and the first engine; NaN if all verdicts of both are the same one.
     fn kappa(&self) -> f64 {
-        let n = self.candidates as f64;
-        let (held, there) = (self.held as f64 / n, self.held_there() as f64 / n);
-        let differ = (self.held - self.there[0] + self.only_there) as f64 / n;
-        let by_chance = held * there + (1.0 - held) * (1.0 - there);
-        1.0 - differ / (1.0 - by_chance)
+        let differ = self.held - self.there[0] + self.only_there;
+        kappa(self.candidates, self.held, self.held_there(), differ)
+    }
+
+    /// Returns that of the first two engines.
+    fn kappa_of_peers(&self) -> f64 {
+        let (first, second) = (self.held_there(), self.held_by_second);
+        kappa(self.candidates, first, second, self.peers_differ)
     }
 
     fn add(&mut self, other: &Self) {
@@ -215,6 +239,8 @@ impl Counts {
             *sum += n;
         }
         self.only_there += other.only_there;
+        self.held_by_second += other.held_by_second;
+        self.peers_differ += other.peers_differ;
         self.steps = other.steps;
         self.here_s += other.here_s;
         self.here_held_s += other.here_held_s;
@@ -235,7 +261,8 @@ fn compare(
     object: &ObjectShape,
     candidates: &Candidates,
 ) -> Counts {
-    let (scene, protocol) = options::options();
+    let screen = options::screen();
+    let (scene, protocol) = (&screen.scene, &screen.protocol);
     let mut counts = Counts {
         candidates: candidates.candidates.len(),
         ..Counts::default()
@@ -248,17 +275,19 @@ fn compare(
         let pose = candidate.table_from_object;
         let known = templates.iter().position(|(other, _)| *other == pose);
         let at = known.unwrap_or_else(|| {
-            let template = Template::new(&scene, hand, object, &Rest::of(&pose)).unwrap();
+            let template = Template::new(scene, hand, object, &Rest::of(&pose)).unwrap();
             templates.push((pose, template));
             templates.len() - 1
         });
         let (template, motion) = (&templates[at].1, &candidate.motion);
         counts.here_s += thread_time::cpu_s() - before;
         let before = thread_time::cpu_s();
-        let rollout = template.rollout(motion, &protocol, Record::Nothing);
+        let rollout = template.rollout(motion, protocol, Record::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
-        held.push(rollout.verdict == Verdict::Held);
+        held.push(
+            rollout.verdict == Verdict::Held && rollout.penetration_m <= screen.max_penetration_m,
+        );
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
@@ -266,24 +295,46 @@ fn compare(
             counts.here_held_steps +=
                 f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
         }
-        let setpoints = template.setpoints(&motion, &protocol).unwrap();
+        let setpoints = template.setpoints(&motion, protocol).unwrap();
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(template, &setpoints));
     }
+    let mut verdicts: Vec<Vec<bool>> = Vec::new();
     for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
-        mujoco.build(&mujoco::scene(&scene, &protocol, hand, object, engine));
-        for (rolled, held) in mujoco.roll(&scripts).into_iter().zip(&held) {
-            counts.there_s[idx] += rolled.cpu_s;
-            let held_there = rolled.verdict == Verdict::Held.as_str();
-            match (held, held_there) {
-                (true, true) => counts.there[idx] += 1,
-                (true, false) if idx == 0 => {
+        mujoco.build(&screen, hand, object, engine);
+        let rolled = mujoco.roll(&scripts);
+        counts.there_s[idx] += rolled.iter().map(|rolled| rolled.cpu_s).sum::<f64>();
+        let there = rolled
+            .iter()
+            .map(|rolled| rolled.verdict == Verdict::Held.as_str());
+        let there: Vec<bool> = there.collect();
+        counts.there[idx] += both(&held, &there);
+        verdicts.push(there);
+        if idx == 0 {
+            for (rolled, held) in rolled.into_iter().zip(&held) {
+                if *held && rolled.verdict != Verdict::Held.as_str() {
                     *counts.reasons.entry(rolled.verdict).or_default() += 1;
                 }
-                (false, true) if idx == 0 => counts.only_there += 1,
-                _ => {}
             }
         }
     }
+    let [first, second] = [0, 1].map(|idx| &verdicts[idx]);
+    let held_by = |engine: &[bool]| engine.iter().filter(|held| **held).count();
+    let of_both = both(first, second);
+    counts.only_there = held_by(first) - counts.there[0];
+    counts.held_by_second = held_by(second);
+    counts.peers_differ = held_by(first) + held_by(second) - 2 * of_both;
     counts
+}
+
+/// Returns how many hold in both.
+fn both(one: &[bool], other: &[bool]) -> usize {
+    one.iter().zip(other).filter(|(a, b)| **a && **b).count()
+}
+
+/// Returns Cohen's kappa of two judges of `n` candidates.
+fn kappa(n: usize, held_by_one: usize, held_by_other: usize, differ: usize) -> f64 {
+    let [one, other, differ] = [held_by_one, held_by_other, differ].map(|of| of as f64 / n as f64);
+    let by_chance = one * other + (1.0 - one) * (1.0 - other);
+    1.0 - differ / (1.0 - by_chance)
 }

@@ -44,24 +44,26 @@ const NOISE: f64 = 0.1;
 const ENGINE: Engine = Engine {
     cone: "pyramidal",
     impratio: 1.0,
-    solref: [0.02, 1.0],
+    solref: mujoco::SOLREF,
+    steps: 1,
 };
 
 fn main() -> ExitCode {
     let mut limits = Limits::with_noise(NOISE);
     let hand = options::hand();
-    let (scene, protocol) = options::options();
-    let protocol = grasps::opened(protocol);
+    let mut screen = options::screen();
+    screen.protocol = grasps::opened(screen.protocol);
+    let (scene, protocol) = (&screen.scene, &screen.protocol);
     let object = can::can();
     let motions = grasps::grasps(&hand, CANDIDATES);
     let before = thread_time::cpu_s();
-    let template = Template::new(&scene, &hand, &object, &can::upright()).unwrap();
+    let template = Template::new(scene, &hand, &object, &can::upright()).unwrap();
     let build_s = thread_time::cpu_s() - before;
     let mut peer = Mujoco::start();
     match &mut peer {
         Ok(mujoco) => {
             println!("MuJoCo {}, {} cones", mujoco.version, ENGINE.cone);
-            mujoco.build(&mujoco::scene(&scene, &protocol, &hand, &object, ENGINE));
+            mujoco.build(&screen, &hand, &object, ENGINE);
         }
         Err(reason) => println!("MuJoCo: skipped, {reason}"),
     }
@@ -71,14 +73,14 @@ fn main() -> ExitCode {
     for turn in motions.chunks(TURN) {
         for motion in turn {
             let before = thread_time::cpu_s();
-            let rollout = template.rollout(motion, &protocol, Record::Nothing);
+            let rollout = template.rollout(motion, protocol, Record::Nothing);
             ours.push((rollout.unwrap(), thread_time::cpu_s() - before));
         }
         if let Ok(mujoco) = &mut peer {
             let scripts: Vec<Value> = turn
                 .iter()
                 .map(|motion| {
-                    let setpoints = template.setpoints(motion, &protocol).unwrap();
+                    let setpoints = template.setpoints(motion, protocol).unwrap();
                     mujoco::rollout(&template, &setpoints)
                 })
                 .collect();
@@ -87,7 +89,7 @@ fn main() -> ExitCode {
     }
     drop(peer);
 
-    let steps = template.setpoints(&motions[0], &protocol).unwrap().len() - 1;
+    let steps = template.setpoints(&motions[0], protocol).unwrap().len() - 1;
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
     count(

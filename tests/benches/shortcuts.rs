@@ -27,6 +27,7 @@ use robot::RobotModel;
 use schemas::candidates::Candidates;
 use simulation::{ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict};
 use spatial::{Object, Rest};
+use stage_screen::ScreenConfig;
 
 const GRASPS: usize = 400;
 /// All, each alone, none.
@@ -69,7 +70,9 @@ struct Counts {
 
 fn main() -> ExitCode {
     let hand = options::hand();
-    let (scene, protocol) = options::options();
+    let ScreenConfig {
+        scene, protocol, ..
+    } = options::screen();
     let scripted = grasps::opened(protocol.clone());
     let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
     let motions = grasps::grasps(&hand, GRASPS);

@@ -26,8 +26,8 @@ pub struct SceneConfig {
     /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.
     #[serde(default = "defaults::time_step_s")]
     pub time_step_s: f64,
-    /// Solver substeps in one physics step, between which contacts keep their normals (1): with 4, a
-    /// step costs about twice as much, and a finger drags what it otherwise slides along.
+    /// Solver substeps in one physics step, between which contacts keep their normals (1): with 2, a
+    /// step costs a quarter more.
     #[serde(default = "defaults::substeps")]
     pub substeps: u32,
     /// Physics steps in one control step: with the default step, 50 commands a second.
@@ -38,7 +38,8 @@ pub struct SceneConfig {
     #[serde(default = "defaults::prediction_m")]
     pub prediction_m: f64,
     /// Relative motion of two touching shapes, in meters, up to which their contact points and normals
-    /// are kept instead of computed again: the engine's default, 50 mm, holds grasps that slip.
+    /// are kept instead of computed again (0): the engine's default, 50 mm, holds grasps that slip, and
+    /// with 1 mm held cans turn back and forth.
     #[serde(default = "defaults::contact_recycle_m")]
     pub contact_recycle_m: f64,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
@@ -316,7 +317,7 @@ mod defaults {
     pub(super) fn substeps() -> u32 { 1 }
     pub(super) fn steps_per_control() -> u32 { 5 }
     pub(super) fn prediction_m() -> f64 { 0.002 }
-    pub(super) fn contact_recycle_m() -> f64 { 0.001 }
+    pub(super) fn contact_recycle_m() -> f64 { 0.0 }
     pub(super) fn settle_s() -> f64 { 1.0 }
     pub(super) fn stop_stiffness() -> f64 { 200.0 }
     pub(super) fn reach_s() -> f64 { 0.8 }

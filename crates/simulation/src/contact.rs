@@ -4,7 +4,10 @@ use geometry::SurfaceDistance;
 use nalgebra::Point3;
 use rapier3d::{math::Vector, prelude::RigidBodyHandle};
 
-use crate::world::World;
+use crate::{
+    units::{meters, vector_in_meters},
+    world::World,
+};
 
 /// Touch between hand and object in one physics step.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -50,7 +53,7 @@ pub(crate) fn touch(
         let Some(pressed) = pressed else { continue };
         for contact in pair.manifolds().iter().flat_map(|m| &m.points) {
             *pressed |= contact.data.impulse > 0.0;
-            let depth_m = -f64::from(contact.dist);
+            let depth_m = -meters(contact.dist);
             if depth_m > touch.depth_m {
                 // The parts are given in the object's frame.
                 let on_part = if is_first {
@@ -68,7 +71,7 @@ pub(crate) fn touch(
 
 /// Returns how far a point of a part sticks out of the surface, in meters.
 fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
-    let [x, y, z] = on_part.to_array().map(f64::from);
-    let distance_m = surface.signed_distance(&Point3::new(x, y, z)).distance_m;
+    let on_part_m = Point3::from(vector_in_meters(on_part));
+    let distance_m = surface.signed_distance(&on_part_m).distance_m;
     distance_m.max(0.0)
 }

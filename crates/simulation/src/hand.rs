@@ -30,13 +30,13 @@ use self::{
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    precision::{engine_pose, real},
+    units::{LENGTH_UNITS_PER_M, engine_pose, length, meters, real},
     world::{World, groups},
 };
 
 /// Height in meters at which the hand waits until it is placed.
 const PARKING_HEIGHT_M: f64 = 1.0;
-/// Greatest speed of a joint in radians per second, four times that of the fastest drives of hands: a
+/// Greatest speed of a joint in radians or meters per second, four times that of the fastest drives of hands: a
 /// contact in a direction in which a finger hardly moves would turn its joints at any speed.
 const MAX_JOINT_SPEED: f32 = 30.0;
 /// Coordinates of the palm: three along the axes, three about them.
@@ -75,6 +75,9 @@ struct Drive {
     axis: usize,
     /// The independent joint that commands it.
     joint: usize,
+    /// The engine's units of the coordinate in a radian or a meter.
+    units: f64,
+    /// From the joint's position in radians or meters to the engine's coordinate.
     multiplier: f32,
     offset: f32,
     controller: Controller,
@@ -95,6 +98,19 @@ impl Drive {
             link.joint
                 .set_spring(self.axis, spring.stiffness, spring.rest);
         }
+    }
+}
+
+impl Drive {
+    /// Returns position and velocity of the link's joint (rad, m and a second); NaN if the engine no longer
+    /// has it.
+    fn state(&self, world: &World) -> [f64; 2] {
+        let found = finger(&world.multibodies, self.body);
+        found.map_or([f64::NAN; 2], |(multibody, address)| {
+            let position = position(multibody, address.link, self.axis);
+            let velocity = multibody.generalized_velocity()[address.coordinate];
+            [position, velocity].map(|of| f64::from(of) / self.units)
+        })
     }
 }
 
@@ -130,7 +146,7 @@ impl Hand {
         let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
         let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
         let mut roots = Vec::new();
-        let parking = EnginePose::translation(0.0, 0.0, real(PARKING_HEIGHT_M));
+        let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
         let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
             let mass = mass_properties(model, group, scene.hand_mass_scale)?;
@@ -241,19 +257,23 @@ impl Hand {
             if limits.link == group.root {
                 self.joints[joint] = self.drives.len();
             }
+            let (axis, units) = match kind {
+                JointKind::Revolute | JointKind::Continuous => (3, 1.0),
+                JointKind::Prismatic => (0, LENGTH_UNITS_PER_M),
+            };
             self.drives.push(Drive {
                 body: *body,
-                axis: match kind {
-                    JointKind::Revolute | JointKind::Continuous => 3,
-                    JointKind::Prismatic => 0,
-                },
+                axis,
                 joint,
-                multiplier: real(multiplier),
-                offset: real(offset),
-                controller: Controller::new(scene, ends),
+                units,
+                multiplier: real(multiplier * units),
+                offset: real(offset * units),
+                controller: Controller::new(scene, ends, units),
             });
-            multibody.damping_mut()[address.coordinate] = real(scene.drive.damping);
-            multibody.armature_mut()[address.coordinate] = real(scene.drive.armature);
+            let [damping, armature] =
+                [scene.drive.damping, scene.drive.armature].map(|of| real(of / units.powi(2)));
+            multibody.damping_mut()[address.coordinate] = damping;
+            multibody.armature_mut()[address.coordinate] = armature;
         }
         for drive in &mut self.drives {
             if let Some((multibody, address)) = finger_mut(&mut world.multibodies, drive.body) {
@@ -355,7 +375,8 @@ impl Hand {
                 .generalized_velocity_mut()
                 .get_mut(address.coordinate)
             {
-                *velocity = velocity.clamp(-MAX_JOINT_SPEED, MAX_JOINT_SPEED);
+                let most = MAX_JOINT_SPEED * real(drive.units);
+                *velocity = velocity.clamp(-most, most);
             }
         }
     }
@@ -387,15 +408,8 @@ impl Hand {
 
     /// Returns position and velocity of each joint; NaN for one that the engine no longer has.
     fn states<'a>(&'a self, world: &'a World) -> impl Iterator<Item = [f64; 2]> + 'a {
-        self.joints.iter().map(|&drive| {
-            let drive = &self.drives[drive];
-            let found = finger(&world.multibodies, drive.body);
-            found.map_or([f64::NAN; 2], |(multibody, address)| {
-                let position = position(multibody, address.link, drive.axis);
-                let velocity = multibody.generalized_velocity()[address.coordinate];
-                [position, velocity].map(f64::from)
-            })
-        })
+        let drives = self.joints.iter().map(|&drive| &self.drives[drive]);
+        drives.map(|drive| drive.state(world))
     }
 
     /// Returns the torque of each joint's drive (without end stops) in newton meters, as it was
@@ -411,23 +425,20 @@ impl Hand {
                 let q = position(multibody, address.link, drive.axis);
                 let velocity = multibody.generalized_velocity()[address.coordinate];
                 let damping = multibody.damping()[address.coordinate];
-                Some(f64::from(stiffness * (rest - q) - damping * velocity))
+                Some(f64::from(stiffness * (rest - q) - damping * velocity) * drive.units)
             })
             .collect()
     }
 
-    /// Returns the largest speed of any coordinate (m/s, rad/s); NaN if one is not a number.
-    pub(crate) fn fastest(&self, world: &World) -> f32 {
-        let fingers = self.roots.iter().map(|root| {
-            finger(&world.multibodies, root.body).map_or(f32::NAN, |(multibody, _)| {
-                most(multibody.generalized_velocity().iter().copied())
-            })
-        });
+    /// Returns the largest speed of palm and joints (m/s, rad/s); NaN if one is not a number.
+    pub(crate) fn fastest(&self, world: &World) -> f64 {
+        let joints = self.drives.iter().map(|drive| drive.state(world)[1]);
         let palm = self.bodies.first().and_then(|palm| world.bodies.get(*palm));
-        let palm = palm.map_or(f32::NAN, |palm| {
-            palm.linvel().length().max(palm.angvel().length())
+        let palm = palm.map_or([f64::NAN; 2], |palm| {
+            let turning = f64::from(palm.angvel().length());
+            [meters(palm.linvel().length()), turning]
         });
-        most(fingers.chain([palm]))
+        most(joints.chain(palm))
     }
 
     /// Returns the rigid bodies that have shapes, the palm first.
@@ -496,10 +507,10 @@ fn position(multibody: &Multibody, link: usize, axis: usize) -> f32 {
 }
 
 /// Returns the largest of some numbers without their signs; NaN if one is not a number.
-fn most(numbers: impl Iterator<Item = f32>) -> f32 {
-    numbers.fold(0.0, |most, number| {
+fn most(numbers: impl Iterator<Item = f64>) -> f64 {
+    numbers.fold(0.0, |most: f64, number| {
         if number.is_nan() || most.is_nan() {
-            f32::NAN
+            f64::NAN
         } else {
             most.max(number.abs())
         }
@@ -534,7 +545,7 @@ mod tests {
     use rapier3d::prelude::{JointAxis, MotorModel};
 
     use super::*;
-    use crate::testing;
+    use crate::{testing, units::mass};
 
     /// A palm with one finger of 10 cm along x that turns about y, down where positive.
     pub(super) const FINGER: &str = r#"<robot name="finger">
@@ -572,16 +583,17 @@ mod tests {
         hand.place(&mut world, &Pose::identity(), &[0.0]);
         // A plate below the tip, on a spring of 1,000 N/m along z.
         let stiffness = 1000.0;
+        let plate_at = EnginePose::translation(length(0.1), 0.0, length(-0.0205));
         let ground = world.bodies.insert(RigidBodyBuilder::fixed());
         let plate = world.bodies.insert(
             RigidBodyBuilder::dynamic()
-                .pose(EnginePose::translation(0.1, 0.0, -0.0205))
+                .pose(plate_at)
                 .gravity_scale(0.0)
-                .additional_mass(1.0)
+                .additional_mass(mass(1.0))
                 .can_sleep(false),
         );
         world.colliders.insert_with_parent(
-            ColliderBuilder::cuboid(0.05, 0.05, 0.01)
+            ColliderBuilder::cuboid(length(0.05), length(0.05), length(0.01))
                 .density(0.0)
                 .friction(0.0)
                 .collision_groups(groups::object()),
@@ -590,9 +602,9 @@ mod tests {
         );
         let free_along_z = JointAxesMask::LOCKED_FIXED_AXES.difference(JointAxesMask::LIN_Z);
         let spring = GenericJointBuilder::new(free_along_z)
-            .local_frame1(EnginePose::translation(0.1, 0.0, -0.0205))
+            .local_frame1(plate_at)
             .motor_model(JointAxis::LinZ, MotorModel::ForceBased)
-            .set_motor(JointAxis::LinZ, 0.0, 0.0, stiffness, 60.0)
+            .set_motor(JointAxis::LinZ, 0.0, 0.0, mass(stiffness), mass(60.0))
             .build();
         world.impulse_joints.insert(ground, plate, spring, true);
         let mut most: f64 = 0.0;
@@ -603,9 +615,9 @@ mod tests {
         }
         let limit = scene.drive.torque_limit;
         assert!(most < 1.02 * limit, "{most} Nm");
-        let down = f64::from(-0.0205 - world.bodies[plate].translation().z);
+        let down = -0.0205 - meters(world.bodies[plate].translation().z);
         let arm = 0.1 * hand.positions(&world)[0].cos();
-        let torque = f64::from(stiffness) * down * arm;
+        let torque = stiffness * down * arm;
         assert!((torque / limit - 1.0).abs() < 0.05, "{torque} Nm");
     }
 

@@ -9,11 +9,13 @@ use crate::{
     script::{Command, Phase, Script, steps},
     shortcuts::Shortcuts,
     template::Template,
+    units::meters,
     world::World,
 };
 
-/// Speed (m/s, rad/s) that only a failed simulation exceeds in this scene.
-const IMPLAUSIBLE_SPEED: f32 = 500.0;
+/// Speed (m/s, rad/s) that only a failed simulation exceeds in this scene; the engine lets nothing be faster
+/// than 400 m/s.
+const IMPLAUSIBLE_SPEED: f64 = 300.0;
 /// Distance in meters from the table's origin beyond which the object is lost.
 const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
 /// Time at the end of the hold over which slip and contact are judged, in seconds.
@@ -339,10 +341,10 @@ fn implausible(
         .chain(table_from_object.rotation.coords.iter());
     let finite = numbers.into_iter().all(|number| number.is_finite());
     let far = table_from_object.translation.vector.norm() > IMPLAUSIBLE_DISTANCE_M;
-    let speed = world.bodies.get(template.object).map_or(f32::NAN, |body| {
-        body.linvel().length().max(body.angvel().length())
+    let speed = world.bodies.get(template.object).map_or(f64::NAN, |body| {
+        meters(body.linvel().length()).max(f64::from(body.angvel().length()))
     });
-    let slow = |speed: f32| speed <= IMPLAUSIBLE_SPEED;
+    let slow = |speed: f64| speed <= IMPLAUSIBLE_SPEED;
     // A comparison with NaN is false, so that NaN is implausible.
     !finite || far || !slow(speed) || !slow(template.hand.fastest(world))
 }

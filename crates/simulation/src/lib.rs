@@ -22,7 +22,6 @@ mod hand;
 mod judge;
 mod object;
 mod played;
-mod precision;
 mod rejection;
 mod rollout;
 mod script;
@@ -31,6 +30,7 @@ mod shortcuts;
 mod template;
 #[cfg(test)]
 mod testing;
+mod units;
 mod world;
 
 pub use config::{

@@ -10,7 +10,7 @@ use spatial::{Object, Pose, Table};
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    precision::{engine_pose, matrix, point, real},
+    units::{engine_pose, mass, matrix, point, real},
     world::{World, groups},
 };
 
@@ -96,7 +96,7 @@ impl ObjectShape {
         }
         Ok(MassProperties::with_inertia_matrix(
             point(&self.center_of_mass_m),
-            real(mass_kg),
+            mass(mass_kg),
             matrix(&inertia),
         ))
     }
@@ -143,7 +143,10 @@ mod tests {
     use rapier3d::math::Pose as EnginePose;
 
     use super::*;
-    use crate::{precision::rotation, testing};
+    use crate::{
+        testing,
+        units::{length, rotation, vector_in_meters},
+    };
 
     /// A cube of 5 cm and 0.2 kg.
     fn cube() -> ObjectShape {
@@ -196,7 +199,7 @@ mod tests {
             .bodies
             .insert(RigidBodyBuilder::fixed().pose(EnginePose::from_rotation(rotation(&tilt))));
         world.colliders.insert_with_parent(
-            ColliderBuilder::cuboid(5.0, 5.0, 0.5)
+            ColliderBuilder::cuboid(length(5.0), length(5.0), length(0.5))
                 .friction(real(friction))
                 .collision_groups(groups::table()),
             slope,
@@ -208,11 +211,10 @@ mod tests {
             for _ in 0..125 {
                 world.step();
             }
-            world.bodies[body].translation()
+            vector_in_meters(world.bodies[body].translation())
         };
         let before = place(&mut world);
-        let after: Vector = place(&mut world);
-        f64::from((after - before).length())
+        (place(&mut world) - before).norm()
     }
 
     #[test]

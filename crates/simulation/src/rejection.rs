@@ -10,8 +10,8 @@ use crate::{
     config::Protocol,
     error::SimulationError,
     hand::{LinkShape, Part},
-    precision::engine_pose,
     script::{HandPose, Phase, Script},
+    units::{engine_pose, meters},
 };
 
 /// Returns why a script is rejected on geometry alone, if it is.
@@ -130,7 +130,7 @@ fn depth_m(
             )
             .ok()?
         })
-        .map(|contact| -f64::from(contact.dist))
+        .map(|contact| -meters(contact.dist))
         .fold(0.0, f64::max)
 }
 

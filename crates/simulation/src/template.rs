@@ -14,17 +14,17 @@ use crate::{
     hand::{self, Hand, LinkShape, link_shapes},
     object::ObjectShape,
     played::PlayedStep,
-    precision::pose_from_engine,
     rejection::reject,
     rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
     script::{Script, Setpoint, steps as steps_in},
+    units::{meters, pose_from_engine},
     world::{Finite, World},
 };
 
 /// Gap in meters with which the object is put above the table, so that it never starts in it.
 const GAP_M: f64 = 0.0005;
 /// Speeds (m/s, rad/s) below which the object rests.
-const RESTING_SPEED: f32 = 0.002;
+const RESTING_SPEED: f64 = 0.002;
 /// Consecutive physics steps below that speed after which it counts as settled.
 const RESTING_STEPS: u32 = 10;
 
@@ -262,7 +262,7 @@ fn settle(
         let Some(body) = world.bodies.get(object) else {
             return Err(SimulationError::Unsettled);
         };
-        let speed = body.linvel().length().max(body.angvel().length());
+        let speed = meters(body.linvel().length()).max(f64::from(body.angvel().length()));
         resting = if speed < RESTING_SPEED {
             resting + 1
         } else {

@@ -16,7 +16,7 @@ pub(crate) fn scene() -> SceneConfig {
         substeps: 1,
         steps_per_control: 5,
         prediction_m: 0.002,
-        contact_recycle_m: 0.001,
+        contact_recycle_m: 0.0,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,

@@ -47,7 +47,7 @@ fn config() -> ScreenConfig {
             substeps: 1,
             steps_per_control: 5,
             prediction_m: 0.002,
-            contact_recycle_m: 0.001,
+            contact_recycle_m: 0.0,
             settle_s: 1.0,
             drive: DriveConfig {
                 controller: ControllerKind::Pd,

@@ -1,18 +1,27 @@
 //! `MuJoCo` in a process of its own, and the scene and the scripts as it is told of them.
 
-use nalgebra::{Isometry3, Matrix3};
+use geometry::SurfaceDistance;
+use nalgebra::{Isometry3, Matrix3, Point3};
 use robot::{JointKind, Link, RobotModel, Shape};
 use serde_json::{Value, json};
-use simulation::{ObjectShape, Phase, Protocol, SceneConfig, Setpoint, Template};
+use simulation::{ObjectShape, Phase, Setpoint, Template, Verdict};
 use spatial::{Object, Pose, Table};
+use stage_screen::ScreenConfig;
 
 use crate::python::{self, Script};
+
+/// Time constant in seconds and damping ratio of contacts as soft as those here; by default 0.02 and 1.
+pub(crate) const SOLREF: [f64; 2] = [0.01, 1.0];
 
 /// A running `MuJoCo`.
 pub(crate) struct Mujoco {
     script: Script,
     /// Its version.
     pub(crate) version: String,
+    /// Of the object in the scene, where its parts only stand for it.
+    surface: Option<SurfaceDistance>,
+    /// Deepest that the hand may be in what it holds, in meters.
+    max_depth_m: f64,
 }
 
 /// What became of a script there.
@@ -31,12 +40,22 @@ impl Mujoco {
         Ok(Self {
             script,
             version: said["mujoco"].as_str().unwrap().to_owned(),
+            surface: None,
+            max_depth_m: 0.0,
         })
     }
 
     /// Builds a scene; all scripts after it are carried out there.
-    pub(crate) fn build(&mut self, scene: &Value) {
-        self.ask(&json!({ "scene": scene }));
+    pub(crate) fn build(
+        &mut self,
+        screen: &ScreenConfig,
+        model: &RobotModel,
+        object: &ObjectShape,
+        engine: Engine,
+    ) {
+        self.surface = object.surface.as_ref().map(SurfaceDistance::new);
+        self.max_depth_m = screen.max_penetration_m;
+        self.ask(&json!({ "scene": scene(screen, model, object, engine) }));
     }
 
     /// Carries out scripts, one after the other.
@@ -44,11 +63,30 @@ impl Mujoco {
         let answer = self.ask(&json!({ "rollouts": rollouts }));
         let seconds = answer["cpu_s"].as_array().unwrap();
         let verdicts = answer["verdicts"].as_array().unwrap();
-        let rolled = seconds.iter().zip(verdicts).map(|(cpu_s, verdict)| Rolled {
+        let deep = answer["deep"].as_array().unwrap();
+        let rolled = seconds.iter().zip(verdicts).zip(deep);
+        let rolled = rolled.map(|((cpu_s, verdict), deep)| Rolled {
             cpu_s: cpu_s.as_f64().unwrap(),
-            verdict: verdict.as_str().unwrap().to_owned(),
+            verdict: match verdict.as_str().unwrap() {
+                held if held == Verdict::Held.as_str() && self.is_too_deep(deep) => {
+                    Verdict::TooDeep.as_str().to_owned()
+                }
+                verdict => verdict.to_owned(),
+            },
         });
         rolled.collect()
+    }
+
+    /// Whether one of these contacts of the hand, with parts of the object, is too deep below its surface.
+    fn is_too_deep(&self, contacts: &Value) -> bool {
+        contacts.as_array().unwrap().iter().any(|contact| {
+            let [x, y, z, depth_m] = [0, 1, 2, 3].map(|at: usize| contact[at].as_f64().unwrap());
+            let protrusion_m = self.surface.as_ref().map_or(0.0, |surface| {
+                let on_part = Point3::new(x, y, z);
+                surface.signed_distance(&on_part).distance_m.max(0.0)
+            });
+            depth_m - protrusion_m > self.max_depth_m
+        })
     }
 
     fn ask(&mut self, what: &Value) -> Value {
@@ -64,29 +102,27 @@ pub(crate) struct Engine {
     pub(crate) cone: &'static str,
     /// How much stiffer friction is than the normal; 1 by default.
     pub(crate) impratio: f64,
-    /// Time constant in seconds and damping ratio of contacts; 0.02 and 1 by default.
+    /// Time constant in seconds and damping ratio of contacts.
     pub(crate) solref: [f64; 2],
+    /// Physics steps there in one here.
+    pub(crate) steps: u32,
 }
 
 /// Describes the scene of a template.
-pub(crate) fn scene(
-    scene: &SceneConfig,
-    protocol: &Protocol,
-    model: &RobotModel,
-    object: &ObjectShape,
-    engine: Engine,
-) -> Value {
+fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine: Engine) -> Value {
+    let scene = &screen.scene;
     let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
     let parts = object.parts_m.iter();
     let parts: Vec<Vec<[f64; 3]>> = parts
         .map(|part| part.iter().map(|p| p.coords.into()).collect())
         .collect();
     json!({
-        "time_step_s": scene.time_step_s,
-        "steps_per_control": scene.steps_per_control,
+        "time_step_s": scene.time_step_s / f64::from(engine.steps),
+        "steps_per_control": scene.steps_per_control * engine.steps,
         "friction": scene.friction,
         "drive": scene.drive,
-        "protocol": protocol,
+        "protocol": screen.protocol,
+        "max_depth_m": screen.max_penetration_m,
         "links": links,
         "object": {
             "parts": parts,

@@ -176,6 +176,22 @@ class Scene:
                     bodies.add(pair[0] if pair[1] == self.thing else pair[1])
         return bodies
 
+    def deep(self, depth_m):
+        """Contacts of the hand deeper in the object: the point of the object's part, in the object's frame, and the depth."""
+        place, turn = self.object_pose()
+        inverse, local, found = np.zeros(4), np.zeros(3), []
+        mujoco.mju_negQuat(inverse, turn)
+        for idx in range(self.data.ncon):
+            contact = self.data.contact[idx]
+            pair = [int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
+            if contact.dist < -depth_m and self.thing in pair and 0 not in pair:
+                # The normal points from the first to the second.
+                side = -0.5 if pair[0] == self.thing else 0.5
+                on_part = contact.pos + side * contact.dist * contact.frame[:3]
+                mujoco.mju_rotVecQuat(local, on_part - place, inverse)
+                found.append([*local, -contact.dist])
+        return found
+
     def finger(self, body):
         """The first body of a body's finger; the palm's own is itself."""
         while body != self.palm and self.model.body_parentid[body] != self.palm:
@@ -183,7 +199,7 @@ class Scene:
         return body
 
     def roll(self, rollout):
-        """Carries out one script; returns the seconds of stepping and the verdict."""
+        """Carries out one script; returns the seconds of stepping, the verdict, and the deep contacts of what is carried."""
         model, data = self.model, self.data
         substeps = self.scene["steps_per_control"]
         control_s = substeps * self.scene["time_step_s"]
@@ -203,7 +219,7 @@ class Scene:
             mujoco.mj_step(model, data, substeps)
             seconds += time.thread_time() - before
             judge.see(setpoint["phase"])
-        return seconds, judge.verdict()
+        return seconds, judge.verdict(), judge.deep
 
 
 def angle(one, other):
@@ -220,7 +236,7 @@ class Judge:
         self.lift_left = sum(i["phase"] == "lift" for i in setpoints)
         self.hold_left = sum(i["phase"] == "hold" for i in setpoints)
         self.window = min(max(round(FINAL_WINDOW_S / control_s), 1), self.hold_left)
-        self.pressed, self.in_palm = {}, []
+        self.pressed, self.in_palm, self.deep = {}, [], []
 
     def fail(self, verdict):
         self.failure = self.failure or verdict
@@ -236,6 +252,8 @@ class Judge:
             moved = np.linalg.norm(place - self.start[0])
             if moved > protocol["knocked_m"] or angle(turn, self.start[1]) > protocol["knocked_rad"]:
                 self.fail("knocked_over")
+        if phase in ("lift", "hold"):
+            self.deep += self.scene.deep(self.scene.scene["max_depth_m"])
         if phase == "lift":
             self.lift_left -= 1
             if self.lift_left == 0:
@@ -287,8 +305,8 @@ def serve():
             say({})
         else:
             rolled = [scene.roll(rollout) for rollout in request["rollouts"]]
-            seconds, verdicts = zip(*rolled)
-            say({"cpu_s": seconds, "verdicts": verdicts})
+            seconds, verdicts, deep = zip(*rolled)
+            say({"cpu_s": seconds, "verdicts": verdicts, "deep": deep})
 
 
 if __name__ == "__main__":

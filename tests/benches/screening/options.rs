@@ -2,18 +2,17 @@
 
 use dataflow::Pipeline;
 use robot::RobotModel;
-use simulation::{Protocol, SceneConfig};
-use stage_screen::Screen;
+use stage_screen::{Screen, ScreenConfig};
 
 /// The bundled hand.
 pub(crate) fn hand() -> RobotModel {
     RobotModel::from_urdf(include_str!("../../../data/robots/allegro_right.urdf")).unwrap()
 }
 
-/// The scene and the protocol.
-pub(crate) fn options() -> (SceneConfig, Protocol) {
+/// Scene, protocol and limits.
+pub(crate) fn screen() -> ScreenConfig {
     let text = include_str!("../../../pipelines/cgf.toml");
     let read = Pipeline::parse("cgf.toml".as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
-    let screen = read.find("screen").unwrap().options::<Screen>().unwrap();
-    (screen.scene.clone(), screen.protocol.clone())
+    let screen = read.find("screen").unwrap();
+    screen.options::<Screen>().unwrap().clone()
 }

@@ -14,7 +14,7 @@ use crate::{
     config::SceneConfig,
     error::SimulationError,
     object::principal_moments,
-    precision::{engine_pose, matrix, point, real, rotation, vector},
+    units::{engine_pose, length, lengths, mass, matrix, point, rotation},
 };
 
 /// The frame of a body of the engine: that of the first of its links.
@@ -125,7 +125,7 @@ fn summed(
         .iter()
         .all(|moment| moment.is_finite() && *moment > 0.0);
     is_physical.then(|| {
-        MassProperties::with_inertia_matrix(point(&center.into()), real(mass_kg), matrix(&inertia))
+        MassProperties::with_inertia_matrix(point(&center.into()), mass(mass_kg), matrix(&inertia))
     })
 }
 
@@ -233,25 +233,25 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
 fn engine_shape(shape: &Shape) -> Option<(SharedShape, EnginePose)> {
     Some(match shape {
         Shape::Box { half_extents_m } => {
-            let half = vector(half_extents_m);
+            let half = lengths(half_extents_m);
             (
                 SharedShape::cuboid(half.x, half.y, half.z),
                 EnginePose::IDENTITY,
             )
         }
-        Shape::Sphere { radius_m } => (SharedShape::ball(real(*radius_m)), EnginePose::IDENTITY),
+        Shape::Sphere { radius_m } => (SharedShape::ball(length(*radius_m)), EnginePose::IDENTITY),
         Shape::Cylinder {
             radius_m,
             half_length_m,
         } => (
-            SharedShape::cylinder(real(*half_length_m), real(*radius_m)),
+            SharedShape::cylinder(length(*half_length_m), length(*radius_m)),
             EnginePose::from_rotation(Rotation::from_rotation_arc(Vector::Y, Vector::Z)),
         ),
         Shape::Capsule {
             radius_m,
             half_length_m,
         } => (
-            SharedShape::capsule_z(real(*half_length_m), real(*radius_m)),
+            SharedShape::capsule_z(length(*half_length_m), length(*radius_m)),
             EnginePose::IDENTITY,
         ),
         Shape::Convex(body) => {

@@ -12,8 +12,8 @@ use super::{
 use crate::{
     config::SceneConfig,
     desired::DesiredStep,
-    precision::{engine_pose, real, vector},
     testing,
+    units::{LENGTH_UNITS_PER_M, engine_pose, length, mass, meters, real, vector},
     world::{World, groups},
 };
 
@@ -182,7 +182,7 @@ fn carried(hand: &Hand, world: &World, bodies: &Bodies) -> (Vector3<f64>, Vector
     let palm = hand.table_from_palm(world);
     let speed = |idx: usize| f64::from(multibody.generalized_velocity()[idx]);
     let into_palm = palm.rotation.inverse();
-    let linear = into_palm * Vector3::new(speed(0), speed(1), speed(2));
+    let linear = into_palm * Vector3::new(speed(0), speed(1), speed(2)) / LENGTH_UNITS_PER_M;
     let angular = into_palm * Vector3::new(speed(3), speed(4), speed(5));
     let joints = hand.joints.iter().map(|&idx| {
         let body = hand.drives[idx].body;
@@ -223,7 +223,8 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
     {
         let root = hand.roots[0].body;
         let (multibody, _) = finger_mut(&mut world.multibodies, root).unwrap();
-        let velocities = [0.3, -0.2, 0.1, 0.5, 1.0, -0.8, 3.0];
+        let [x, y, z] = [0.3, -0.2, 0.1].map(length);
+        let velocities = [x, y, z, 0.5, 1.0, -0.8, 3.0];
         for (target, speed) in multibody
             .generalized_velocity_mut()
             .iter_mut()
@@ -274,13 +275,13 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
             .pose(engine_pose(&table_from_block))
             .additional_mass_properties(rapier3d::prelude::MassProperties::new(
                 vector(&Vector3::zeros()),
-                real(mass_kg),
+                mass(mass_kg),
                 vector(&(Vector3::repeat(mass_kg * (2.0 * HALF_M).powi(2) / 6.0))),
             ))
             .gravity_scale(0.0)
             .can_sleep(false),
     );
-    let half = real(HALF_M);
+    let half = length(HALF_M);
     world.colliders.insert_with_parent(
         ColliderBuilder::cuboid(half, half, half)
             .density(0.0)
@@ -294,7 +295,7 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
         .bodies
         .insert(RigidBodyBuilder::fixed().pose(engine_pose(&table_from_wall)));
     world.colliders.insert_with_parent(
-        ColliderBuilder::cuboid(0.2, 0.05, 0.2)
+        ColliderBuilder::cuboid(length(0.2), length(0.05), length(0.2))
             .friction(real(friction))
             .collision_groups(groups::table()),
         wall,
@@ -305,7 +306,7 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
             hand.drive(world, &[1.5]);
             world.step();
         }
-        f64::from(world.bodies[block].translation().z)
+        meters(world.bodies[block].translation().z)
     };
     let before = press(&mut world, 50);
     world.bodies[block].set_gravity_scale(1.0, true);

@@ -1,11 +1,11 @@
 //! One finger joint's PD drive as a spring and a damper of the engine.
 
-use crate::{config::SceneConfig, precision::real};
+use crate::{config::SceneConfig, units::real};
 
 /// Stiffness in newton meters per radian of a spring that stands for a constant torque.
 const CONSTANT_STIFFNESS: f32 = 1e-3;
 
-/// A PD drive with a torque limit and end stops.
+/// A PD drive with a torque limit and end stops, in the engine's units of the joint's coordinate.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Controller {
     stiffness: f32,
@@ -31,16 +31,17 @@ pub(crate) struct Spring {
 }
 
 impl Controller {
-    /// Returns the drive of a joint with these ends, in either order.
-    pub(crate) fn new(scene: &SceneConfig, ends: [f64; 2]) -> Self {
+    /// Returns the drive of a joint with these ends, in either order, whose coordinate has so many of the
+    /// engine's `units` in a radian or a meter.
+    pub(crate) fn new(scene: &SceneConfig, ends: [f64; 2], units: f64) -> Self {
         let drive = &scene.drive;
         Self {
-            stiffness: real(drive.stiffness),
-            damping: real(drive.damping),
-            limit: real(drive.torque_limit),
-            stop_stiffness: real(drive.stop_stiffness),
-            lower: real(ends[0].min(ends[1])),
-            upper: real(ends[0].max(ends[1])),
+            stiffness: real(drive.stiffness / units.powi(2)),
+            damping: real(drive.damping / units.powi(2)),
+            limit: real(drive.torque_limit / units),
+            stop_stiffness: real(drive.stop_stiffness / units.powi(2)),
+            lower: real(ends[0].min(ends[1]) * units),
+            upper: real(ends[0].max(ends[1]) * units),
             time_step_s: real(scene.time_step_s),
             inverse_inertia: 0.0,
         }

@@ -7,7 +7,7 @@ use spatial::{Palm, Pose, Twist};
 use super::{Hand, finger_mut};
 use crate::{
     desired::DesiredStep,
-    precision::{pose_from_engine, real},
+    units::{pose_from_engine, real, vector_in_meters},
     world::World,
 };
 
@@ -29,11 +29,10 @@ impl Hand {
         let Some(palm) = self.palm_mut(world) else {
             return;
         };
-        let (linear, angular) = (palm.linvel(), palm.angvel());
-        let velocity_of_palm = [
-            linear.x, linear.y, linear.z, angular.x, angular.y, angular.z,
-        ];
-        let velocity_of_palm = Twist::from_array(velocity_of_palm.map(f64::from));
+        let velocity_of_palm = Twist::new(
+            vector_in_meters(palm.linvel()),
+            Vector3::from(palm.angvel().to_array().map(f64::from)),
+        );
         let world_from_palm: Pose<spatial::World, Palm> = pose_from_engine(palm.position());
         let root = root(world_from_palm.rotation, &velocity_of_palm);
         let torques = match self
@@ -49,7 +48,8 @@ impl Hand {
                 continue;
             };
             let speed = drive.multiplier * real(speed);
-            let ahead = drive.controller.ahead(real(torque), speed);
+            let torque = real(torque / drive.units);
+            let ahead = drive.controller.ahead(torque, speed);
             drive.apply(multibody, address, q, ahead);
         }
     }

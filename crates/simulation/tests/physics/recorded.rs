@@ -18,9 +18,10 @@ use crate::scene::{hand, protocol, scene};
 
 /// Verdicts of 62 that have to agree: `SAPIEN` and `MuJoCo` agree on 51.
 const MIN_AGREEMENTS: usize = 53;
-/// Greatest spin of a held can in rad/s, root of the mean square over the last 0.6 s: below the median of those
-/// that `MuJoCo` holds, 0.086 (with its default contacts; its most is 0.39).
-const MAX_SPIN: f64 = 0.07;
+/// Greatest spin of a held can in rad/s, root of the mean square over the last 0.6 s, and the greatest median:
+/// those that `MuJoCo` holds turn by up to 0.39, with a median of 0.086 (with its default contacts).
+const MAX_SPIN: f64 = 0.39;
+const MAX_MEDIAN_SPIN: f64 = 1e-3;
 
 /// A recorded grasp.
 struct Grasp {
@@ -207,7 +208,7 @@ fn a_held_can_does_not_jitter() {
         spins.len()
     );
     assert!(
-        spins.len() > 30 && most < MAX_SPIN && median < 1e-3,
+        spins.len() > 30 && most < MAX_SPIN && median < MAX_MEDIAN_SPIN,
         "{spins:?}"
     );
 }
