@@ -130,7 +130,7 @@ fn color(word: &str) -> Option<Style> {
         "error:" | "missing" | "wrong" => AnsiColor::Red,
         "hint:" | "next" => AnsiColor::Cyan,
         "ok" | "done" | "cached" => AnsiColor::Green,
-        "run" | "perhaps" | "unset" | "doubtful" | "note" | "skip" | "repair" | "drop" | "wait"
+        "run" | "pending" | "unset" | "doubtful" | "note" | "skip" | "repair" | "drop" | "wait"
         | "interrupted:" => AnsiColor::Yellow,
         _ => return None,
     };

@@ -50,7 +50,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
     let outputs = plan.nodes.iter().map(|node| node.node.to_string().len());
     // The preceding columns have the width of their widest words.
     let room =
-        width.map(|width| width.saturating_sub("perhaps".len() + outputs.max().unwrap_or(0) + 4));
+        width.map(|width| width.saturating_sub("pending".len() + outputs.max().unwrap_or(0) + 4));
     let mut rows: Vec<Vec<String>> = Vec::new();
     let mut row = |state: &str, node: String, what: String| {
         rows.push(vec![state.to_owned(), node, what]);
@@ -59,7 +59,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
         let name = node.node.to_string();
         let Some(units) = &node.units else {
             row(
-                "perhaps",
+                "pending",
                 name,
                 "known when what it reads has been made".to_owned(),
             );
@@ -78,7 +78,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
         }
         if node.may_grow {
             row(
-                "perhaps",
+                "pending",
                 name.clone(),
                 "more partitions if upstream labels change".to_owned(),
             );
@@ -104,10 +104,10 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
                 }
                 ("run", reasons.join("; "))
             }
-            UnitState::Perhaps { upstream, causes } => {
+            UnitState::Pending { upstream, causes } => {
                 let mut reasons = vec![needs(upstream)];
                 reasons.extend(said(causes));
-                ("perhaps", reasons.join("; "))
+                ("pending", reasons.join("; "))
             }
         };
         groups.entry(key).or_default().push(unit.partition.as_str());

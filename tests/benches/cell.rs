@@ -91,7 +91,7 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
         let done = client
             .execute(&goal(attempt), robot.joints(), SOON, SOON)
             .unwrap();
-        let Executed::Over(report) = done else {
+        let Executed::Now(report) = done else {
             panic!("{done:?}");
         };
         assert!(report.rejection.is_none(), "{}", report.message);

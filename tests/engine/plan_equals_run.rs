@@ -217,7 +217,7 @@ fn compare_planned(
     }
     for (unit, expected) in expected.iter().filter(|(_, expected)| expected.made) {
         let is_announced = match states.get(unit) {
-            Some(UnitState::Run { .. } | UnitState::Perhaps { .. }) => true,
+            Some(UnitState::Run { .. } | UnitState::Pending { .. }) => true,
             Some(UnitState::Cached) => false,
             None => growing.contains(unit.stage.as_str()),
         };
@@ -251,7 +251,7 @@ fn compare_planned(
                     }
                 }
             }
-            UnitState::Perhaps { .. } => {
+            UnitState::Pending { .. } => {
                 if !waits(world, expected, &states, &unknown, unit) {
                     faults.push(format!("{unit}: uncertain, but waits for nothing"));
                 }

@@ -88,7 +88,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
         ]
     );
     // What shows the training, and what is drawn from it.
-    assert_eq!([7, 8, 9, 10, 11].map(states), ["perhaps"; 5]);
+    assert_eq!([7, 8, 9, 10, 11].map(states), ["pending"; 5]);
 
     bench.run_well(&change);
     let made = bench.made_by_newest_run();

@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use ::cell::{Counts, GoalOutcome, Seen, Watcher};
+use ::cell::{Counts, GoalOutcome, WatchEvent, Watcher};
 
 use crate::{
     bench::{stderr, stdout},
@@ -146,7 +146,7 @@ fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
     let mut watcher = Watcher::start(None, endpoint, "simulated", wait).unwrap();
     let mut outcomes = Vec::new();
     while !over.load(Ordering::Relaxed) {
-        if let Some(Seen::Outcome(outcome)) = watcher.next(Duration::from_millis(100)) {
+        if let Some(WatchEvent::Outcome(outcome)) = watcher.next(Duration::from_millis(100)) {
             outcomes.push(outcome);
         }
     }

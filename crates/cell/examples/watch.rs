@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{Access, Seen, Watcher};
+use cell::{Access, WatchEvent, Watcher};
 
 /// How long a cell or its router may take to be there.
 const WAIT: Duration = Duration::from_mins(10);
@@ -36,14 +36,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let started = Instant::now();
     while started.elapsed().as_secs_f64() < seconds {
         match watcher.next(LOOK) {
-            Some(Seen::Alive) => println!("alive"),
-            Some(Seen::Gone) => println!("gone"),
-            Some(Seen::Motion(goal_id, goal)) => println!(
+            Some(WatchEvent::Alive) => println!("alive"),
+            Some(WatchEvent::Gone) => println!("gone"),
+            Some(WatchEvent::Motion(goal_id, goal)) => println!(
                 "motion   {goal_id} {} with {} steps",
                 goal.candidate_id,
                 goal.hand.points.len()
             ),
-            Some(Seen::Outcome(over)) => println!(
+            Some(WatchEvent::Outcome(over)) => println!(
                 "outcome  {} {}: {} ({})",
                 over.result_n,
                 over.goal_id,
@@ -51,7 +51,7 @@ fn main() -> Result<(), Box<dyn Error>> {
                 over.message
             ),
             // One line a second is enough for the eye.
-            Some(Seen::State(state)) if state.seq.is_multiple_of(100) => println!(
+            Some(WatchEvent::State(state)) if state.seq.is_multiple_of(100) => println!(
                 "state    {} at {:.2} s of goal `{}`",
                 state.seq, state.sample.time_s, state.goal_id
             ),

@@ -31,7 +31,7 @@ use crate::{
 /// know it yet and answer in nobody's name.
 const PAUSE: Duration = Duration::from_millis(100);
 /// Shortest wait for an answer before the query is repeated.
-const PIECE: Duration = Duration::from_secs(1);
+const MIN_QUERY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Longest report accepted, in bytes: ten minutes of 22 joints at 200 Hz.
 pub(crate) const MAX_REPORT_BYTES: usize = 64 * 1024 * 1024;
 /// Longest other answer accepted, in bytes.
@@ -41,9 +41,9 @@ pub(crate) const MAX_ANSWER_BYTES: usize = 1024 * 1024;
 #[derive(Debug, Clone, PartialEq)]
 pub enum Executed {
     /// The goal's report.
-    Over(Report),
+    Now(Report),
     /// The report of a goal that the cell had accepted before; nothing has moved now.
-    Known(Report),
+    Before(Report),
     /// The outcome is unknown for this reason: the robot may have moved.
     Unknown(String),
 }
@@ -230,7 +230,7 @@ impl CellClient {
         let sealed = goal.seal().sent(Sending::now(&self.dispatcher, answer));
         let _heartbeat = self.beat()?;
         let sent = self.send(goal, &sealed, robot, answer, result);
-        Ok(sent.unwrap_or_else(|doubt| Executed::Unknown(doubt.message())))
+        Ok(sent.unwrap_or_else(|unknown| Executed::Unknown(unknown.message())))
     }
 
     /// Queries the outcome of a goal that was sent before, perhaps by a dispatcher that has exited;
@@ -333,7 +333,7 @@ impl CellClient {
             wire::split_line("answer", body).map_err(|err| unreadable(&key, &err))?;
         let is_old = match word {
             GoalAnswer::Rejected(rejection) => {
-                return Ok(Executed::Over(Report::rejected(id, rejection)));
+                return Ok(Executed::Now(Report::rejected(id, rejection)));
             }
             // A goal sent more than once may be known from its first transmission.
             GoalAnswer::Accepted { known } => known && tries == 1,
@@ -342,8 +342,8 @@ impl CellClient {
             self.show(sealed);
         }
         match self.report(goal, id, robot, answer, result)? {
-            Recovered::Report(report) if is_old => Ok(Executed::Known(report)),
-            Recovered::Report(report) => Ok(Executed::Over(report)),
+            Recovered::Report(report) if is_old => Ok(Executed::Before(report)),
+            Recovered::Report(report) => Ok(Executed::Now(report)),
             Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
                 "the cell took it and says that it never did".to_owned(),
             )),
@@ -372,7 +372,7 @@ impl CellClient {
             if heard.elapsed() > answer {
                 return Err(silence("result", answer));
             }
-            let until = Instant::now() + left.min(PIECE);
+            let until = Instant::now() + left.min(MIN_QUERY_TIMEOUT);
             let unheard = |err: CellError| UnknownOutcome::NoAnswer(with_causes(&err));
             let answers = self
                 .ask_once(&key, &[], MAX_REPORT_BYTES, until)
@@ -391,7 +391,7 @@ impl CellClient {
                 });
             }
             let key = self.keys.capabilities();
-            let until = Instant::now() + left.min(PIECE);
+            let until = Instant::now() + left.min(MIN_QUERY_TIMEOUT);
             let there = self
                 .ask_once(&key, &[], MAX_ANSWER_BYTES, until)
                 .map_err(unheard)?;
@@ -465,7 +465,7 @@ impl CellClient {
                 return Ok((Vec::new(), tries));
             }
             tries += 1;
-            let until = Instant::now() + left.min(piece.max(PIECE));
+            let until = Instant::now() + left.min(piece.max(MIN_QUERY_TIMEOUT));
             let answers = self.ask_once(key, payload, most, until)?;
             if !answers.is_empty() {
                 return Ok((answers, tries));

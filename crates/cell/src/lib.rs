@@ -61,7 +61,7 @@ pub use simulated::{
     SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
 pub use state::State;
-pub use watch::{Counts, Seen, Watcher};
+pub use watch::{Counts, WatchEvent, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Protocol version; a cell refuses goals of any other version.

@@ -46,7 +46,7 @@ const PAUSE: Duration = Duration::from_millis(100);
 pub struct Watcher {
     events: Receiver<Event>,
     keys: Keys,
-    ready: VecDeque<Seen>,
+    ready: VecDeque<WatchEvent>,
     stream: Option<StreamPosition>,
     list: Option<StreamPosition>,
     polled: Option<Instant>,
@@ -58,7 +58,7 @@ pub struct Watcher {
 /// An event that a watcher receives.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
-pub enum Seen {
+pub enum WatchEvent {
     /// A measurement of the cell.
     State(State),
     /// The outcome of a goal.
@@ -106,11 +106,13 @@ enum Event {
     Alive(SampleKind),
 }
 
-/// Whether samples before the first one seen count as missed.
+/// What samples are that were published before those received.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Before {
-    Counts,
-    DoesNot,
+enum Earlier {
+    /// Lost while watching.
+    Missed,
+    /// Published before the watcher started.
+    Unwatched,
 }
 
 impl Watcher {
@@ -152,7 +154,7 @@ impl Watcher {
     }
 
     /// Returns the next event; none if there is none within `timeout`.
-    pub fn next(&mut self, timeout: Duration) -> Option<Seen> {
+    pub fn next(&mut self, timeout: Duration) -> Option<WatchEvent> {
         let deadline = Instant::now() + timeout;
         loop {
             if let Some(seen) = self.ready.pop_front() {
@@ -186,48 +188,48 @@ impl Watcher {
             },
             Event::Motion(bytes) => match SealedGoal::open(&bytes) {
                 Ok((sealed, goal)) => {
-                    let seen = Seen::Motion(sealed.goal_id, Box::new(goal));
+                    let seen = WatchEvent::Motion(sealed.goal_id, Box::new(goal));
                     self.ready.push_back(seen);
                 }
                 Err(_) => self.counts.unreadable_n += 1,
             },
             Event::Alive(SampleKind::Put) => {
-                self.ready.push_back(Seen::Alive);
+                self.ready.push_back(WatchEvent::Alive);
                 self.poll();
             }
-            Event::Alive(SampleKind::Delete) => self.ready.push_back(Seen::Gone),
+            Event::Alive(SampleKind::Delete) => self.ready.push_back(WatchEvent::Gone),
         }
     }
 
     /// Delivers a published sample, after the missed ones before it.
     fn state(&mut self, state: State) {
         let position = self.stream.as_ref();
-        let (next, before) = match position {
-            Some(position) if position.of == state.epoch => (position.next, Before::Counts),
+        let (next, earlier) = match position {
+            Some(position) if position.of == state.epoch => (position.next, Earlier::Missed),
             Some(_) => {
                 self.counts.restarts_n += 1;
-                (0, Before::Counts)
+                (0, Earlier::Missed)
             }
-            None => (0, Before::DoesNot),
+            None => (0, Earlier::Unwatched),
         };
         if state.seq < next {
             return;
         }
         if state.seq > next {
-            self.recover(&state.epoch, next, state.seq, before);
+            self.recover(&state.epoch, next, state.seq, earlier);
         }
         self.stream = Some(StreamPosition {
             of: state.epoch.clone(),
             next: state.seq + 1,
         });
         self.counts.states_n += 1;
-        self.ready.push_back(Seen::State(state));
+        self.ready.push_back(WatchEvent::State(state));
     }
 
     /// Queries the samples from `from` to before `until`.
-    fn recover(&mut self, epoch: &str, mut from: u64, until: u64, before: Before) {
+    fn recover(&mut self, epoch: &str, mut from: u64, until: u64, earlier: Earlier) {
         let deadline = Instant::now() + RECOVERY_TIMEOUT;
-        let mut any = before == Before::Counts;
+        let mut any = earlier == Earlier::Missed;
         while from < until {
             let key = self.keys.history();
             let answer = self.ask(&key, from);
@@ -255,7 +257,7 @@ impl Watcher {
                     from += 1;
                     self.counts.states_n += 1;
                     self.counts.recovered_n += 1;
-                    self.ready.push_back(Seen::State(state));
+                    self.ready.push_back(WatchEvent::State(state));
                 }
             }
             // A cell that answers otherwise has no more samples.
@@ -287,7 +289,7 @@ impl Watcher {
             next: outcome.result_n.saturating_add(1),
         });
         self.counts.outcomes_n += 1;
-        self.ready.push_back(Seen::Outcome(outcome));
+        self.ready.push_back(WatchEvent::Outcome(outcome));
     }
 
     /// Queries missed outcomes.

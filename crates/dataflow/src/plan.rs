@@ -72,7 +72,7 @@ pub enum UnitState {
         upstream: Vec<NodeName>,
     },
     /// It would run unless its inputs come out unchanged.
-    Perhaps {
+    Pending {
         /// The outputs it waits for.
         upstream: Vec<NodeName>,
         /// Differences from the last time that are known so far.
@@ -228,7 +228,7 @@ impl Planner<'_> {
             let state = if is_certain {
                 UnitState::Run { causes, upstream }
             } else {
-                UnitState::Perhaps { upstream, causes }
+                UnitState::Pending { upstream, causes }
             };
             return Ok((state, None));
         };
@@ -239,7 +239,7 @@ impl Planner<'_> {
         };
         let state = match &cached {
             Some(_) if sure == Certainty::Whole => UnitState::Cached,
-            Some(_) => UnitState::Perhaps {
+            Some(_) => UnitState::Pending {
                 upstream: self.open_inputs(node),
                 causes: Vec::new(),
             },
@@ -254,7 +254,7 @@ impl Planner<'_> {
                     UnitState::Run { causes, upstream }
                 } else {
                     let upstream = self.open_inputs(node);
-                    UnitState::Perhaps { upstream, causes }
+                    UnitState::Pending { upstream, causes }
                 }
             }
         };

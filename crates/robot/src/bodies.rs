@@ -61,25 +61,24 @@ impl BodyJoint {
     }
 
     /// Returns the body's motion relative to its parent per unit of its own position, in its frame.
-    pub(crate) fn unit_motion(&self) -> Spatial {
+    pub(crate) fn unit_motion(&self) -> SpatialMotion {
         let axis = self.axis.into_inner();
         if self.is_turning {
-            Spatial::new(Vector3::zeros(), axis)
+            SpatialMotion::new(Vector3::zeros(), axis)
         } else {
-            Spatial::new(axis, Vector3::zeros())
+            SpatialMotion::new(axis, Vector3::zeros())
         }
     }
 }
 
-/// A motion (linear and angular) or a force (force and torque) at the origin of a body's frame,
-/// along its axes.
+/// A velocity or acceleration of a body, at the origin of its frame and along its axes.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Spatial {
+pub(crate) struct SpatialMotion {
     pub(crate) linear: Vector3<f64>,
     pub(crate) angular: Vector3<f64>,
 }
 
-impl Spatial {
+impl SpatialMotion {
     pub(crate) fn new(linear: Vector3<f64>, angular: Vector3<f64>) -> Self {
         Self { linear, angular }
     }
@@ -92,11 +91,6 @@ impl Spatial {
         Self::new(twist.linear, twist.angular)
     }
 
-    pub(crate) fn vector(&self) -> Vector6<f64> {
-        let (f, n) = (self.linear, self.angular);
-        Vector6::new(f.x, f.y, f.z, n.x, n.y, n.z)
-    }
-
     pub(crate) fn plus(self, other: Self) -> Self {
         Self::new(self.linear + other.linear, self.angular + other.angular)
     }
@@ -106,23 +100,15 @@ impl Spatial {
     }
 
     /// Returns the power of a force along this motion.
-    pub(crate) fn dot(&self, force: &Self) -> f64 {
-        self.linear.dot(&force.linear) + self.angular.dot(&force.angular)
+    pub(crate) fn dot(&self, on_body: &SpatialForce) -> f64 {
+        self.linear.dot(&on_body.force) + self.angular.dot(&on_body.torque)
     }
 
-    /// Returns a motion of the parent as one of the body whose pose in it is given.
-    pub(crate) fn motion_in_child(&self, parent_from_body: &Pose<Link, Link>) -> Self {
+    /// Returns this motion of the parent as one of the body whose pose in it is given.
+    pub(crate) fn in_child(&self, parent_from_body: &Pose<Link, Link>) -> Self {
         let at_body = self.linear + self.angular.cross(&parent_from_body.translation.vector);
         let body_from_parent = parent_from_body.rotation.inverse();
         Self::new(body_from_parent * at_body, body_from_parent * self.angular)
-    }
-
-    /// Returns a force on a body as one on the parent in which its pose is given.
-    pub(crate) fn force_in_parent(&self, parent_from_body: &Pose<Link, Link>) -> Self {
-        let force = parent_from_body.rotation * self.linear;
-        let torque = parent_from_body.rotation * self.angular;
-        let arm = parent_from_body.translation.vector;
-        Self::new(force, torque + arm.cross(&force))
     }
 
     /// Returns the rate of another motion that moves along with this one
@@ -135,11 +121,49 @@ impl Spatial {
     }
 
     /// Returns the rate of a force that moves along with this motion (Featherstone 2008, 2.32).
-    pub(crate) fn cross_force(&self, force: &Self) -> Self {
-        Self::new(
-            self.angular.cross(&force.linear),
-            self.angular.cross(&force.angular) + self.linear.cross(&force.linear),
+    pub(crate) fn cross_force(&self, on_body: &SpatialForce) -> SpatialForce {
+        SpatialForce::new(
+            self.angular.cross(&on_body.force),
+            self.angular.cross(&on_body.torque) + self.linear.cross(&on_body.force),
         )
+    }
+}
+
+/// A force and torque on a body, or its momentum, at the origin of its frame and along its axes.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct SpatialForce {
+    pub(crate) force: Vector3<f64>,
+    pub(crate) torque: Vector3<f64>,
+}
+
+impl SpatialForce {
+    pub(crate) fn new(force: Vector3<f64>, torque: Vector3<f64>) -> Self {
+        Self { force, torque }
+    }
+
+    pub(crate) fn zero() -> Self {
+        Self::new(Vector3::zeros(), Vector3::zeros())
+    }
+
+    pub(crate) fn vector(&self) -> Vector6<f64> {
+        let (f, n) = (self.force, self.torque);
+        Vector6::new(f.x, f.y, f.z, n.x, n.y, n.z)
+    }
+
+    pub(crate) fn plus(self, other: Self) -> Self {
+        Self::new(self.force + other.force, self.torque + other.torque)
+    }
+
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self::new(self.force * factor, self.torque * factor)
+    }
+
+    /// Returns this force on a body as one on the parent in which its pose is given.
+    pub(crate) fn in_parent(&self, parent_from_body: &Pose<Link, Link>) -> Self {
+        let force = parent_from_body.rotation * self.force;
+        let torque = parent_from_body.rotation * self.torque;
+        let arm = parent_from_body.translation.vector;
+        Self::new(force, torque + arm.cross(&force))
     }
 }
 
@@ -206,8 +230,8 @@ impl SpatialInertia {
     }
 
     /// Returns the momentum of this motion, or the force for this acceleration.
-    pub(crate) fn times(&self, motion: &Spatial) -> Spatial {
-        Spatial::new(
+    pub(crate) fn times(&self, motion: &SpatialMotion) -> SpatialForce {
+        SpatialForce::new(
             motion.linear * self.mass + motion.angular.cross(&self.moment),
             self.inertia * motion.angular + self.moment.cross(&motion.linear),
         )

@@ -10,7 +10,7 @@ use spatial::Pose;
 
 use crate::{
     Bodies, Link, Root, WrongDof,
-    bodies::{Spatial, SpatialInertia},
+    bodies::{SpatialForce, SpatialInertia, SpatialMotion},
 };
 
 /// How the independent joints move; each slice holds one number per joint.
@@ -89,26 +89,24 @@ impl Bodies {
         self.check(motion.velocity)?;
         self.check(motion.acceleration)?;
         let n = self.all.len();
-        let mut velocities = vec![Spatial::zero(); n];
-        let mut accelerations = vec![Spatial::zero(); n];
-        let mut forces = vec![Spatial::zero(); n];
+        let mut velocities = vec![SpatialMotion::zero(); n];
+        let mut accelerations = vec![SpatialMotion::zero(); n];
+        let mut forces = vec![SpatialForce::zero(); n];
         for (idx, (body, parent_from_body)) in self.all.iter().zip(&parent_from_bodies).enumerate()
         {
             let (velocity, acceleration) = match &body.joint {
                 None => {
                     // Gravity is the same as the world's accelerating upward.
-                    let mut acceleration = Spatial::from_twist(&root.acceleration);
+                    let mut acceleration = SpatialMotion::from_twist(&root.acceleration);
                     acceleration.linear -= root.world_from_palm.rotation.inverse() * gravity;
-                    (Spatial::from_twist(&root.velocity), acceleration)
+                    (SpatialMotion::from_twist(&root.velocity), acceleration)
                 }
                 Some(joint) => {
                     let unit = joint.unit_motion().times(joint.multiplier);
                     let own = unit.times(motion.velocity[joint.number]);
-                    let velocity = velocities[body.parent]
-                        .motion_in_child(parent_from_body)
-                        .plus(own);
+                    let velocity = velocities[body.parent].in_child(parent_from_body).plus(own);
                     let acceleration = accelerations[body.parent]
-                        .motion_in_child(parent_from_body)
+                        .in_child(parent_from_body)
                         .plus(unit.times(motion.acceleration[joint.number]))
                         .plus(velocity.cross_motion(&own));
                     (velocity, acceleration)
@@ -128,12 +126,14 @@ impl Bodies {
             if let Some(joint) = &body.joint {
                 let rotor = joint.multiplier * motion.acceleration[joint.number] * self.armature;
                 of_links.push(joint.unit_motion().dot(&forces[idx]) + rotor);
-                let on_parent = forces[idx].force_in_parent(&parent_from_bodies[idx]);
+                let on_parent = forces[idx].in_parent(&parent_from_bodies[idx]);
                 forces[body.parent] = forces[body.parent].plus(on_parent);
             }
         }
         of_links.reverse();
-        let root = forces.first().map_or_else(Vector6::zeros, Spatial::vector);
+        let root = forces
+            .first()
+            .map_or_else(Vector6::zeros, SpatialForce::vector);
         Ok((root, of_links))
     }
 
@@ -174,7 +174,7 @@ impl Bodies {
             matrix[(row, row)] += joint.multiplier.powi(2) * self.armature;
             let mut current = idx;
             while let Some(_joint) = &self.all[current].joint {
-                force = force.force_in_parent(&parent_from_bodies[current]);
+                force = force.in_parent(&parent_from_bodies[current]);
                 current = self.all[current].parent;
                 if let Some(above) = &self.all[current].joint {
                     let column = ROOT + above.number;

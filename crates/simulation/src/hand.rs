@@ -610,7 +610,7 @@ mod tests {
         let mut most: f64 = 0.0;
         for _ in 0..1000 {
             hand.drive(&mut world, &[1.5]);
-            world.step();
+            world.step().unwrap();
             most = most.max(hand.torques(&world)[0].abs());
         }
         let limit = scene.drive.torque_limit;
@@ -628,7 +628,7 @@ mod tests {
         hand.place(&mut world, &Pose::identity(), &[-0.4]);
         for _ in 0..250 {
             hand.drive(&mut world, &[0.6]);
-            world.step();
+            world.step().unwrap();
         }
         assert!((hand.positions(&world)[0] - 0.6).abs() < 1e-4);
         assert!(hand.fastest(&world) < 1e-3);
@@ -645,7 +645,7 @@ mod tests {
         for _ in 0..50 {
             let [moved, still] = [&mut world, &mut halted].map(|world| {
                 hand.drive(world, &[0.6]);
-                world.step();
+                world.step().unwrap();
                 (hand.positions(world)[0], hand.torques(world)[0])
             });
             assert!((moved.0 - still.0).abs() < 1e-6, "{moved:?}, {still:?}");
@@ -662,7 +662,7 @@ mod tests {
         hand.place(&mut world, &Pose::identity(), &[1.4]);
         for _ in 0..250 {
             hand.drive(&mut world, &[3.0]);
-            world.step();
+            world.step().unwrap();
         }
         assert!((hand.positions(&world)[0] - 1.5).abs() < 1e-3);
     }
@@ -679,7 +679,7 @@ mod tests {
             for left in (1..=25).rev() {
                 hand.move_palm(&mut world, &goal, f64::from(left) * scene.time_step_s);
                 hand.drive(&mut world, &[0.0]);
-                world.step();
+                world.step().unwrap();
             }
             let found = hand.table_from_palm(&world);
             assert!((found.translation.vector - goal.translation.vector).norm() < 1e-4);

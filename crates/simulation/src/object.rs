@@ -176,7 +176,7 @@ mod tests {
         let body = cube().insert(&mut world, &scene, &start).unwrap();
         let steps = 250;
         for _ in 0..steps {
-            world.step();
+            world.step().unwrap();
         }
         let time = f64::from(steps) * scene.time_step_s;
         let fallen = 10.0 - world.table_from_body::<Object>(body).translation.z;
@@ -209,7 +209,7 @@ mod tests {
         let body = cube().insert(&mut world, &scene, &on_top).unwrap();
         let place = |world: &mut World| {
             for _ in 0..125 {
-                world.step();
+                world.step().unwrap();
             }
             vector_in_meters(world.bodies[body].translation())
         };

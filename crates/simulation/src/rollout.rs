@@ -10,7 +10,7 @@ use crate::{
     script::{Command, Phase, Script},
     shortcuts::Shortcuts,
     template::Template,
-    world::{Finite, World},
+    world::{Overflow, World},
 };
 
 /// Whether a rollout's steps are recorded.
@@ -145,8 +145,8 @@ pub(crate) fn run_watched<'a>(
             break;
         }
         verdict = match execution.advance(idx, command, script.desired.as_ref()) {
-            Finite::No => Some(Verdict::Diverged),
-            Finite::Yes => judge.observe(template, &execution.world, command),
+            Ok(()) => judge.observe(template, &execution.world, command),
+            Err(Overflow) => Some(Verdict::Diverged),
         };
         if verdict.is_some() {
             break;
@@ -156,7 +156,7 @@ pub(crate) fn run_watched<'a>(
     let last = aborted.flatten();
     if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
-            if execution.advance(idx, command, None) == Finite::No {
+            if execution.advance(idx, command, None).is_err() {
                 verdict = Some(Verdict::Diverged);
                 break;
             }
@@ -225,7 +225,16 @@ impl<'a> Execution<'a> {
     }
 
     /// Advances by one control step with this command, along the fingers' course if there is one.
-    fn advance(&mut self, idx: usize, command: &Command, desired: Option<&Desired>) -> Finite {
+    ///
+    /// # Errors
+    ///
+    /// Fails if a body's numbers overflowed in it.
+    fn advance(
+        &mut self,
+        idx: usize,
+        command: &Command,
+        desired: Option<&Desired>,
+    ) -> Result<(), Overflow> {
         let (template, world) = (self.template, &mut self.world);
         let control_s = template.scene.control_step_s();
         if idx < self.arrival {
@@ -241,13 +250,13 @@ impl<'a> Execution<'a> {
         if command.phase == Phase::Pull {
             world.pull(template.object, &command.pull_m_per_s2);
         }
-        let finite = match desired {
+        let advanced = match desired {
             None => control_step(template, world, &command.hand.q),
             Some(desired) => control_step_along(template, world, desired, idx),
         };
         self.cost_n += 1;
         self.record(&command.hand.q);
-        finite
+        advanced
     }
 
     /// Records the current state and calls the observer.
@@ -270,15 +279,13 @@ fn finite_or_zero(figure: f64) -> f64 {
 }
 
 /// Advances by one control step with the fingers' command held.
-fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Finite {
+fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Result<(), Overflow> {
     for _ in 0..template.scene.steps_per_control {
         template.hand.drive(world, q_command);
-        if world.step() == Finite::No {
-            return Finite::No;
-        }
+        world.step()?;
         template.hand.limit_speed(world);
     }
-    Finite::Yes
+    Ok(())
 }
 
 /// Advances by one control step with the fingers on their course.
@@ -287,19 +294,17 @@ fn control_step_along(
     world: &mut World,
     desired: &Desired,
     control_step: usize,
-) -> Finite {
+) -> Result<(), Overflow> {
     let step_s = template.scene.time_step_s;
     for step in 0..template.scene.steps_per_control {
         let time_s = f64::from(step) * step_s;
         if let Some(desired) = desired.during(control_step, time_s, step_s) {
             template.hand.follow(world, &desired);
         }
-        if world.step() == Finite::No {
-            return Finite::No;
-        }
+        world.step()?;
         template.hand.limit_speed(world);
     }
-    Finite::Yes
+    Ok(())
 }
 
 fn trace_step(template: &Template, world: &World, time_s: f64, q_command: &[f64]) -> TraceStep {

@@ -20,6 +20,8 @@ const MAX_STEPS: f64 = 10_000_000.0;
 const MAX_LINKS: u32 = 5000;
 /// Greatest number of any other setting.
 const MAX_SETTING: f64 = 1e6;
+/// Why.
+const SINGLE_PRECISION: &str = "physics computes with 32 bits";
 
 /// What is wrong with one setting.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -65,26 +67,14 @@ impl SceneConfig {
             ("drive.armature", self.drive.armature),
             ("drive.stop_stiffness", self.drive.stop_stiffness),
         ] {
-            faults.within(
-                key,
-                number,
-                0.0,
-                MAX_SETTING,
-                "physics computes with 32 bits",
-            );
+            faults.unsigned(key, number);
         }
         for (key, number) in [
             ("object_offset.x_m", self.object_offset.x_m),
             ("object_offset.y_m", self.object_offset.y_m),
             ("object_offset.yaw_rad", self.object_offset.yaw_rad),
         ] {
-            faults.within(
-                key,
-                number,
-                -MAX_SETTING,
-                MAX_SETTING,
-                "physics computes with 32 bits",
-            );
+            faults.signed(key, number);
         }
         let why = "physics computes with 32 bits, and passes over what is faster";
         let step_s = self.time_step_s;
@@ -180,13 +170,7 @@ impl Protocol {
             ("pull.max_displacement_m", max_displacement_m),
             ("pull.max_rotation_rad", max_rotation_rad),
         ] {
-            faults.within(
-                key,
-                number,
-                -MAX_SETTING,
-                MAX_SETTING,
-                "physics computes with 32 bits",
-            );
+            faults.signed(key, number);
         }
         for (key, number) in [
             ("min_links", self.min_links),
@@ -263,6 +247,16 @@ impl Faults {
             let problem = format!("is {number:?}, and must be from {least} to {most}: {why}");
             self.note(key, problem);
         }
+    }
+
+    /// Notes a setting that is negative, or more than physics computes with.
+    fn unsigned(&mut self, key: &'static str, number: f64) {
+        self.within(key, number, 0.0, MAX_SETTING, SINGLE_PRECISION);
+    }
+
+    /// Notes a setting that is larger, with either sign, than physics computes with.
+    fn signed(&mut self, key: &'static str, number: f64) {
+        self.within(key, number, -MAX_SETTING, MAX_SETTING, SINGLE_PRECISION);
     }
 
     fn above(&mut self, key: &'static str, number: f64, why: &str) {

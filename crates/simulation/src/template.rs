@@ -18,7 +18,7 @@ use crate::{
     rollout::{Flow, Record, Rollout, TraceStep, WatchedRollout, Watcher, run, run_watched},
     script::{Script, Setpoint, steps as steps_in},
     units::{meters, pose_from_engine},
-    world::{Finite, World},
+    world::{Overflow, World},
 };
 
 /// Gap in meters with which the object is put above the table, so that it never starts in it.
@@ -255,9 +255,9 @@ fn settle(
     let mut time_s = 0.0;
     while time_s < scene.settle_s && resting < RESTING_STEPS {
         hand.drive(world, &parked);
-        if world.step() == Finite::No {
-            return Err(SimulationError::Unsettled);
-        }
+        world
+            .step()
+            .map_err(|Overflow| SimulationError::Unsettled)?;
         time_s += scene.time_step_s;
         let Some(body) = world.bodies.get(object) else {
             return Err(SimulationError::Unsettled);

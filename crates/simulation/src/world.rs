@@ -173,8 +173,12 @@ impl World {
         }
     }
 
-    /// Advances by one time step; `false` if a body's numbers overflowed in it.
-    pub(crate) fn step(&mut self) -> Finite {
+    /// Advances by one time step.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a body's numbers overflowed in it.
+    pub(crate) fn step(&mut self) -> Result<(), Overflow> {
         self.pipeline.step(
             self.gravity,
             &self.parameters,
@@ -192,9 +196,9 @@ impl World {
         );
         self.rise.height_m += self.rise.speed_m_per_s * f64::from(self.parameters.dt);
         if self.pipeline.quarantine().is_empty() {
-            Finite::Yes
+            Ok(())
         } else {
-            Finite::No
+            Err(Overflow)
         }
     }
 
@@ -262,11 +266,6 @@ impl World {
     }
 }
 
-/// Whether all numbers stayed finite.
+/// A body's numbers overflowed, and the engine disabled it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Finite {
-    /// They did.
-    Yes,
-    /// The engine disabled a body.
-    No,
-}
+pub(crate) struct Overflow;

@@ -392,8 +392,8 @@ impl Sender<'_> {
             }
         }
         let done = match self.client.execute(goal, self.joints, answer, result)? {
-            Executed::Over(report) => (report, Moved::Now),
-            Executed::Known(report) => (report, Moved::Before),
+            Executed::Now(report) => (report, Moved::Now),
+            Executed::Before(report) => (report, Moved::Before),
             Executed::Unknown(message) => return Err(unknown(message)),
         };
         let (report, moved) = done;

@@ -25,6 +25,10 @@ pub struct ScreenConfig {
     /// Number of accepted rollouts per object recorded for a viewer: a recording has about 1 MB.
     #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
+    /// Number of failed rollouts per object recorded likewise, the first of each reason before a second
+    /// of any; motions refused on geometry alone have none.
+    #[serde(default = "defaults::recorded_failures_per_object")]
+    pub recorded_failures_per_object: usize,
     /// Noise on the object's position, for a study: each motion is executed as if the object were
     /// shifted by normally distributed lengths, with a standard deviation along each axis of this
     /// share of the object's extent (0); paper: 0 to 0.1
@@ -44,9 +48,16 @@ impl ScreenConfig {
     /// Returns what is wrong with the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
-        let recorded = self.recorded_per_object;
-        let why = "a recording has about 1 MB";
-        faults.within("recorded_per_object", recorded, 0..=MAX_RECORDED, why);
+        for (key, recorded) in [
+            ("recorded_per_object", self.recorded_per_object),
+            (
+                "recorded_failures_per_object",
+                self.recorded_failures_per_object,
+            ),
+        ] {
+            let why = "a recording has about 1 MB";
+            faults.within(key, recorded, 0..=MAX_RECORDED, why);
+        }
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
         let why = "it is a depth in an object of a hand's size";
@@ -62,5 +73,6 @@ impl ScreenConfig {
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn recorded_per_object() -> usize { 2 }
+    pub(super) fn recorded_failures_per_object() -> usize { 1 }
     pub(super) fn max_penetration_m() -> f64 { 0.005 }
 }

@@ -1,4 +1,4 @@
-//! Accepted rollouts as recordings for a viewer.
+//! Rollouts as recordings for a viewer.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -7,7 +7,7 @@ use robot::RobotModel;
 use schemas::{
     Table,
     objects::Object,
-    rollouts::Rollouts,
+    rollouts::{Rollout as Row, Rollouts},
     ros2::motion::{self, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint},
 };
 use simulation::{Rollout, Trace};
@@ -25,10 +25,11 @@ pub(crate) struct Stage<'a> {
     pub(crate) object: &'a Object,
 }
 
-/// Writes `<candidate_id>.mcap` into `folder`; a rollout without a trace has no recording.
+/// Writes `<candidate_id>.mcap` into `folder`, with the reason of its `row`; a rollout without a trace has
+/// no recording.
 pub(crate) fn record(
     stage: &Stage<'_>,
-    candidate_id: &str,
+    row: &Row,
     rollout: &Rollout,
     folder: &Path,
 ) -> Result<(), ScreenError> {
@@ -47,11 +48,11 @@ pub(crate) fn record(
     let about = [
         ("schema", Rollouts::VERSION),
         ("object", &stage.object.name),
-        ("candidate_id", candidate_id),
-        ("reason", rollout.verdict.as_str()),
+        ("candidate_id", &row.candidate_id),
+        ("reason", row.verdict.as_str()),
     ]
     .map(|(key, value)| (key.to_owned(), value.to_owned()));
-    let path = folder.join(format!("{candidate_id}.mcap"));
+    let path = folder.join(format!("{}.mcap", row.candidate_id));
     let mut recording = Recording::create(&path, &BTreeMap::from(about))?;
     recording.write_scene(&scene)?;
     let commands = steps

@@ -1,5 +1,7 @@
 //! The stage: the rollouts of one object's candidates.
 
+use std::collections::BTreeMap;
+
 use dataflow::{
     Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
     Unit,
@@ -141,16 +143,12 @@ impl Output for Screen {
             model: &model,
             object: &object,
         };
-        let held = |idx: &usize| rollouts[*idx].verdict == Verdict::Held;
-        for idx in (0..rollouts.len())
-            .filter(held)
-            .take(config.recorded_per_object)
-        {
+        let accepted = accepted(&rollouts).take(config.recorded_per_object);
+        let failures = failures(&rollouts).into_iter();
+        for idx in accepted.chain(failures.take(config.recorded_failures_per_object)) {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
             match screening.rollout(idx, Record::Trace) {
-                Ok(rollout) => {
-                    record(&stage, &rollouts[idx].candidate_id, &rollout, cx.folder())?;
-                }
+                Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
                 Err(err) => return failed(err),
             }
         }
@@ -168,6 +166,28 @@ impl ScreenMetrics {
             verdicts_n: verdicts,
         }
     }
+}
+
+/// Returns the numbers of the rollouts that hold.
+fn accepted(rollouts: &[Rollout]) -> impl Iterator<Item = usize> {
+    let held = |(_, rollout): &(usize, &Rollout)| rollout.verdict == Verdict::Held;
+    rollouts.iter().enumerate().filter(held).map(|(idx, _)| idx)
+}
+
+/// Returns the numbers of the rollouts that failed in physics: the first of each verdict, then the second
+/// ones.
+fn failures(rollouts: &[Rollout]) -> Vec<usize> {
+    let mut counts: BTreeMap<Verdict, usize> = BTreeMap::new();
+    let mut failures: Vec<(usize, usize)> = Vec::new();
+    for (idx, rollout) in rollouts.iter().enumerate() {
+        if rollout.verdict != Verdict::Held && rollout.cost_n > 0 {
+            let count = counts.entry(rollout.verdict).or_default();
+            failures.push((*count, idx));
+            *count += 1;
+        }
+    }
+    failures.sort_unstable();
+    failures.into_iter().map(|(_, idx)| idx).collect()
 }
 
 /// Returns the outcome where the object is at fault; nothing where the hand or the options are, and so

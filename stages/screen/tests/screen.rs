@@ -36,6 +36,7 @@ fn config() -> ScreenConfig {
     ScreenConfig {
         hand: HAND.into(),
         recorded_per_object: 1,
+        recorded_failures_per_object: 1,
         pose_noise: 0.0,
         max_penetration_m: 0.005,
         scene: SceneConfig {
@@ -228,7 +229,7 @@ fn rows(folder: &Path) -> Vec<Rollout> {
 }
 
 #[test]
-fn judges_candidates_in_their_order_and_records_the_accepted() {
+fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     let folder = tempfile::tempdir().unwrap();
     let made = made(run(&config(), &can(0.35), &three(), folder.path()).unwrap());
     let rows = rows(folder.path());
@@ -257,7 +258,14 @@ fn judges_candidates_in_their_order_and_records_the_accepted() {
     for row in &rows {
         assert_eq!(row.cost_n + row.saved_n, 115);
     }
-    assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 2);
+    // A motion that is refused on geometry alone has no recording.
+    let failed = lake::recording::read(&folder.path().join("out/can-0002.mcap")).unwrap();
+    assert_eq!(failed.about["reason"], "not_grasped");
+    assert_eq!(
+        failed.topic("/joint_states").count(),
+        rows[2].cost_n as usize + 1
+    );
+    assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
 }
 
 #[test]
@@ -327,7 +335,7 @@ fn writes_the_same_bytes_on_any_number_of_threads() {
             .build()
             .unwrap();
         pool.install(|| run(&config(), &can(0.35), &three(), folder.path()).unwrap());
-        ["part.parquet", "can-0001.mcap"]
+        ["part.parquet", "can-0001.mcap", "can-0002.mcap"]
             .map(|file| fs::read(folder.path().join("out").join(file)).unwrap())
     };
     assert!(bytes(1) == bytes(3));

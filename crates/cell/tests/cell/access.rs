@@ -9,8 +9,8 @@ use std::{
 };
 
 use cell::{
-    Access, CellClient, CellError, Gap, Halt, Keys, Router, Seen, Sending, Service, SimulatedCell,
-    SimulatedCellConfig, Watcher,
+    Access, CellClient, CellError, Gap, Halt, Keys, Router, Sending, Service, SimulatedCell,
+    SimulatedCellConfig, WatchEvent, Watcher,
 };
 use schemas::executions::Outcome;
 use zenoh::{Session, Wait};
@@ -236,9 +236,9 @@ fn watcher_sees_everything_and_moves_nothing() {
         let (mut states, mut motions, mut outcomes) = (0, 0, Vec::new());
         while let Some(seen) = watcher.next(Duration::from_millis(500)) {
             match seen {
-                Seen::State(_) => states += 1,
-                Seen::Motion(..) => motions += 1,
-                Seen::Outcome(outcome) => outcomes.push(outcome.goal_id),
+                WatchEvent::State(_) => states += 1,
+                WatchEvent::Motion(..) => motions += 1,
+                WatchEvent::Outcome(outcome) => outcomes.push(outcome.goal_id),
                 _ => {}
             }
         }

@@ -184,7 +184,7 @@ pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
 /// As [`execute`], by a robot with these joints.
 pub(crate) fn execute_by(client: &CellClient, goal: &Goal, robot: &[Joint]) -> Report {
     match client.execute(goal, robot, SOON, SOON).unwrap() {
-        Executed::Over(report) | Executed::Known(report) => report,
+        Executed::Now(report) | Executed::Before(report) => report,
         Executed::Unknown(message) => panic!("{message}"),
     }
 }

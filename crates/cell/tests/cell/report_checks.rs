@@ -504,7 +504,7 @@ fn contradictory_outcome_is_never_recorded() {
     *said.lock().unwrap() = success().bytes();
     let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
     assert!(
-        matches!(&executed, Executed::Over(report) if report.outcome == Outcome::Succeeded),
+        matches!(&executed, Executed::Now(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"
     );
 }

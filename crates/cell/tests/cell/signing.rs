@@ -9,8 +9,8 @@ use std::{
 };
 
 use cell::{
-    CellClient, CellError, Executed, Gap, Halt, Keys, Router, Seen, Service, SimulatedCell,
-    SimulatedCellConfig, Watcher, rehearse,
+    CellClient, CellError, Executed, Gap, Halt, Keys, Router, Service, SimulatedCell,
+    SimulatedCellConfig, WatchEvent, Watcher, rehearse,
 };
 use schemas::executions::Outcome;
 use serde_json::{Value, json};
@@ -77,7 +77,7 @@ fn refused(client: &CellClient, key: &str) -> Option<String> {
     }
     match client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap() {
         Executed::Unknown(why) => Some(why),
-        Executed::Over(_) | Executed::Known(_) => None,
+        Executed::Now(_) | Executed::Before(_) => None,
     }
 }
 
@@ -156,7 +156,7 @@ fn cell_that_follows_the_protocol_page_passes_every_check() {
     assert_eq!(client.capabilities(SOON).unwrap().journal, key.name());
     let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
     assert!(
-        matches!(&executed, Executed::Known(report) if report.outcome == Outcome::Succeeded),
+        matches!(&executed, Executed::Before(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"
     );
     assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
@@ -411,7 +411,7 @@ fn watcher_refuses_two_cells_of_one_name() {
     let mut seen = |wait: Duration| {
         let mut outcomes = Vec::new();
         while let Some(next) = watcher.next(wait) {
-            if let Seen::Outcome(outcome) = next {
+            if let WatchEvent::Outcome(outcome) = next {
                 outcomes.push(outcome.goal_id);
             }
         }

@@ -7,8 +7,8 @@ use std::{
 };
 
 use cell::{
-    Counts, Gap, GoalOutcome, Keys, Router, Seen, Service, SimulatedCell, SimulatedCellConfig,
-    State, Watcher, subscribe,
+    Counts, Gap, GoalOutcome, Keys, Router, Service, SimulatedCell, SimulatedCellConfig, State,
+    WatchEvent, Watcher, subscribe,
 };
 use schemas::executions::Outcome;
 use zenoh::Wait;
@@ -29,7 +29,7 @@ fn watch(endpoint: &str) -> Watcher {
 fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
     let mut states = Vec::new();
     while states.len() < n {
-        if let Seen::State(state) = watcher.next(LONG).expect("the cell says something") {
+        if let WatchEvent::State(state) = watcher.next(LONG).expect("the cell says something") {
             states.push(state);
         }
     }
@@ -40,7 +40,7 @@ fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
 fn outcomes(watcher: &mut Watcher, n: usize) -> Vec<GoalOutcome> {
     let mut outcomes = Vec::new();
     while outcomes.len() < n {
-        if let Seen::Outcome(outcome) = watcher.next(LONG).expect("the cell says something") {
+        if let WatchEvent::Outcome(outcome) = watcher.next(LONG).expect("the cell says something") {
             outcomes.push(outcome);
         }
     }

@@ -29,11 +29,16 @@ struct Hand {
     lift_m: f64,
 }
 
-/// Progress of a posture that reaches the grasp, of one that collides there, and of one that follows the whole
-/// path but collides on it.
-const REACHES: usize = 0;
-const COLLIDES_AT_GRASP: usize = 1;
-const COLLIDES: usize = usize::MAX;
+/// How far a posture follows the path, from least to most.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+enum Progress {
+    /// Not even the grasp is within the limits.
+    Nothing,
+    /// The grasp, and this many points from there.
+    Points(usize),
+    /// The whole path, but something collides on it.
+    Whole,
+}
 
 /// A posture in which the arm can follow.
 struct Choice<'a> {
@@ -52,7 +57,7 @@ struct Choice<'a> {
 struct Failures {
     postures: usize,
     /// What kept the one from following that came farthest, and how far that was.
-    best: Option<(usize, ArmFault)>,
+    best: Option<(Progress, ArmFault)>,
 }
 
 impl Arm {
@@ -105,7 +110,7 @@ impl Arm {
                         choice.lift,
                     ));
                 }
-                Err(fault) => failures.add(COLLIDES, fault),
+                Err(fault) => failures.add(Progress::Whole, fault),
             }
         }
         Err(failures.infeasible(turns).unwrap_or_else(|| {
@@ -152,23 +157,24 @@ impl Arm {
             let found = tracer
                 .knot(&grasp, q)
                 .and_then(|knot| self.within_limits(knot))
-                .map_err(|fault| (REACHES, fault))
+                .map_err(|fault| (Progress::Nothing, fault))
                 .and_then(|knot| match self.clear(palm_path, [&knot], closed) {
                     Ok(()) => Ok(knot),
-                    Err(fault) => Err((COLLIDES_AT_GRASP, fault)),
+                    Err(fault) => Err((Progress::Points(0), fault)),
                 })
                 .and_then(|knot| {
                     let found = self.posture(tracer, knot, &to_start, &up);
-                    found.map_err(|(n, fault)| (COLLIDES_AT_GRASP + n, fault))
+                    found.map_err(|(n, fault)| (Progress::Points(n), fault))
                 });
             match found {
                 Ok(choice) => choices.push(choice),
-                Err((n, fault)) => failures.add(n, fault),
+                Err((progress, fault)) => failures.add(progress, fault),
             }
         }
     }
 
-    /// Follows a path from the arm's posture at the grasp: back to its start, and up.
+    /// Follows a path from the arm's posture at the grasp: back to its start, and up. A fault comes with the
+    /// number of points that were followed.
     fn posture<'a>(
         &self,
         tracer: Tracer<'_, 'a>,
@@ -252,9 +258,9 @@ impl Choice<'_> {
 }
 
 impl Failures {
-    fn add(&mut self, n: usize, fault: ArmFault) {
-        if self.best.as_ref().is_none_or(|(best, _)| n > *best) {
-            self.best = Some((n, fault));
+    fn add(&mut self, progress: Progress, fault: ArmFault) {
+        if self.best.as_ref().is_none_or(|(best, _)| progress > *best) {
+            self.best = Some((progress, fault));
         }
     }
 

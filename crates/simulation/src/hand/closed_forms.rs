@@ -67,7 +67,7 @@ fn lags(scene: &SceneConfig, world: &World, hand: &Hand, model: &RobotModel) -> 
             } else {
                 hand.drive(&mut world, &all(ahead_s, 0));
             }
-            world.step();
+            world.step().unwrap();
             if step >= 500 {
                 let found = hand.positions(&world);
                 for (found, desired) in found.iter().zip(all(ahead_s, 0)) {
@@ -127,7 +127,7 @@ fn feedforward_and_springs_together_give_no_more_than_the_torque_limit() {
             acceleration: vec![300.0],
         };
         hand.follow(&mut world, &desired);
-        world.step();
+        world.step().unwrap();
         most = most.max(hand.torques(&world)[0].abs());
     }
     assert!(most > 0.04 && most < 0.051, "{most} Nm");
@@ -163,7 +163,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
         acceleration: wanted.clone(),
     };
     hand.follow(&mut world, &desired);
-    world.step();
+    world.step().unwrap();
     let mut worst: f64 = 0.0;
     for drive in &hand.drives {
         let (multibody, address) = super::finger(&world.multibodies, drive.body).unwrap();
@@ -239,7 +239,7 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
     let mut farthest: f64 = 0.0;
     let mut drift = [0.0_f64; 3];
     for _ in 0..400 {
-        world.step();
+        world.step().unwrap();
         farthest = farthest.max((hand.positions(&world)[0] - turned).abs());
         let now = carried(&hand, &world, &bodies);
         drift[0] = drift[0].max((now.0 - linear).norm() / linear.norm());
@@ -304,7 +304,7 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
     let press = |world: &mut World, steps: u32| {
         for _ in 0..steps {
             hand.drive(world, &[1.5]);
-            world.step();
+            world.step().unwrap();
         }
         meters(world.bodies[block].translation().z)
     };
