@@ -21,6 +21,8 @@ mod mujoco;
 mod options;
 mod python;
 mod thread_time;
+#[path = "screening/verdict.rs"]
+mod verdict;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
@@ -135,12 +137,12 @@ fn main() -> ExitCode {
         totals.here_s / all * 1e3,
         totals.here_held_s / totals.here_held_steps * 1e6
     );
-    for ((name, _), cpu_s) in ENGINES.iter().zip(totals.there_s) {
+    for ((name, engine), cpu_s) in ENGINES.iter().zip(totals.there_s) {
         println!(
             "{name:10} {:7.2} ms of CPU per candidate ({:.2} times), {:6.1} µs per physics step",
             cpu_s / all * 1e3,
             cpu_s / totals.here_s,
-            cpu_s / (all * totals.steps) * 1e6
+            cpu_s / (all * totals.steps * f64::from(engine.steps)) * 1e6
         );
     }
     let mut limits = Limits::with_noise(NOISE);
@@ -285,9 +287,7 @@ fn compare(
         let rollout = template.rollout(motion, protocol, Record::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
-        held.push(
-            rollout.verdict == Verdict::Held && rollout.penetration_m <= screen.max_penetration_m,
-        );
+        held.push(verdict::screened(&screen, &rollout) == Verdict::Held);
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
@@ -295,7 +295,7 @@ fn compare(
             counts.here_held_steps +=
                 f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
         }
-        let setpoints = template.setpoints(&motion, protocol).unwrap();
+        let setpoints = template.setpoints(motion, protocol).unwrap();
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(template, &setpoints));
     }

@@ -18,6 +18,8 @@ mod mujoco;
 mod options;
 mod python;
 mod thread_time;
+#[path = "screening/verdict.rs"]
+mod verdict;
 
 use std::{collections::BTreeMap, fmt::Display, hint::black_box, process::ExitCode, time::Instant};
 
@@ -92,10 +94,10 @@ fn main() -> ExitCode {
     let steps = template.setpoints(&motions[0], protocol).unwrap().len() - 1;
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
-    count(
-        "here",
-        ours.iter().map(|(rollout, _)| rollout.verdict.as_str()),
-    );
+    let verdicts = ours.iter();
+    let verdicts = verdicts.map(|(rollout, _)| verdict::screened(&screen, rollout));
+    let verdicts: Vec<Verdict> = verdicts.collect();
+    count("here", verdicts.iter().map(|verdict| verdict.as_str()));
     let substeps = f64::from(scene.steps_per_control);
     let simulated: f64 = ours
         .iter()
@@ -113,7 +115,7 @@ fn main() -> ExitCode {
         ours_s / candidates * 1e3
     );
     // Those that hold are stepped to the end there, and here until they have settled.
-    let whole = |idx: &usize| ours[*idx].0.verdict == Verdict::Held;
+    let whole = |idx: &usize| verdicts[*idx] == Verdict::Held;
     let whole: Vec<usize> = (0..CANDIDATES).filter(whole).collect();
     let all_steps = whole.len() as f64 * steps;
     let our_steps: f64 = whole
@@ -130,13 +132,12 @@ fn main() -> ExitCode {
             "MuJoCo",
             theirs.iter().map(|rolled| rolled.verdict.as_str()),
         );
-        let is_same = |idx: &usize| {
-            (ours[*idx].0.verdict == Verdict::Held) == (theirs[*idx].verdict == "held")
-        };
+        let is_same =
+            |idx: &usize| (verdicts[*idx] == Verdict::Held) == (theirs[*idx].verdict == "held");
         let same = (0..CANDIDATES).filter(is_same).count();
         println!("held or not: {same} of {CANDIDATES} agree");
-        let pairs = ours.iter().zip(&theirs).map(|((rollout, _), rolled)| {
-            let [here, there] = [rollout.verdict.as_str(), rolled.verdict.as_str()];
+        let pairs = verdicts.iter().zip(&theirs).map(|(verdict, rolled)| {
+            let [here, there] = [verdict.as_str(), rolled.verdict.as_str()];
             format!("{here} here and {there} there")
         });
         count("both", pairs);
@@ -158,7 +159,7 @@ fn main() -> ExitCode {
             MIN_BESIDE_MUJOCO..,
         );
     }
-    threads(&template, &protocol, &motions[..THREADED], &mut limits);
+    threads(&template, protocol, &motions[..THREADED], &mut limits);
     limits.end()
 }
 

@@ -71,10 +71,10 @@ fn a_change_reruns_only_its_dependents() {
         planned(&place),
         BTreeMap::from([
             ("split".to_owned(), mapped("run")),
-            ("first".to_owned(), mapped("perhaps")),
-            ("second".to_owned(), mapped("perhaps")),
-            ("third".to_owned(), mapped("perhaps")),
-            ("gather".to_owned(), counts(&[("perhaps", 1)])),
+            ("first".to_owned(), mapped("pending")),
+            ("second".to_owned(), mapped("pending")),
+            ("third".to_owned(), mapped("pending")),
+            ("gather".to_owned(), counts(&[("pending", 1)])),
         ])
     );
     place.run_well(&[]);

@@ -30,8 +30,8 @@ use crate::{
 /// Pause before an unanswered query is repeated: right after a cell reconnects, routers may not
 /// know it yet and answer in nobody's name.
 const PAUSE: Duration = Duration::from_millis(100);
-/// Shortest wait for an answer before the query is repeated.
-const MIN_QUERY_TIMEOUT: Duration = Duration::from_secs(1);
+/// Wait for an answer before a query is repeated.
+const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Longest report accepted, in bytes: ten minutes of 22 joints at 200 Hz.
 pub(crate) const MAX_REPORT_BYTES: usize = 64 * 1024 * 1024;
 /// Longest other answer accepted, in bytes.
@@ -372,7 +372,7 @@ impl CellClient {
             if heard.elapsed() > answer {
                 return Err(silence("result", answer));
             }
-            let until = Instant::now() + left.min(MIN_QUERY_TIMEOUT);
+            let until = Instant::now() + left.min(QUERY_TIMEOUT);
             let unheard = |err: CellError| UnknownOutcome::NoAnswer(with_causes(&err));
             let answers = self
                 .ask_once(&key, &[], MAX_REPORT_BYTES, until)
@@ -391,7 +391,7 @@ impl CellClient {
                 });
             }
             let key = self.keys.capabilities();
-            let until = Instant::now() + left.min(MIN_QUERY_TIMEOUT);
+            let until = Instant::now() + left.min(QUERY_TIMEOUT);
             let there = self
                 .ask_once(&key, &[], MAX_ANSWER_BYTES, until)
                 .map_err(unheard)?;
@@ -465,7 +465,7 @@ impl CellClient {
                 return Ok((Vec::new(), tries));
             }
             tries += 1;
-            let until = Instant::now() + left.min(piece.max(MIN_QUERY_TIMEOUT));
+            let until = Instant::now() + left.min(piece.max(QUERY_TIMEOUT));
             let answers = self.ask_once(key, payload, most, until)?;
             if !answers.is_empty() {
                 return Ok((answers, tries));

@@ -36,8 +36,9 @@ use crate::{
 
 /// Height in meters at which the hand waits until it is placed.
 const PARKING_HEIGHT_M: f64 = 1.0;
-/// Greatest speed of a joint in radians or meters per second, four times that of the fastest drives of hands: a
-/// contact in a direction in which a finger hardly moves would turn its joints at any speed.
+/// Greatest speed of a joint in radians or meters per second, for turning ones four times that of the
+/// fastest drives of hands: a contact in a direction in which a finger hardly moves would move its joints
+/// at any speed.
 const MAX_JOINT_SPEED: f32 = 30.0;
 /// Coordinates of the palm: three along the axes, three about them.
 const DIMENSIONS: usize = 6;
@@ -99,10 +100,8 @@ impl Drive {
                 .set_spring(self.axis, spring.stiffness, spring.rest);
         }
     }
-}
 
-impl Drive {
-    /// Returns position and velocity of the link's joint (rad, m and a second); NaN if the engine no longer
+    /// Returns position and velocity of the link's joint (rad or m, per second); NaN if the engine no longer
     /// has it.
     fn state(&self, world: &World) -> [f64; 2] {
         let found = finger(&world.multibodies, self.body);
@@ -400,7 +399,7 @@ impl Hand {
         world.table_from_body(self.bodies[0])
     }
 
-    /// Returns the joint positions in radians; NaN for a joint that the engine no longer has.
+    /// Returns the joint positions in radians or meters; NaN for a joint that the engine no longer has.
     pub(crate) fn positions(&self, world: &World) -> Vec<f64> {
         let states = self.states(world);
         states.map(|[position, _]| position).collect()
@@ -412,8 +411,8 @@ impl Hand {
         drives.map(|drive| drive.state(world))
     }
 
-    /// Returns the torque of each joint's drive (without end stops) in newton meters, as it was
-    /// in the last physics step.
+    /// Returns the torque or force of each joint's drive (without end stops) in newton meters or newtons, as
+    /// it was in the last physics step.
     #[cfg(test)]
     pub(crate) fn torques(&self, world: &World) -> Vec<f64> {
         self.joints
@@ -545,7 +544,10 @@ mod tests {
     use rapier3d::prelude::{JointAxis, MotorModel};
 
     use super::*;
-    use crate::{testing, units::mass};
+    use crate::{
+        testing,
+        units::{linear_stiffness, mass},
+    };
 
     /// A palm with one finger of 10 cm along x that turns about y, down where positive.
     pub(super) const FINGER: &str = r#"<robot name="finger">
@@ -569,20 +571,22 @@ mod tests {
       </robot>"#;
 
     pub(super) fn finger(scene: &SceneConfig) -> (World, Hand) {
-        let model = RobotModel::from_urdf(FINGER).unwrap();
+        of_urdf(scene, FINGER)
+    }
+
+    fn of_urdf(scene: &SceneConfig, urdf: &str) -> (World, Hand) {
+        let model = RobotModel::from_urdf(urdf).unwrap();
         let mut world = World::empty(scene);
         let hand = Hand::insert(&mut world, scene, &model).unwrap();
         (world, hand)
     }
 
-    #[test]
-    fn a_finger_presses_with_its_torque_limit_and_never_more() {
-        let mut scene = testing::scene();
-        scene.friction = 0.0;
-        let (mut world, hand) = finger(&scene);
+    /// Lets a finger whose tip is 10 cm along x press down on a plate with a spring. Returns its position, the
+    /// most that its drive gave, and the force on the plate in newtons.
+    fn pressing(urdf: &str, scene: &SceneConfig, q_command: f64) -> [f64; 3] {
+        let (mut world, hand) = of_urdf(scene, urdf);
         hand.place(&mut world, &Pose::identity(), &[0.0]);
-        // A plate below the tip, on a spring of 1,000 N/m along z.
-        let stiffness = 1000.0;
+        let stiffness_n_per_m = 1000.0;
         let plate_at = EnginePose::translation(length(0.1), 0.0, length(-0.0205));
         let ground = world.bodies.insert(RigidBodyBuilder::fixed());
         let plate = world.bodies.insert(
@@ -601,24 +605,51 @@ mod tests {
             &mut world.bodies,
         );
         let free_along_z = JointAxesMask::LOCKED_FIXED_AXES.difference(JointAxesMask::LIN_Z);
+        let [stiffness, damping] = [stiffness_n_per_m, 60.0].map(linear_stiffness);
         let spring = GenericJointBuilder::new(free_along_z)
             .local_frame1(plate_at)
             .motor_model(JointAxis::LinZ, MotorModel::ForceBased)
-            .set_motor(JointAxis::LinZ, 0.0, 0.0, mass(stiffness), mass(60.0))
+            .set_motor(JointAxis::LinZ, 0.0, 0.0, stiffness, damping)
             .build();
         world.impulse_joints.insert(ground, plate, spring, true);
         let mut most: f64 = 0.0;
         for _ in 0..1000 {
-            hand.drive(&mut world, &[1.5]);
+            hand.drive(&mut world, &[q_command]);
             world.step().unwrap();
             most = most.max(hand.torques(&world)[0].abs());
         }
+        let down_m = -0.0205 - meters(world.bodies[plate].translation().z);
+        [hand.positions(&world)[0], most, stiffness_n_per_m * down_m]
+    }
+
+    #[test]
+    fn a_finger_presses_with_its_torque_limit_and_never_more() {
+        let mut scene = testing::scene();
+        scene.friction = 0.0;
+        let [q, most, force_n] = pressing(FINGER, &scene, 1.5);
         let limit = scene.drive.torque_limit;
         assert!(most < 1.02 * limit, "{most} Nm");
-        let down = -0.0205 - meters(world.bodies[plate].translation().z);
-        let arm = 0.1 * hand.positions(&world)[0].cos();
-        let torque = stiffness * down * arm;
+        let torque = force_n * 0.1 * q.cos();
         assert!((torque / limit - 1.0).abs() < 0.05, "{torque} Nm");
+    }
+
+    #[test]
+    fn a_sliding_finger_presses_with_its_force_limit_and_never_more() {
+        let mut scene = testing::scene();
+        scene.friction = 0.0;
+        let turning = r#"type="revolute">
+          <parent link="palm"/><child link="rod"/><axis xyz="0 1 0"/>"#;
+        let sliding = r#"type="prismatic">
+          <parent link="palm"/><child link="rod"/><axis xyz="0 0 -1"/>"#;
+        assert!(FINGER.contains(turning));
+        let urdf = FINGER.replace(turning, sliding);
+        let [q, most, force_n] = pressing(&urdf, &scene, 0.1);
+        let limit = scene.drive.torque_limit;
+        assert!(most < 1.02 * limit, "{most} N");
+        assert!((force_n / limit - 1.0).abs() < 0.05, "{force_n} N");
+        // It has slid to where the plate is: half a millimeter, as far as that gives way, and a bit into it.
+        let inside_m = q - 0.0005 - force_n / 1000.0;
+        assert!((0.0..2e-4).contains(&inside_m), "{inside_m} m");
     }
 
     #[test]

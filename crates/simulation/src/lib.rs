@@ -10,7 +10,8 @@
 //! - Finger joints are PD drives, with optional inverse dynamics feedforward, integrated implicitly,
 //!   with clamped torque.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
-//! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32`.
+//! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32` and in
+//!   centimeters.
 //!
 //! It does not know of candidates, files or robots' wires.
 

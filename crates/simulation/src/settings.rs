@@ -20,7 +20,7 @@ const MAX_STEPS: f64 = 10_000_000.0;
 const MAX_LINKS: u32 = 5000;
 /// Greatest number of any other setting.
 const MAX_SETTING: f64 = 1e6;
-/// Why.
+/// Why settings are bounded by [`MAX_SETTING`].
 const SINGLE_PRECISION: &str = "physics computes with 32 bits";
 
 /// What is wrong with one setting.

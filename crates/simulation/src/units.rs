@@ -3,7 +3,8 @@
 //! The engine computes in centimeters: its collision detection has absolute tolerances that were chosen
 //! for shapes of a unit's size. Told of the parts of a mug in meters, it takes triangles of less than
 //! 33 mm by 33 mm for lines, and reports fingertips 25 mm deep in walls that they touch. The unit of mass
-//! is such that energies stay in joules: so do torques in newton meters, and inertias in kg m².
+//! is such that energies stay in joules: so do torques in newton meters, and inertias in kg m². The unit of
+//! force is 100 N.
 
 use nalgebra::{Matrix3, Point3, Quaternion, UnitQuaternion, Vector3};
 use rapier3d::math::{Matrix, Pose as EnginePose, Real, Rotation, Vector};
@@ -29,6 +30,12 @@ pub(crate) fn length(length_m: f64) -> Real {
 /// Converts a mass in kilograms.
 pub(crate) fn mass(mass_kg: f64) -> Real {
     real(mass_kg / LENGTH_UNITS_PER_M.powi(2))
+}
+
+/// Converts a stiffness in N/m, or a damping in N s/m.
+#[cfg(test)]
+pub(crate) fn linear_stiffness(newtons_per_m: f64) -> Real {
+    real(newtons_per_m / LENGTH_UNITS_PER_M.powi(2))
 }
 
 /// Converts a vector of lengths in meters, of speeds in m/s or of accelerations in m/s².

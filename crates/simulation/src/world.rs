@@ -22,7 +22,7 @@ const GRAVITY_M_PER_S2: f64 = 9.81;
 /// Damping ratio of contacts: what overlaps parts as fast as it can without swinging. With the engine's
 /// default of 10, which is for stacks of boxes, it parts seven times slower, and held things sink in.
 const CONTACT_DAMPING_RATIO: f32 = 1.0;
-/// Natural frequency of contacts in hertz, the table's twice that, as in the engine: with its 30 Hz, one
+/// Natural frequency of contacts in hertz, twice that with a table at rest, as in the engine: with its 30 Hz, one
 /// in ten motions that hold has a finger deeper than 5 mm in the object.
 const CONTACT_HZ: f32 = 60.0;
 /// Half the edge of the table in meters: nothing that is still in the game leaves it.

@@ -26,7 +26,7 @@ pub struct ScreenConfig {
     #[serde(default = "defaults::recorded_per_object")]
     pub recorded_per_object: usize,
     /// Number of failed rollouts per object recorded likewise, the first of each reason before a second
-    /// of any; motions refused on geometry alone have none.
+    /// of any; a motion refused on geometry alone, or whose simulation diverged, has none.
     #[serde(default = "defaults::recorded_failures_per_object")]
     pub recorded_failures_per_object: usize,
     /// Noise on the object's position, for a study: each motion is executed as if the object were

@@ -2,7 +2,7 @@
 //!
 //! The simulated hand executes every candidate on the object in the candidate's resting orientation:
 //! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
-//! failure; the first accepted ones of each object are recorded for a viewer.
+//! failure; the first accepted and failed ones of each object are recorded for a viewer.
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun
 //! alone with the same verdict. This stage does not depend on the generator.

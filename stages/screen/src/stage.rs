@@ -143,9 +143,10 @@ impl Output for Screen {
             model: &model,
             object: &object,
         };
-        let accepted = accepted(&rollouts).take(config.recorded_per_object);
-        let failures = failures(&rollouts).into_iter();
-        for idx in accepted.chain(failures.take(config.recorded_failures_per_object)) {
+        let verdicts: Vec<Verdict> = rollouts.iter().map(|rollout| rollout.verdict).collect();
+        let shown = accepted(&verdicts).take(config.recorded_per_object);
+        let failed_n = config.recorded_failures_per_object;
+        for idx in shown.chain(failures(&verdicts).into_iter().take(failed_n)) {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
             match screening.rollout(idx, Record::Trace) {
                 Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
@@ -169,21 +170,32 @@ impl ScreenMetrics {
 }
 
 /// Returns the numbers of the rollouts that hold.
-fn accepted(rollouts: &[Rollout]) -> impl Iterator<Item = usize> {
-    let held = |(_, rollout): &(usize, &Rollout)| rollout.verdict == Verdict::Held;
-    rollouts.iter().enumerate().filter(held).map(|(idx, _)| idx)
+fn accepted(verdicts: &[Verdict]) -> impl Iterator<Item = usize> {
+    (0..verdicts.len()).filter(|&idx| verdicts[idx] == Verdict::Held)
 }
 
-/// Returns the numbers of the rollouts that failed in physics: the first of each verdict, then the second
+/// Returns the numbers of the failed rollouts that have a trace: the first of each verdict, then the second
 /// ones.
-fn failures(rollouts: &[Rollout]) -> Vec<usize> {
+fn failures(verdicts: &[Verdict]) -> Vec<usize> {
     let mut counts: BTreeMap<Verdict, usize> = BTreeMap::new();
     let mut failures: Vec<(usize, usize)> = Vec::new();
-    for (idx, rollout) in rollouts.iter().enumerate() {
-        if rollout.verdict != Verdict::Held && rollout.cost_n > 0 {
-            let count = counts.entry(rollout.verdict).or_default();
-            failures.push((*count, idx));
-            *count += 1;
+    for (idx, verdict) in verdicts.iter().enumerate() {
+        match verdict {
+            Verdict::Held
+            | Verdict::Limit
+            | Verdict::Table
+            | Verdict::EarlyContact
+            | Verdict::Diverged
+            | Verdict::Infeasible => {}
+            Verdict::KnockedOver
+            | Verdict::NotGrasped
+            | Verdict::Slipped
+            | Verdict::Dropped
+            | Verdict::TooDeep => {
+                let count = counts.entry(*verdict).or_default();
+                failures.push((*count, idx));
+                *count += 1;
+            }
         }
     }
     failures.sort_unstable();
@@ -200,5 +212,29 @@ fn unusable(err: &SimulationError) -> Option<Outcome<ScreenMetrics>> {
         | SimulationError::NoParts
         | SimulationError::Unsettled => Some(Outcome::skipped(err.to_string())),
         _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_are_one_of_each_reason_before_a_second_of_any() {
+        use Verdict::{Diverged, Dropped, Held, KnockedOver, NotGrasped, Table, TooDeep};
+        let verdicts = [
+            Table,
+            NotGrasped,
+            Held,
+            NotGrasped,
+            Diverged,
+            TooDeep,
+            KnockedOver,
+            TooDeep,
+            Held,
+            Dropped,
+        ];
+        assert_eq!(failures(&verdicts), [1, 5, 6, 9, 3, 7]);
+        assert_eq!(accepted(&verdicts).collect::<Vec<_>>(), [2, 8]);
     }
 }

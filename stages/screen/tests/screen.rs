@@ -261,9 +261,11 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // A motion that is refused on geometry alone has no recording.
     let failed = lake::recording::read(&folder.path().join("out/can-0002.mcap")).unwrap();
     assert_eq!(failed.about["reason"], "not_grasped");
-    assert_eq!(
-        failed.topic("/joint_states").count(),
-        rows[2].cost_n as usize + 1
+    // It is recorded until its end is certain without shortcuts.
+    let steps_n = failed.topic("/joint_states").count();
+    assert!(
+        (rows[2].cost_n as usize + 1..116).contains(&steps_n),
+        "{steps_n}"
     );
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
 }

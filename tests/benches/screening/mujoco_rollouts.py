@@ -3,7 +3,7 @@
 Reads lines of JSON. The first is answered with the version. {"scene": ...} builds a model: a hand as a tree of links with primitives, masses,
 joint limits and torque limits, one object of convex parts, a table. {"rollouts": [...]} carries out one
 script after the other to its end and answers with the CPU seconds of the physics steps alone (this
-thread's, without Python's share) and the verdicts. Lengths in meters, quaternions as x y z w.
+thread's, without Python's share), the verdicts, and the deep contacts of the hand with what it carries. Lengths in meters, quaternions as x y z w.
 
 What is told to the palm is done: its mass is 10 t, and each control step gives it the velocity that takes
 it to its place, so that it yields to nothing; it never touches the table, which yields as little. Finger
@@ -178,7 +178,8 @@ class Scene:
 
     def deep(self, depth_m):
         """Contacts of the hand deeper in the object: the point of the object's part, in the object's frame, and the depth."""
-        place, turn = self.object_pose()
+        # The contacts are those of the step's start, as is the body's pose in space.
+        place, turn = self.data.xpos[self.thing], self.data.xquat[self.thing]
         inverse, local, found = np.zeros(4), np.zeros(3), []
         mujoco.mju_negQuat(inverse, turn)
         for idx in range(self.data.ncon):

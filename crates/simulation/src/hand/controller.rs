@@ -2,7 +2,7 @@
 
 use crate::{config::SceneConfig, units::real};
 
-/// Stiffness in newton meters per radian of a spring that stands for a constant torque.
+/// Stiffness of a spring that stands for a constant torque or force, in the engine's units.
 const CONSTANT_STIFFNESS: f32 = 1e-3;
 
 /// A PD drive with a torque limit and end stops, in the engine's units of the joint's coordinate.
@@ -15,18 +15,17 @@ pub(crate) struct Controller {
     lower: f32,
     upper: f32,
     time_step_s: f32,
-    /// Acceleration per torque with all other joints free, at the joints' zero, in 1/(kg m²).
+    /// Acceleration per torque or force with all other joints free, at the joints' zero, in the engine's
+    /// units: 1/(kg m²) where the joint turns.
     pub(crate) inverse_inertia: f32,
 }
 
-/// What the engine integrates implicitly: `stiffness (rest − q) − damping q̇`.
+/// What the engine integrates implicitly: `stiffness (rest − q) − damping q̇`, in its units, which are Nm and
+/// radians where the joint turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spring {
-    /// In newton meters per radian.
     pub(crate) stiffness: f32,
-    /// In newton meter seconds per radian.
     pub(crate) damping: f32,
-    /// In radians.
     pub(crate) rest: f32,
 }
 

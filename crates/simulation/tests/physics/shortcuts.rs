@@ -66,7 +66,7 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
             _ => {}
         }
     }
-    // The hold is more than half of the script, and is cut to a third where nothing slips.
+    // The hold is more than half of the script, and is cut to a third where nothing creeps in the hand.
     let held = || few.iter().filter(|r| r.verdict == Verdict::Held);
     let early = held().filter(|r| r.saved_n > 60).count();
     assert!(
