@@ -32,7 +32,7 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     let (sent, refused): (Vec<&Value>, Vec<&Value>) = done
         .iter()
         .partition(|row| !text(row, "goal_id").is_empty());
-    assert!(sent.len() >= 5, "{done:#?}");
+    assert!(sent.len() >= 3 && sent.len() > refused.len(), "{done:#?}");
     for row in &refused {
         assert_eq!(text(row, "outcome"), "rejected");
         assert!(text(row, "message").starts_with("not sent: "), "{row}");
