@@ -1,7 +1,8 @@
 //! How well verdicts agree with those of `MuJoCo`: all candidates of a lake, accepted or not, screened
 //! again here and carried out there with the same shapes, masses, limits, friction and script; and what
 //! both cost, one thread each, object by object in turns: here with what is refused and ended early,
-//! there to the end.
+//! there to the end. Here they are screened at a quarter of the physics time step too: the verdicts that
+//! change are those that hang on it.
 //!
 //! Agreement is Cohen's kappa of held or not (J. Cohen, "A coefficient of agreement for nominal scales",
 //! 1960): 1 if all verdicts are equal, 0 if no more are than by chance. McNemar's test says whether one
@@ -29,11 +30,13 @@ use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 use lake::Lake;
 use limits::Limits;
 use mujoco::{Engine, Mujoco};
+use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::candidates::{Candidates, ObjectSplit};
 use serde_json::Value;
 use simulation::{ObjectShape, Record, Template, Verdict};
 use spatial::{Object, Pose, Rest, Table};
+use stage_screen::ScreenConfig;
 use statistics::mcnemar;
 
 /// Least kappa of all candidates, and of those of unseen objects.
@@ -44,6 +47,8 @@ const MIN_SHARE: [f64; 2] = [0.90, 0.85];
 const MAX_RATE_DIFFERENCE: f64 = 0.25;
 /// Both engines are deterministic: equal lakes give equal shares.
 const NOISE: f64 = 0.0;
+/// By how much the physics time step is divided where verdicts are screened once more.
+const FINER: u32 = 4;
 /// The peer, the peer at half the step as the bound of any agreement with it, and its own defaults.
 const ENGINES: [(&str, Engine); 3] = [
     (
@@ -133,6 +138,15 @@ fn main() -> ExitCode {
     );
     let all = totals.candidates as f64;
     println!(
+        "here, and here at 1/{FINER} of the physics step: {} verdicts differ ({:.1} %), {} of unseen objects; held \
+         {} and {}",
+        totals.differ_finer,
+        100.0 * totals.differ_finer as f64 / all,
+        unseen.differ_finer,
+        totals.held,
+        totals.held_finer
+    );
+    println!(
         "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that hold",
         totals.here_s / all * 1e3,
         totals.here_held_s / totals.here_held_steps * 1e6
@@ -177,6 +191,9 @@ struct Counts {
     /// Held with the second engine, here or not, and how often the first two differ.
     held_by_second: usize,
     peers_differ: usize,
+    /// Held here at a quarter of the step, and how often that differs.
+    held_finer: usize,
+    differ_finer: usize,
     /// Physics steps of a candidate to the end.
     steps: f64,
     /// CPU seconds of all here, of those that hold, and of all there by engine.
@@ -243,6 +260,8 @@ impl Counts {
         self.only_there += other.only_there;
         self.held_by_second += other.held_by_second;
         self.peers_differ += other.peers_differ;
+        self.held_finer += other.held_finer;
+        self.differ_finer += other.differ_finer;
         self.steps = other.steps;
         self.here_s += other.here_s;
         self.here_held_s += other.here_held_s;
@@ -299,6 +318,9 @@ fn compare(
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(template, &setpoints));
     }
+    let finer = finer(&screen, hand, object, candidates);
+    counts.held_finer = finer.iter().filter(|held| **held).count();
+    counts.differ_finer = counts.held + counts.held_finer - 2 * both(&held, &finer);
     let mut verdicts: Vec<Vec<bool>> = Vec::new();
     for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
         mujoco.build(&screen, hand, object, engine);
@@ -325,6 +347,25 @@ fn compare(
     counts.held_by_second = held_by(second);
     counts.peers_differ = held_by(first) + held_by(second) - 2 * of_both;
     counts
+}
+
+/// Returns which candidates hold here at a quarter of the physics step and the same control step.
+fn finer(
+    screen: &ScreenConfig,
+    hand: &RobotModel,
+    object: &ObjectShape,
+    candidates: &Candidates,
+) -> Vec<bool> {
+    let mut scene = screen.scene.clone();
+    scene.time_step_s /= f64::from(FINER);
+    scene.steps_per_control *= FINER;
+    let holds = candidates.candidates.par_iter().map(|candidate| {
+        let rest = Rest::of(&candidate.table_from_object);
+        let template = Template::new(&scene, hand, object, &rest).unwrap();
+        let rollout = template.rollout(&candidate.motion, &screen.protocol, Record::Nothing);
+        verdict::screened(screen, &rollout.unwrap()) == Verdict::Held
+    });
+    holds.collect()
 }
 
 /// Returns how many hold in both.
