@@ -27,6 +27,7 @@ pub mod latents;
 pub mod objects;
 pub mod rates;
 pub mod reconstruction;
+pub mod robustness;
 pub mod rollouts;
 pub mod ros2;
 pub mod sampling;

@@ -12,10 +12,11 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// Values with which the whole job is small.
-pub(crate) const SMALL: [&str; 3] = [
+pub(crate) const SMALL: [&str; 4] = [
     "train.network.points=64",
     "train.training.epochs=20",
     "sample.per_object=4",
+    "screen.robustness.trials=2",
 ];
 
 /// The recipe of the bundled sample with one recording per object.

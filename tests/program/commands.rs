@@ -229,7 +229,7 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
     let file = folder.path().join("my pipeline.toml");
     let renamed = include_str!("../../pipelines/cgf.toml")
         .replace("stages.screen", "stages.screen-2")
-        .replace("screen.rollouts", "screen-2.rollouts");
+        .replace("\"screen.", "\"screen-2.");
     put(&file, &renamed);
     let draw = |format: &str| {
         let lake = folder.path().join("lake");
@@ -260,13 +260,13 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
         }
     }
     assert!(nodes.contains("screen-2.rollouts"), "{dot}");
-    assert_eq!((nodes.len(), n_edges), (17, 55), "{dot}");
+    assert_eq!((nodes.len(), n_edges), (18, 62), "{dot}");
 
     let mermaid = draw("mermaid");
     assert!(mermaid.starts_with("flowchart LR\n"), "{mermaid}");
     let count = |what: &str| mermaid.lines().filter(|line| line.contains(what)).count();
     assert_eq!(count("subgraph"), count("end"), "{mermaid}");
-    assert_eq!((count("<br/>"), count("-->")), (17, 55), "{mermaid}");
+    assert_eq!((count("<br/>"), count("-->")), (18, 62), "{mermaid}");
     for edge in mermaid.lines().filter(|line| line.contains("-->")) {
         for end in edge.trim().split(" --> ") {
             assert!(mermaid.contains(&format!("{end}[\"")), "{edge}");

@@ -142,9 +142,9 @@ fn without_leaves_stages_out_with_their_own_inputs() {
         ],
     );
     refused(
-        "extends = \"cgf.toml\"\nwithout = [\"screen\"]\n",
+        "extends = \"cgf.toml\"\nwithout = [\"train\"]\n",
         &[
-            "stage `dispatch` reads from an unknown stage `screen`",
+            "stage `sample` reads from an unknown stage `train`",
             "cgf.toml:",
         ],
     );

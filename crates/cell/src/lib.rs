@@ -57,7 +57,7 @@ pub use report::{Report, Sample, UncheckedReport};
 pub use router::Router;
 pub use session::{check_endpoint, subscribe};
 pub use simulated::{
-    Abort, CellArm, Fault, Gap, ObjectError, ObjectFinder, OutcomeListener, PlannedFault, Service,
+    Abort, CellArm, Fault, Gap, ObjectFinder, OutcomeListener, PlannedFault, Service,
     SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
 };
 pub use state::State;

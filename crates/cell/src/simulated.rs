@@ -47,7 +47,7 @@ use self::{
 pub use self::{
     control::Abort,
     fault::{Fault, PlannedFault},
-    gap::{Gap, ObjectError},
+    gap::Gap,
     robot::CellArm,
     watched::Tick,
 };

@@ -27,4 +27,4 @@
 
 mod spread;
 
-pub use spread::{Diversity, Motion, root_mean_square};
+pub use spread::{Diversity, Motion, distance, root_mean_square};

@@ -222,6 +222,16 @@ impl Squares {
     }
 }
 
+/// Returns the distance between two hands.
+pub fn distance<R, S>(a: &Step<Object, R>, b: &Step<Object, S>) -> GraspDistance {
+    let (from, to) = (a.frame_from_palm, b.frame_from_palm);
+    GraspDistance {
+        palm_m: (from.translation.vector - to.translation.vector).norm(),
+        palm_rad: from.rotation.angle_to(&to.rotation),
+        q_rad: root_mean_square(&a.q_rad, &b.q_rad),
+    }
+}
+
 /// Returns the root mean square difference of joint positions.
 pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();

@@ -57,6 +57,16 @@ impl SceneConfig {
     pub fn control_step_s(&self) -> f64 {
         self.time_step_s * f64::from(self.steps_per_control)
     }
+
+    /// Returns the delay of the fingers in physics steps.
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "a checked scene has a delay of 0 to 0.2 s, and steps of at least a microsecond"
+    )]
+    pub(crate) fn delay_n(&self) -> usize {
+        (self.drive.delay_s / self.time_step_s).round() as usize
+    }
 }
 
 /// A planar displacement on the table.
@@ -93,6 +103,9 @@ pub struct DriveConfig {
     /// drives they give by a fraction of a degree.
     #[serde(default = "defaults::stop_stiffness")]
     pub stop_stiffness: f64,
+    /// Delay until a finger's command takes effect, in seconds, rounded to whole physics steps (0).
+    #[serde(default)]
+    pub delay_s: f64,
 }
 
 /// Torque law of a finger's drive, at a joint at `q` with desired position `q_d`.

@@ -86,6 +86,17 @@ impl Desired {
         }
     }
 
+    /// Returns the joints at rest at the start, where commands have not yet arrived.
+    pub(crate) fn before(&self) -> Option<DesiredStep> {
+        let q = self.knots.first()?.q.clone();
+        let still = JointRates::still(q.len());
+        Some(DesiredStep {
+            q,
+            velocity: still.velocity,
+            acceleration: still.acceleration,
+        })
+    }
+
     /// Returns the desired motion over a physics step that begins `time_s` after the beginning of a control
     /// step (counted from 0) and lasts `step_s`; `None` beyond the end.
     pub(crate) fn during(

@@ -7,6 +7,7 @@ use crate::{
     config::{KnockedUntil, Protocol},
     contact::{self, Touch},
     script::{Command, Phase, Script, steps},
+    settings::MAX_DELAY_S,
     shortcuts::Shortcuts,
     template::Template,
     units::meters,
@@ -24,6 +25,8 @@ const FINAL_WINDOW_S: f64 = 0.5;
 const TOUCHING_SHARE: f64 = 0.5;
 /// Time at rest in the hand after which a held object has settled, in seconds.
 const SETTLED_S: f64 = 0.3;
+/// What rests has received the last command.
+const _: () = assert!(SETTLED_S > MAX_DELAY_S, "delayed fingers still close");
 /// Largest motion in the hand that counts as rest, in meters and radians, and as a share of the motion
 /// that is a slip.
 const SETTLED_M: f64 = 2e-4;
@@ -41,6 +44,8 @@ pub(crate) struct Judge<'a> {
     in_palm: Vec<Pose<Palm, Object>>,
     /// The object's pose in the palm frame after the latest step.
     last_in_palm: Pose<Palm, Object>,
+    /// Control steps of the squeeze in which the fingers still close, because their commands arrive late.
+    closing_left: usize,
     lift_left: usize,
     hold_left: usize,
     window: usize,
@@ -72,6 +77,12 @@ impl<'a> Judge<'a> {
     ) -> Self {
         let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
+        let scene = &template.scene;
+        // A hand that still closes may touch again what it has lost.
+        let shortcuts = Shortcuts {
+            lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s,
+            ..shortcuts
+        };
         Self {
             protocol,
             start: template.table_from_object(),
@@ -80,10 +91,11 @@ impl<'a> Judge<'a> {
             penetration_m: 0.0,
             in_palm: Vec::new(),
             last_in_palm: Pose::identity(),
+            closing_left: scene.delay_n().div_ceil(scene.steps_per_control as usize),
             lift_left: count(Phase::Lift),
             hold_left,
-            window: steps(FINAL_WINDOW_S, &template.scene).clamp(1, hold_left.max(1)),
-            control_s: template.scene.control_step_s(),
+            window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),
+            control_s: scene.control_step_s(),
             pressed: vec![0; template.hand.bodies_n()],
             pulled_from: None,
             shortcuts,
@@ -108,10 +120,10 @@ impl<'a> Judge<'a> {
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
         self.last_in_palm = palm_from_object;
         match command.phase {
-            Phase::Reach | Phase::Close => {
-                let moved = table_from_object.translation.vector - self.start.translation.vector;
-                self.displacement_m = moved.norm();
-                self.knocked_over(&table_from_object)
+            Phase::Reach | Phase::Close => self.before_squeeze(&table_from_object),
+            Phase::Squeeze if self.closing_left > 0 => {
+                self.closing_left -= 1;
+                self.before_squeeze(&table_from_object)
             }
             Phase::Squeeze => match self.protocol.strict.knocked_until {
                 KnockedUntil::Squeeze => None,
@@ -157,6 +169,13 @@ impl<'a> Judge<'a> {
                 })
             }
         }
+    }
+
+    /// Records how far the object was moved before the squeeze, and judges it.
+    fn before_squeeze(&mut self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
+        let moved = table_from_object.translation.vector - self.start.translation.vector;
+        self.displacement_m = moved.norm();
+        self.knocked_over(table_from_object)
     }
 
     /// Says that the object was knocked over if it is far from where it lay.

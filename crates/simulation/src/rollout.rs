@@ -5,7 +5,7 @@ use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
-    desired::Desired,
+    desired::DesiredStep,
     judge::Judge,
     script::{Command, Phase, Script},
     shortcuts::Shortcuts,
@@ -144,7 +144,7 @@ pub(crate) fn run_watched<'a>(
             aborted = Some(idx.checked_sub(1));
             break;
         }
-        verdict = match execution.advance(idx, command, script.desired.as_ref()) {
+        verdict = match execution.advance(script, idx, command) {
             Ok(()) => judge.observe(template, &execution.world, command),
             Err(Overflow) => Some(Verdict::Diverged),
         };
@@ -156,7 +156,7 @@ pub(crate) fn run_watched<'a>(
     let last = aborted.flatten();
     if let Some((idx, command)) = last.and_then(|idx| Some((idx, script.commands.get(idx)?))) {
         for _ in 0..hold_n {
-            if execution.advance(idx, command, None).is_err() {
+            if execution.advance(script, idx, command).is_err() {
                 verdict = Some(Verdict::Diverged);
                 break;
             }
@@ -224,17 +224,12 @@ impl<'a> Execution<'a> {
         execution
     }
 
-    /// Advances by one control step with this command, along the fingers' course if there is one.
+    /// Advances by one control step with this command of a script.
     ///
     /// # Errors
     ///
     /// Fails if a body's numbers overflowed in it.
-    fn advance(
-        &mut self,
-        idx: usize,
-        command: &Command,
-        desired: Option<&Desired>,
-    ) -> Result<(), Overflow> {
+    fn advance(&mut self, script: &Script, idx: usize, command: &Command) -> Result<(), Overflow> {
         let (template, world) = (self.template, &mut self.world);
         let control_s = template.scene.control_step_s();
         if idx < self.arrival {
@@ -250,10 +245,7 @@ impl<'a> Execution<'a> {
         if command.phase == Phase::Pull {
             world.pull(template.object, &command.pull_m_per_s2);
         }
-        let advanced = match desired {
-            None => control_step(template, world, &command.hand.q),
-            Some(desired) => control_step_along(template, world, desired, idx),
-        };
+        let advanced = control_step(template, world, script, idx, self.cost_n);
         self.cost_n += 1;
         self.record(&command.hand.q);
         advanced
@@ -278,28 +270,61 @@ fn finite_or_zero(figure: f64) -> f64 {
     if figure.is_finite() { figure } else { 0.0 }
 }
 
-/// Advances by one control step with the fingers' command held.
-fn control_step(template: &Template, world: &mut World, q_command: &[f64]) -> Result<(), Overflow> {
-    for _ in 0..template.scene.steps_per_control {
-        template.hand.drive(world, q_command);
-        world.step()?;
-        template.hand.limit_speed(world);
-    }
-    Ok(())
+/// What the fingers' drives follow over one physics step.
+enum Reference<'a> {
+    /// Positions that are held.
+    Held(&'a [f64]),
+    /// A motion that goes on.
+    Moving(DesiredStep),
 }
 
-/// Advances by one control step with the fingers on their course.
-fn control_step_along(
+/// Returns what has arrived at the drives `step` physics steps after the start, [`DriveConfig::delay_s`] after
+/// it was commanded: nothing is commanded after the control step `last`.
+///
+/// [`DriveConfig::delay_s`]: crate::DriveConfig::delay_s
+fn arrived<'a>(
+    template: &Template,
+    script: &'a Script,
+    last: usize,
+    step: usize,
+) -> Option<Reference<'a>> {
+    let scene = &template.scene;
+    let Some(commanded) = step.checked_sub(scene.delay_n()) else {
+        return match &script.desired {
+            None => Some(Reference::Held(&script.start.hand.q)),
+            Some(desired) => desired.before().map(Reference::Moving),
+        };
+    };
+    let per_control = scene.steps_per_control as usize;
+    let control_step = commanded / per_control;
+    match &script.desired {
+        Some(desired) if control_step <= last => {
+            let (step_s, within) = (scene.time_step_s, commanded % per_control);
+            let desired = desired.during(control_step, within as f64 * step_s, step_s)?;
+            Some(Reference::Moving(desired))
+        }
+        _ => {
+            let command = script.commands.get(control_step.min(last))?;
+            Some(Reference::Held(&command.hand.q))
+        }
+    }
+}
+
+/// Advances by one control step after `done_n` others, with `last` as the last one commanded.
+fn control_step(
     template: &Template,
     world: &mut World,
-    desired: &Desired,
-    control_step: usize,
+    script: &Script,
+    last: usize,
+    done_n: u32,
 ) -> Result<(), Overflow> {
-    let step_s = template.scene.time_step_s;
-    for step in 0..template.scene.steps_per_control {
-        let time_s = f64::from(step) * step_s;
-        if let Some(desired) = desired.during(control_step, time_s, step_s) {
-            template.hand.follow(world, &desired);
+    let per_control = template.scene.steps_per_control as usize;
+    let first = done_n as usize * per_control;
+    for step in first..first + per_control {
+        match arrived(template, script, last, step) {
+            Some(Reference::Held(q_command)) => template.hand.drive(world, q_command),
+            Some(Reference::Moving(desired)) => template.hand.follow(world, &desired),
+            None => {}
         }
         world.step()?;
         template.hand.limit_speed(world);

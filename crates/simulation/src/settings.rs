@@ -18,6 +18,8 @@ const MAX_CONTROL_STEPS: f64 = 100_000.0;
 const MAX_STEPS: f64 = 10_000_000.0;
 /// Maximum number of links of a hand.
 const MAX_LINKS: u32 = 5000;
+/// Longest delay of a finger's commands, in seconds.
+pub(crate) const MAX_DELAY_S: f64 = 0.2;
 /// Greatest number of any other setting.
 const MAX_SETTING: f64 = 1e6;
 /// Why settings are bounded by [`MAX_SETTING`].
@@ -76,6 +78,8 @@ impl SceneConfig {
         ] {
             faults.signed(key, number);
         }
+        let why = "a hand that is later cannot be controlled";
+        faults.within("drive.delay_s", self.drive.delay_s, 0.0, MAX_DELAY_S, why);
         let why = "physics computes with 32 bits, and passes over what is faster";
         let step_s = self.time_step_s;
         faults.within("time_step_s", step_s, MIN_STEP_S, MAX_STEP_S, why);
@@ -235,14 +239,21 @@ impl Protocol {
 
 /// What is wrong, as it is found.
 #[derive(Default)]
-struct Faults(Vec<SettingFault>);
+pub(crate) struct Faults(pub(crate) Vec<SettingFault>);
 
 impl Faults {
-    fn note(&mut self, key: &'static str, problem: String) {
+    pub(crate) fn note(&mut self, key: &'static str, problem: String) {
         self.0.push(SettingFault { key, problem });
     }
 
-    fn within(&mut self, key: &'static str, number: f64, least: f64, most: f64, why: &str) {
+    pub(crate) fn within(
+        &mut self,
+        key: &'static str,
+        number: f64,
+        least: f64,
+        most: f64,
+        why: &str,
+    ) {
         if !(least..=most).contains(&number) {
             let problem = format!("is {number:?}, and must be from {least} to {most}: {why}");
             self.note(key, problem);

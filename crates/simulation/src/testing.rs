@@ -25,6 +25,7 @@ pub(crate) fn scene() -> SceneConfig {
             torque_limit: 0.7,
             armature: 0.001,
             stop_stiffness: 200.0,
+            delay_s: 0.0,
         },
         shortcuts: Shortcuts::NONE,
     }

@@ -14,6 +14,7 @@ use schemas::{
     objects::{self, Object},
     rates::{ALL_ORIGINS, Rate},
     reconstruction::{self, Reconstruction},
+    robustness::{Robustness, TrialVerdict},
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
     success::Success,
@@ -43,6 +44,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &candidates());
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
+    tables.table("can", &robustness());
     tables.table("all", &success());
     tables.table("all", &rates());
     tables.table("can", &executions());
@@ -250,6 +252,19 @@ pub(crate) fn sampling() -> Vec<Sampled> {
         from_mean: distance(0.3),
     };
     vec![sampled("can-0", 0.049), sampled("can-1", 0.2)]
+}
+
+pub(crate) fn robustness() -> Vec<Robustness> {
+    let row = |name: &str, held_n: i64| Robustness {
+        candidate_id: name.to_owned(),
+        trials: Verdict::ALL
+            .map(TrialVerdict)
+            .into_iter()
+            .zip([held_n, 0, 1, 2])
+            .collect(),
+        control_steps_n: 1000,
+    };
+    vec![row("can-0", 13), row("can-1", 0)]
 }
 
 pub(crate) fn success() -> Vec<Success> {

@@ -6,8 +6,8 @@ use std::{
 };
 
 use cell::{
-    Capabilities, Carrier, CellArm, CellClient, Gap, Goal, ObjectError, Offer, Service,
-    SimulatedCell, SimulatedCellConfig,
+    Capabilities, Carrier, CellArm, CellClient, Gap, Goal, Offer, Service, SimulatedCell,
+    SimulatedCellConfig,
 };
 use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
@@ -193,10 +193,7 @@ fn setup(
         scene: config.scene,
         arm,
         gap: Gap {
-            object: ObjectError {
-                position_m: config.object_error_m,
-                yaw_rad: config.object_error_rad,
-            },
+            errors: Some(config.errors),
             latency_s: config.latency_s,
             encoder_noise_rad: config.encoder_noise_rad,
         },

@@ -7,7 +7,7 @@ use dataflow::{Advise, OptionFault, OptionFaults};
 use planning::{ArmConfig, LimitsConfig, RatesConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig};
+use simulation::{Protocol, SceneConfig, SceneErrors};
 
 use crate::DispatchError;
 
@@ -23,7 +23,7 @@ const MAX_MOTIONS: usize = 1_000_000;
 /// Largest latency of a simulated cell, in seconds.
 const LATEST_S: f64 = 10.0;
 
-/// Largest pose error of the simulated cell, in meters and radians.
+/// Largest angle by which a joint may be off, in radians.
 const MAX_ERROR: f64 = 1000.0;
 
 /// Options of `kind = "dispatch"`.
@@ -49,10 +49,15 @@ pub struct DispatchConfig {
     /// Whether a cell that is not simulated may move; without it the run is a dry run.
     #[serde(default)]
     pub execute: bool,
-    /// Largest number of motions sent for one object: the first feasible ones in order of
-    /// acceptance. Few, because each takes seconds of a robot's time; paper: 20.
+    /// Largest number of feasible motions sent for one object. Few, because each takes seconds of a
+    /// robot's time; paper: 20.
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
+    /// Order in which an object's accepted motions are sent: `robust`, by the share of their trials under
+    /// drawn errors that held, and different grasps first (the default), or `accepted`, as they were
+    /// screened.
+    #[serde(default)]
+    pub order: Order,
     /// Number of this attempt: increase it to execute motions again at a cell that knows them.
     #[serde(default = "defaults::attempt")]
     pub attempt: u32,
@@ -94,17 +99,27 @@ pub struct DispatchConfig {
     pub simulated: SimulatedConfig,
 }
 
+/// Order in which an object's accepted motions are sent.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Order {
+    /// The most robust first, and of about equally robust ones the one whose grasp differs most from
+    /// those before it.
+    #[default]
+    Robust,
+    /// As they were screened.
+    Accepted,
+}
+
 /// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatedConfig {
-    /// Largest error of the object's position along each axis of the table (m): that of a good
-    /// camera.
-    #[serde(default = "defaults::object_error_m")]
-    pub object_error_m: f64,
-    /// Largest error of the object's yaw on the table (rad): about a degree, that of a good camera.
-    #[serde(default = "defaults::object_error_rad")]
-    pub object_error_rad: f64,
+    /// Errors of the object's pose, of friction, of its mass and of the fingers' delay, drawn for each
+    /// goal.
+    #[serde(default)]
+    pub errors: SceneErrors,
     /// Delay until a command takes effect (s): a cycle of the hand's controller.
     #[serde(default = "defaults::latency_s")]
     pub latency_s: f64,
@@ -199,14 +214,14 @@ impl SimulatedConfig {
     fn check(&self, faults: &mut OptionFaults) {
         let why = "a later command does not arrive in time";
         faults.within("simulated.latency_s", self.latency_s, 0.0..=LATEST_S, why);
-        for (key, error) in [
-            ("simulated.object_error_m", self.object_error_m),
-            ("simulated.object_error_rad", self.object_error_rad),
-            ("simulated.encoder_noise_rad", self.encoder_noise_rad),
-        ] {
-            let why = "it is the size of an error";
-            faults.within(key, error, 0.0..=MAX_ERROR, why);
-        }
+        let (key, noise_rad) = ("simulated.encoder_noise_rad", self.encoder_noise_rad);
+        faults.within(
+            key,
+            noise_rad,
+            0.0..=MAX_ERROR,
+            "it is the size of an error",
+        );
+        faults.of_table("simulated.errors", self.errors.faults(&self.scene));
         faults.of_table("simulated.scene", self.scene.faults());
     }
 }
@@ -229,8 +244,6 @@ mod defaults {
     pub(super) fn answer_timeout_s() -> f64 { 10.0 }
     pub(super) fn result_timeout_s() -> f64 { 60.0 }
     pub(super) fn start_tolerance_rad() -> f64 { 0.1 }
-    pub(super) fn object_error_m() -> f64 { 0.002 }
-    pub(super) fn object_error_rad() -> f64 { 0.02 }
     pub(super) fn latency_s() -> f64 { 0.003 }
     pub(super) fn encoder_noise_rad() -> f64 { 0.002 }
 }

@@ -1,34 +1,10 @@
-//! The motions to send, as goals.
+//! Motions as goals.
 
 use cell::Goal;
 use planning::{Feasible, Planner};
-use schemas::{
-    candidates::{Candidate, Candidates},
-    rollouts::{Rollout, Verdict},
-};
+use schemas::candidates::{Candidate, Candidates};
 
-use crate::{DispatchConfig, DispatchError, names::JointNames, refusal::Refusal, robots::Robots};
-
-/// Returns the accepted motions in the order of their rollouts.
-pub(crate) fn accepted<'a>(
-    rollouts: &[Rollout],
-    candidates: &'a Candidates,
-) -> Result<Vec<&'a Candidate>, DispatchError> {
-    rollouts
-        .iter()
-        .filter(|rollout| rollout.verdict == Verdict::Held)
-        .map(|rollout| {
-            candidates
-                .candidates
-                .iter()
-                .find(|candidate| candidate.candidate_id == rollout.candidate_id)
-                .ok_or_else(|| DispatchError::NoCandidate {
-                    object: candidates.object.clone(),
-                    candidate_id: rollout.candidate_id.clone(),
-                })
-        })
-        .collect()
-}
+use crate::{DispatchConfig, names::JointNames, refusal::Refusal, robots::Robots};
 
 /// Returns a feasible motion as a goal for a robot.
 pub(crate) fn goal(

@@ -4,6 +4,7 @@
 //! [stages.dispatch]
 //! kind = "dispatch"
 //! inputs.rollouts = "screen.rollouts"
+//! inputs.robustness = "screen.robustness"
 //! inputs.candidates = "sample.candidates"
 //! inputs.objects = "ingest.objects"
 //! cell = "simulated"
@@ -24,13 +25,14 @@ mod goals;
 mod in_flight;
 mod journal;
 mod names;
+mod order;
 mod recording;
 mod refusal;
 mod robots;
 mod stage;
 
 pub use cells::simulated_cell;
-pub use config::{DispatchConfig, SimulatedConfig};
+pub use config::{DispatchConfig, Order, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use stage::{Dispatch, DispatchMetrics};

@@ -17,16 +17,18 @@ use schemas::{
     candidates::{Candidate, Candidates},
     executions::{self, Execution, Executions},
     objects::Object,
+    robustness::Robustnesses,
     rollouts::Rollouts,
 };
 
 use crate::{
     DispatchConfig, DispatchError, cells,
     config::SIMULATED,
-    goals::{accepted, goal},
+    goals::goal,
     in_flight::MotionInFlight,
     journal::{Journal, Past},
     names::JointNames,
+    order::Queue,
     recording::{Setting, record},
     refusal::Refusal,
     robots::Robots,
@@ -68,7 +70,12 @@ impl Stage for Dispatch {
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and keeps what it did";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &[Rollouts::NAME, Candidates::NAME, Object::NAME];
+    const INPUTS: &'static [&'static str] = &[
+        Rollouts::NAME,
+        Robustnesses::NAME,
+        Candidates::NAME,
+        Object::NAME,
+    ];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &DispatchConfig) -> Vec<OptionFault> {
@@ -113,6 +120,7 @@ impl Output for Dispatch {
                 let unit = Unit::new(&rollouts.key)
                     .with_label("object", &rollouts.key)
                     .reading(Rollouts::NAME, [&rollouts.key])
+                    .reading(Robustnesses::NAME, [&rollouts.key])
                     .reading(Candidates::NAME, [&rollouts.key])
                     .reading(Object::NAME, [&rollouts.key])
                     .with_file_of_form(
@@ -139,14 +147,15 @@ impl Output for Dispatch {
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
-        let motions = accepted(&rollouts, &candidates)?;
+        let robustness: Robustnesses = inputs.one()?;
+        let motions = Queue::new(config.order, &rollouts, &robustness, &candidates)?;
         let sent = if motions.is_empty() {
             Sent::default()
         } else {
             let hand = &inputs.source("hand")?.path;
             let arm = |_: &planning::ArmConfig| Ok(inputs.source("arm.robot")?.path.as_path());
             let robots = Robots::load(config, hand, arm)?;
-            send(config, &robots, &object, &candidates, &motions, cx)?
+            send(config, &robots, &object, &candidates, motions, cx)?
         };
         cx.write(&sent.executions)?;
         Ok(Outcome::Made(sent.metrics()))
@@ -194,7 +203,7 @@ fn send(
     robots: &Robots,
     object: &Object,
     candidates: &Candidates,
-    motions: &[&Candidate],
+    mut motions: Queue<'_>,
     cx: &Context,
 ) -> Result<Sent, DispatchError> {
     let planner = robots.planner(config)?;
@@ -202,12 +211,14 @@ fn send(
     // Find infeasible motions before anything moves or a cell is queried.
     let mut goals: Vec<(&Candidate, Result<Goal, Refusal>)> = Vec::new();
     let mut feasible_n = 0;
-    for &candidate in motions {
-        if feasible_n == config.per_object {
-            break;
-        }
+    while feasible_n < config.per_object
+        && let Some(candidate) = motions.next()
+    {
         let goal = goal(config, robots, &planner, &names, candidates, candidate);
-        feasible_n += usize::from(goal.is_ok());
+        if goal.is_ok() {
+            feasible_n += 1;
+            motions.send(candidate);
+        }
         goals.push((candidate, goal));
     }
     let motions_n = goals.len();

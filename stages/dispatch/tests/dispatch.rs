@@ -11,6 +11,7 @@ use schemas::{
     candidates::{Candidate, Candidates, Lineage},
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
+    robustness::{Robustness, Robustnesses, TrialVerdict},
     rollouts::{self, Rollout, Verdict},
     ros2::{
         JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
@@ -18,7 +19,7 @@ use schemas::{
     },
 };
 use spatial::{Pose, Rest};
-use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics, Order};
 
 const OBJECT: &str = "cube";
 const HALF_EDGE_M: f64 = 0.02;
@@ -136,7 +137,12 @@ fn given<T: Table>(folder: &Path, table: &T) -> (String, Vec<Artifact>) {
 }
 
 /// Four candidates, of which the screen accepted three.
-fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
+fn inputs(
+    folder: &Path,
+    config: &DispatchConfig,
+    verdict: Verdict,
+    robustness: &Robustnesses,
+) -> Inputs {
     let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
     let candidates = Candidates {
         object: OBJECT.to_owned(),
@@ -161,6 +167,7 @@ fn inputs(folder: &Path, config: &DispatchConfig, verdict: Verdict) -> Inputs {
         .collect();
     let artifacts = [
         given(folder, &rollouts),
+        given(folder, robustness),
         given(folder, &candidates),
         given(folder, &cube()),
     ];
@@ -177,11 +184,19 @@ struct Ran {
 }
 
 fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, DispatchError> {
+    run_given(change, verdict, &Robustnesses::new())
+}
+
+fn run_given(
+    change: impl Fn(&mut DispatchConfig),
+    verdict: Verdict,
+    robustness: &Robustnesses,
+) -> Result<Ran, DispatchError> {
     let work = tempfile::tempdir().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut config = config();
     change(&mut config);
-    let inputs = inputs(work.path(), &config, verdict);
+    let inputs = inputs(work.path(), &config, verdict, robustness);
     let cx = Context::detached(&OBJECT.parse().unwrap(), 1, folder.path());
     let Outcome::Made(made) = Dispatch::make(&config, &inputs, &cx)? else {
         panic!("expected an artifact");
@@ -215,7 +230,9 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         ]
     );
     assert!(ran.executions[0].lift_m > 0.08);
-    assert!(ran.executions[0].simulated && ran.executions[0].gap.contains("mass times 1.1"));
+    assert!(
+        ran.executions[0].simulated && ran.executions[0].gap.contains("mass times 1.100 to 1.100")
+    );
     // Another test of this process may have had the cell execute the same goals before.
     let line = line(&ran.made);
     let expected = "2 motions → 1 succeed at the simulated cell";
@@ -262,6 +279,26 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
     );
     assert_eq!(recording.topic(MARKERS).count(), 1);
     assert_eq!(recording.topic(GRASP_POSE).count(), 1);
+}
+
+#[test]
+fn most_robust_motions_are_sent_first_or_as_they_were_accepted() {
+    let tried = [("cube-1", 4), ("cube-2", 15), ("cube-3", 9)].map(|(id, held_n)| {
+        let trials = [(Verdict::Held, held_n), (Verdict::Dropped, 16 - held_n)];
+        let trials = trials.map(|(verdict, n)| (TrialVerdict(verdict), n));
+        Robustness {
+            candidate_id: id.to_owned(),
+            trials: trials.into_iter().collect(),
+            control_steps_n: 1600,
+        }
+    });
+    let sent = |order: Order| -> Vec<String> {
+        let ran = run_given(|c| c.order = order, Verdict::Held, &tried.to_vec()).unwrap();
+        let sent = ran.executions.iter();
+        sent.map(|row| row.candidate_id.clone()).collect()
+    };
+    assert_eq!(sent(Order::Robust), ["cube-2", "cube-3"]);
+    assert_eq!(sent(Order::Accepted), ["cube-1", "cube-2"]);
 }
 
 #[test]

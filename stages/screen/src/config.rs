@@ -5,12 +5,17 @@ use std::path::PathBuf;
 use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig};
+use simulation::{Protocol, SceneConfig, SceneErrors};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MAX_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
 const MAX_POSE_NOISE: f64 = 1000.0;
+
+/// Most trials of a motion under drawn errors.
+const MAX_TRIALS: usize = 100_000;
+/// Most motions of an object that are tried under drawn errors.
+const MAX_TRIED: usize = 1_000_000;
 
 /// Greatest bound of the hand's depth in an object, in meters.
 const MAX_PENETRATION_M: f64 = 1.0;
@@ -38,10 +43,37 @@ pub struct ScreenConfig {
     /// fingertips yield by that much.
     #[serde(default = "defaults::max_penetration_m")]
     pub max_penetration_m: f64,
+    /// Trials of accepted motions under drawn errors.
+    #[serde(default)]
+    pub robustness: RobustnessConfig,
     /// The physical scene.
     pub scene: SceneConfig,
     /// How a motion is executed, and what counts as success.
     pub protocol: Protocol,
+}
+
+/// Trials of accepted motions under drawn errors.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(inline)]
+pub struct RobustnessConfig {
+    /// Number of trials of each motion (16), 0 for none: its share of them is uncertain by an eighth.
+    pub trials: usize,
+    /// Number of accepted motions per object that are tried, the first ones (16): each costs as much as
+    /// `trials` candidates.
+    pub per_object: usize,
+    /// Bounds of the drawn errors.
+    pub errors: SceneErrors,
+}
+
+impl Default for RobustnessConfig {
+    fn default() -> Self {
+        Self {
+            trials: 16,
+            per_object: 16,
+            errors: SceneErrors::default(),
+        }
+    }
 }
 
 impl ScreenConfig {
@@ -63,6 +95,16 @@ impl ScreenConfig {
         let why = "it is a depth in an object of a hand's size";
         let depth_m = self.max_penetration_m;
         faults.within("max_penetration_m", depth_m, 0.0..=MAX_PENETRATION_M, why);
+        let RobustnessConfig {
+            trials,
+            per_object,
+            errors,
+        } = &self.robustness;
+        let why = "each is a simulation of every tried motion";
+        faults.within("robustness.trials", *trials, 0..=MAX_TRIALS, why);
+        let why = "each is simulated many times";
+        faults.within("robustness.per_object", *per_object, 0..=MAX_TRIED, why);
+        faults.of_table("robustness.errors", errors.faults(&self.scene));
         faults.of_table("scene", self.scene.faults());
         faults.of_table("protocol", self.protocol.faults(&self.scene));
         faults.found()

@@ -2,7 +2,8 @@
 //!
 //! The simulated hand executes every candidate on the object in the candidate's resting orientation:
 //! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
-//! failure; the first accepted and failed ones of each object are recorded for a viewer.
+//! failure; the first accepted and failed ones of each object are recorded for a viewer. Accepted motions
+//! are tried again under drawn errors; the share that holds is a row of `robustness`.
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun
 //! alone with the same verdict. This stage does not depend on the generator.
@@ -14,11 +15,14 @@ mod config;
 mod error;
 mod pose_noise;
 mod recording;
+mod robustness;
+mod screened;
 mod smoothness;
 mod stage;
 mod verdicts;
 
 pub use by_verdict::ByVerdict;
-pub use config::ScreenConfig;
+pub use config::{RobustnessConfig, ScreenConfig};
 pub use error::ScreenError;
+pub use robustness::{RobustnessMetrics, RobustnessTrials};
 pub use stage::{Screen, ScreenMetrics};

@@ -3,11 +3,9 @@
 use std::collections::BTreeMap;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
-    Unit,
+    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::{ReadInputs, WriteArtifact};
-use robot::JointOrder;
+use lake::WriteArtifact;
 use schemas::{
     Table,
     candidates::Candidates,
@@ -15,13 +13,14 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     tally::Tally,
 };
-use simulation::{Flexion, Record, SimulationError, check_hand};
+use simulation::{Flexion, Record, check_hand};
 
 use crate::{
     ScreenConfig, ScreenError,
     by_verdict::ByVerdict,
     recording::{self, record},
-    verdicts::Screening,
+    robustness::RobustnessTrials,
+    screened::{Screened, units},
 };
 
 /// Judges candidate motions in physics.
@@ -49,7 +48,7 @@ impl Stage for Screen {
     const ABOUT: &'static str = "Judges candidate motions in physics";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &RobustnessTrials];
 
     fn check(config: &ScreenConfig) -> Vec<OptionFault> {
         config.faults()
@@ -76,29 +75,14 @@ impl Output for Screen {
     const SCHEMA: &'static str = Rollouts::VERSION;
     const PARTITION: &'static str = Rollouts::PARTITION;
 
+    const OPTIONS: Options = Options::Except(&["robustness"]);
+
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         let candidates = scope.partitions(Candidates::NAME);
         if candidates.is_empty() {
             return Err(ScreenError::NoCandidates);
         }
-        let objects = scope.partitions(Object::NAME);
-        let meshes = robot_meshes::sources(&config.hand)?;
-        Ok(candidates
-            .iter()
-            .map(|partition| {
-                // An object that is missing is planned without, and skipped.
-                let object = objects.iter().find(|object| object.key == partition.key);
-                let unit = Unit::new(&partition.key)
-                    .with_label("object", &partition.key)
-                    .reading(Candidates::NAME, [&partition.key])
-                    .reading(Object::NAME, object.map(|object| &object.key))
-                    .with_file_of_form(
-                        SourceFile::named("hand", &config.hand),
-                        robot_meshes::SHOWN,
-                    );
-                meshes.iter().cloned().fold(unit, Unit::with_file)
-            })
-            .collect())
+        units(config, scope, candidates)
     }
 
     fn make(
@@ -106,42 +90,23 @@ impl Output for Screen {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
-        let urdf = inputs.source("hand")?;
-        let hand = robot_meshes::load(&urdf.path)?;
-        let (xml, model) = (robot::plain_urdf(&hand.urdf), hand.model);
-        let candidates: Candidates = inputs.one()?;
-        let Some(object) = inputs.optional::<Object>()? else {
+        let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        JointOrder::new(&candidates.joints, &model.joint_names()).map_err(|source| {
-            ScreenError::AnotherHand {
-                partition: cx.partition().to_string(),
-                path: urdf.path.clone(),
-                source,
-            }
-        })?;
-
-        let failed = |source: SimulationError| {
-            unusable(&source).ok_or_else(|| ScreenError::Simulation {
-                partition: cx.partition().to_string(),
-                path: urdf.path.clone(),
-                source,
-            })
-        };
-        let screening = match Screening::new(config, &model, &object, &candidates, cx.seed()) {
+        let screening = match screened.screening(config, cx.seed()) {
             Ok(screening) => screening,
-            Err(err) => return failed(err),
+            Err(err) => return screened.failed(err),
         };
         let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
             Ok(rollouts) => rollouts,
-            Err(err) => return failed(err),
+            Err(err) => return screened.failed(err),
         };
 
         cx.write(&rollouts)?;
         let stage = recording::Stage {
-            urdf: &xml,
-            model: &model,
-            object: &object,
+            urdf: &screened.xml,
+            model: &screened.hand,
+            object: &screened.object,
         };
         let verdicts: Vec<Verdict> = rollouts.iter().map(|rollout| rollout.verdict).collect();
         let shown = accepted(&verdicts).take(config.recorded_per_object);
@@ -150,7 +115,7 @@ impl Output for Screen {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
             match screening.rollout(idx, Record::Trace) {
                 Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
-                Err(err) => return failed(err),
+                Err(err) => return screened.failed(err),
             }
         }
         Ok(Outcome::Made(ScreenMetrics::of(&rollouts)))
@@ -200,19 +165,6 @@ fn failures(verdicts: &[Verdict]) -> Vec<usize> {
     }
     failures.sort_unstable();
     failures.into_iter().map(|(_, idx)| idx).collect()
-}
-
-/// Returns the outcome where the object is at fault; nothing where the hand or the options are, and so
-/// every unit will fail.
-fn unusable(err: &SimulationError) -> Option<Outcome<ScreenMetrics>> {
-    match err {
-        SimulationError::Massless { .. }
-        | SimulationError::ObjectInertia { .. }
-        | SimulationError::FlatPart { .. }
-        | SimulationError::NoParts
-        | SimulationError::Unsettled => Some(Outcome::skipped(err.to_string())),
-        _ => None,
-    }
 }
 
 #[cfg(test)]

@@ -1,6 +1,7 @@
 //! All candidates of one object through physics.
 
 use std::{
+    collections::BTreeSet,
     fmt::Display,
     sync::atomic::{AtomicUsize, Ordering},
 };
@@ -14,7 +15,7 @@ use schemas::{
     objects::Object,
     rollouts::{self, Smoothness, Verdict},
 };
-use simulation::{ObjectShape, Record, Rollout, SimulationError, Template};
+use simulation::{ObjectShape, Record, Rollout, SceneConfig, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
@@ -31,6 +32,9 @@ pub(crate) struct Screening<'a> {
     templates: Vec<Option<Template>>,
     /// The template of each candidate.
     template_of: Vec<usize>,
+    /// The resting pose of each template.
+    poses: Vec<Pose<Table, InObject>>,
+    shape: ObjectShape,
 }
 
 impl<'a> Screening<'a> {
@@ -53,9 +57,9 @@ impl<'a> Screening<'a> {
             }));
         }
         let shape = ObjectShape::from_artifact(object);
-        let template = |pose| Template::new(&config.scene, model, &shape, &Rest::of(pose));
-        let templates = poses.par_iter().map(|pose| feasible(template(pose)));
-        let templates: Vec<Option<Template>> = templates.collect::<Result<_, _>>()?;
+        let template = |pose| template(&config.scene, model, &shape, pose);
+        let templates: Vec<Option<Template>> =
+            poses.par_iter().map(template).collect::<Result<_, _>>()?;
         if !templates.is_empty() && templates.iter().all(Option::is_none) {
             return Err(SimulationError::Unsettled);
         }
@@ -67,6 +71,8 @@ impl<'a> Screening<'a> {
             seed,
             templates,
             template_of,
+            poses,
+            shape,
         })
     }
 
@@ -90,11 +96,55 @@ impl<'a> Screening<'a> {
             .collect()
     }
 
+    /// Returns a candidate.
+    pub(crate) fn candidate(&self, idx: usize) -> &Candidate {
+        &self.candidates.candidates[idx]
+    }
+
     /// Carries out one candidate.
     pub(crate) fn rollout(&self, idx: usize, record: Record) -> Result<Rollout, SimulationError> {
-        let template = self.templates[self.template_of[idx]].as_ref();
+        self.rollout_in(&self.templates, idx, record)
+    }
+
+    /// Carries out some candidates in another scene; returns the verdict and the simulated control steps of
+    /// each.
+    pub(crate) fn retried(
+        &self,
+        scene: &SceneConfig,
+        candidates: &[usize],
+    ) -> Result<Vec<(Verdict, u32)>, SimulationError> {
+        let needed: BTreeSet<usize> = candidates
+            .iter()
+            .map(|&idx| self.template_of[idx])
+            .collect();
+        let poses = self.poses.par_iter().enumerate();
+        let templates = poses.map(|(idx, pose)| {
+            if needed.contains(&idx) {
+                template(scene, self.model, &self.shape, pose)
+            } else {
+                Ok(None)
+            }
+        });
+        let templates: Vec<Option<Template>> = templates.collect::<Result<_, _>>()?;
+        let tried = candidates.par_iter().map(|&idx| {
+            let rollout = feasible(self.rollout_in(&templates, idx, Record::Nothing))?;
+            Ok(match rollout {
+                Some(rollout) => (self.verdict(&rollout), rollout.cost_n),
+                None => (Verdict::Infeasible, 0),
+            })
+        });
+        tried.collect()
+    }
+
+    fn rollout_in(
+        &self,
+        templates: &[Option<Template>],
+        idx: usize,
+        record: Record,
+    ) -> Result<Rollout, SimulationError> {
+        let template = templates[self.template_of[idx]].as_ref();
         let template = template.ok_or(SimulationError::Unsettled)?;
-        let motion = self.motion(idx, &self.candidates.candidates[idx])?;
+        let motion = self.motion(idx, self.candidate(idx))?;
         template.rollout(&motion, &self.config.protocol, record)
     }
 
@@ -118,6 +168,16 @@ impl<'a> Screening<'a> {
         });
         Ok(self.in_order(candidate)?.shifted(&noise_m))
     }
+}
+
+/// Builds the scene of a resting pose; nothing if the object does not come to rest in it.
+fn template(
+    scene: &SceneConfig,
+    model: &RobotModel,
+    shape: &ObjectShape,
+    pose: &Pose<Table, InObject>,
+) -> Result<Option<Template>, SimulationError> {
+    feasible(Template::new(scene, model, shape, &Rest::of(pose)))
 }
 
 /// Returns nothing where a candidate is at fault: its motion, or how the object lies in it.

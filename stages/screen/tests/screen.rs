@@ -14,15 +14,18 @@ use schemas::{
     candidates::{Candidate, Candidates, Lineage},
     objects::{self, RestingOrientation},
     rates::Rates,
-    rollouts::{Rollout, Verdict},
+    robustness::Robustnesses,
+    rollouts::{Rollout, Rollouts, Verdict},
     success::Successes,
 };
 use simulation::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, Shortcuts,
-    StrictConfig, Trial,
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, SceneErrors,
+    Shortcuts, StrictConfig, Trial,
 };
 use spatial::{Pose, Rest};
-use stage_screen::{Screen, ScreenConfig, ScreenError, ScreenMetrics};
+use stage_screen::{
+    RobustnessConfig, RobustnessTrials, Screen, ScreenConfig, ScreenError, ScreenMetrics,
+};
 
 const HAND: &str = concat!(
     env!("CARGO_MANIFEST_DIR"),
@@ -39,6 +42,7 @@ fn config() -> ScreenConfig {
         recorded_failures_per_object: 1,
         pose_noise: 0.0,
         max_penetration_m: 0.005,
+        robustness: RobustnessConfig::default(),
         scene: SceneConfig {
             friction: 1.0,
             mass_scale: 1.0,
@@ -57,6 +61,7 @@ fn config() -> ScreenConfig {
                 torque_limit: 0.7,
                 armature: 0.001,
                 stop_stiffness: 200.0,
+                delay_s: 0.0,
             },
             shortcuts: Shortcuts::ALL,
         },
@@ -268,6 +273,64 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
         "{steps_n}"
     );
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
+}
+
+/// Writes the rollouts of a can's candidates, and tries those that hold under these errors.
+fn robustness(trials: usize, errors: SceneErrors) -> (Robustnesses, Rollouts) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut config = config();
+    config.robustness = RobustnessConfig {
+        trials,
+        errors,
+        ..config.robustness
+    };
+    made(run(&config, &can(0.35), &three(), folder.path()).unwrap());
+    let out = folder.path().join("robustness");
+    fs::create_dir(&out).unwrap();
+    let read = [
+        ("rollouts", "out"),
+        ("candidates", "candidates"),
+        ("objects", "objects"),
+    ]
+    .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
+    let hand = SourceFile::named("hand", Path::new(HAND));
+    let inputs = Inputs::new(BTreeMap::from(read), vec![hand]);
+    let cx = Context::detached(&"can".parse().unwrap(), 7, &out);
+    made(RobustnessTrials::make(&config, &inputs, &cx).unwrap());
+    let tried = lake::table::read(&artifact(&out)).unwrap();
+    (tried, rows(folder.path()))
+}
+
+#[test]
+fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
+    let none = SceneErrors::NONE;
+    // Without errors, every trial is the rollout again.
+    let (tried, rollouts) = robustness(3, none);
+    assert_eq!(tried.len(), 1);
+    let row = &tried[0];
+    assert_eq!(row.candidate_id, "can-0001");
+    assert_eq!((row.trials.total_n(), row.trials.successes_n()), (3, 3));
+    assert_eq!(row.control_steps_n, 3 * i64::from(rollouts[1].cost_n));
+
+    // On ice, a heavy can is not lifted.
+    let friction_scale = [0.02, 0.05];
+    let errors = SceneErrors {
+        friction_scale,
+        ..none
+    };
+    assert_eq!(robustness(3, errors).0[0].trials.successes_n(), 0);
+
+    // Where it is a little elsewhere, it is held in some trials; more of them do not change the first.
+    let position_m = 0.02;
+    let errors = SceneErrors { position_m, ..none };
+    let verdicts = |trials: usize| robustness(trials, errors).0.remove(0).trials;
+    let (few, many) = (verdicts(6), verdicts(12));
+    assert_eq!(few, verdicts(6));
+    assert!((1..=11).contains(&many.successes_n()), "{many:?}");
+    for (verdict, n) in few.iter() {
+        assert!(n <= many.count(verdict), "{few:?} {many:?}");
+    }
+    assert!(robustness(0, none).0.is_empty());
 }
 
 #[test]

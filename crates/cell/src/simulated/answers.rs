@@ -6,7 +6,7 @@ use simulation::ObjectShape;
 use zenoh::{Wait, query::Query};
 
 use super::{
-    Fault, Gap, HEARTBEAT_TIMEOUT, Shared,
+    Fault, HEARTBEAT_TIMEOUT, Shared,
     acceptance::{self, MAX_GOAL_BYTES, PALM},
     fault::GARBLED,
     journal::{Job, Lookup},
@@ -41,11 +41,6 @@ impl Shared {
 
     pub(super) fn capabilities(&self) -> Capabilities {
         let scene = &self.config.scene;
-        let Gap {
-            object,
-            latency_s,
-            encoder_noise_rad,
-        } = &self.config.gap;
         Capabilities {
             protocol: PROTOCOL,
             cell: self.keys.name().to_owned(),
@@ -57,15 +52,7 @@ impl Shared {
             palm: self.robot.arm.is_none().then_some(PALM),
             table_from_base: self.robot.table_from_base(),
             max_goal_bytes: MAX_GOAL_BYTES,
-            gap: format!(
-                "friction {}, mass times {}, torque limit {} Nm, object misplaced by up to {} m and {} rad, \
-                 commands {latency_s} s late, encoder noise {encoder_noise_rad} rad",
-                scene.friction,
-                scene.mass_scale,
-                scene.drive.torque_limit,
-                object.position_m,
-                object.yaw_rad
-            ),
+            gap: self.config.gap.description(scene),
             real_time: self.config.service.real_time,
             silence_s: (self.config.service.real_time).then_some(HEARTBEAT_TIMEOUT.as_secs_f64()),
         }

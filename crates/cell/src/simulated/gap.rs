@@ -3,39 +3,62 @@
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rand_distr::StandardNormal;
-use simulation::Offset;
+use simulation::{SceneConfig, SceneErrors};
 
 /// Differences of a simulated cell from the screen, besides its scene; all are drawn from a goal's
 /// digest, so that a goal has one outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Gap {
-    /// Error of the object's estimated pose.
-    pub object: ObjectError,
+    /// Errors of the object's estimated pose, of friction, of its mass, and of the fingers' delay.
+    pub errors: Option<SceneErrors>,
     /// Delay until a command takes effect, in seconds.
     pub latency_s: f64,
     /// Standard deviation of the joint encoders' noise, in radians; the drives see it too.
     pub encoder_noise_rad: f64,
 }
 
-/// Bounds of the error of the object's pose on the table, drawn uniformly for each goal.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct ObjectError {
-    /// Largest displacement along each of the table's axes, in meters.
-    pub position_m: f64,
-    /// Largest rotation about the vertical, in radians.
-    pub yaw_rad: f64,
-}
-
-impl ObjectError {
-    /// Adds a goal's pose error to the object's offset.
-    pub(super) fn misplaced(&self, offset: Offset, digest: &str) -> Offset {
-        let mut rng = stream(digest, "pipeline 2026 where the object really lies");
-        let mut next = |bound: f64| bound * (2.0 * rng.random::<f64>() - 1.0);
-        Offset {
-            x_m: offset.x_m + next(self.position_m),
-            y_m: offset.y_m + next(self.position_m),
-            yaw_rad: offset.yaw_rad + next(self.yaw_rad),
+impl Gap {
+    /// Returns a scene with a goal's errors.
+    pub(super) fn drawn(&self, scene: &SceneConfig, digest: &str) -> SceneConfig {
+        match &self.errors {
+            Some(errors) => errors.drawn(
+                scene,
+                &mut stream(digest, "pipeline 2026 where the object really lies"),
+            ),
+            None => scene.clone(),
         }
+    }
+
+    /// Describes all differences, the scene's included.
+    pub(super) fn description(&self, scene: &SceneConfig) -> String {
+        let Self {
+            errors,
+            latency_s,
+            encoder_noise_rad,
+        } = self;
+        let scene = match errors {
+            Some(SceneErrors {
+                position_m,
+                yaw_rad,
+                friction_scale: friction,
+                mass_scale: mass,
+                delay_s,
+            }) => format!(
+                "friction {:.3} to {:.3}, mass times {:.3} to {:.3}, torque limit {} Nm, object misplaced by up \
+                 to {position_m} m and {yaw_rad:.3} rad, fingers up to {} s late",
+                friction[0] * scene.friction,
+                friction[1] * scene.friction,
+                mass[0] * scene.mass_scale,
+                mass[1] * scene.mass_scale,
+                scene.drive.torque_limit,
+                scene.drive.delay_s + delay_s
+            ),
+            None => format!(
+                "friction {}, mass times {}, torque limit {} Nm",
+                scene.friction, scene.mass_scale, scene.drive.torque_limit
+            ),
+        };
+        format!("{scene}, commands {latency_s} s late, encoder noise {encoder_noise_rad} rad")
     }
 }
 
@@ -70,25 +93,21 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_goal_has_its_own_error_within_the_bounds() {
-        let bounds = ObjectError {
-            position_m: 0.01,
-            yaw_rad: 0.1,
+    fn each_goal_has_its_own_errors() {
+        let scene = serde_json::json!({"drive": {
+            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+        }});
+        let scene: SceneConfig = serde_json::from_value(scene).unwrap();
+        let gap = Gap {
+            errors: Some(SceneErrors::default()),
+            ..Gap::default()
         };
-        let errors: Vec<Offset> = (0..1000)
-            .map(|goal| bounds.misplaced(Offset::default(), &format!("{goal}")))
-            .collect();
-        assert!(
-            errors
-                .iter()
-                .all(|e| e.x_m.abs() <= 0.01 && e.yaw_rad.abs() <= 0.1)
-        );
-        let mean = errors.iter().map(|e| e.y_m).sum::<f64>() / 1000.0;
-        assert!(mean.abs() < 1e-3, "{mean}");
-        assert_eq!(errors[0], bounds.misplaced(Offset::default(), "0"));
-        assert_ne!(errors[0], errors[1]);
-        let none = ObjectError::default().misplaced(Offset::default(), "0");
-        assert!(none.x_m == 0.0 && none.y_m == 0.0 && none.yaw_rad == 0.0);
+        let drawn = gap.drawn(&scene, "0");
+        assert_ne!(drawn, scene);
+        assert_eq!(drawn, gap.drawn(&scene, "0"));
+        let other = gap.drawn(&scene, "1");
+        assert!(drawn.friction != other.friction && drawn.mass_scale != other.mass_scale);
+        assert_eq!(Gap::default().drawn(&scene, "0"), scene);
     }
 
     #[test]

@@ -4,7 +4,9 @@ use motion::JointTrack;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
-use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
+use simulation::{
+    Flow, ObjectShape, SceneConfig, SimulationError, Template, TraceStep, WatchedRollout,
+};
 use spatial::{Object, Pose, Rest, Table};
 
 use super::{Abort, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
@@ -26,8 +28,7 @@ pub(super) fn carry_out(
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
     let digest = &job.sealed.digest;
-    let mut scene = config.scene.clone();
-    scene.object_offset = config.gap.object.misplaced(scene.object_offset, digest);
+    let scene = config.gap.drawn(&config.scene, digest);
     let rest = Rest::of(&goal.table_from_object);
     let template = Template::new(&scene, &robot.hand, object, &rest)?;
     let scene_from_estimate = Pose::new(*template.table_from_estimate());
@@ -41,16 +42,17 @@ pub(super) fn carry_out(
         scene.control_step_s(),
         config.gap.latency_s,
     )?;
+    let delay_n = delay_n(&scene);
     let mut encoders = Encoders::new(
         EncoderNoise::of(digest, config.gap.encoder_noise_rad),
-        steps.len(),
+        [steps.len(), delay_n],
         robot.hand.dof(),
         playing::arm_of(goal, robot)?,
         config.gap.latency_s,
         table_from_scene,
     );
-    for (step, noise) in steps.iter_mut().zip(&encoders.noise) {
-        // A drive that reads a joint as too far along drives it less far.
+    for (step, noise) in steps.iter_mut().zip(&encoders.noise[delay_n..]) {
+        // A drive that reads a joint as too far along when a command arrives drives it less far.
         for (q, noise) in step.q.iter_mut().zip(noise) {
             *q -= noise;
         }
@@ -106,6 +108,16 @@ pub(super) fn carry_out(
     })
 }
 
+/// Returns the delay of the fingers in control steps.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a checked scene has a delay of 0 to 0.2 s, and steps of at least a microsecond"
+)]
+fn delay_n(scene: &SceneConfig) -> usize {
+    (scene.drive.delay_s / scene.control_step_s()).round() as usize
+}
+
 fn height_m(sample: &Sample) -> f64 {
     sample.table_from_object.translation.z
 }
@@ -117,6 +129,8 @@ enum Scene {}
 struct Encoders {
     /// Noise of each step of the motion; later steps reuse the last one's.
     noise: Vec<Vec<f64>>,
+    /// Steps after which a command arrives at the drives, which then add their noise to it.
+    delay_n: usize,
     seen_n: usize,
     /// Commands of the arm, which follows them exactly but late.
     arm: Option<JointTrack>,
@@ -129,7 +143,7 @@ struct Encoders {
 impl Encoders {
     fn new(
         mut drawn: EncoderNoise,
-        steps_n: usize,
+        [steps_n, delay_n]: [usize; 2],
         dof: usize,
         arm: Option<JointTrack>,
         latency_s: f64,
@@ -140,7 +154,8 @@ impl Encoders {
             latency_s,
             halt: None,
             table_from_scene,
-            noise: (0..steps_n).map(|_| drawn.step(dof)).collect(),
+            noise: (0..steps_n + delay_n).map(|_| drawn.step(dof)).collect(),
+            delay_n,
             seen_n: 0,
         }
     }
@@ -160,7 +175,7 @@ impl Encoders {
             q.iter().zip(noise).map(|(q, noise)| q + noise).collect()
         };
         let mut q_rad = add(&step.q, self.seen_n);
-        let mut q_command_rad = add(&step.q_command, command_n);
+        let mut q_command_rad = add(&step.q_command, command_n + self.delay_n);
         self.seen_n += 1;
         // The arm is where it is commanded to be, with the fingers' latency.
         let commanded_s = command_s - self.latency_s;

@@ -44,6 +44,7 @@ pub(crate) fn scene() -> SceneConfig {
             torque_limit: 20.0,
             armature: 0.0,
             stop_stiffness: 10_000.0,
+            delay_s: 0.0,
         },
         shortcuts: Shortcuts::ALL,
     }

@@ -3,13 +3,14 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use cell::{
-    Abort, Contradiction, Executed, Gap, Goal, Keys, ObjectError, Recovered, Report, Router,
-    Service, SimulatedCellConfig, UncheckedReport, rehearse,
+    Abort, Contradiction, Executed, Gap, Goal, Keys, Recovered, Report, Router, Service,
+    SimulatedCellConfig, UncheckedReport, rehearse,
 };
 use proptest::prelude::*;
 use robot::Joint;
 use schemas::executions::Outcome;
 use serde_json::{Value, json};
+use simulation::SceneErrors;
 
 use crate::{
     arm::{self, ARM},
@@ -105,10 +106,11 @@ fn consistent_report_is_accepted() {
         Gap {
             latency_s: 0.1,
             encoder_noise_rad: 0.001,
-            object: ObjectError {
+            errors: Some(SceneErrors {
                 position_m: 0.004,
                 yaw_rad: 0.05,
-            },
+                ..SceneErrors::default()
+            }),
         },
     ];
     let mut seen = Vec::new();

@@ -2,7 +2,8 @@
 
 use motion::{JointRates, Motion, Rates, Step};
 use simulation::{
-    Approach, ControllerKind, Offset, Record, Rollout, SceneConfig, Template, TraceStep, Verdict,
+    Approach, ControllerKind, Offset, Protocol, Record, Rollout, SceneConfig, Template, TraceStep,
+    Verdict,
 };
 use spatial::Object;
 
@@ -183,4 +184,72 @@ fn hand_mass_changes_the_motion() {
     };
     let (light, heavy) = (trace(1.0), trace(3.0));
     assert!(light != heavy, "{light}");
+}
+
+/// With a delay the fingers are where they were so many physics steps before without one; until then they wait
+/// at their start.
+#[test]
+fn delayed_fingers_follow_the_same_course_later() {
+    for controller in [ControllerKind::Pd, ControllerKind::PdFeedforward] {
+        let at = |delay_n: u32| -> Vec<TraceStep> {
+            let mut scene = with(controller);
+            // One physics step in a control step: each is in the trace.
+            scene.steps_per_control = 1;
+            scene.drive.delay_s = f64::from(delay_n) * scene.time_step_s;
+            let protocol = Protocol {
+                approach: Approach::Follow,
+                ..protocol()
+            };
+            let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
+            rollout.unwrap().trace.unwrap().steps
+        };
+        let most = |a: &[TraceStep], b: &[TraceStep]| {
+            let joints = a.iter().zip(b).flat_map(|(a, b)| a.q.iter().zip(&b.q));
+            joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        let prompt = at(0);
+        let reach_n = 150;
+        for delay_n in [1, 7, 20] {
+            let late = at(delay_n);
+            let shift = delay_n as usize;
+            let apart = most(&prompt[..reach_n], &late[shift..]);
+            assert!(apart < 3e-3, "{controller:?}, {delay_n} steps: {apart}");
+            let apart = most(&prompt[..reach_n], &late);
+            assert!(apart > 5e-3 * f64::from(delay_n), "{controller:?}: {apart}");
+            // The palm and what is commanded are as they are.
+            assert_eq!(prompt[50].q_command, late[50].q_command);
+            assert_eq!(prompt[50].table_from_palm, late[50].table_from_palm);
+        }
+    }
+}
+
+/// The fingers' commands are the same within a control step, and so is when they arrive.
+#[test]
+fn a_delay_may_be_a_part_of_a_control_step() {
+    let at = |delay_n: u32| -> Vec<TraceStep> {
+        let mut scene = with(ControllerKind::Pd);
+        scene.drive.delay_s = f64::from(delay_n) * scene.time_step_s;
+        let protocol = Protocol {
+            approach: Approach::Follow,
+            ..protocol()
+        };
+        let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
+        rollout.unwrap().trace.unwrap().steps
+    };
+    let steps: Vec<Vec<TraceStep>> = (0..=5).map(at).collect();
+    let joint = hand().joint("joint_2.0").unwrap();
+    // On a rising course, the later its command, the less far a finger is.
+    let rising = (1..=5).map(|idx| {
+        steps
+            .iter()
+            .map(|of| of[idx].q[joint])
+            .collect::<Vec<f64>>()
+    });
+    for q in rising {
+        assert!(q.windows(2).all(|pair| pair[1] <= pair[0] + 1e-6), "{q:?}");
+    }
+    let first: Vec<f64> = steps.iter().map(|of| of[3].q[joint]).collect();
+    assert!(first[0] - first[5] > 0.02, "{first:?}");
+    // Five physics steps are one control step.
+    assert!((first[5] - steps[0][2].q[joint]).abs() < 3e-3, "{first:?}");
 }

@@ -26,8 +26,9 @@ fn motions() -> Vec<Motion<Object, ()>> {
     motions
 }
 
-fn roll(shortcuts: Shortcuts) -> Vec<Rollout> {
+fn roll(shortcuts: Shortcuts, delay_s: f64) -> Vec<Rollout> {
     let mut scene = scene();
+    scene.drive.delay_s = delay_s;
     scene.shortcuts = shortcuts;
     let templates = bodies()
         .into_iter()
@@ -44,8 +45,8 @@ fn roll(shortcuts: Shortcuts) -> Vec<Rollout> {
 
 #[test]
 fn shortcuts_spare_steps_and_change_no_verdict() {
-    let all = roll(Shortcuts::NONE);
-    let few = roll(Shortcuts::ALL);
+    let all = roll(Shortcuts::NONE, 0.0);
+    let few = roll(Shortcuts::ALL, 0.0);
     let verdicts = |rollouts: &[Rollout]| rollouts.iter().map(|r| r.verdict).collect::<Vec<_>>();
     assert_eq!(verdicts(&few), verdicts(&all));
     for verdict in [
@@ -74,6 +75,19 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
         "{early} of {}",
         held().count()
     );
+}
+
+#[test]
+fn shortcuts_change_no_verdict_of_a_hand_that_is_late() {
+    for delay_s in [0.04, 0.2] {
+        let verdicts = |shortcuts| -> Vec<Verdict> {
+            let rollouts = roll(shortcuts, delay_s).into_iter();
+            rollouts.map(|rollout| rollout.verdict).collect()
+        };
+        let all = verdicts(Shortcuts::NONE);
+        assert_eq!(verdicts(Shortcuts::ALL), all);
+        assert!(all.contains(&Verdict::Held) && all.contains(&Verdict::NotGrasped));
+    }
 }
 
 #[test]

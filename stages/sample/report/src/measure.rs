@@ -1,13 +1,13 @@
 //! How plausible each motion is and how far from the object's demonstrations.
 
-use diversity::{Diversity, root_mean_square};
+use diversity::{Diversity, distance};
 use motion::Step;
 use rayon::prelude::*;
 use robot::WrongDof;
 use schemas::{
     candidates::Candidate,
     sampling::{GraspDistance, Sampled},
-    trajectories::{Rates, Trajectory},
+    trajectories::Trajectory,
 };
 use spatial::Object;
 use stage_sample::penetration::PenetrationProbe;
@@ -77,17 +77,8 @@ impl Measure<'_> {
         let all = self
             .shown
             .iter()
-            .map(|shown| (shown, between(grasp, shown.motion.grasp())));
+            .map(|shown| (shown, distance(grasp, shown.motion.grasp())));
         let (shown, distance) = all.min_by(|(_, a), (_, b)| far(a).total_cmp(&far(b)))?;
         Some((shown.sequence.clone(), distance))
-    }
-}
-
-fn between(a: &Step<Object>, b: &Step<Object, Rates>) -> GraspDistance {
-    let (pose_a, pose_b) = (&a.frame_from_palm, &b.frame_from_palm);
-    GraspDistance {
-        palm_m: (pose_a.translation.vector - pose_b.translation.vector).norm(),
-        palm_rad: pose_a.rotation.angle_to(&pose_b.rotation),
-        q_rad: root_mean_square(&a.q_rad, &b.q_rad),
     }
 }

@@ -1,7 +1,7 @@
 //! The report and the line of `run`.
 
 use dataflow::{Code, Lines, Outputs, Report};
-use stage_screen::Screen;
+use stage_screen::{RobustnessTrials, Screen};
 
 use crate::{RatesReport, SuccessReport};
 
@@ -20,6 +20,18 @@ impl Report for ScreenReport {
             format!(
                 "{:.0} candidates → {:.0} accepted",
                 all.candidates_n, all.accepted_n
+            )
+        });
+        lines.add::<RobustnessTrials>(|summary| {
+            let all = &summary.metrics;
+            if all.trials_n == 0.0 {
+                return "no motion tried under drawn errors".to_owned();
+            }
+            format!(
+                "{:.0} motions → {:.1} % of {:.0} trials hold, with errors",
+                all.motions_n,
+                100.0 * all.held_n / all.trials_n,
+                all.trials_n
             )
         });
     }

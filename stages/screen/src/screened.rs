@@ -1,0 +1,101 @@
+//! What a unit screens: one object's candidates with their hand.
+
+use std::path::PathBuf;
+
+use dataflow::{Context, Inputs, Outcome, Partition, Scope, SourceFile, Unit};
+use lake::ReadInputs;
+use robot::{JointOrder, RobotModel};
+use schemas::{Table, candidates::Candidates, objects::Object};
+use simulation::SimulationError;
+
+use crate::{ScreenConfig, ScreenError, verdicts::Screening};
+
+/// The inputs of a unit.
+pub(crate) struct Screened {
+    partition: String,
+    urdf: PathBuf,
+    /// The hand's URDF.
+    pub(crate) xml: String,
+    /// The hand.
+    pub(crate) hand: RobotModel,
+    /// The object.
+    pub(crate) object: Object,
+    /// Its candidates.
+    pub(crate) candidates: Candidates,
+}
+
+/// Returns one unit for each partition, which reads the candidates, the object and the hand.
+pub(crate) fn units(
+    config: &ScreenConfig,
+    scope: &Scope,
+    partitions: &[Partition],
+) -> Result<Vec<Unit>, ScreenError> {
+    let objects = scope.partitions(Object::NAME);
+    let meshes = robot_meshes::sources(&config.hand)?;
+    let unit = |partition: &Partition| {
+        // An object that is missing is planned without, and skipped.
+        let object = objects.iter().find(|object| object.key == partition.key);
+        let unit = Unit::new(&partition.key)
+            .with_label("object", &partition.key)
+            .reading(Candidates::NAME, [&partition.key])
+            .reading(Object::NAME, object.map(|object| &object.key))
+            .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::SHOWN);
+        meshes.iter().cloned().fold(unit, Unit::with_file)
+    };
+    Ok(partitions.iter().map(unit).collect())
+}
+
+impl Screened {
+    /// Reads a unit's inputs; nothing if the object is missing.
+    pub(crate) fn read(inputs: &Inputs, cx: &Context) -> Result<Option<Self>, ScreenError> {
+        let urdf = inputs.source("hand")?.path.clone();
+        let loaded = robot_meshes::load(&urdf)?;
+        let (xml, hand) = (robot::plain_urdf(&loaded.urdf), loaded.model);
+        let candidates: Candidates = inputs.one()?;
+        let Some(object) = inputs.optional::<Object>()? else {
+            return Ok(None);
+        };
+        let partition = cx.partition().to_string();
+        if let Err(source) = JointOrder::new(&candidates.joints, &hand.joint_names()) {
+            return Err(ScreenError::AnotherHand {
+                partition,
+                path: urdf,
+                source,
+            });
+        }
+        Ok(Some(Self {
+            partition,
+            urdf,
+            xml,
+            hand,
+            object,
+            candidates,
+        }))
+    }
+
+    /// Builds the object's scenes.
+    pub(crate) fn screening<'a>(
+        &'a self,
+        config: &'a ScreenConfig,
+        seed: u64,
+    ) -> Result<Screening<'a>, SimulationError> {
+        Screening::new(config, &self.hand, &self.object, &self.candidates, seed)
+    }
+
+    /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so
+    /// every unit will.
+    pub(crate) fn failed<M>(&self, source: SimulationError) -> Result<Outcome<M>, ScreenError> {
+        match source {
+            SimulationError::Massless { .. }
+            | SimulationError::ObjectInertia { .. }
+            | SimulationError::FlatPart { .. }
+            | SimulationError::NoParts
+            | SimulationError::Unsettled => Ok(Outcome::skipped(source.to_string())),
+            source => Err(ScreenError::Simulation {
+                partition: self.partition.clone(),
+                path: self.urdf.clone(),
+                source,
+            }),
+        }
+    }
+}
