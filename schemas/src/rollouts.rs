@@ -3,7 +3,7 @@
 
 use crate::{
     SchemaError,
-    candidates::Lineage,
+    candidates::{Candidate, Lineage},
     columns::{Reader, Row, Writer, columns, words},
     table::table,
 };
@@ -28,6 +28,26 @@ columns! {
         contacts_n: u32 => "hand links in contact with the object at the end",
         /// Smoothness of the candidate as drawn; 0 of an infeasible one.
         smoothness: Smoothness,
+    }
+}
+
+impl Rollout {
+    /// Returns the row of a candidate of which nothing was simulated.
+    pub fn unsimulated(candidate: &Candidate, verdict: Verdict) -> Self {
+        Self {
+            candidate_id: candidate.candidate_id.clone(),
+            generator: candidate.generator.clone(),
+            lineage: candidate.lineage.clone(),
+            verdict,
+            cost_n: 0,
+            saved_n: 0,
+            lift_m: 0.0,
+            slip_m: 0.0,
+            displacement_m: 0.0,
+            penetration_m: 0.0,
+            contacts_n: 0,
+            smoothness: Smoothness::default(),
+        }
     }
 }
 

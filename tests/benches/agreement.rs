@@ -22,8 +22,6 @@ mod mujoco;
 mod options;
 mod python;
 mod thread_time;
-#[path = "screening/verdict.rs"]
-mod verdict;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
@@ -306,7 +304,7 @@ fn compare(
         let rollout = template.rollout(motion, protocol, Record::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
-        held.push(verdict::screened(&screen, &rollout) == Verdict::Held);
+        held.push(screen.verdict(&rollout) == Verdict::Held);
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
@@ -363,7 +361,7 @@ fn finer(
         let rest = Rest::of(&candidate.table_from_object);
         let template = Template::new(&scene, hand, object, &rest).unwrap();
         let rollout = template.rollout(&candidate.motion, &screen.protocol, Record::Nothing);
-        verdict::screened(screen, &rollout.unwrap()) == Verdict::Held
+        screen.verdict(&rollout.unwrap()) == Verdict::Held
     });
     holds.collect()
 }

@@ -18,8 +18,6 @@ mod mujoco;
 mod options;
 mod python;
 mod thread_time;
-#[path = "screening/verdict.rs"]
-mod verdict;
 
 use std::{collections::BTreeMap, fmt::Display, hint::black_box, process::ExitCode, time::Instant};
 
@@ -95,7 +93,7 @@ fn main() -> ExitCode {
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
     let verdicts = ours.iter();
-    let verdicts = verdicts.map(|(rollout, _)| verdict::screened(&screen, rollout));
+    let verdicts = verdicts.map(|(rollout, _)| screen.verdict(rollout));
     let verdicts: Vec<Verdict> = verdicts.collect();
     count("here", verdicts.iter().map(|verdict| verdict.as_str()));
     let substeps = f64::from(scene.steps_per_control);

@@ -22,7 +22,10 @@ fn rows(bench: &Bench, sql: &str) -> Vec<Value> {
 #[test]
 fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     let bench = Bench::new();
-    let ran = bench.command_on("pipelines/arm.toml", "run", &[]).output();
+    let more = ["--set", "sample.per_object=8"];
+    let ran = bench
+        .command_on("pipelines/arm.toml", "run", &more)
+        .output();
     let ran = ran.unwrap();
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
     let sql =
@@ -32,7 +35,7 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     let (sent, refused): (Vec<&Value>, Vec<&Value>) = done
         .iter()
         .partition(|row| !text(row, "goal_id").is_empty());
-    assert!(sent.len() >= 3 && sent.len() > refused.len(), "{done:#?}");
+    assert!(sent.len() >= 5 && sent.len() > refused.len(), "{done:#?}");
     for row in &refused {
         assert_eq!(text(row, "outcome"), "rejected");
         assert!(text(row, "message").starts_with("not sent: "), "{row}");

@@ -58,6 +58,11 @@ impl SceneConfig {
         self.time_step_s * f64::from(self.steps_per_control)
     }
 
+    /// Returns the number of control steps in which a finger's command arrives, e.g. 2 with 30 ms and 20 ms.
+    pub fn delay_control_n(&self) -> usize {
+        self.delay_n().div_ceil(self.steps_per_control as usize)
+    }
+
     /// Returns the delay of the fingers in physics steps.
     #[expect(
         clippy::cast_possible_truncation,

@@ -91,7 +91,7 @@ impl<'a> Judge<'a> {
             penetration_m: 0.0,
             in_palm: Vec::new(),
             last_in_palm: Pose::identity(),
-            closing_left: scene.delay_n().div_ceil(scene.steps_per_control as usize),
+            closing_left: scene.delay_control_n(),
             lift_left: count(Phase::Lift),
             hold_left,
             window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),

@@ -143,7 +143,7 @@ fn order_of(robustness: Option<f64>) -> f64 {
 mod tests {
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::{candidates::Lineage, robustness::TrialVerdict, rollouts::Smoothness};
+    use schemas::{candidates::Lineage, robustness::TrialVerdict};
     use spatial::Pose;
 
     use super::*;
@@ -177,23 +177,6 @@ mod tests {
         }
     }
 
-    fn rollout(candidate: &Candidate, verdict: Verdict) -> Rollout {
-        Rollout {
-            candidate_id: candidate.candidate_id.clone(),
-            generator: String::new(),
-            lineage: candidate.lineage.clone(),
-            verdict,
-            cost_n: 0,
-            saved_n: 0,
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
-            smoothness: Smoothness::default(),
-        }
-    }
-
     /// Sends up to `n` motions; `held` of 16 trials, or not tried.
     fn sent(order: Order, motions: &[(f64, Option<i64>)], n: usize) -> Vec<String> {
         let x_m: Vec<f64> = motions.iter().map(|(x_m, _)| *x_m).collect();
@@ -201,7 +184,7 @@ mod tests {
         let rollouts: Vec<Rollout> = candidates
             .candidates
             .iter()
-            .map(|candidate| rollout(candidate, Verdict::Held))
+            .map(|candidate| Rollout::unsimulated(candidate, Verdict::Held))
             .collect();
         let tried = motions.iter().enumerate();
         let robustness: Vec<Robustness> = tried
@@ -260,8 +243,8 @@ mod tests {
     fn only_accepted_motions_are_sent_and_each_has_a_candidate() {
         let mut candidates = candidates(&[0.0, 0.0]);
         let rollouts = [
-            rollout(&candidates.candidates[0], Verdict::Slipped),
-            rollout(&candidates.candidates[1], Verdict::Held),
+            Rollout::unsimulated(&candidates.candidates[0], Verdict::Slipped),
+            Rollout::unsimulated(&candidates.candidates[1], Verdict::Held),
         ];
         let mut queue = Queue::new(Order::Robust, &rollouts, &[], &candidates).unwrap();
         assert_eq!(queue.next().unwrap().candidate_id, "1");

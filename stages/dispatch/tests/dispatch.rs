@@ -12,7 +12,7 @@ use schemas::{
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
     robustness::{Robustness, Robustnesses, TrialVerdict},
-    rollouts::{self, Rollout, Verdict},
+    rollouts::{Rollout, Verdict},
     ros2::{
         JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
         motion::{GRASP_POSE, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
@@ -103,23 +103,6 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
     }
 }
 
-fn rollout(id: &str, verdict: Verdict) -> Rollout {
-    Rollout {
-        candidate_id: id.to_owned(),
-        generator: "test".to_owned(),
-        lineage: Lineage::replayed("a"),
-        verdict,
-        cost_n: 1,
-        saved_n: 0,
-        lift_m: 0.0,
-        slip_m: 0.0,
-        displacement_m: 0.0,
-        penetration_m: 0.0,
-        contacts_n: 0,
-        smoothness: rollouts::Smoothness::default(),
-    }
-}
-
 fn artifact(folder: &Path) -> Artifact {
     Artifact {
         key: OBJECT.parse().unwrap(),
@@ -152,19 +135,16 @@ fn inputs(
             .map(|id| candidate(id, if *id == "cube-2" { 0.0 } else { 0.04 }))
             .collect(),
     };
-    let rollouts: Vec<Rollout> = ids
-        .iter()
-        .map(|id| {
-            rollout(
-                id,
-                if *id == "cube-0" {
-                    Verdict::Dropped
-                } else {
-                    verdict
-                },
-            )
-        })
-        .collect();
+    let judged = |candidate: &Candidate| {
+        let is_accepted = candidate.candidate_id != "cube-0";
+        let verdict = if is_accepted {
+            verdict
+        } else {
+            Verdict::Dropped
+        };
+        Rollout::unsimulated(candidate, verdict)
+    };
+    let rollouts: Vec<Rollout> = candidates.candidates.iter().map(judged).collect();
     let artifacts = [
         given(folder, &rollouts),
         given(folder, robustness),

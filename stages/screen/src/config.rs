@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
+use schemas::rollouts::Verdict;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig, SceneErrors};
+use simulation::{Protocol, Rollout, SceneConfig, SceneErrors};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MAX_RECORDED: usize = 10_000;
@@ -77,6 +78,14 @@ impl Default for RobustnessConfig {
 }
 
 impl ScreenConfig {
+    /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it.
+    pub fn verdict(&self, rollout: &Rollout) -> Verdict {
+        match rollout.verdict {
+            Verdict::Held if rollout.penetration_m > self.max_penetration_m => Verdict::TooDeep,
+            verdict => verdict,
+        }
+    }
+
     /// Returns what is wrong with the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
@@ -117,4 +126,17 @@ mod defaults {
     pub(super) fn recorded_per_object() -> usize { 2 }
     pub(super) fn recorded_failures_per_object() -> usize { 1 }
     pub(super) fn max_penetration_m() -> f64 { 0.005 }
+}
+
+/// Options of a screen for a hand with a joint `j`, for tests.
+#[cfg(test)]
+pub(crate) fn fixture() -> ScreenConfig {
+    let config = serde_json::json!({
+        "hand": "hand.urdf",
+        "scene": {"drive": {
+            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+        }},
+        "protocol": {"flexion_joints": ["j"]},
+    });
+    serde_json::from_value(config).unwrap()
 }

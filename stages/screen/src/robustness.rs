@@ -75,9 +75,7 @@ impl Output for RobustnessTrials {
         } else {
             let progress = |share: f64| cx.progress(share, "under drawn errors");
             let screening = screened.screening(config, cx.seed());
-            match screening
-                .and_then(|screening| robustness(config, &screening, &motions, cx.seed(), progress))
-            {
+            match robustness(config, &screening, &motions, cx.seed(), progress) {
                 Ok(rows) => rows,
                 Err(err) => return screened.failed(err),
             }
@@ -135,7 +133,8 @@ fn robustness(
     let mut steps_n = vec![0; motions.len()];
     for trial in 0..trials {
         let drawn = drawn_scene(config, seed, trial);
-        let tried = screening.retried(&drawn, motions)?;
+        let scenes = screening.scenes(&drawn, motions)?;
+        let tried = screening.verdicts(&scenes, motions)?;
         for (idx, (verdict, cost_n)) in tried.into_iter().enumerate() {
             verdicts[idx].push((TrialVerdict(verdict), 1));
             steps_n[idx] += i64::from(cost_n);
@@ -163,17 +162,11 @@ fn drawn_scene(config: &ScreenConfig, seed: u64, trial: usize) -> SceneConfig {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::config;
 
     #[test]
     fn each_trial_of_each_seed_has_its_own_errors() {
-        let config = serde_json::json!({
-            "hand": "hand.urdf",
-            "scene": {"drive": {
-                "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
-            }},
-            "protocol": {"flexion_joints": ["j"]},
-        });
-        let config: ScreenConfig = serde_json::from_value(config).unwrap();
+        let config = config::fixture();
         let drawn = |seed: u64, trial: usize| drawn_scene(&config, seed, trial);
         assert_eq!(drawn(7, 0), drawn(7, 0));
         assert_ne!(drawn(7, 0), drawn(7, 1));

@@ -73,12 +73,8 @@ impl Screened {
         }))
     }
 
-    /// Builds the object's scenes.
-    pub(crate) fn screening<'a>(
-        &'a self,
-        config: &'a ScreenConfig,
-        seed: u64,
-    ) -> Result<Screening<'a>, SimulationError> {
+    /// Returns the candidates, to be carried out.
+    pub(crate) fn screening<'a>(&'a self, config: &'a ScreenConfig, seed: u64) -> Screening<'a> {
         Screening::new(config, &self.hand, &self.object, &self.candidates, seed)
     }
 

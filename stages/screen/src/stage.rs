@@ -93,11 +93,12 @@ impl Output for Screen {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        let screening = match screened.screening(config, cx.seed()) {
-            Ok(screening) => screening,
+        let screening = screened.screening(config, cx.seed());
+        let scenes = match screening.planned() {
+            Ok(scenes) => scenes,
             Err(err) => return screened.failed(err),
         };
-        let rollouts = match screening.judge(|share| cx.progress(share, "in physics")) {
+        let rollouts = match screening.judge(&scenes, |share| cx.progress(share, "in physics")) {
             Ok(rollouts) => rollouts,
             Err(err) => return screened.failed(err),
         };
@@ -113,7 +114,7 @@ impl Output for Screen {
         let failed_n = config.recorded_failures_per_object;
         for idx in shown.chain(failures(&verdicts).into_iter().take(failed_n)) {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
-            match screening.rollout(idx, Record::Trace) {
+            match screening.rollout(&scenes, idx, Record::Trace) {
                 Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
                 Err(err) => return screened.failed(err),
             }

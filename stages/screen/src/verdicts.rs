@@ -13,72 +13,99 @@ use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{self, Smoothness, Verdict},
+    rollouts::{self, Verdict},
 };
 use simulation::{ObjectShape, Record, Rollout, SceneConfig, SimulationError, Template};
 use spatial::{Object as InObject, Pose, Rest, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
 
-/// One settled scene per resting pose of the object.
+/// The candidates of an object, and how it lies in them.
 pub(crate) struct Screening<'a> {
     config: &'a ScreenConfig,
     candidates: &'a Candidates,
     model: &'a RobotModel,
+    shape: ObjectShape,
     /// How far the object reaches along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
-    /// Nothing for a pose in which the object does not come to rest.
-    templates: Vec<Option<Template>>,
-    /// The template of each candidate.
-    template_of: Vec<usize>,
-    /// The resting pose of each template.
+    /// The resting poses of the object.
     poses: Vec<Pose<Table, InObject>>,
-    shape: ObjectShape,
+    /// The resting pose of each candidate.
+    pose_of: Vec<usize>,
 }
 
+/// One settled scene per resting pose of the object; nothing for a pose that no candidate needs, or in which the
+/// object does not come to rest.
+pub(crate) struct Scenes(Vec<Option<Template>>);
+
 impl<'a> Screening<'a> {
-    /// Builds the scenes; `seed` draws the pose noise. Fails if the object comes to rest in none of them.
+    /// Takes an object and its candidates; `seed` draws the pose noise.
     pub(crate) fn new(
         config: &'a ScreenConfig,
         model: &'a RobotModel,
         object: &Object,
         candidates: &'a Candidates,
         seed: u64,
-    ) -> Result<Self, SimulationError> {
+    ) -> Self {
         let mut poses: Vec<Pose<Table, InObject>> = Vec::new();
-        let mut template_of = Vec::with_capacity(candidates.candidates.len());
+        let mut pose_of = Vec::with_capacity(candidates.candidates.len());
         for candidate in &candidates.candidates {
             let pose = candidate.table_from_object;
             let known = poses.iter().position(|other| *other == pose);
-            template_of.push(known.unwrap_or_else(|| {
+            pose_of.push(known.unwrap_or_else(|| {
                 poses.push(pose);
                 poses.len() - 1
             }));
         }
-        let shape = ObjectShape::from_artifact(object);
-        let template = |pose| template(&config.scene, model, &shape, pose);
-        let templates: Vec<Option<Template>> =
-            poses.par_iter().map(template).collect::<Result<_, _>>()?;
-        if !templates.is_empty() && templates.iter().all(Option::is_none) {
-            return Err(SimulationError::Unsettled);
-        }
-        Ok(Self {
+        Self {
             config,
             candidates,
             model,
+            shape: ObjectShape::from_artifact(object),
             extent_m: extent_m(object),
             seed,
-            templates,
-            template_of,
             poses,
-            shape,
-        })
+            pose_of,
+        }
+    }
+
+    /// Builds the scenes of all candidates. Fails if the object comes to rest in none of them.
+    pub(crate) fn planned(&self) -> Result<Scenes, SimulationError> {
+        let all: Vec<usize> = (0..self.pose_of.len()).collect();
+        let scenes = self.scenes(&self.config.scene, &all)?;
+        if !all.is_empty() && scenes.0.iter().all(Option::is_none) {
+            return Err(SimulationError::Unsettled);
+        }
+        Ok(scenes)
+    }
+
+    /// Builds the scenes of some candidates.
+    pub(crate) fn scenes(
+        &self,
+        scene: &SceneConfig,
+        candidates: &[usize],
+    ) -> Result<Scenes, SimulationError> {
+        let needed: BTreeSet<usize> = candidates.iter().map(|&idx| self.pose_of[idx]).collect();
+        let poses = self.poses.par_iter().enumerate();
+        let templates = poses.map(|(idx, pose)| {
+            if !needed.contains(&idx) {
+                return Ok(None);
+            }
+            feasible(Template::new(
+                scene,
+                self.model,
+                &self.shape,
+                &Rest::of(pose),
+            ))
+        });
+        templates.collect::<Result<_, _>>().map(Scenes)
     }
 
     /// Judges all candidates, in their order; `progress` is told the share that is done.
     pub(crate) fn judge(
         &self,
+        scenes: &Scenes,
         progress: impl Fn(f64) + Sync,
     ) -> Result<Vec<rollouts::Rollout>, SimulationError> {
         let total = self.candidates.candidates.len();
@@ -86,8 +113,8 @@ impl<'a> Screening<'a> {
         (0..total)
             .into_par_iter()
             .map(|idx| {
-                let candidate = &self.candidates.candidates[idx];
-                let rollout = self.rollout(idx, Record::Nothing);
+                let candidate = self.candidate(idx);
+                let rollout = self.rollout(scenes, idx, Record::Nothing);
                 let row = feasible(rollout.and_then(|rollout| self.row(candidate, &rollout)))?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
@@ -96,53 +123,34 @@ impl<'a> Screening<'a> {
             .collect()
     }
 
+    /// Returns the verdicts on some candidates, in their order, with the simulated control steps of each.
+    pub(crate) fn verdicts(
+        &self,
+        scenes: &Scenes,
+        candidates: &[usize],
+    ) -> Result<Vec<(Verdict, u32)>, SimulationError> {
+        let verdicts = candidates.par_iter().map(|&idx| {
+            let rollout = feasible(self.rollout(scenes, idx, Record::Nothing))?;
+            Ok(rollout.map_or((Verdict::Infeasible, 0), |rollout| {
+                (self.config.verdict(&rollout), rollout.cost_n)
+            }))
+        });
+        verdicts.collect()
+    }
+
     /// Returns a candidate.
     pub(crate) fn candidate(&self, idx: usize) -> &Candidate {
         &self.candidates.candidates[idx]
     }
 
     /// Carries out one candidate.
-    pub(crate) fn rollout(&self, idx: usize, record: Record) -> Result<Rollout, SimulationError> {
-        self.rollout_in(&self.templates, idx, record)
-    }
-
-    /// Carries out some candidates in another scene; returns the verdict and the simulated control steps of
-    /// each.
-    pub(crate) fn retried(
+    pub(crate) fn rollout(
         &self,
-        scene: &SceneConfig,
-        candidates: &[usize],
-    ) -> Result<Vec<(Verdict, u32)>, SimulationError> {
-        let needed: BTreeSet<usize> = candidates
-            .iter()
-            .map(|&idx| self.template_of[idx])
-            .collect();
-        let poses = self.poses.par_iter().enumerate();
-        let templates = poses.map(|(idx, pose)| {
-            if needed.contains(&idx) {
-                template(scene, self.model, &self.shape, pose)
-            } else {
-                Ok(None)
-            }
-        });
-        let templates: Vec<Option<Template>> = templates.collect::<Result<_, _>>()?;
-        let tried = candidates.par_iter().map(|&idx| {
-            let rollout = feasible(self.rollout_in(&templates, idx, Record::Nothing))?;
-            Ok(match rollout {
-                Some(rollout) => (self.verdict(&rollout), rollout.cost_n),
-                None => (Verdict::Infeasible, 0),
-            })
-        });
-        tried.collect()
-    }
-
-    fn rollout_in(
-        &self,
-        templates: &[Option<Template>],
+        scenes: &Scenes,
         idx: usize,
         record: Record,
     ) -> Result<Rollout, SimulationError> {
-        let template = templates[self.template_of[idx]].as_ref();
+        let template = scenes.0[self.pose_of[idx]].as_ref();
         let template = template.ok_or(SimulationError::Unsettled)?;
         let motion = self.motion(idx, self.candidate(idx))?;
         template.rollout(&motion, &self.config.protocol, record)
@@ -170,16 +178,6 @@ impl<'a> Screening<'a> {
     }
 }
 
-/// Builds the scene of a resting pose; nothing if the object does not come to rest in it.
-fn template(
-    scene: &SceneConfig,
-    model: &RobotModel,
-    shape: &ObjectShape,
-    pose: &Pose<Table, InObject>,
-) -> Result<Option<Template>, SimulationError> {
-    feasible(Template::new(scene, model, shape, &Rest::of(pose)))
-}
-
 /// Returns nothing where a candidate is at fault: its motion, or how the object lies in it.
 fn feasible<T>(simulated: Result<T, SimulationError>) -> Result<Option<T>, SimulationError> {
     match simulated {
@@ -203,16 +201,6 @@ fn extent_m(object: &Object) -> Vector3<f64> {
 }
 
 impl Screening<'_> {
-    /// Returns the verdict on a rollout; physics alone lets a hand hold an object by being inside it.
-    fn verdict(&self, rollout: &Rollout) -> Verdict {
-        match rollout.verdict {
-            Verdict::Held if rollout.penetration_m > self.config.max_penetration_m => {
-                Verdict::TooDeep
-            }
-            verdict => verdict,
-        }
-    }
-
     fn row(
         &self,
         candidate: &Candidate,
@@ -220,7 +208,7 @@ impl Screening<'_> {
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
         Ok(rollouts::Rollout {
-            verdict: self.verdict(rollout),
+            verdict: self.config.verdict(rollout),
             cost_n: rollout.cost_n,
             saved_n: rollout.saved_n,
             lift_m: rollout.lift_m,
@@ -236,20 +224,7 @@ impl Screening<'_> {
 
 /// Returns the row of a candidate of which nothing can be simulated.
 fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
-    rollouts::Rollout {
-        candidate_id: candidate.candidate_id.clone(),
-        generator: candidate.generator.clone(),
-        lineage: candidate.lineage.clone(),
-        verdict: Verdict::Infeasible,
-        cost_n: 0,
-        saved_n: 0,
-        lift_m: 0.0,
-        slip_m: 0.0,
-        displacement_m: 0.0,
-        penetration_m: 0.0,
-        contacts_n: 0,
-        smoothness: Smoothness::default(),
-    }
+    rollouts::Rollout::unsimulated(candidate, Verdict::Infeasible)
 }
 
 #[cfg(test)]
@@ -259,6 +234,7 @@ mod tests {
     use schemas::candidates::Lineage;
 
     use super::*;
+    use crate::config;
 
     /// A finger that slides, as a ball.
     const HAND: &str = r#"<robot name="h"><link name="palm"/>
@@ -313,14 +289,7 @@ mod tests {
 
     #[test]
     fn a_candidate_that_the_hand_cannot_execute_is_a_row_among_the_others() {
-        let config = serde_json::json!({
-            "hand": "hand.urdf",
-            "scene": {"drive": {
-                "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
-            }},
-            "protocol": {"flexion_joints": ["j"]},
-        });
-        let config: ScreenConfig = serde_json::from_value(config).unwrap();
+        let config = config::fixture();
         let model = RobotModel::from_urdf(HAND).unwrap();
         let candidates = Candidates {
             object: "cube".to_owned(),
@@ -331,8 +300,10 @@ mod tests {
                 candidate("c", "j"),
             ],
         };
-        let screening = Screening::new(&config, &model, &cube(), &candidates, 7).unwrap();
-        let rows = screening.judge(|_| {}).unwrap();
+        let screening = Screening::new(&config, &model, &cube(), &candidates, 7);
+        let rows = screening
+            .judge(&screening.planned().unwrap(), |_| {})
+            .unwrap();
         let verdicts: Vec<(&str, Verdict)> = rows
             .iter()
             .map(|row| (row.candidate_id.as_str(), row.verdict))

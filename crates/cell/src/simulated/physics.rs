@@ -4,9 +4,7 @@ use motion::JointTrack;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
-use simulation::{
-    Flow, ObjectShape, SceneConfig, SimulationError, Template, TraceStep, WatchedRollout,
-};
+use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
 use spatial::{Object, Pose, Rest, Table};
 
 use super::{Abort, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
@@ -42,7 +40,7 @@ pub(super) fn carry_out(
         scene.control_step_s(),
         config.gap.latency_s,
     )?;
-    let delay_n = delay_n(&scene);
+    let delay_n = scene.delay_control_n();
     let mut encoders = Encoders::new(
         EncoderNoise::of(digest, config.gap.encoder_noise_rad),
         [steps.len(), delay_n],
@@ -106,16 +104,6 @@ pub(super) fn carry_out(
         samples: samples.map_err(|err| SimulationError::Motion(err.to_string()))?,
         joints,
     })
-}
-
-/// Returns the delay of the fingers in control steps.
-#[expect(
-    clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
-    reason = "a checked scene has a delay of 0 to 0.2 s, and steps of at least a microsecond"
-)]
-fn delay_n(scene: &SceneConfig) -> usize {
-    (scene.drive.delay_s / scene.control_step_s()).round() as usize
 }
 
 fn height_m(sample: &Sample) -> f64 {

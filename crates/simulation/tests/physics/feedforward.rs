@@ -186,23 +186,26 @@ fn hand_mass_changes_the_motion() {
     assert!(light != heavy, "{light}");
 }
 
+/// The steps of a hand that waves, so many physics steps late.
+fn waved(controller: ControllerKind, steps_per_control: u32, delay_n: u32) -> Vec<TraceStep> {
+    let mut scene = with(controller);
+    scene.steps_per_control = steps_per_control;
+    scene.drive.delay_s = f64::from(delay_n) * scene.time_step_s;
+    let protocol = Protocol {
+        approach: Approach::Follow,
+        ..protocol()
+    };
+    let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
+    rollout.unwrap().trace.unwrap().steps
+}
+
 /// With a delay the fingers are where they were so many physics steps before without one; until then they wait
 /// at their start.
 #[test]
 fn delayed_fingers_follow_the_same_course_later() {
     for controller in [ControllerKind::Pd, ControllerKind::PdFeedforward] {
-        let at = |delay_n: u32| -> Vec<TraceStep> {
-            let mut scene = with(controller);
-            // One physics step in a control step: each is in the trace.
-            scene.steps_per_control = 1;
-            scene.drive.delay_s = f64::from(delay_n) * scene.time_step_s;
-            let protocol = Protocol {
-                approach: Approach::Follow,
-                ..protocol()
-            };
-            let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
-            rollout.unwrap().trace.unwrap().steps
-        };
+        // One physics step in a control step: each is in the trace.
+        let at = |delay_n: u32| waved(controller, 1, delay_n);
         let most = |a: &[TraceStep], b: &[TraceStep]| {
             let joints = a.iter().zip(b).flat_map(|(a, b)| a.q.iter().zip(&b.q));
             joints.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
@@ -226,16 +229,7 @@ fn delayed_fingers_follow_the_same_course_later() {
 /// The fingers' commands are the same within a control step, and so is when they arrive.
 #[test]
 fn a_delay_may_be_a_part_of_a_control_step() {
-    let at = |delay_n: u32| -> Vec<TraceStep> {
-        let mut scene = with(ControllerKind::Pd);
-        scene.drive.delay_s = f64::from(delay_n) * scene.time_step_s;
-        let protocol = Protocol {
-            approach: Approach::Follow,
-            ..protocol()
-        };
-        let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
-        rollout.unwrap().trace.unwrap().steps
-    };
+    let at = |delay_n: u32| waved(ControllerKind::Pd, scene().steps_per_control, delay_n);
     let steps: Vec<Vec<TraceStep>> = (0..=5).map(at).collect();
     let joint = hand().joint("joint_2.0").unwrap();
     // On a rising course, the later its command, the less far a finger is.
