@@ -19,8 +19,12 @@ columns! {
         generator: String => "what drew the candidates",
         origin: String => "where the motions come from, as in `candidates`; `all` for all origins together",
         object_split: Option<ObjectSplit> => "split of the objects, as in `candidates`",
-        approach: String => "what the fingers did during the reach: `follow` or `open`",
+        protocol: String => "name of the protocol, e.g. `table_lift`",
+        approach: String => "what the hand did before the squeeze: `follow`, `open` or `place`",
         squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed",
+        friction: f64 ["1"] => "friction coefficient of hand and object",
+        torque_limit_nm: f64 ["N m"] => "largest torque of a finger's drive",
+        object_mass: String => "the objects' masses: `measured`, or the protocol's mass or density",
         objects_n: i64 => "objects with a draw",
         candidates_n: i64 => "candidates that were screened",
         draws_n: i64 => "draws of this origin, refused ones included",
@@ -46,4 +50,4 @@ pub(crate) fn share(successes_n: i64, n: i64) -> f64 {
 
 /// The rates of a screening.
 pub type Rates = Vec<Rate>;
-table! {"rates", 1, per "screening", rows: Rate}
+table! {"rates", 2, per "screening", rows: Rate}

@@ -53,4 +53,4 @@ impl Ending for TrialVerdict {
 
 /// The robustness of the motions of one object.
 pub type Robustnesses = Vec<Robustness>;
-table! {"robustness", 1, per "object", rows: Robustness}
+table! {"robustness", 2, per "object", rows: Robustness}

@@ -53,7 +53,7 @@ impl Rollout {
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 4, per "object", rows: Rollout}
+table! {"rollouts", 5, per "object", rows: Rollout}
 
 words! {
     /// How a rollout ended; success is first.
@@ -77,6 +77,8 @@ words! {
         Dropped = "dropped",
         /// Held to the end, with the hand deeper in the object than solid bodies can be.
         TooDeep = "too_deep",
+        /// Object and table loaded the palm more than an arm bears.
+        Overloaded = "overloaded",
         /// The simulation became non-finite or implausible.
         Diverged = "diverged",
         /// The hand cannot execute the motion, or the object does not come to rest as it lies in it;

@@ -76,4 +76,4 @@ impl Ending for Verdict {
 
 /// The success of the candidates of all objects.
 pub type Successes = Vec<Success>;
-table! {"success", 4, per "screening", rows: Success}
+table! {"success", 5, per "screening", rows: Success}

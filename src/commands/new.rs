@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 34] = files![
+const FILES: [(&str, &str); 35] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -58,6 +58,7 @@ const FILES: [(&str, &str); 34] = files![
     "pipelines/paper.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
+    "pipelines/protocols.toml",
     "pipelines/robustness.toml",
     "pipelines/script.toml",
     "pipelines/strict.toml",

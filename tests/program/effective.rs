@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 14] = [
+const FILES: [&str; 15] = [
     "cgf",
     "arm",
     "baseline",
@@ -21,6 +21,7 @@ const FILES: [&str; 14] = [
     "paper",
     "released",
     "replay",
+    "protocols",
     "robustness",
     "script",
     "strict",

@@ -191,7 +191,7 @@ impl GraspMotion<'_> {
         Protocol {
             reach_s,
             close_fraction: match requested.approach {
-                Approach::Follow => requested.close_fraction,
+                Approach::Follow | Approach::Place => requested.close_fraction,
                 Approach::Open => close_s / reach_s,
             },
             squeeze_s,

@@ -3,7 +3,7 @@
 use motion::{Carrier, Course, JointTrack, Motion};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind, RobotModel};
-use simulation::{Approach, Flexion, Protocol, SettingFault, Trial};
+use simulation::{Approach, Flexion, Protocol, SettingFault};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -80,14 +80,13 @@ impl<'a> Planner<'a> {
         let limits = Limits::new(limits, hand)?;
         let flexion = Flexion::new(protocol, hand)
             .map_err(|err| SettingFault::new("grasp.flexion_joints", err.to_string()))?;
-        let path_s = path_s(protocol);
+        if let Some(fault) = protocol.beyond_a_cell() {
+            return Err(fault);
+        }
+        let path_s = protocol.path_s();
         if !(path_s.is_finite() && path_s > 0.0) {
             let problem = format!("it leaves the palm {path_s} s for its path");
             return Err(SettingFault::new("grasp.reach_s", problem));
-        }
-        if protocol.trial != Trial::Lift {
-            let problem = "a cell lifts what it grasps, and pulls at nothing";
-            return Err(SettingFault::new("grasp.trial", problem));
         }
         Ok(Self {
             hand,
@@ -117,7 +116,7 @@ impl<'a> Planner<'a> {
         let grasp = course.grasp().q_rad;
         let fingers = Fingers {
             opened: match self.protocol.approach {
-                Approach::Follow => None,
+                Approach::Follow | Approach::Place => None,
                 Approach::Open => Some(self.flexion.flexed(&grasp, -self.protocol.open_rad)),
             },
             squeezed: self.flexion.flexed(&grasp, self.protocol.squeeze_rad),
@@ -221,14 +220,6 @@ pub(crate) fn check_joint(
         lower: joint.lower,
         upper: joint.upper,
     })
-}
-
-/// Returns the requested duration of the palm's path, in seconds.
-pub(crate) fn path_s(protocol: &Protocol) -> f64 {
-    match protocol.approach {
-        Approach::Follow => protocol.reach_s,
-        Approach::Open => protocol.reach_s * (1.0 - closing(protocol)),
-    }
 }
 
 /// Returns the fraction of the reach in which the fingers close.

@@ -13,7 +13,7 @@ use crate::{
     },
     limit_excess::LimitExcess,
     limits,
-    planner::{check_joint, closing, path_s},
+    planner::{check_joint, closing},
     timing::Timing,
 };
 
@@ -48,7 +48,7 @@ impl Planner<'_> {
         resting: &Pose<Table, Object>,
     ) -> Result<Feasible, Infeasible> {
         let table_from_object = arm.map_or(*resting, |arm| arm.table_from_object);
-        let requested_s = path_s(self.protocol);
+        let requested_s = self.protocol.path_s();
         let max = self.limits.config.max_slowdown;
         let total_s = requested_total_s(self.protocol);
         let slow = |slower: f64| Infeasible::Slow { slower, max };

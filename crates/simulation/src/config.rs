@@ -3,18 +3,34 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::shortcuts::Shortcuts;
+use crate::{
+    protocols::{ProtocolName, Published},
+    shortcuts::Shortcuts,
+};
 
 /// The physical scene: object, table, hand and time steps.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct SceneConfig {
-    /// Friction coefficient of every contact (hand, object, table): that of rubber fingertips on
+    /// Friction coefficient of every surface (hand, object, table): that of rubber fingertips on
     /// most things.
     #[serde(default = "defaults::friction")]
     pub friction: f64,
-    /// Factor on the object's true mass and inertia.
+    /// Friction coefficient of the table's surface, if it is not that of the others: a contact has the mean of
+    /// its two surfaces.
+    #[serde(default)]
+    pub table_friction: Option<f64>,
+    /// What the object weighs, in kilograms, in place of its true mass; inertias change in proportion.
+    #[serde(default)]
+    pub object_mass_kg: Option<f64>,
+    /// The same by the object's density, in kilograms per cubic meter of its convex parts.
+    #[serde(default)]
+    pub object_density_kg_per_m3: Option<f64>,
+    /// What the object rests on: the `table`, or `nothing`, without gravity.
+    #[serde(default)]
+    pub support: Support,
+    /// Factor on the object's mass and inertia.
     #[serde(default = "defaults::mass_scale")]
     pub mass_scale: f64,
     /// Factor on the masses and inertias of the hand's links, known to its controller.
@@ -42,6 +58,9 @@ pub struct SceneConfig {
     /// with 1 mm held cans turn back and forth.
     #[serde(default = "defaults::contact_recycle_m")]
     pub contact_recycle_m: f64,
+    /// Whether different fingers touch each other (false); links of one finger, and the palm, never do.
+    #[serde(default)]
+    pub fingers_touch: bool,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
     #[serde(default = "defaults::settle_s")]
     pub settle_s: f64,
@@ -72,6 +91,18 @@ impl SceneConfig {
     pub(crate) fn delay_n(&self) -> usize {
         (self.drive.delay_s / self.time_step_s).round() as usize
     }
+}
+
+/// What an object rests on.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Support {
+    /// The table, with gravity.
+    #[default]
+    Table,
+    /// Nothing: it floats where it would lie, without gravity and table.
+    Nothing,
 }
 
 /// A planar displacement on the table.
@@ -143,6 +174,9 @@ pub enum Approach {
     /// the fingers at their final positions, opened by `open_rad`; then it waits, and they close. Of
     /// the motion only the palm's path and the grasp are tried.
     Open,
+    /// A script in place of the whole reach: the palm is at the motion's end from the start, and the fingers
+    /// close from there, opened by `open_rad`. Of the motion only the grasp is tried.
+    Place,
 }
 
 impl Approach {
@@ -151,6 +185,7 @@ impl Approach {
         match self {
             Self::Follow => "follow",
             Self::Open => "open",
+            Self::Place => "place",
         }
     }
 }
@@ -160,9 +195,13 @@ impl Approach {
 #[serde(deny_unknown_fields)]
 #[schemars(inline)]
 pub struct Protocol {
+    /// Name of the protocol: `table_lift`, by the options below, or a published one, which replaces most of
+    /// them and of the scene's.
+    #[serde(default, skip_serializing_if = "ProtocolName::is_own")]
+    pub name: ProtocolName,
     /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
     /// that is not the motion, stay `open` until the closing, so that they do not knock the object
-    /// over.
+    /// over; or the hand starts at the grasp (`place`).
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
@@ -236,6 +275,20 @@ pub struct Protocol {
     /// The pulls of `six_directions`.
     #[serde(default)]
     pub pull: PullConfig,
+    /// What a published protocol does that no option does.
+    #[serde(skip)]
+    pub published: Published,
+}
+
+impl Protocol {
+    /// Returns the duration of the palm's path, in seconds: 0 where it is at its end from the start.
+    pub fn path_s(&self) -> f64 {
+        match self.approach {
+            Approach::Follow => self.reach_s,
+            Approach::Open => self.reach_s * (1.0 - self.close_fraction.clamp(0.0, 1.0)),
+            Approach::Place => 0.0,
+        }
+    }
 }
 
 /// Conditions of a success that many benchmarks leave out.
@@ -255,6 +308,13 @@ pub struct StrictConfig {
     /// Largest depth of the hand inside the object where it starts, in meters (0.002): contact pushes
     /// the object away at once.
     pub start_tolerance_m: f64,
+    /// Largest net force of object and table on the hand for a tenth of a second, in newtons (none): an arm
+    /// stops or yields at some multiple of its payload, the palm here at nothing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_palm_force_n: Option<f64>,
+    /// The same of their torque about the palm's origin, in newton meters (none).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub max_palm_torque_nm: Option<f64>,
     /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may draw it to the
     /// palm from farther away, and hold it well.
     pub knocked_until: KnockedUntil,
@@ -267,6 +327,8 @@ impl Default for StrictConfig {
             max_spin_rad_per_s: 0.2,
             palm_table_tolerance_m: 0.002,
             start_tolerance_m: 0.002,
+            max_palm_force_n: None,
+            max_palm_torque_nm: None,
             knocked_until: KnockedUntil::default(),
         }
     }

@@ -1,12 +1,12 @@
 //! Contacts between hand and object.
 
 use geometry::SurfaceDistance;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use rapier3d::{math::Vector, prelude::RigidBodyHandle};
 
 use crate::{
-    units::{meters, vector_in_meters},
-    world::World,
+    units::{force_in_newtons, meters, vector_in_meters},
+    world::{World, groups},
 };
 
 /// Touch between hand and object in one physics step.
@@ -44,7 +44,7 @@ pub(crate) fn touch(
             _ => continue,
         };
         // The table is not a body of the hand, though its user data is 0 like the palm's.
-        if of_hand.collision_groups() != crate::world::groups::hand() {
+        if !groups::is_hand(of_hand.collision_groups()) {
             continue;
         }
         let pressed = usize::try_from(of_hand.user_data)
@@ -69,9 +69,95 @@ pub(crate) fn touch(
     touch
 }
 
+/// Returns the sizes of force and torque with which object and table pressed on the hand in the last physics
+/// step, in newtons and, about a point, in newton meters; without friction.
+pub(crate) fn load_on_hand(world: &World, about_m: &Vector3<f64>) -> [f64; 2] {
+    let (mut force_n, mut torque_nm) = (Vector3::zeros(), Vector3::zeros());
+    for pair in world.narrow_phase.contact_pairs() {
+        let colliders = [pair.collider1, pair.collider2].map(|handle| world.colliders.get(handle));
+        let [Some(first), Some(second)] = colliders else {
+            continue;
+        };
+        let is_hand = [first, second].map(|one| groups::is_hand(one.collision_groups()));
+        // The normal leads from the first to the second.
+        let towards_hand = match is_hand {
+            [false, true] => 1.0,
+            [true, false] => -1.0,
+            _ => continue,
+        };
+        for manifold in pair.manifolds() {
+            let normal = Vector3::from(manifold.data.normal.to_array().map(f64::from));
+            for contact in &manifold.points {
+                let pressing_n = world.force_of(contact.data.impulse);
+                let force = normal * (towards_hand * force_in_newtons(pressing_n));
+                let point = first.position().transform_point(contact.local_p1);
+                force_n += force;
+                torque_nm += (vector_in_meters(point) - about_m).cross(&force);
+            }
+        }
+    }
+    [force_n.norm(), torque_nm.norm()]
+}
+
 /// Returns how far a point of a part sticks out of the surface, in meters.
 fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
     let on_part_m = Point3::from(vector_in_meters(on_part));
     let distance_m = surface.signed_distance(&on_part_m).distance_m;
     distance_m.max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::Matrix3;
+    use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
+    use spatial::Pose;
+
+    use super::*;
+    use crate::{object::ObjectShape, testing, units::length};
+
+    /// A cube of 0.3 kg lies on a palm, which bears 0.3 kg · 9.81 m/s², and 10 cm beside it as much torque as that
+    /// times 10 cm.
+    #[test]
+    fn palm_bears_the_weight_of_what_lies_on_it() {
+        let scene = testing::scene();
+        let mut world = World::empty(&scene);
+        let palm = world
+            .bodies
+            .insert(RigidBodyBuilder::kinematic_velocity_based());
+        let [half_edge, half_thickness] = [0.1, 0.01].map(length);
+        world.colliders.insert_with_parent(
+            ColliderBuilder::cuboid(half_edge, half_edge, half_thickness)
+                .collision_groups(groups::hand()),
+            palm,
+            &mut world.bodies,
+        );
+        let (mass_kg, half_m) = (0.3, 0.025);
+        let ends = [-half_m, half_m];
+        let corners = ends.into_iter().flat_map(|x| {
+            ends.into_iter()
+                .flat_map(move |y| ends.map(|z| Point3::new(x, y, z)))
+        });
+        let cube = ObjectShape {
+            parts_m: vec![corners.collect()],
+            surface: None,
+            mass_kg,
+            center_of_mass_m: Point3::origin(),
+            inertia_kg_m2: Matrix3::identity() * (mass_kg * (2.0 * half_m).powi(2) / 6.0),
+        };
+        let above = Pose::identity().translated(&Vector3::new(0.0, 0.0, 0.01 + half_m));
+        cube.insert(&mut world, &scene, &above).unwrap();
+        for _ in 0..250 {
+            world.step().unwrap();
+        }
+        let weight_n = mass_kg * 9.81;
+        let [force_n, torque_nm] = load_on_hand(&world, &Vector3::new(0.1, 0.0, 0.0));
+        assert!(
+            (force_n / weight_n - 1.0).abs() < 0.02,
+            "{force_n} of {weight_n} N"
+        );
+        assert!(
+            (torque_nm / (0.1 * weight_n) - 1.0).abs() < 0.02,
+            "{torque_nm} Nm"
+        );
+    }
 }

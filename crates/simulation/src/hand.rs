@@ -11,6 +11,7 @@ mod closed_forms;
 mod controller;
 mod feedforward;
 
+use nalgebra::Vector3;
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
@@ -30,7 +31,7 @@ use self::{
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    units::{LENGTH_UNITS_PER_M, engine_pose, length, meters, real},
+    units::{LENGTH_UNITS_PER_M, engine_pose, length, meters, real, vector_in_meters},
     world::{World, groups},
 };
 
@@ -144,6 +145,7 @@ impl Hand {
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
         let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
+        let mut finger_roots = Vec::new();
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
         let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
@@ -157,6 +159,18 @@ impl Hand {
                     .can_sleep(false),
                 _ => movable(mass),
             });
+            let finger = match parent {
+                Some((parent, _)) if parent > 0 => fingers[parent],
+                _ => idx,
+            };
+            if finger == idx && finger > 0 {
+                finger_roots.push(finger);
+            }
+            let number = finger_roots.iter().position(|root| *root == finger);
+            let touching = match number {
+                Some(number) if scene.fingers_touch => groups::finger(number),
+                _ => groups::hand(),
+            };
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
                 for shape in shapes.iter().filter(|shape| shape.link == *link) {
@@ -164,7 +178,7 @@ impl Hand {
                         ColliderBuilder::new(shape.engine.clone())
                             .density(0.0)
                             .friction(real(scene.friction))
-                            .collision_groups(groups::hand())
+                            .collision_groups(touching)
                             .user_data(idx as u128)
                             .position(
                                 engine_pose(&(*body_from_link * shape.link_from_shape))
@@ -201,10 +215,7 @@ impl Hand {
                 }
             }
             bodies.push(body);
-            fingers.push(match parent {
-                Some((parent, _)) if parent > 0 => fingers[parent],
-                _ => idx,
-            });
+            fingers.push(finger);
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
@@ -397,6 +408,11 @@ impl Hand {
     /// Returns the pose of the palm.
     pub(crate) fn table_from_palm(&self, world: &World) -> Pose<Table, Palm> {
         world.table_from_body(self.bodies[0])
+    }
+
+    /// Returns the palm's origin in the engine's frame, in meters.
+    pub(crate) fn palm_m(&self, world: &World) -> Vector3<f64> {
+        vector_in_meters(world.bodies[self.bodies[0]].translation())
     }
 
     /// Returns the joint positions in radians or meters; NaN for a joint that the engine no longer has.

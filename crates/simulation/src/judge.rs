@@ -23,6 +23,8 @@ const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
 const FINAL_WINDOW_S: f64 = 0.5;
 /// Share of the final window's steps in which a link must press to count as in contact.
 const TOUCHING_SHARE: f64 = 0.5;
+/// Time for which the palm may be loaded by too much: impacts are shorter.
+const OVERLOADED_S: f64 = 0.1;
 /// Time at rest in the hand after which a held object has settled, in seconds.
 const SETTLED_S: f64 = 0.3;
 /// What rests has received the last command.
@@ -52,6 +54,8 @@ pub(crate) struct Judge<'a> {
     control_s: f64,
     /// Steps of the final window in which each body of the hand pressed.
     pressed: Vec<usize>,
+    /// Latest control steps in a row in which the palm was loaded by too much.
+    overloaded_n: usize,
     /// The object's pose in the palm frame when the pulling began.
     pulled_from: Option<Pose<Palm, Object>>,
     shortcuts: Shortcuts,
@@ -78,9 +82,11 @@ impl<'a> Judge<'a> {
         let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         let scene = &template.scene;
-        // A hand that still closes may touch again what it has lost.
+        let rises_only = protocol.published.shakes.is_none();
+        // A hand that still closes or is shaken may touch again what it has lost.
         let shortcuts = Shortcuts {
-            lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s,
+            lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s && rises_only,
+            settled: shortcuts.settled && rises_only,
             ..shortcuts
         };
         Self {
@@ -97,6 +103,7 @@ impl<'a> Judge<'a> {
             window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),
             control_s: scene.control_step_s(),
             pressed: vec![0; template.hand.bodies_n()],
+            overloaded_n: 0,
             pulled_from: None,
             shortcuts,
             rest: None,
@@ -119,6 +126,9 @@ impl<'a> Judge<'a> {
         let table_from_palm = template.hand.table_from_palm(world);
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
         self.last_in_palm = palm_from_object;
+        if self.is_overloaded(template, world) {
+            return Some(Verdict::Overloaded);
+        }
         match command.phase {
             Phase::Reach | Phase::Close => self.before_squeeze(&table_from_object),
             Phase::Squeeze if self.closing_left > 0 => {
@@ -146,6 +156,9 @@ impl<'a> Judge<'a> {
                 if self.is_low() || self.will_be_dropped(template, world, &touch) {
                     return Some(Verdict::Dropped);
                 }
+                if self.is_displaced(&table_from_object, command) {
+                    return Some(self.lost_by(template, &touch));
+                }
                 self.has_settled(template, &palm_from_object, touch)
                     .then_some(Verdict::Held)
             }
@@ -153,7 +166,13 @@ impl<'a> Judge<'a> {
                 let touch = self.measure_touch(template, world);
                 self.in_palm.push(self.last_in_palm);
                 self.count_pressing(&touch);
-                let from = *self.pulled_from.get_or_insert(palm_from_object);
+                let from = *self.pulled_from.get_or_insert_with(|| {
+                    if self.protocol.published.since_start {
+                        table_from_palm.inv_mul(&self.start)
+                    } else {
+                        palm_from_object
+                    }
+                });
                 let away = from.inv_mul(&palm_from_object);
                 let limits = &self.protocol.pull;
                 if away.translation.vector.norm() <= limits.max_displacement_m
@@ -161,14 +180,47 @@ impl<'a> Judge<'a> {
                 {
                     return None;
                 }
-                let touching = self.is_grasped(template, &indices(&touch.bodies));
-                Some(if touching {
-                    Verdict::Slipped
-                } else {
-                    Verdict::Dropped
-                })
+                Some(self.lost_by(template, &touch))
             }
         }
+    }
+
+    /// Whether the object is too far from where it lay, moved as the palm was.
+    fn is_displaced(&self, table_from_object: &Pose<Table, Object>, command: &Command) -> bool {
+        let Some(most) = &self.protocol.published.carried else {
+            return false;
+        };
+        let place = self.start.translation.vector + command.carried_m;
+        let moved_m = (table_from_object.translation.vector - place).norm();
+        let turned_rad = table_from_object.rotation.angle_to(&self.start.rotation);
+        moved_m > most.max_m || turned_rad > most.max_rad
+    }
+
+    /// Returns how an object that moved too far was lost: in the fingers, or out of them.
+    fn lost_by(&self, template: &Template, touch: &Touch) -> Verdict {
+        let links = indices(&touch.bodies);
+        if !links.is_empty() && self.is_grasped(template, &links) {
+            Verdict::Slipped
+        } else {
+            Verdict::Dropped
+        }
+    }
+
+    /// Whether object and table have loaded the palm for some time by more than it may be.
+    fn is_overloaded(&mut self, template: &Template, world: &World) -> bool {
+        let strict = &self.protocol.strict;
+        if strict.max_palm_force_n.is_none() && strict.max_palm_torque_nm.is_none() {
+            return false;
+        }
+        let load = contact::load_on_hand(world, &template.hand.palm_m(world));
+        let limits = [strict.max_palm_force_n, strict.max_palm_torque_nm];
+        let exceeds = |(load, limit): (f64, Option<f64>)| limit.is_some_and(|limit| load > limit);
+        if load.into_iter().zip(limits).any(exceeds) {
+            self.overloaded_n += 1;
+        } else {
+            self.overloaded_n = 0;
+        }
+        self.overloaded_n as f64 * self.control_s >= OVERLOADED_S
     }
 
     /// Records how far the object was moved before the squeeze, and judges it.

@@ -23,6 +23,7 @@ mod hand;
 mod judge;
 mod object;
 mod played;
+mod protocols;
 mod rejection;
 mod rollout;
 mod scene_errors;
@@ -37,11 +38,12 @@ mod world;
 
 pub use config::{
     Approach, ControllerKind, DriveConfig, KnockedUntil, Offset, Protocol, PullConfig, SceneConfig,
-    StrictConfig, Trial,
+    StrictConfig, Support, Trial,
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::PlayedStep;
+pub use protocols::{ProtocolName, Published};
 pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
 pub use scene_errors::SceneErrors;
 pub use schemas::rollouts::Verdict;

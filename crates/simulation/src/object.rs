@@ -10,7 +10,7 @@ use spatial::{Object, Pose, Table};
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    units::{engine_pose, mass, matrix, point, real},
+    units::{LENGTH_UNITS_PER_M, engine_pose, mass, matrix, point, real},
     world::{World, groups},
 };
 
@@ -81,12 +81,28 @@ impl ObjectShape {
             .fold(f64::INFINITY, f64::min)
     }
 
-    fn mass_properties(&self, mass_scale: f64) -> Result<MassProperties, SimulationError> {
-        let mass_kg = self.mass_kg * mass_scale;
+    /// Returns the mass of the object in a scene, in kilograms.
+    fn mass_in_kg(&self, scene: &SceneConfig) -> Result<f64, SimulationError> {
+        let mass_kg = match (scene.object_mass_kg, scene.object_density_kg_per_m3) {
+            (Some(mass_kg), _) => mass_kg,
+            (None, Some(density)) => {
+                let volumes_m3 = self.hulls()?.into_iter().map(|hull| {
+                    let of_unit_density = hull.mass_properties(1.0);
+                    f64::from(of_unit_density.mass()) / LENGTH_UNITS_PER_M.powi(3)
+                });
+                density * volumes_m3.sum::<f64>()
+            }
+            (None, None) => self.mass_kg,
+        };
+        Ok(mass_kg * scene.mass_scale)
+    }
+
+    fn mass_properties(&self, scene: &SceneConfig) -> Result<MassProperties, SimulationError> {
+        let mass_kg = self.mass_in_kg(scene)?;
         if !(mass_kg.is_finite() && mass_kg > 0.0) {
             return Err(SimulationError::Massless { mass_kg });
         }
-        let inertia = self.inertia_kg_m2 * mass_scale;
+        let inertia = self.inertia_kg_m2 * (mass_kg / self.mass_kg);
         let moments = principal_moments(&inertia);
         if !moments
             .iter()
@@ -111,7 +127,7 @@ impl ObjectShape {
         let body = world.bodies.insert(
             RigidBodyBuilder::dynamic()
                 .pose(engine_pose(table_from_object))
-                .additional_mass_properties(self.mass_properties(scene.mass_scale)?)
+                .additional_mass_properties(self.mass_properties(scene)?)
                 .can_sleep(false),
         );
         for hull in self.hulls()? {

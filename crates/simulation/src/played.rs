@@ -44,7 +44,7 @@ impl Script {
                 object_from_palm: step.object_from_palm,
                 q: step.q.clone(),
             },
-            lift_m: step.lift_m,
+            carried_m: Vector3::z() * step.lift_m,
             pull_m_per_s2: Vector3::zeros(),
         });
         let mut commands: Vec<Command> = commands.collect();

@@ -7,7 +7,7 @@ use schemas::rollouts::Verdict;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    config::Protocol,
+    config::{Protocol, Support},
     error::SimulationError,
     hand::{LinkShape, Part},
     script::{HandPose, Phase, Script},
@@ -29,6 +29,7 @@ pub(crate) fn reject(
     model: &RobotModel,
     shapes: &[LinkShape],
     hulls: &[SharedShape],
+    support: Support,
     table_from_object: &Pose<Table, Object>,
 ) -> Result<Option<Verdict>, SimulationError> {
     let tolerance = protocol.limit_tolerance_rad;
@@ -47,7 +48,7 @@ pub(crate) fn reject(
             Part::Finger => protocol.table_tolerance_m,
         };
         let is_above = lowest_m(shape, &table_from_shape) >= -tolerance_m;
-        !is_above
+        support == Support::Table && !is_above
     };
     for pose in &script.requested {
         if any_shape(model, shapes, pose, below)? {

@@ -137,7 +137,7 @@ pub(crate) fn run_watched<'a>(
     let mut judge = Judge::new(template, protocol, script, shortcuts);
     let mut verdict = None;
     let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
-    let mut execution = Execution::begin(template, script, record, watcher);
+    let mut execution = Execution::begin(template, script, protocol, record, watcher);
     let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
         if execution.flow == Flow::Hold {
@@ -190,6 +190,10 @@ struct Execution<'a> {
     arrival: usize,
     /// Whether the palm was halted.
     halted: bool,
+    /// Whether every pull begins where the first one began.
+    pulls_apart: bool,
+    /// The world before the first pull.
+    unpulled: Option<World>,
     cost_n: u32,
     trace: Option<Trace>,
     watcher: Option<Watcher<'a>>,
@@ -201,6 +205,7 @@ impl<'a> Execution<'a> {
     fn begin(
         template: &'a Template,
         script: &Script,
+        protocol: &Protocol,
         record: Record,
         watcher: Option<Watcher<'a>>,
     ) -> Self {
@@ -211,6 +216,8 @@ impl<'a> Execution<'a> {
             table_from_estimate: template.table_from_estimate(),
             arrival: script.arrival(),
             halted: false,
+            pulls_apart: protocol.published.pulls_apart,
+            unpulled: None,
             cost_n: 0,
             trace: (record == Record::Trace).then(Trace::default),
             watcher,
@@ -240,9 +247,23 @@ impl<'a> Execution<'a> {
                 template.hand.halt(world);
                 self.halted = true;
             }
-            world.rise(template.object, command.lift_m, control_s);
+            world.carry(template.object, &command.carried_m, control_s);
         }
         if command.phase == Phase::Pull {
+            if self.pulls_apart {
+                let before = script.commands.get(idx.wrapping_sub(1));
+                let pulled = before.is_some_and(|before| before.phase == Phase::Pull);
+                match &self.unpulled {
+                    Some(unpulled) if pulled => {
+                        let turns =
+                            before.is_some_and(|b| b.pull_m_per_s2 != command.pull_m_per_s2);
+                        if turns {
+                            *world = unpulled.fork();
+                        }
+                    }
+                    _ => self.unpulled = Some(world.fork()),
+                }
+            }
             world.pull(template.object, &command.pull_m_per_s2);
         }
         let advanced = control_step(template, world, script, idx, self.cost_n);

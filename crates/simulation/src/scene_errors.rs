@@ -73,7 +73,9 @@ impl SceneErrors {
             y_m: scene.object_offset.y_m + within([-position_m, position_m]),
             yaw_rad: scene.object_offset.yaw_rad + within([-yaw_rad, yaw_rad]),
         };
-        drawn.friction *= within(friction_scale);
+        let friction_scale = within(friction_scale);
+        drawn.friction *= friction_scale;
+        drawn.table_friction = scene.table_friction.map(|table| table * friction_scale);
         drawn.mass_scale *= within(mass_scale);
         drawn.drive.delay_s += within([0.0, delay_s]);
         drawn

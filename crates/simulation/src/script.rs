@@ -52,10 +52,10 @@ pub(crate) struct HandPose {
 pub(crate) struct Command {
     /// The part of the rollout.
     pub(crate) phase: Phase,
-    /// Commanded pose of the hand before the lift.
+    /// Commanded pose of the hand before it is carried.
     pub(crate) hand: HandPose,
-    /// How far above that, along the table's z, in meters.
-    pub(crate) lift_m: f64,
+    /// How far it is carried from there, along the table's axes, in meters.
+    pub(crate) carried_m: Vector3<f64>,
     /// Acceleration with which the object is pulled, in the table's frame, in meters per second
     /// squared.
     pub(crate) pull_m_per_s2: Vector3<f64>,
@@ -78,8 +78,7 @@ impl Command {
         &self,
         table_from_estimate: &Pose<Table, Object>,
     ) -> Pose<Table, Palm> {
-        let before_lift = *table_from_estimate * self.hand.object_from_palm;
-        before_lift.translated(&Vector3::new(0.0, 0.0, self.lift_m))
+        (*table_from_estimate * self.hand.object_from_palm).translated(&self.carried_m)
     }
 
     /// Returns the command in the table's frame.
@@ -131,27 +130,42 @@ impl Script {
         let lift = steps(protocol.lift_s, scene).max(1);
         let hold = steps(protocol.hold_s, scene).max(1);
         let start = writer.reach(0.0);
-        let mut requested = vec![writer.at(0.0)];
+        let follows = protocol.approach != Approach::Place;
+        let mut requested = vec![writer.at(if follows { 0.0 } else { 1.0 })];
         let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
         let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
         for fraction in fractions(reach) {
             commands.push(writer.reach(fraction));
-            requested.push(writer.at(fraction));
+            if follows {
+                requested.push(writer.at(fraction));
+            }
         }
         for fraction in fractions(squeeze) {
-            commands.push(writer.grasp(Phase::Squeeze, fraction, 0.0));
+            commands.push(writer.grasp(Phase::Squeeze, fraction));
         }
         for _ in 0..pause {
-            commands.push(writer.grasp(Phase::Squeeze, 1.0, 0.0));
+            commands.push(writer.grasp(Phase::Squeeze, 1.0));
         }
         match protocol.trial {
             Trial::Lift => {
+                let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
                 for fraction in fractions(lift) {
                     let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    commands.push(writer.grasp(Phase::Lift, 1.0, smooth * protocol.lift_m));
+                    let even = protocol.published.even_lift;
+                    let share = if even { fraction } else { smooth };
+                    commands.push(writer.carried(Phase::Lift, lifted(share)));
+                }
+                if let Some(shakes) = &protocol.published.shakes {
+                    let shake = steps(shakes.period_s, scene).max(1);
+                    for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                        for fraction in fractions(shake) {
+                            let shaken = axis * shakes.at(fraction);
+                            commands.push(writer.carried(Phase::Hold, lifted(1.0) + shaken));
+                        }
+                    }
                 }
                 for _ in 0..hold {
-                    commands.push(writer.grasp(Phase::Hold, 1.0, protocol.lift_m));
+                    commands.push(writer.carried(Phase::Hold, lifted(1.0)));
                 }
             }
             Trial::SixDirections => {
@@ -160,7 +174,7 @@ impl Script {
                     for _ in 0..pulls {
                         commands.push(Command {
                             pull_m_per_s2: Vector3::from(direction) * protocol.pull.force_n_per_kg,
-                            ..writer.grasp(Phase::Pull, 1.0, 0.0)
+                            ..writer.grasp(Phase::Pull, 1.0)
                         });
                     }
                 }
@@ -180,7 +194,7 @@ impl Script {
         })
     }
 
-    /// Returns the first of the commands from which on the palm stays where it is, but for its lift.
+    /// Returns the first of the commands from which on the palm stays where it is, but for being carried.
     pub(crate) fn arrival(&self) -> usize {
         let Some(last) = self.commands.last() else {
             return 0;
@@ -236,6 +250,17 @@ impl Flexion {
         Ok(Self { joints })
     }
 
+    /// Moves the joints that flex by a share of what is left to their upper limits, or, if it is negative, to
+    /// their lower ones.
+    fn towards_limit(&self, q: &[f64], share: f64) -> Vec<f64> {
+        let joints = q.iter().zip(&self.joints);
+        let moved = joints.map(|(&position, (weight, [lower, upper]))| {
+            let limit = if share < 0.0 { lower } else { upper };
+            position + weight * share.abs() * (limit - position)
+        });
+        moved.collect()
+    }
+
     /// Adds `angle` in radians to the joints that flex; never beyond a limit that `q` itself keeps.
     pub fn flexed(&self, q: &[f64], angle: f64) -> Vec<f64> {
         q.iter()
@@ -258,7 +283,10 @@ struct Writer<'a, R> {
 impl<R: Rates> Writer<'_, R> {
     /// Returns the command after a fraction of the reach.
     fn reach(&self, fraction: f64) -> Command {
-        let closing = self.protocol.close_fraction.clamp(0.0, 1.0);
+        let closing = match self.protocol.approach {
+            Approach::Follow | Approach::Open => self.protocol.close_fraction.clamp(0.0, 1.0),
+            Approach::Place => 1.0,
+        };
         let before = 1.0 - closing;
         let phase = if fraction <= before {
             Phase::Reach
@@ -281,28 +309,52 @@ impl<R: Rates> Writer<'_, R> {
                     ..path
                 }
             }
+            Approach::Place => {
+                let grasp = self.at(1.0);
+                let opened = self
+                    .flexion
+                    .towards_limit(&grasp.q, -self.protocol.published.open_share);
+                let opened = self.flexion.flexed(&opened, -self.protocol.open_rad);
+                let between = opened.iter().zip(&grasp.q);
+                HandPose {
+                    q: between
+                        .map(|(open, closed)| open + fraction * (closed - open))
+                        .collect(),
+                    ..grasp
+                }
+            }
         };
         Command {
             phase,
             hand,
-            lift_m: 0.0,
+            carried_m: Vector3::zeros(),
             pull_m_per_s2: Vector3::zeros(),
         }
     }
 
-    /// Returns the command at the grasp, squeezed by a fraction and lifted.
-    fn grasp(&self, phase: Phase, squeeze: f64, lift_m: f64) -> Command {
+    /// Returns the command at the grasp, squeezed by a fraction.
+    fn grasp(&self, phase: Phase, squeeze: f64) -> Command {
         let grasp = self.at(1.0);
+        let share = self.protocol.published.squeeze_share * squeeze;
+        let closed = self.flexion.towards_limit(&grasp.q, share);
         Command {
             phase,
             hand: HandPose {
                 q: self
                     .flexion
-                    .flexed(&grasp.q, self.protocol.squeeze_rad * squeeze),
+                    .flexed(&closed, self.protocol.squeeze_rad * squeeze),
                 ..grasp
             },
-            lift_m,
+            carried_m: Vector3::zeros(),
             pull_m_per_s2: Vector3::zeros(),
+        }
+    }
+
+    /// Returns the command of the squeezed grasp carried to a place.
+    fn carried(&self, phase: Phase, carried_m: Vector3<f64>) -> Command {
+        Command {
+            carried_m,
+            ..self.grasp(phase, 1.0)
         }
     }
 

@@ -1,6 +1,6 @@
 //! What a scene and a protocol can be: the bounds of their numbers.
 
-use crate::config::{Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
+use crate::config::{Approach, Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
 
 /// Longest of the times that a protocol is made of, in seconds.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -62,6 +62,7 @@ impl SceneConfig {
         }
         for (key, number) in [
             ("friction", self.friction),
+            ("table_friction", self.table_friction.unwrap_or_default()),
             ("prediction_m", self.prediction_m),
             ("contact_recycle_m", self.contact_recycle_m),
             ("drive.damping", self.drive.damping),
@@ -70,6 +71,18 @@ impl SceneConfig {
             ("drive.stop_stiffness", self.drive.stop_stiffness),
         ] {
             faults.unsigned(key, number);
+        }
+        for (key, number) in [
+            ("object_mass_kg", self.object_mass_kg),
+            ("object_density_kg_per_m3", self.object_density_kg_per_m3),
+        ] {
+            if let Some(number) = number {
+                faults.above(key, number, "what weighs nothing cannot be simulated");
+            }
+        }
+        if self.object_mass_kg.is_some() && self.object_density_kg_per_m3.is_some() {
+            let problem = "is set beside `object_density_kg_per_m3`, and only one of them can hold";
+            faults.note("object_mass_kg", problem.to_owned());
         }
         for (key, number) in [
             ("object_offset.x_m", self.object_offset.x_m),
@@ -116,6 +129,29 @@ impl SceneConfig {
 }
 
 impl Protocol {
+    /// Returns why a robot cell cannot execute the protocol as its `grasp`, if it cannot.
+    pub fn beyond_a_cell(&self) -> Option<SettingFault> {
+        let fault = |key, problem: &str| Some(SettingFault::new(key, problem));
+        if !self.name.is_own() {
+            fault(
+                "grasp.name",
+                "is that of a published protocol: a cell executes `table_lift`",
+            )
+        } else if self.approach == Approach::Place {
+            fault(
+                "grasp.approach",
+                "is `place`: a cell's hand has to reach the object",
+            )
+        } else if self.trial != Trial::Lift {
+            fault(
+                "grasp.trial",
+                "is not `lift`: a cell lifts what it grasps, and pulls at nothing",
+            )
+        } else {
+            None
+        }
+    }
+
     /// Returns what is wrong with the protocol's settings in a scene, each with its bounds and why
     /// they are there.
     pub fn faults(&self, scene: &SceneConfig) -> Vec<SettingFault> {
@@ -154,8 +190,18 @@ impl Protocol {
             max_spin_rad_per_s,
             palm_table_tolerance_m,
             start_tolerance_m,
+            max_palm_force_n,
+            max_palm_torque_nm,
             ..
         } = self.strict;
+        for (key, most) in [
+            ("strict.max_palm_force_n", max_palm_force_n),
+            ("strict.max_palm_torque_nm", max_palm_torque_nm),
+        ] {
+            if let Some(most) = most {
+                faults.above(key, most, "every grasp loads the palm");
+            }
+        }
         for (key, number) in [
             ("open_rad", self.open_rad),
             ("squeeze_rad", self.squeeze_rad),

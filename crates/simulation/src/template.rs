@@ -59,7 +59,7 @@ impl Template {
         rest: &Rest,
     ) -> Result<Self, SimulationError> {
         check(scene)?;
-        let mut world = World::with_table(scene);
+        let mut world = World::of(scene);
         let table_from_object = rest.table_from_object();
         let rise_m = GAP_M - object.lowest_m(&table_from_object);
         let table_from_object = table_from_object.translated(&Vector3::new(0.0, 0.0, rise_m));
@@ -160,6 +160,7 @@ impl Template {
             &self.model,
             &self.shapes,
             &self.hulls,
+            self.scene.support,
             &self.table_from_estimate,
         )
     }

@@ -1,7 +1,7 @@
 //! Settings that the unit tests share.
 
 use crate::{
-    config::{ControllerKind, DriveConfig, Offset, SceneConfig},
+    config::{ControllerKind, DriveConfig, Offset, SceneConfig, Support},
     shortcuts::Shortcuts,
 };
 
@@ -9,6 +9,10 @@ use crate::{
 pub(crate) fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
+        table_friction: None,
+        object_mass_kg: None,
+        object_density_kg_per_m3: None,
+        support: Support::Table,
         mass_scale: 1.0,
         hand_mass_scale: 1.0,
         object_offset: Offset::default(),
@@ -17,6 +21,7 @@ pub(crate) fn scene() -> SceneConfig {
         steps_per_control: 5,
         prediction_m: 0.002,
         contact_recycle_m: 0.0,
+        fingers_touch: false,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,

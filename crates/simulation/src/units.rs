@@ -78,6 +78,11 @@ pub(crate) fn meters(length: Real) -> f64 {
     f64::from(length) / LENGTH_UNITS_PER_M
 }
 
+/// Returns a force of the engine in newtons.
+pub(crate) fn force_in_newtons(force: Real) -> f64 {
+    f64::from(force) * LENGTH_UNITS_PER_M
+}
+
 /// Returns lengths of the engine in meters, speeds in m/s.
 pub(crate) fn vector_in_meters(v: Vector) -> Vector3<f64> {
     Vector3::from(v.to_array().map(meters))

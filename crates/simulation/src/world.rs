@@ -13,7 +13,7 @@ use rapier3d::{
 use spatial::{Pose, Table};
 
 use crate::{
-    config::SceneConfig,
+    config::{SceneConfig, Support},
     units::{LENGTH_UNITS_PER_M, length, lengths, meters, pose_from_engine, real},
 };
 
@@ -30,9 +30,12 @@ const TABLE_HALF_EDGE_M: f64 = 1.0;
 /// Half the thickness of the table in meters.
 const TABLE_HALF_THICKNESS_M: f64 = 0.025;
 
-/// Who touches whom: the hand touches object and table, never itself.
+/// Who touches whom: the hand touches object and table, and its fingers each other if they are told to.
 pub(crate) mod groups {
     use super::{Group, InteractionGroups, InteractionTestMode};
+
+    /// Number of groups that are not fingers.
+    const OTHERS: usize = 3;
 
     const HAND: Group = Group::GROUP_1;
     const OBJECT: Group = Group::GROUP_2;
@@ -42,9 +45,26 @@ pub(crate) mod groups {
         InteractionGroups::new(own, others, InteractionTestMode::And)
     }
 
-    /// Groups of the hand's shapes.
+    /// Groups of the palm's shapes, and of fingers that do not touch each other.
     pub(crate) const fn hand() -> InteractionGroups {
         groups(HAND, OBJECT.union(TABLE))
+    }
+
+    /// Groups of the shapes of a finger, by its number from 0, that touches the other fingers.
+    pub(crate) fn finger(number: usize) -> InteractionGroups {
+        // Fingers beyond the last group share it.
+        let bit = (OTHERS + number).min(31);
+        let own = Group::from_bits_retain(1 << bit);
+        let fingers = Group::ALL.difference(HAND.union(OBJECT).union(TABLE));
+        groups(
+            HAND.union(own),
+            OBJECT.union(TABLE).union(fingers.difference(own)),
+        )
+    }
+
+    /// Whether a shape is one of the hand's.
+    pub(crate) fn is_hand(of: InteractionGroups) -> bool {
+        of.memberships.contains(HAND)
     }
 
     /// Groups of the object's shapes.
@@ -77,25 +97,28 @@ pub(crate) struct World {
     pipeline: PhysicsPipeline,
     ccd: CCDSolver,
     table: Option<RigidBodyHandle>,
-    rise: Rise,
+    carriage: Carriage,
     gravity: Vector,
 }
 
-/// How far the coordinates in which the engine computes have risen above the table, and how fast they
-/// do.
+/// How far the coordinates in which the engine computes have moved over the table, and how fast they do.
 ///
 /// While the palm is lifted it stands still in them, the table sinks, and what is held is held at rest;
 /// nothing else is different in a frame that moves evenly.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Rise {
-    height_m: f64,
-    speed_m_per_s: f64,
+struct Carriage {
+    offset_m: Vector3<f64>,
+    velocity_m_per_s: Vector3<f64>,
 }
 
 impl World {
-    /// Returns a world with nothing in it but a table whose surface is z = 0.
-    pub(crate) fn with_table(scene: &SceneConfig) -> Self {
+    /// Returns a world with nothing in it but a table whose surface is z = 0, or nothing at all.
+    pub(crate) fn of(scene: &SceneConfig) -> Self {
         let mut world = Self::empty(scene);
+        if scene.support == Support::Nothing {
+            world.gravity = Vector::ZERO;
+            return world;
+        }
         let table = world
             .bodies
             .insert(RigidBodyBuilder::fixed().translation(Vector::new(
@@ -106,7 +129,7 @@ impl World {
         let [half_edge, half_thickness] = [TABLE_HALF_EDGE_M, TABLE_HALF_THICKNESS_M].map(length);
         world.colliders.insert_with_parent(
             ColliderBuilder::cuboid(half_edge, half_edge, half_thickness)
-                .friction(real(scene.friction))
+                .friction(real(scene.table_friction.unwrap_or(scene.friction)))
                 .collision_groups(groups::table()),
             table,
             &mut world.bodies,
@@ -148,7 +171,7 @@ impl World {
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
             table: None,
-            rise: Rise::default(),
+            carriage: Carriage::default(),
             gravity: Vector::new(0.0, 0.0, -length(GRAVITY_M_PER_S2)),
         }
     }
@@ -168,7 +191,7 @@ impl World {
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
             table: self.table,
-            rise: self.rise,
+            carriage: self.carriage,
             gravity: self.gravity,
         }
     }
@@ -194,7 +217,7 @@ impl World {
             &(),
             &(),
         );
-        self.rise.height_m += self.rise.speed_m_per_s * f64::from(self.parameters.dt);
+        self.carriage.offset_m += self.carriage.velocity_m_per_s * f64::from(self.parameters.dt);
         if self.pipeline.quarantine().is_empty() {
             Ok(())
         } else {
@@ -202,22 +225,22 @@ impl World {
         }
     }
 
-    /// From now on the engine's coordinates rise so that they have risen by `height_m` in `seconds`;
+    /// From now on the engine's coordinates move so that they have moved by `offset_m` in `seconds`;
     /// the `object` keeps its velocity over the table.
-    pub(crate) fn rise(&mut self, object: RigidBodyHandle, height_m: f64, seconds: f64) {
-        let speed_m_per_s = (height_m - self.rise.height_m) / seconds;
-        let faster = length(speed_m_per_s - self.rise.speed_m_per_s);
-        self.rise.speed_m_per_s = speed_m_per_s;
-        if faster == 0.0 {
+    pub(crate) fn carry(&mut self, object: RigidBodyHandle, offset_m: &Vector3<f64>, seconds: f64) {
+        let velocity_m_per_s = (offset_m - self.carriage.offset_m) / seconds;
+        let faster = lengths(&(velocity_m_per_s - self.carriage.velocity_m_per_s));
+        self.carriage.velocity_m_per_s = velocity_m_per_s;
+        if faster == Vector::ZERO {
             return;
         }
         if let Some(body) = self.bodies.get_mut(object) {
             let velocity = body.linvel();
-            body.set_linvel(velocity - Vector::new(0.0, 0.0, faster), true);
+            body.set_linvel(velocity - faster, true);
         }
         if let Some(table) = self.table.and_then(|table| self.bodies.get_mut(table)) {
             table.set_body_type(RigidBodyType::KinematicVelocityBased, true);
-            table.set_linvel(Vector::new(0.0, 0.0, -length(speed_m_per_s)), true);
+            table.set_linvel(-lengths(&velocity_m_per_s), true);
         }
     }
 
@@ -238,6 +261,11 @@ impl World {
         }
     }
 
+    /// Returns the force of an impulse over a step of the solver, in the engine's units.
+    pub(crate) fn force_of(&self, impulse: f32) -> f32 {
+        impulse * real(self.parameters.num_solver_iterations as f64) / self.parameters.dt
+    }
+
     /// Whether a body that does not rise lies below all of some others.
     pub(crate) fn is_below(&self, body: RigidBodyHandle, others: &[RigidBodyHandle]) -> bool {
         let shapes = |body: RigidBodyHandle| {
@@ -251,7 +279,7 @@ impl World {
         let rises = self
             .bodies
             .get(body)
-            .is_none_or(|body| meters(body.linvel().z) + self.rise.speed_m_per_s > 0.0);
+            .is_none_or(|body| meters(body.linvel().z) + self.carriage.velocity_m_per_s.z > 0.0);
         !rises
             && others
                 .iter()
@@ -261,8 +289,8 @@ impl World {
 
     /// Returns a body's pose; the caller names its frame.
     pub(crate) fn table_from_body<Body>(&self, body: RigidBodyHandle) -> Pose<Table, Body> {
-        let unrisen: Pose<Table, Body> = pose_from_engine(self.bodies[body].position());
-        unrisen.translated(&Vector3::new(0.0, 0.0, self.rise.height_m))
+        let uncarried: Pose<Table, Body> = pose_from_engine(self.bodies[body].position());
+        uncarried.translated(&self.carriage.offset_m)
     }
 }
 

@@ -86,6 +86,23 @@ impl ScreenConfig {
         }
     }
 
+    /// Returns the options for which the protocol's name stands: a published one judges no depth.
+    #[must_use]
+    pub fn by_name(&self) -> Self {
+        let (scene, protocol) = self.protocol.by_name(&self.scene);
+        let max_penetration_m = if self.protocol.name.is_own() {
+            self.max_penetration_m
+        } else {
+            f64::INFINITY
+        };
+        Self {
+            max_penetration_m,
+            scene,
+            protocol,
+            ..self.clone()
+        }
+    }
+
     /// Returns what is wrong with the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();

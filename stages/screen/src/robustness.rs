@@ -68,6 +68,7 @@ impl Output for RobustnessTrials {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
+        let config = &config.by_name();
         let RobustnessConfig { trials, .. } = config.robustness;
         let motions = tried(&rollouts, &screened, config.robustness.per_object)?;
         let rows = if motions.is_empty() || trials == 0 {

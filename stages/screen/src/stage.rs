@@ -56,6 +56,7 @@ impl Stage for Screen {
 
     /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
+        let config = config.by_name();
         let hand = robot_meshes::load(&config.hand)?.model;
         check_hand(&config.scene, &hand)
             .and_then(|()| Flexion::new(&config.protocol, &hand).map(drop))
@@ -93,6 +94,7 @@ impl Output for Screen {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
+        let config = &config.by_name();
         let screening = screened.screening(config, cx.seed());
         let scenes = match screening.planned() {
             Ok(scenes) => scenes,
@@ -157,7 +159,8 @@ fn failures(verdicts: &[Verdict]) -> Vec<usize> {
             | Verdict::NotGrasped
             | Verdict::Slipped
             | Verdict::Dropped
-            | Verdict::TooDeep => {
+            | Verdict::TooDeep
+            | Verdict::Overloaded => {
                 let count = counts.entry(*verdict).or_default();
                 failures.push((*count, idx));
                 *count += 1;

@@ -10,11 +10,15 @@ with
             max(case when key = 'protocol.strict.palm_table_tolerance_m' then number end) as palm,
             max(case when key = 'protocol.strict.start_tolerance_m' then number end) as start,
             max(case when key = 'max_penetration_m' then number end) as depth,
-            max(case when key = 'protocol.strict.knocked_until' and value like '%lift%' then 1 else 0 end) as knocked
+            max(case when key = 'protocol.strict.knocked_until' and value like '%lift%' then 1 else 0 end) as knocked,
+            max(case when key = 'protocol.strict.max_palm_force_n' then number end) as force,
+            max(case when key = 'scene.fingers_touch' and value = 'true' then 1 else 0 end) as touch
         from settings where stage = 'screen' and run in (select run from runs) group by run),
     named as (
         select variant, case
-            when fingers = 0 and depth = 1 then 7
+            when fingers = 0 and depth = 1 then 9
+            when force = 50 then 7
+            when touch = 1 then 8
             when knocked = 1 then 6
             when fingers = 0 then 1
             when spin = 1000 then 2
@@ -27,7 +31,8 @@ with
         select * from (values
             (0, 'all (default)'), (1, 'without `min_fingers`'), (2, 'without `max_spin_rad_per_s`'),
             (3, 'without `palm_table_tolerance_m`'), (4, 'without `start_tolerance_m`'),
-            (5, 'without `max_penetration_m`'), (6, 'with `knocked_until = "lift"`'), (7, 'none'))
+            (5, 'without `max_penetration_m`'), (6, 'with `knocked_until = "lift"`'),
+            (7, 'with `max_palm_force_n = 50`, `max_palm_torque_nm = 10`'), (8, 'with `fingers_touch`'), (9, 'none'))
             as names(number, conditions)),
     sums as (
         select place, sum(candidates_n) as n, 100.0 * sum(successes_n) / sum(candidates_n) as held,

@@ -19,8 +19,8 @@ use schemas::{
     success::Successes,
 };
 use simulation::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, PullConfig, SceneConfig, SceneErrors,
-    Shortcuts, StrictConfig, Trial,
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, Published, PullConfig,
+    SceneConfig, SceneErrors, Shortcuts, StrictConfig, Support, Trial,
 };
 use spatial::{Pose, Rest};
 use stage_screen::{
@@ -45,6 +45,10 @@ fn config() -> ScreenConfig {
         robustness: RobustnessConfig::default(),
         scene: SceneConfig {
             friction: 1.0,
+            table_friction: None,
+            object_mass_kg: None,
+            object_density_kg_per_m3: None,
+            support: Support::Table,
             mass_scale: 1.0,
             hand_mass_scale: 1.0,
             object_offset: Offset::default(),
@@ -53,6 +57,7 @@ fn config() -> ScreenConfig {
             steps_per_control: 5,
             prediction_m: 0.002,
             contact_recycle_m: 0.0,
+            fingers_touch: false,
             settle_s: 1.0,
             drive: DriveConfig {
                 controller: ControllerKind::Pd,
@@ -88,6 +93,8 @@ fn config() -> ScreenConfig {
             trial: Trial::Lift,
             strict: StrictConfig::default(),
             pull: PullConfig::default(),
+            name: ProtocolName::TableLift,
+            published: Published::default(),
         },
     }
 }

@@ -3,7 +3,7 @@
 use motion::{Carrier, JointTrack, PalmPoint, Timed};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind};
-use simulation::{Protocol, Trial};
+use simulation::Protocol;
 use spatial::Peaks;
 
 use super::Robot;
@@ -64,11 +64,8 @@ pub(super) fn check(
             ),
         );
     }
-    if goal.grasp.trial != Trial::Lift {
-        return refuse(
-            RejectionCode::Malformed,
-            "a cell lifts what it grasps, and pulls at nothing".to_owned(),
-        );
+    if let Some(fault) = goal.grasp.beyond_a_cell() {
+        return refuse(RejectionCode::Malformed, fault.to_string());
     }
     check_phases(&goal.grasp)?;
     check_tolerances(goal)?;

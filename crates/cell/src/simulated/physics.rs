@@ -205,7 +205,8 @@ fn outcome(verdict: Verdict) -> Outcome {
         | Verdict::NotGrasped
         | Verdict::Slipped
         | Verdict::Dropped
-        | Verdict::TooDeep => Outcome::Failed,
+        | Verdict::TooDeep
+        | Verdict::Overloaded => Outcome::Failed,
         Verdict::Limit
         | Verdict::Table
         | Verdict::EarlyContact

@@ -1,7 +1,7 @@
 //! A goal's commands to palm and fingers at each control step.
 
 use motion::{Carrier, JointTrack, PalmPoint};
-use simulation::{Approach, Phase, PlayedStep, Protocol, SimulationError};
+use simulation::{Phase, PlayedStep, Protocol, SimulationError};
 use spatial::{Object, Palm, Pose, Table};
 
 use super::Robot;
@@ -107,10 +107,7 @@ impl Phases {
         let lifted_s = squeezed_s + protocol.lift_s;
         Self {
             reach_s: grasp_s - closing_s,
-            arrival_s: match protocol.approach {
-                Approach::Follow => grasp_s,
-                Approach::Open => grasp_s - closing_s,
-            },
+            arrival_s: protocol.path_s(),
             grasp_s,
             squeezed_s,
             lifted_s,

@@ -9,8 +9,8 @@ use cell::{
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
 use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, StrictConfig, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, Published,
+    PullConfig, SceneConfig, Shortcuts, StrictConfig, Support, Trial,
 };
 use spatial::{Pose, Rest, Twist};
 
@@ -28,6 +28,10 @@ pub(crate) fn joints() -> Vec<String> {
 pub(crate) fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
+        table_friction: None,
+        object_mass_kg: None,
+        object_density_kg_per_m3: None,
+        support: Support::Table,
         mass_scale: 1.0,
         hand_mass_scale: 1.0,
         object_offset: Offset::default(),
@@ -36,6 +40,7 @@ pub(crate) fn scene() -> SceneConfig {
         steps_per_control: 5,
         prediction_m: 0.002,
         contact_recycle_m: 0.0,
+        fingers_touch: false,
         settle_s: 0.5,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -74,6 +79,8 @@ pub(crate) fn grasp() -> Protocol {
         trial: Trial::Lift,
         strict: StrictConfig::default(),
         pull: PullConfig::default(),
+        name: ProtocolName::TableLift,
+        published: Published::default(),
     }
 }
 

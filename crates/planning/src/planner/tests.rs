@@ -2,6 +2,7 @@ use nalgebra::Isometry3;
 use proptest::prelude::*;
 
 use motion::{HandRates, JointRates, PalmPoint, Step};
+use simulation::{ProtocolName, Trial};
 use spatial::{Object, Palm, Pose, Table, Twist};
 
 use super::*;
@@ -350,6 +351,22 @@ fn straight_path_takes_the_time_of_a_trapezoidal_profile() {
 }
 
 #[test]
+fn a_protocol_that_no_cell_can_execute_is_refused() {
+    type Change = fn(&mut Protocol);
+    let changes: [(&str, Change); 3] = [
+        ("grasp.name", |grasp| grasp.name = ProtocolName::Dro),
+        ("grasp.approach", |grasp| grasp.approach = Approach::Place),
+        ("grasp.trial", |grasp| grasp.trial = Trial::SixDirections),
+    ];
+    for (key, change) in changes {
+        let mut config = config(Approach::Follow);
+        change(&mut config.grasp);
+        let fault = Planner::new(&config.setup(&hand())).err().unwrap();
+        assert_eq!(fault.key, key);
+    }
+}
+
+#[test]
 fn a_protocol_that_opens_keeps_its_closing_time() {
     let mut config = config(Approach::Open);
     config.grasp.open_rad = 0.02;
@@ -503,10 +520,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
             made_n += 1;
             slowest = slowest.max(sent.grasp.reach_s / config.grasp.reach_s);
             let object = candidate.table_from_object;
-            let path_s = match approach {
-                Approach::Follow => sent.grasp.reach_s,
-                Approach::Open => sent.grasp.reach_s * (1.0 - sent.grasp.close_fraction),
-            };
+            let path_s = sent.grasp.path_s();
             for tick in 0..=30 {
                 let (there, commanded) = followed(&sent, &object, path_s * f64::from(tick) / 30.0);
                 let apart = |share: f64| {
@@ -520,10 +534,11 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
                     [
                         (pose.translation.vector - there.translation.vector).norm(),
                         pose.rotation.angle_to(&there.rotation),
-                        match approach {
-                            Approach::Follow => joints.fold(0.0, f64::max),
-                            // They are open in the reach.
-                            Approach::Open => 0.0,
+                        // They are open in the reach.
+                        if approach == Approach::Open {
+                            0.0
+                        } else {
+                            joints.fold(0.0, f64::max)
                         },
                     ]
                 };

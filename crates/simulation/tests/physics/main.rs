@@ -6,6 +6,7 @@ mod errors;
 mod feedforward;
 mod grasps;
 mod known;
+mod protocols;
 mod recorded;
 mod scene;
 mod shortcuts;

@@ -6,8 +6,8 @@ use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, PullConfig, SceneConfig,
-    Shortcuts, StrictConfig, Template, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, Published,
+    PullConfig, SceneConfig, Shortcuts, StrictConfig, Support, Template, Trial,
 };
 use spatial::{Object, Pose, Rest};
 
@@ -29,6 +29,10 @@ pub(crate) fn hand() -> RobotModel {
 pub(crate) fn scene() -> SceneConfig {
     SceneConfig {
         friction: 1.0,
+        table_friction: None,
+        object_mass_kg: None,
+        object_density_kg_per_m3: None,
+        support: Support::Table,
         mass_scale: 1.0,
         hand_mass_scale: 1.0,
         object_offset: Offset::default(),
@@ -37,6 +41,7 @@ pub(crate) fn scene() -> SceneConfig {
         steps_per_control: 5,
         prediction_m: 0.002,
         contact_recycle_m: 0.0,
+        fingers_touch: false,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -79,6 +84,8 @@ pub(crate) fn protocol() -> Protocol {
         trial: Trial::Lift,
         strict: StrictConfig::default(),
         pull: PullConfig::default(),
+        name: ProtocolName::TableLift,
+        published: Published::default(),
     }
 }
 

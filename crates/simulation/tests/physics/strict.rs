@@ -128,3 +128,20 @@ fn an_object_displaced_by_the_squeeze_is_knocked_over() {
     assert_eq!(until(KnockedUntil::Squeeze), Verdict::Held);
     assert_eq!(until(KnockedUntil::Lift), Verdict::KnockedOver);
 }
+
+#[test]
+fn hand_that_bears_more_than_an_arm_does_is_overloaded() {
+    let template = template(&scene());
+    let verdict = |newtons: Option<f64>, newton_meters: Option<f64>| {
+        let protocol = strict(|strict| {
+            strict.max_palm_force_n = newtons;
+            strict.max_palm_torque_nm = newton_meters;
+        });
+        roll(&template, &protocol).verdict
+    };
+    assert_eq!(verdict(None, None), Verdict::Held);
+    assert_eq!(verdict(Some(100.0), Some(10.0)), Verdict::Held);
+    // No grasp presses so evenly from all sides.
+    assert_eq!(verdict(Some(1e-3), None), Verdict::Overloaded);
+    assert_eq!(verdict(None, Some(1e-4)), Verdict::Overloaded);
+}

@@ -13,7 +13,7 @@ use schemas::{
     rates::{ALL_ORIGINS, Rate, Rates},
     success::{Success, Successes},
 };
-use simulation::{Approach, Protocol};
+use simulation::{Approach, Protocol, ProtocolName, SceneConfig};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 use statistics::{OverObjects, over_objects};
 
@@ -38,6 +38,8 @@ dataflow::metrics! {
         approach_open: Mean,
         /// How far the joints squeeze beyond their final positions, in radians.
         squeeze_rad: Mean,
+        /// The protocol, by its place among all, from 0 for this project's own.
+        protocol_n: Mean,
     }
 }
 
@@ -52,7 +54,7 @@ impl Output for RatesReport {
     const ARTIFACT: &'static str = Rates::NAME;
     const SCHEMA: &'static str = Rates::VERSION;
     const PARTITION: &'static str = Rates::PARTITION;
-    const OPTIONS: Options = Options::Only(&["protocol"]);
+    const OPTIONS: Options = Options::Only(&["protocol", "scene"]);
     const LINE: Option<Line<RatesMetrics>> = Some(line);
 
     fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
@@ -66,7 +68,8 @@ impl Output for RatesReport {
         cx: &Context,
     ) -> Result<Outcome<RatesMetrics>, ScreenError> {
         let successes: Successes = inputs.one()?;
-        let rates = rates(&successes, &config.protocol);
+        let config = &config.by_name();
+        let rates = rates(&successes, config);
         cx.write(&rates)?;
         cx.write_chart("objects_mean", chart(&rates))?;
         Ok(Outcome::Made(RatesMetrics::of(
@@ -129,7 +132,10 @@ impl<'a> ByObject<'a> {
 }
 
 /// Returns one row for each generator, origin and split, and one for all origins together.
-fn rates(successes: &[Success], protocol: &Protocol) -> Rates {
+fn rates(successes: &[Success], config: &ScreenConfig) -> Rates {
+    let ScreenConfig {
+        scene, protocol, ..
+    } = config;
     let mut groups: BTreeMap<(&str, &str, Option<ObjectSplit>), ByObject> = BTreeMap::new();
     for row in successes {
         for origin in [ALL_ORIGINS, row.origin.as_str()] {
@@ -144,8 +150,12 @@ fn rates(successes: &[Success], protocol: &Protocol) -> Rates {
             generator: generator.to_owned(),
             origin: origin.to_owned(),
             object_split,
+            protocol: protocol.name.as_str().to_owned(),
             approach: protocol.approach.as_str().to_owned(),
             squeeze_rad: protocol.squeeze_rad,
+            friction: scene.friction,
+            torque_limit_nm: scene.drive.torque_limit,
+            object_mass: object_mass(scene),
             // No count in memory is larger than the largest `i64`.
             objects_n: i64::try_from(objects.0.len()).unwrap_or(i64::MAX),
             candidates_n: objects.sum(|counts| counts.candidates),
@@ -179,7 +189,22 @@ impl RatesMetrics {
             draw_rate_high: by_draw.high,
             approach_open: f64::from(u8::from(protocol.approach == Approach::Open)),
             squeeze_rad: protocol.squeeze_rad,
+            protocol_n: f64::from(protocol.name as u8),
         }
+    }
+}
+
+/// Returns the masses of the objects in words.
+fn object_mass(scene: &SceneConfig) -> String {
+    let mass = match (scene.object_mass_kg, scene.object_density_kg_per_m3) {
+        (Some(mass_kg), _) => format!("{mass_kg} kg"),
+        (None, Some(density)) => format!("{density} kg/m³"),
+        (None, None) => "measured".to_owned(),
+    };
+    if (scene.mass_scale - 1.0).abs() < f64::EPSILON {
+        mass
+    } else {
+        format!("{mass}, times {}", scene.mass_scale)
     }
 }
 
@@ -187,19 +212,24 @@ impl RatesMetrics {
 fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
-    let approach = if all.approach_open > 0.0 {
-        Approach::Open
-    } else {
-        Approach::Follow
+    let own = || {
+        let approach = if all.approach_open > 0.0 {
+            Approach::Open
+        } else {
+            Approach::Follow
+        };
+        format!("{}, squeeze {}", approach.as_str(), all.squeeze_rad)
     };
+    let published = ProtocolName::ALL
+        .into_iter()
+        .find(|name| !name.is_own() && (f64::from(*name as u8) - all.protocol_n).abs() < 0.5);
     format!(
-        "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}, squeeze {}",
+        "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}",
         percent(all.candidate_rate_mean),
         all.objects_n,
         percent(all.candidate_rate_low),
         percent(all.candidate_rate_high),
-        approach.as_str(),
-        all.squeeze_rad,
+        published.map_or_else(own, |name| name.as_str().to_owned()),
     )
 }
 
@@ -252,9 +282,19 @@ mod tests {
 
     use super::*;
 
+    fn config() -> ScreenConfig {
+        let config = serde_json::json!({
+            "hand": "hand.urdf",
+            "scene": {"drive": {
+                "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+            }},
+            "protocol": {"flexion_joints": ["j"], "approach": "follow"},
+        });
+        serde_json::from_value(config).unwrap()
+    }
+
     fn protocol() -> Protocol {
-        let options = r#"{"flexion_joints": ["j"], "approach": "follow"}"#;
-        serde_json::from_str(options).unwrap()
+        config().protocol
     }
 
     fn row(object: &str, origin: Origin, [held_n, failed_n, draws_n]: [i64; 3]) -> Success {
@@ -288,7 +328,7 @@ mod tests {
             object_split: Some(ObjectSplit::Unseen),
             ..row("mug", Origin::Prior, [3, 1, 12])
         });
-        let rates = rates(&successes, &protocol());
+        let rates = rates(&successes, &config());
         let keys = rates
             .iter()
             .map(|rate| (rate.origin.as_str(), rate.object_split.unwrap().as_str()));
@@ -351,6 +391,33 @@ mod tests {
             "{}",
             said(&open)
         );
+        let published = Protocol {
+            name: ProtocolName::DexgraspbenchForceClosure,
+            ..protocol()
+        };
+        let text = said(&published);
+        assert!(
+            text.ends_with("; dexgraspbench_force_closure") && text.chars().count() <= 72,
+            "{text}"
+        );
+    }
+
+    #[test]
+    fn rates_say_under_which_friction_torque_and_mass() {
+        let successes = [row("box", Origin::Prior, [1, 3, 16])];
+        let said = |name: ProtocolName| {
+            let mut config = config();
+            config.protocol.name = name;
+            let rate = rates(&successes, &config.by_name()).remove(0);
+            let place = rate.approach == "place";
+            (rate.friction, rate.torque_limit_nm, rate.object_mass, place)
+        };
+        let own = said(ProtocolName::TableLift);
+        assert_eq!(own, (1.0, 0.7, "measured".to_owned(), false));
+        let tabletop = said(ProtocolName::DexgraspbenchTabletop);
+        assert_eq!(tabletop, (0.6, 1000.0, "0.1 kg".to_owned(), true));
+        let get_a_grip = said(ProtocolName::GetAGrip);
+        assert_eq!(get_a_grip, (0.9, 15.0, "500 kg/m³".to_owned(), true));
     }
 
     #[test]

@@ -116,6 +116,7 @@ fn touched(rollout: &Rollout) -> bool {
         | Verdict::KnockedOver
         | Verdict::Slipped
         | Verdict::TooDeep
+        | Verdict::Overloaded
         | Verdict::Dropped => true,
     }
 }

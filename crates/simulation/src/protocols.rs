@@ -1,0 +1,324 @@
+//! Protocols by name: how others try a grasp, as far as this engine can.
+//!
+//! Each replaces the options that it states; the rest, e.g. the time step, is the scene's own. What it cannot
+//! be here is said in `protocols.md` beside the crate's README.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::config::{
+    Approach, ControllerKind, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
+};
+
+/// A limit that nothing reaches, in the unit of its option.
+const NO_LIMIT: f64 = 1e6;
+/// Torque of a drive that has no limit, in newton meters.
+const NO_TORQUE_LIMIT_NM: f64 = 1e3;
+/// Deepest that a palm, which does not yield, may be commanded below the table, in meters.
+const PALM_IN_TABLE_M: f64 = 0.01;
+
+/// The name of a protocol.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum ProtocolName {
+    /// This project's: as the options say.
+    #[default]
+    TableLift,
+    /// The released simulation of Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
+    /// Human Demonstrations*, RA-L 2023 (`scripts/sim.py`).
+    Paper,
+    /// Pulls in six directions, of `DexGraspBench` (J. Chen et al., *`BODex`: Scalable and Efficient Robotic
+    /// Dexterous Grasp Synthesis Using Bilevel Optimization*, ICRA 2025).
+    DexgraspbenchForceClosure,
+    /// The lift from a table of the same.
+    DexgraspbenchTabletop,
+    /// Lift and shakes (T. Lum et al., *Get a Grip: Multi-Finger Grasp Evaluation at Scale Enables Robust
+    /// Sim-to-Real Transfer*, `CoRL` 2024).
+    GetAGrip,
+    /// Pulls in six directions, one after the other (Z. Wei et al., *D(R,O) Grasp: A Unified Representation of Robot and
+    /// Object Interaction for Cross-Embodiment Dexterous Grasping*, ICRA 2025).
+    Dro,
+    /// The simulated pick of A. Li et al., *`FRoGGeR`: Fast Robust Grasp Generation via the Min-Weight Metric*,
+    /// IROS 2023.
+    Frogger,
+}
+
+impl ProtocolName {
+    /// Every protocol.
+    pub const ALL: [Self; 7] = [
+        Self::TableLift,
+        Self::Paper,
+        Self::DexgraspbenchForceClosure,
+        Self::DexgraspbenchTabletop,
+        Self::GetAGrip,
+        Self::Dro,
+        Self::Frogger,
+    ];
+
+    /// Returns the word for it in a pipeline file.
+    pub fn as_str(self) -> &'static str {
+        match self {
+            Self::TableLift => "table_lift",
+            Self::Paper => "paper",
+            Self::DexgraspbenchForceClosure => "dexgraspbench_force_closure",
+            Self::DexgraspbenchTabletop => "dexgraspbench_tabletop",
+            Self::GetAGrip => "get_a_grip",
+            Self::Dro => "dro",
+            Self::Frogger => "frogger",
+        }
+    }
+
+    /// Whether it is this project's own.
+    pub fn is_own(&self) -> bool {
+        *self == Self::TableLift
+    }
+}
+
+/// What a published protocol does that no option does.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Published {
+    /// How far the flexing joints are opened before the closing, besides `open_rad`, as a share of what is left
+    /// to their lower limits.
+    pub(crate) open_share: f64,
+    /// How far they squeeze, besides `squeeze_rad`, as a share of what is left to their upper limits.
+    pub(crate) squeeze_share: f64,
+    /// Whether the palm rises at an even speed, instead of smoothly.
+    pub(crate) even_lift: bool,
+    /// Shakes of the lifted object.
+    pub(crate) shakes: Option<Shakes>,
+    /// How far the lifted object may be from where it lay, moved as the palm was.
+    pub(crate) carried: Option<Carried>,
+    /// Whether every pull begins where the first one began.
+    pub(crate) pulls_apart: bool,
+    /// Whether displacements under pulls count from before the closing, and not from the first pull.
+    pub(crate) since_start: bool,
+}
+
+/// Shakes of the palm along the table's axes, one after the other: there, back, as far to the other side, and back.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Shakes {
+    /// Distance to each side in meters.
+    pub(crate) amplitude_m: f64,
+    /// Duration of the shake along one axis in seconds.
+    pub(crate) period_s: f64,
+}
+
+impl Shakes {
+    /// Returns the palm's displacement along the axis after a fraction of a shake, in meters.
+    pub(crate) fn at(&self, fraction: f64) -> f64 {
+        let quarter = 4.0 * fraction;
+        self.amplitude_m
+            * match quarter {
+                up if up <= 1.0 => up,
+                down if down <= 3.0 => 2.0 - down,
+                back => back - 4.0,
+            }
+    }
+}
+
+/// How far a lifted object may be from where it lay, moved as the palm was.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Carried {
+    /// Distance in meters.
+    pub(crate) max_m: f64,
+    /// Rotation in radians.
+    pub(crate) max_rad: f64,
+}
+
+impl Protocol {
+    /// Returns the scene and the protocol for which the name stands.
+    pub fn by_name(&self, scene: &SceneConfig) -> (SceneConfig, Self) {
+        let (mut scene, mut protocol) = (scene.clone(), self.clone());
+        match self.name {
+            ProtocolName::TableLift => {}
+            ProtocolName::Paper => paper(&mut scene, &mut protocol),
+            ProtocolName::DexgraspbenchForceClosure => force_closure(&mut scene, &mut protocol),
+            ProtocolName::DexgraspbenchTabletop => tabletop(&mut scene, &mut protocol),
+            ProtocolName::GetAGrip => get_a_grip(&mut scene, &mut protocol),
+            ProtocolName::Dro => dro(&mut scene, &mut protocol),
+            ProtocolName::Frogger => frogger(&mut scene, &mut protocol),
+        }
+        (scene, protocol)
+    }
+
+    /// Judges nothing but what a published protocol judges: no knocking, no slip, no limit.
+    fn lenient(&mut self) {
+        self.knocked_m = NO_LIMIT;
+        self.knocked_rad = NO_LIMIT;
+        self.limit_tolerance_rad = NO_LIMIT;
+        self.table_tolerance_m = NO_LIMIT;
+        self.early_tolerance_m = NO_LIMIT;
+        self.max_slip_m_per_s = NO_LIMIT;
+        self.lifted_m = -NO_LIMIT;
+        self.min_links = 0;
+        self.strict = StrictConfig {
+            min_fingers: 0,
+            max_spin_rad_per_s: NO_LIMIT,
+            palm_table_tolerance_m: PALM_IN_TABLE_M,
+            start_tolerance_m: NO_LIMIT,
+            ..StrictConfig::default()
+        };
+    }
+}
+
+/// Springs of the fingers, in Nm/rad, Nms/rad and Nm.
+fn drive(scene: &mut SceneConfig, [stiffness, damping, torque_limit]: [f64; 3]) {
+    scene.drive.controller = ControllerKind::Pd;
+    scene.drive.stiffness = stiffness;
+    scene.drive.damping = damping;
+    scene.drive.torque_limit = torque_limit;
+}
+
+/// 40 control steps of the motion and 15 of the lift by 15 cm; at the end, a contact and a rise of 4 cm.
+fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    drive(scene, [200.0, 60.0, 10.0]);
+    // Dynamic coefficients, as contacts there have their mean: hand 1 and object 3, object 3 and table 0.5.
+    scene.friction = 2.0;
+    scene.table_friction = Some(1.5);
+    scene.object_mass_kg = None;
+    scene.object_density_kg_per_m3 = Some(1000.0);
+    protocol.lenient();
+    protocol.approach = Approach::Follow;
+    protocol.trial = Trial::Lift;
+    protocol.reach_s = 0.8;
+    (protocol.squeeze_rad, protocol.squeeze_s, protocol.pause_s) = (0.0, 0.0, 0.0);
+    (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.15, 0.3, 0.0);
+    protocol.lifted_m = 0.04;
+    protocol.min_links = 1;
+    protocol.published = Published {
+        even_lift: true,
+        ..Published::default()
+    };
+}
+
+/// What both protocols of `DexGraspBench` share: 100 g, a pregrasp that is no deeper than 1 cm, 0.4 s for the grasp
+/// and for the squeeze.
+fn dexgraspbench(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    drive(scene, [5.0, 0.1, NO_TORQUE_LIMIT_NM]);
+    scene.friction = 0.6;
+    scene.table_friction = None;
+    scene.object_mass_kg = Some(0.1);
+    scene.object_density_kg_per_m3 = None;
+    protocol.lenient();
+    protocol.strict.start_tolerance_m = 0.01;
+    protocol.approach = Approach::Place;
+    (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.4, 0.4, 0.0);
+}
+
+/// Pulls of 1 N for 2 s in six directions, each from the same state: at most 5 cm and 15 degrees from where it lay
+/// before the closing.
+fn force_closure(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    dexgraspbench(scene, protocol);
+    scene.support = Support::Nothing;
+    protocol.trial = Trial::SixDirections;
+    protocol.pull = PullConfig {
+        force_n_per_kg: 10.0,
+        pull_s: 2.0,
+        max_displacement_m: 0.05,
+        max_rotation_rad: 15.0_f64.to_radians(),
+    };
+    protocol.published = Published {
+        pulls_apart: true,
+        since_start: true,
+        ..Published::default()
+    };
+}
+
+/// A lift by 10 cm in 0.4 s: at its end at most 5 cm and 15 degrees from 10 cm above where it lay.
+fn tabletop(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    dexgraspbench(scene, protocol);
+    protocol.table_tolerance_m = 0.01;
+    protocol.trial = Trial::Lift;
+    (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 0.4, 0.0);
+    protocol.published = Published {
+        even_lift: true,
+        carried: Some(Carried {
+            max_m: 0.05,
+            max_rad: 15.0_f64.to_radians(),
+        }),
+        ..Published::default()
+    };
+}
+
+/// A lift by 20 cm, and shakes of 3 cm: three links in contact, at most 10 cm and 45 degrees off.
+fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    drive(scene, [50.0, 1.0, 15.0]);
+    scene.friction = 0.9;
+    scene.table_friction = Some(1.0);
+    scene.object_mass_kg = None;
+    scene.object_density_kg_per_m3 = Some(500.0);
+    protocol.lenient();
+    protocol.approach = Approach::Place;
+    protocol.trial = Trial::Lift;
+    // The fingertips close by 5 cm: a quarter of a radian in each joint of a finger of 10 cm.
+    protocol.squeeze_rad = 0.25;
+    (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.17, 0.25, 0.0);
+    (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.2, 1.14, 0.0);
+    protocol.min_links = 3;
+    protocol.published = Published {
+        even_lift: true,
+        shakes: Some(Shakes {
+            amplitude_m: 0.03,
+            period_s: 1.14,
+        }),
+        carried: Some(Carried {
+            max_m: 0.1,
+            max_rad: 45.0_f64.to_radians(),
+        }),
+        ..Published::default()
+    };
+}
+
+/// Fingers that close for 1 s from 25 % open to 15 % closed, and pulls of 0.5 N/kg for 1 s each: at most 2 cm from
+/// where it was before the first one.
+fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    drive(scene, [1000.0, 200.0, 15.0]);
+    scene.friction = 3.0;
+    scene.table_friction = None;
+    scene.object_mass_kg = None;
+    scene.object_density_kg_per_m3 = Some(500.0);
+    scene.support = Support::Nothing;
+    protocol.lenient();
+    protocol.approach = Approach::Place;
+    protocol.trial = Trial::SixDirections;
+    (protocol.open_rad, protocol.squeeze_rad) = (0.0, 0.0);
+    let control_s = scene.control_step_s();
+    (protocol.reach_s, protocol.squeeze_s) = (control_s, 0.0);
+    protocol.pause_s = (1.0 - control_s).max(0.0);
+    protocol.pull = PullConfig {
+        force_n_per_kg: 0.5,
+        pull_s: 1.0,
+        max_displacement_m: 0.02,
+        max_rotation_rad: NO_LIMIT,
+    };
+    protocol.published = Published {
+        open_share: 0.25,
+        squeeze_share: 0.15,
+        ..Published::default()
+    };
+}
+
+/// A squeeze of 0.2 s, a lift by 10 cm in 1 s and a hold of 1.5 s: at most 7.5 cm and 30 degrees off.
+fn frogger(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    scene.drive.torque_limit = 0.7;
+    scene.friction = 0.7;
+    scene.table_friction = None;
+    scene.object_mass_kg = None;
+    scene.object_density_kg_per_m3 = Some(150.0);
+    protocol.lenient();
+    protocol.approach = Approach::Place;
+    protocol.trial = Trial::Lift;
+    protocol.open_rad = 0.0;
+    protocol.reach_s = scene.control_step_s();
+    (protocol.squeeze_s, protocol.pause_s) = (0.2, 0.0);
+    (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 1.0, 1.5);
+    protocol.published = Published {
+        even_lift: true,
+        carried: Some(Carried {
+            max_m: 0.075,
+            max_rad: 30.0_f64.to_radians(),
+        }),
+        ..Published::default()
+    };
+}
