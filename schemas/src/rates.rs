@@ -21,7 +21,7 @@ columns! {
         object_split: Option<ObjectSplit> => "split of the objects, as in `candidates`",
         protocol: String => "name of the protocol, e.g. `table_lift`",
         approach: String => "what the hand did before the squeeze: `follow`, `open` or `place`",
-        squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed",
+        squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed, by this option",
         friction: f64 ["1"] => "friction coefficient of hand and object",
         torque_limit_nm: f64 ["N m"] => "largest torque of a finger's drive",
         object_mass: String => "the objects' masses: `measured`, or the protocol's mass or density",

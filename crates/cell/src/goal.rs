@@ -420,7 +420,7 @@ impl From<WireError> for Rejection {
 mod tests {
     use motion::{JointPoint, JointRates, PalmPoint};
     use nalgebra::{Isometry3, Vector3};
-    use simulation::{Approach, ProtocolName, Published, PullConfig, StrictConfig, Trial};
+    use simulation::{Approach, ProtocolName, PullConfig, StrictConfig, Trial};
     use spatial::Twist;
 
     use super::*;
@@ -451,7 +451,7 @@ mod tests {
             strict: StrictConfig::default(),
             pull: PullConfig::default(),
             name: ProtocolName::TableLift,
-            published: Published::default(),
+            published: None,
         }
     }
 

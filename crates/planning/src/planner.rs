@@ -80,7 +80,7 @@ impl<'a> Planner<'a> {
         let limits = Limits::new(limits, hand)?;
         let flexion = Flexion::new(protocol, hand)
             .map_err(|err| SettingFault::new("grasp.flexion_joints", err.to_string()))?;
-        if let Some(fault) = protocol.beyond_a_cell() {
+        if let Some(fault) = protocol.cell_fault() {
             return Err(fault);
         }
         let path_s = protocol.path_s();

@@ -77,6 +77,15 @@ impl SceneConfig {
         self.time_step_s * f64::from(self.steps_per_control)
     }
 
+    /// Returns what the object weighs, before [`SceneConfig::mass_scale`].
+    pub fn object_mass(&self) -> ObjectMass {
+        match (self.object_mass_kg, self.object_density_kg_per_m3) {
+            (Some(mass_kg), _) => ObjectMass::Kilograms(mass_kg),
+            (None, Some(density)) => ObjectMass::Density(density),
+            (None, None) => ObjectMass::Measured,
+        }
+    }
+
     /// Returns the number of control steps in which a finger's command arrives, e.g. 2 with 30 ms and 20 ms.
     pub fn delay_control_n(&self) -> usize {
         self.delay_n().div_ceil(self.steps_per_control as usize)
@@ -91,6 +100,17 @@ impl SceneConfig {
     pub(crate) fn delay_n(&self) -> usize {
         (self.drive.delay_s / self.time_step_s).round() as usize
     }
+}
+
+/// What an object weighs.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum ObjectMass {
+    /// Its true mass.
+    Measured,
+    /// This mass in kilograms.
+    Kilograms(f64),
+    /// This density of its convex parts, in kilograms per cubic meter.
+    Density(f64),
 }
 
 /// What an object rests on.
@@ -180,6 +200,9 @@ pub enum Approach {
 }
 
 impl Approach {
+    /// Every approach.
+    pub const ALL: [Self; 3] = [Self::Follow, Self::Open, Self::Place];
+
     /// Returns the word for it in a pipeline file.
     pub fn as_str(self) -> &'static str {
         match self {
@@ -196,7 +219,7 @@ impl Approach {
 #[schemars(inline)]
 pub struct Protocol {
     /// Name of the protocol: `table_lift`, by the options below, or a published one, which replaces most of
-    /// them and of the scene's.
+    /// them and of the scene's; cells are not sent it.
     #[serde(default, skip_serializing_if = "ProtocolName::is_own")]
     pub name: ProtocolName,
     /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
@@ -205,7 +228,7 @@ pub struct Protocol {
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
-    /// near the object.
+    /// near the object; of the closing, if the hand starts at the grasp.
     #[serde(default = "defaults::reach_s")]
     pub reach_s: f64,
     /// Last part of the reach, as a fraction of it, in which the fingers close: 0.2 s of 0.8 s.
@@ -275,9 +298,9 @@ pub struct Protocol {
     /// The pulls of `six_directions`.
     #[serde(default)]
     pub pull: PullConfig,
-    /// What a published protocol does that no option does.
+    /// Settings of a published protocol that are no options; [`Protocol::by_name`] sets them.
     #[serde(skip)]
-    pub published: Published,
+    pub published: Option<Published>,
 }
 
 impl Protocol {
@@ -309,7 +332,8 @@ pub struct StrictConfig {
     /// the object away at once.
     pub start_tolerance_m: f64,
     /// Largest net force of object and table on the hand for a tenth of a second, in newtons (none): an arm
-    /// stops or yields at some multiple of its payload, the palm here at nothing.
+    /// stops or yields at some multiple of its payload, the palm here at nothing. Cells are sent it only if it
+    /// is set.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_palm_force_n: Option<f64>,
     /// The same of their torque about the palm's origin, in newton meters (none).

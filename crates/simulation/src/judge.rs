@@ -82,7 +82,7 @@ impl<'a> Judge<'a> {
         let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         let scene = &template.scene;
-        let rises_only = protocol.published.shakes.is_none();
+        let rises_only = protocol.beyond_options().shakes.is_none();
         // A hand that still closes or is shaken may touch again what it has lost.
         let shortcuts = Shortcuts {
             lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s && rises_only,
@@ -125,9 +125,14 @@ impl<'a> Judge<'a> {
         self.rise_m = table_from_object.translation.z - self.start.translation.z;
         let table_from_palm = template.hand.table_from_palm(world);
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
+        let before = self.last_in_palm;
         self.last_in_palm = palm_from_object;
         if self.is_overloaded(template, world) {
             return Some(Verdict::Overloaded);
+        }
+        if self.is_displaced(&table_from_object, command) {
+            let touch = self.measure_touch(template, world);
+            return Some(self.failed_grasp(template, &touch));
         }
         match command.phase {
             Phase::Reach | Phase::Close => self.before_squeeze(&table_from_object),
@@ -156,9 +161,6 @@ impl<'a> Judge<'a> {
                 if self.is_low() || self.will_be_dropped(template, world, &touch) {
                     return Some(Verdict::Dropped);
                 }
-                if self.is_displaced(&table_from_object, command) {
-                    return Some(self.lost_by(template, &touch));
-                }
                 self.has_settled(template, &palm_from_object, touch)
                     .then_some(Verdict::Held)
             }
@@ -167,10 +169,10 @@ impl<'a> Judge<'a> {
                 self.in_palm.push(self.last_in_palm);
                 self.count_pressing(&touch);
                 let from = *self.pulled_from.get_or_insert_with(|| {
-                    if self.protocol.published.since_start {
+                    if self.protocol.beyond_options().since_start {
                         table_from_palm.inv_mul(&self.start)
                     } else {
-                        palm_from_object
+                        before
                     }
                 });
                 let away = from.inv_mul(&palm_from_object);
@@ -180,24 +182,32 @@ impl<'a> Judge<'a> {
                 {
                     return None;
                 }
-                Some(self.lost_by(template, &touch))
+                Some(self.failed_grasp(template, &touch))
             }
         }
     }
 
     /// Whether the object is too far from where it lay, moved as the palm was.
     fn is_displaced(&self, table_from_object: &Pose<Table, Object>, command: &Command) -> bool {
-        let Some(most) = &self.protocol.published.carried else {
+        let Some(most) = self.protocol.beyond_options().displacement else {
             return false;
         };
+        let judged = match command.phase {
+            Phase::Reach | Phase::Close | Phase::Pull => false,
+            Phase::Squeeze | Phase::Lift => most.always,
+            Phase::Hold => most.always || self.hold_left <= 1,
+        };
+        if !judged {
+            return false;
+        }
         let place = self.start.translation.vector + command.carried_m;
         let moved_m = (table_from_object.translation.vector - place).norm();
         let turned_rad = table_from_object.rotation.angle_to(&self.start.rotation);
         moved_m > most.max_m || turned_rad > most.max_rad
     }
 
-    /// Returns how an object that moved too far was lost: in the fingers, or out of them.
-    fn lost_by(&self, template: &Template, touch: &Touch) -> Verdict {
+    /// Returns how a grasp failed whose object moved too far: in the fingers, or out of them.
+    fn failed_grasp(&self, template: &Template, touch: &Touch) -> Verdict {
         let links = indices(&touch.bodies);
         if !links.is_empty() && self.is_grasped(template, &links) {
             Verdict::Slipped

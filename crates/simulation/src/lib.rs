@@ -37,8 +37,8 @@ mod units;
 mod world;
 
 pub use config::{
-    Approach, ControllerKind, DriveConfig, KnockedUntil, Offset, Protocol, PullConfig, SceneConfig,
-    StrictConfig, Support, Trial,
+    Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, Protocol, PullConfig,
+    SceneConfig, StrictConfig, Support, Trial,
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;

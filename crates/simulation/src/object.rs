@@ -8,7 +8,7 @@ use rapier3d::prelude::{
 use spatial::{Object, Pose, Table};
 
 use crate::{
-    config::SceneConfig,
+    config::{ObjectMass, SceneConfig},
     error::SimulationError,
     units::{LENGTH_UNITS_PER_M, engine_pose, mass, matrix, point, real},
     world::{World, groups},
@@ -83,16 +83,16 @@ impl ObjectShape {
 
     /// Returns the mass of the object in a scene, in kilograms.
     fn mass_in_kg(&self, scene: &SceneConfig) -> Result<f64, SimulationError> {
-        let mass_kg = match (scene.object_mass_kg, scene.object_density_kg_per_m3) {
-            (Some(mass_kg), _) => mass_kg,
-            (None, Some(density)) => {
+        let mass_kg = match scene.object_mass() {
+            ObjectMass::Kilograms(mass_kg) => mass_kg,
+            ObjectMass::Density(density) => {
                 let volumes_m3 = self.hulls()?.into_iter().map(|hull| {
                     let of_unit_density = hull.mass_properties(1.0);
                     f64::from(of_unit_density.mass()) / LENGTH_UNITS_PER_M.powi(3)
                 });
                 density * volumes_m3.sum::<f64>()
             }
-            (None, None) => self.mass_kg,
+            ObjectMass::Measured => self.mass_kg,
         };
         Ok(mass_kg * scene.mass_scale)
     }

@@ -75,7 +75,7 @@ impl ProtocolName {
     }
 }
 
-/// What a published protocol does that no option does.
+/// Settings of published protocols that are no options.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Published {
     /// How far the flexing joints are opened before the closing, besides `open_rad`, as a share of what is left
@@ -88,9 +88,9 @@ pub struct Published {
     /// Shakes of the lifted object.
     pub(crate) shakes: Option<Shakes>,
     /// How far the lifted object may be from where it lay, moved as the palm was.
-    pub(crate) carried: Option<Carried>,
+    pub(crate) displacement: Option<DisplacementLimit>,
     /// Whether every pull begins where the first one began.
-    pub(crate) pulls_apart: bool,
+    pub(crate) restart_each_pull: bool,
     /// Whether displacements under pulls count from before the closing, and not from the first pull.
     pub(crate) since_start: bool,
 }
@@ -119,17 +119,28 @@ impl Shakes {
 
 /// How far a lifted object may be from where it lay, moved as the palm was.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Carried {
+pub(crate) struct DisplacementLimit {
     /// Distance in meters.
     pub(crate) max_m: f64,
     /// Rotation in radians.
     pub(crate) max_rad: f64,
+    /// Whether it holds from the squeeze on, and not only at the end.
+    pub(crate) always: bool,
 }
 
 impl Protocol {
+    /// Returns the settings that are no options; this project's own protocol has none.
+    pub(crate) fn beyond_options(&self) -> Published {
+        self.published.unwrap_or_default()
+    }
+
     /// Returns the scene and the protocol for which the name stands.
     pub fn by_name(&self, scene: &SceneConfig) -> (SceneConfig, Self) {
         let (mut scene, mut protocol) = (scene.clone(), self.clone());
+        if !self.name.is_own() {
+            scene.mass_scale = 1.0;
+            scene.support = Support::Table;
+        }
         match self.name {
             ProtocolName::TableLift => {}
             ProtocolName::Paper => paper(&mut scene, &mut protocol),
@@ -157,7 +168,7 @@ impl Protocol {
             max_spin_rad_per_s: NO_LIMIT,
             palm_table_tolerance_m: PALM_IN_TABLE_M,
             start_tolerance_m: NO_LIMIT,
-            ..StrictConfig::default()
+            ..self.strict
         };
     }
 }
@@ -186,10 +197,10 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.15, 0.3, 0.0);
     protocol.lifted_m = 0.04;
     protocol.min_links = 1;
-    protocol.published = Published {
+    protocol.published = Some(Published {
         even_lift: true,
         ..Published::default()
-    };
+    });
 }
 
 /// What both protocols of `DexGraspBench` share: 100 g, a pregrasp that is no deeper than 1 cm, 0.4 s for the grasp
@@ -218,11 +229,11 @@ fn force_closure(scene: &mut SceneConfig, protocol: &mut Protocol) {
         max_displacement_m: 0.05,
         max_rotation_rad: 15.0_f64.to_radians(),
     };
-    protocol.published = Published {
-        pulls_apart: true,
+    protocol.published = Some(Published {
+        restart_each_pull: true,
         since_start: true,
         ..Published::default()
-    };
+    });
 }
 
 /// A lift by 10 cm in 0.4 s: at its end at most 5 cm and 15 degrees from 10 cm above where it lay.
@@ -231,14 +242,15 @@ fn tabletop(scene: &mut SceneConfig, protocol: &mut Protocol) {
     protocol.table_tolerance_m = 0.01;
     protocol.trial = Trial::Lift;
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 0.4, 0.0);
-    protocol.published = Published {
+    protocol.published = Some(Published {
         even_lift: true,
-        carried: Some(Carried {
+        displacement: Some(DisplacementLimit {
             max_m: 0.05,
             max_rad: 15.0_f64.to_radians(),
+            always: false,
         }),
         ..Published::default()
-    };
+    });
 }
 
 /// A lift by 20 cm, and shakes of 3 cm: three links in contact, at most 10 cm and 45 degrees off.
@@ -256,18 +268,19 @@ fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.17, 0.25, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.2, 1.14, 0.0);
     protocol.min_links = 3;
-    protocol.published = Published {
+    protocol.published = Some(Published {
         even_lift: true,
         shakes: Some(Shakes {
             amplitude_m: 0.03,
             period_s: 1.14,
         }),
-        carried: Some(Carried {
+        displacement: Some(DisplacementLimit {
             max_m: 0.1,
             max_rad: 45.0_f64.to_radians(),
+            always: false,
         }),
         ..Published::default()
-    };
+    });
 }
 
 /// Fingers that close for 1 s from 25 % open to 15 % closed, and pulls of 0.5 N/kg for 1 s each: at most 2 cm from
@@ -292,11 +305,11 @@ fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
         max_displacement_m: 0.02,
         max_rotation_rad: NO_LIMIT,
     };
-    protocol.published = Published {
+    protocol.published = Some(Published {
         open_share: 0.25,
         squeeze_share: 0.15,
         ..Published::default()
-    };
+    });
 }
 
 /// A squeeze of 0.2 s, a lift by 10 cm in 1 s and a hold of 1.5 s: at most 7.5 cm and 30 degrees off.
@@ -313,12 +326,13 @@ fn frogger(scene: &mut SceneConfig, protocol: &mut Protocol) {
     protocol.reach_s = scene.control_step_s();
     (protocol.squeeze_s, protocol.pause_s) = (0.2, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 1.0, 1.5);
-    protocol.published = Published {
+    protocol.published = Some(Published {
         even_lift: true,
-        carried: Some(Carried {
+        displacement: Some(DisplacementLimit {
             max_m: 0.075,
             max_rad: 30.0_f64.to_radians(),
+            always: true,
         }),
         ..Published::default()
-    };
+    });
 }

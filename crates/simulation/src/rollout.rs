@@ -186,14 +186,16 @@ struct Execution<'a> {
     template: &'a Template,
     world: World,
     table_from_estimate: Pose<Table, Object>,
-    /// First command from which on the palm moves only for its lift.
+    /// First command from which on the palm is only carried.
     arrival: usize,
     /// Whether the palm was halted.
     halted: bool,
     /// Whether every pull begins where the first one began.
-    pulls_apart: bool,
-    /// The world before the first pull.
-    unpulled: Option<World>,
+    restart_each_pull: bool,
+    /// The world before the first pull, and the control steps commanded until then.
+    before_pulls: Option<(World, u32)>,
+    /// Control steps commanded since the start, by the clock of the drives.
+    commanded_n: u32,
     cost_n: u32,
     trace: Option<Trace>,
     watcher: Option<Watcher<'a>>,
@@ -216,8 +218,9 @@ impl<'a> Execution<'a> {
             table_from_estimate: template.table_from_estimate(),
             arrival: script.arrival(),
             halted: false,
-            pulls_apart: protocol.published.pulls_apart,
-            unpulled: None,
+            restart_each_pull: protocol.beyond_options().restart_each_pull,
+            before_pulls: None,
+            commanded_n: 0,
             cost_n: 0,
             trace: (record == Record::Trace).then(Trace::default),
             watcher,
@@ -250,23 +253,22 @@ impl<'a> Execution<'a> {
             world.carry(template.object, &command.carried_m, control_s);
         }
         if command.phase == Phase::Pull {
-            if self.pulls_apart {
-                let before = script.commands.get(idx.wrapping_sub(1));
-                let pulled = before.is_some_and(|before| before.phase == Phase::Pull);
-                match &self.unpulled {
-                    Some(unpulled) if pulled => {
-                        let turns =
-                            before.is_some_and(|b| b.pull_m_per_s2 != command.pull_m_per_s2);
-                        if turns {
-                            *world = unpulled.fork();
-                        }
+            if self.restart_each_pull {
+                let before = idx.checked_sub(1).and_then(|idx| script.commands.get(idx));
+                let turns = before.is_some_and(|b| b.pull_m_per_s2 != command.pull_m_per_s2);
+                match &self.before_pulls {
+                    None => self.before_pulls = Some((world.fork(), self.commanded_n)),
+                    Some((before_pulls, commanded_n)) if turns => {
+                        *world = before_pulls.fork();
+                        self.commanded_n = *commanded_n;
                     }
-                    _ => self.unpulled = Some(world.fork()),
+                    Some(_) => {}
                 }
             }
             world.pull(template.object, &command.pull_m_per_s2);
         }
-        let advanced = control_step(template, world, script, idx, self.cost_n);
+        let advanced = control_step(template, world, script, idx, self.commanded_n);
+        self.commanded_n += 1;
         self.cost_n += 1;
         self.record(&command.hand.q);
         advanced

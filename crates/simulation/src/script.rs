@@ -9,6 +9,7 @@ use crate::{
     config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
     desired::Desired,
     error::SimulationError,
+    settings::SettingFault,
 };
 
 /// The ways in which an object is pulled.
@@ -32,7 +33,7 @@ pub enum Phase {
     Squeeze,
     /// The palm rises.
     Lift,
-    /// Nothing moves any more.
+    /// The palm holds the object, or shakes it.
     Hold,
     /// The object is pulled; nothing else moves.
     Pull,
@@ -119,6 +120,10 @@ impl Script {
             );
             return Err(SimulationError::Motion(message));
         }
+        if !protocol.name.is_own() && protocol.published.is_none() {
+            let problem = "stands for settings that were not taken: call `Protocol::by_name`";
+            return Err(SettingFault::new("name", problem).into());
+        }
         let writer = Writer {
             motion,
             protocol,
@@ -151,11 +156,11 @@ impl Script {
                 let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
                 for fraction in fractions(lift) {
                     let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    let even = protocol.published.even_lift;
+                    let even = protocol.beyond_options().even_lift;
                     let share = if even { fraction } else { smooth };
                     commands.push(writer.carried(Phase::Lift, lifted(share)));
                 }
-                if let Some(shakes) = &protocol.published.shakes {
+                if let Some(shakes) = protocol.beyond_options().shakes {
                     let shake = steps(shakes.period_s, scene).max(1);
                     for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
                         for fraction in fractions(shake) {
@@ -313,7 +318,7 @@ impl<R: Rates> Writer<'_, R> {
                 let grasp = self.at(1.0);
                 let opened = self
                     .flexion
-                    .towards_limit(&grasp.q, -self.protocol.published.open_share);
+                    .towards_limit(&grasp.q, -self.protocol.beyond_options().open_share);
                 let opened = self.flexion.flexed(&opened, -self.protocol.open_rad);
                 let between = opened.iter().zip(&grasp.q);
                 HandPose {
@@ -335,7 +340,7 @@ impl<R: Rates> Writer<'_, R> {
     /// Returns the command at the grasp, squeezed by a fraction.
     fn grasp(&self, phase: Phase, squeeze: f64) -> Command {
         let grasp = self.at(1.0);
-        let share = self.protocol.published.squeeze_share * squeeze;
+        let share = self.protocol.beyond_options().squeeze_share * squeeze;
         let closed = self.flexion.towards_limit(&grasp.q, share);
         Command {
             phase,

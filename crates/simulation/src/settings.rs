@@ -1,6 +1,6 @@
 //! What a scene and a protocol can be: the bounds of their numbers.
 
-use crate::config::{Approach, Protocol, PullConfig, SceneConfig, StrictConfig, Trial};
+use crate::config::{Approach, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial};
 
 /// Longest of the times that a protocol is made of, in seconds.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -81,7 +81,7 @@ impl SceneConfig {
             }
         }
         if self.object_mass_kg.is_some() && self.object_density_kg_per_m3.is_some() {
-            let problem = "is set beside `object_density_kg_per_m3`, and only one of them can hold";
+            let problem = "conflicts with `object_density_kg_per_m3`: set one of them";
             faults.note("object_mass_kg", problem.to_owned());
         }
         for (key, number) in [
@@ -130,7 +130,7 @@ impl SceneConfig {
 
 impl Protocol {
     /// Returns why a robot cell cannot execute the protocol as its `grasp`, if it cannot.
-    pub fn beyond_a_cell(&self) -> Option<SettingFault> {
+    pub fn cell_fault(&self) -> Option<SettingFault> {
         let fault = |key, problem: &str| Some(SettingFault::new(key, problem));
         if !self.name.is_own() {
             fault(
@@ -232,6 +232,11 @@ impl Protocol {
                 );
                 faults.note(key, problem);
             }
+        }
+        if self.trial == Trial::Lift && scene.support == Support::Nothing && self.name.is_own() {
+            let problem =
+                "is `lift`, from no table and without weight: the scene's `support` is `nothing`";
+            faults.note("trial", problem.to_owned());
         }
         if faults.0.is_empty() && scene.faults().is_empty() {
             self.check_steps(scene, &mut faults);

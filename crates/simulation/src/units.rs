@@ -79,8 +79,8 @@ pub(crate) fn meters(length: Real) -> f64 {
 }
 
 /// Returns a force of the engine in newtons.
-pub(crate) fn force_in_newtons(force: Real) -> f64 {
-    f64::from(force) * LENGTH_UNITS_PER_M
+pub(crate) fn forces_in_newtons(force: &Vector3<f64>) -> Vector3<f64> {
+    force * LENGTH_UNITS_PER_M
 }
 
 /// Returns lengths of the engine in meters, speeds in m/s.

@@ -261,9 +261,14 @@ impl World {
         }
     }
 
-    /// Returns the force of an impulse over a step of the solver, in the engine's units.
-    pub(crate) fn force_of(&self, impulse: f32) -> f32 {
-        impulse * real(self.parameters.num_solver_iterations as f64) / self.parameters.dt
+    /// Returns the physics time step in seconds.
+    pub(crate) fn step_s(&self) -> f64 {
+        f64::from(self.parameters.dt)
+    }
+
+    /// Returns the number of solver substeps in a physics step.
+    pub(crate) fn substeps_n(&self) -> f64 {
+        self.parameters.num_solver_iterations as f64
     }
 
     /// Whether a body that does not rise lies below all of some others.

@@ -153,6 +153,9 @@ impl DispatchConfig {
         let tolerance_rad = self.start_tolerance_rad;
         faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MAX_ERROR, why);
         faults.of_table("grasp", self.grasp.faults(&self.simulated.scene));
+        if let Some(fault) = self.grasp.cell_fault() {
+            faults.note(fault.key, fault.problem);
+        }
         self.simulated.check(&mut faults);
         faults.found()
     }

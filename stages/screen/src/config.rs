@@ -133,6 +133,13 @@ impl ScreenConfig {
         faults.of_table("robustness.errors", errors.faults(&self.scene));
         faults.of_table("scene", self.scene.faults());
         faults.of_table("protocol", self.protocol.faults(&self.scene));
+        if !self.protocol.name.is_own() {
+            let Self {
+                scene, protocol, ..
+            } = self.by_name();
+            faults.of_table("scene", scene.faults());
+            faults.of_table("protocol", protocol.faults(&scene));
+        }
         faults.found()
     }
 }

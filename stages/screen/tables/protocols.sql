@@ -18,7 +18,8 @@ with
         join runs on all_success.run = runs.run),
     by_object as (
         select protocol, approach, friction, torque_limit_nm, object_mass, origin, object_split, object,
-            sum(d) as d, sum(refused) as refused, sum(s) as s, 100 * sum(s) / sum(d) as share
+            sum(d) as d, 100 * sum(s) / sum(d) as share,
+            case when sum(d) > sum(refused) then 100 * sum(s) / (sum(d) - sum(refused)) end as simulated
         from counts group by protocol, approach, friction, torque_limit_nm, object_mass, origin, object_split, object),
     ours as (
         select origin as our_origin, object_split as our_split, object as our_object, share as our_share
@@ -39,7 +40,7 @@ with
             as quantiles(n, t)),
     means as (
         select protocol, approach, friction, torque_limit_nm, object_mass, origin, object_split,
-            count(share) as objects_n, sum(d) as d, 100 * sum(s) / (sum(d) - sum(refused)) as simulated,
+            count(share) as objects_n, sum(d) as d, avg(simulated) as simulated,
             avg(share) as share, stddev(share) / sqrt(1.0 * count(share)) as deviation,
             avg(more) as more, stddev(more) / sqrt(1.0 * count(more)) as deviation_of_more
         from paired group by protocol, approach, friction, torque_limit_nm, object_mass, origin, object_split),
@@ -67,8 +68,8 @@ select
     round(simulated, 1) as "of those simulated, %",
     case when seeds_n > 1 then round(spread, 1) end as "seeds' deviation",
     case when protocol_place > 0 then round(more, 1) end as "difference",
-    case when protocol_place > 0 then round(more - t * deviation_of_more, 1) end as "from ",
-    case when protocol_place > 0 then round(more + t * deviation_of_more, 1) end as "to "
+    case when protocol_place > 0 then round(more - t * deviation_of_more, 1) end as "at least",
+    case when protocol_place > 0 then round(more + t * deviation_of_more, 1) end as "at most"
 from means
 join quantiles on objects_n = n
 join shown on origin = shown_origin and coalesce(object_split, '') = shown_split

@@ -19,8 +19,8 @@ use schemas::{
     success::Successes,
 };
 use simulation::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, Published, PullConfig,
-    SceneConfig, SceneErrors, Shortcuts, StrictConfig, Support, Trial,
+    Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, PullConfig, SceneConfig,
+    SceneErrors, Shortcuts, StrictConfig, Support, Trial,
 };
 use spatial::{Pose, Rest};
 use stage_screen::{
@@ -94,7 +94,7 @@ fn config() -> ScreenConfig {
             strict: StrictConfig::default(),
             pull: PullConfig::default(),
             name: ProtocolName::TableLift,
-            published: Published::default(),
+            published: None,
         },
     }
 }
@@ -455,6 +455,25 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
     check(&|candidates| of_joints(candidates, &renamed), "`wrist`");
     let fewer = &joints()[..15];
     check(&|candidates| of_joints(candidates, fewer), "`joint_0.0`");
+}
+
+/// The steps of the protocol, not those of the options: 0.4 s each to grasp, squeeze and lift, and one more. A joint
+/// beyond its limit is no failure there, a grasp that opens inside the object is one.
+#[test]
+fn a_published_protocol_replaces_the_options() {
+    let mut config = config();
+    config.protocol.name = ProtocolName::DexgraspbenchTabletop;
+    let folder = tempfile::tempdir().unwrap();
+    made(run(&config, &can(0.35), &three(), folder.path()).unwrap());
+    let rows = rows(folder.path());
+    let verdicts: Vec<Verdict> = rows.iter().map(|row| row.verdict).collect();
+    assert_eq!(
+        verdicts,
+        [Verdict::EarlyContact, Verdict::Held, Verdict::Dropped]
+    );
+    for row in &rows {
+        assert_eq!(row.cost_n + row.saved_n, 61, "{row:?}");
+    }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use geometry::SurfaceDistance;
 use nalgebra::{Isometry3, Matrix3, Point3};
 use robot::{JointKind, Link, RobotModel, Shape};
 use serde_json::{Value, json};
-use simulation::{ObjectShape, Phase, Setpoint, Template, Verdict};
+use simulation::{ObjectMass, ObjectShape, Phase, Setpoint, Support, Template, Verdict};
 use spatial::{Object, Pose, Table};
 use stage_screen::ScreenConfig;
 
@@ -111,6 +111,9 @@ pub(crate) struct Engine {
 /// Describes the scene of a template.
 fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine: Engine) -> Value {
     let scene = &screen.scene;
+    // What the peer's scene does not have.
+    assert!(scene.object_mass() == ObjectMass::Measured && scene.table_friction.is_none());
+    assert!(scene.support == Support::Table && !scene.fingers_touch);
     let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
     let parts = object.parts_m.iter();
     let parts: Vec<Vec<[f64; 3]>> = parts

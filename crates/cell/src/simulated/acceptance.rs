@@ -64,7 +64,7 @@ pub(super) fn check(
             ),
         );
     }
-    if let Some(fault) = goal.grasp.beyond_a_cell() {
+    if let Some(fault) = goal.grasp.cell_fault() {
         return refuse(RejectionCode::Malformed, fault.to_string());
     }
     check_phases(&goal.grasp)?;

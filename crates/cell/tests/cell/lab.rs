@@ -9,8 +9,8 @@ use cell::{
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
 use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, Published,
-    PullConfig, SceneConfig, Shortcuts, StrictConfig, Support, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
+    SceneConfig, Shortcuts, StrictConfig, Support, Trial,
 };
 use spatial::{Pose, Rest, Twist};
 
@@ -80,7 +80,7 @@ pub(crate) fn grasp() -> Protocol {
         strict: StrictConfig::default(),
         pull: PullConfig::default(),
         name: ProtocolName::TableLift,
-        published: Published::default(),
+        published: None,
     }
 }
 

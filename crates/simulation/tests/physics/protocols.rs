@@ -5,8 +5,8 @@ use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, ObjectShape, Protocol, ProtocolName, Record, Rollout, SceneConfig, Support, Template,
-    Trial, Verdict,
+    Approach, DriveConfig, ObjectShape, Protocol, ProtocolName, Record, Rollout, SceneConfig,
+    Support, Template, Trial, Verdict,
 };
 use spatial::{Object, Pose, Rest};
 
@@ -114,65 +114,78 @@ fn this_projects_own_protocol_is_as_the_options_say() {
 
 #[test]
 fn each_protocol_states_its_friction_mass_drive_and_steps() {
-    // Friction, mass in kg, density in kg/m³, stiffness in Nm/rad, torque limit in Nm, control steps.
+    // Friction of the hand and of the table, mass in kg, density in kg/m³, stiffness in Nm/rad, damping in Nms/rad,
+    // torque limit in Nm, control steps.
     let stated = [
         (
             ProtocolName::Paper,
-            2.0,
+            [2.0, 1.5],
             None,
             Some(1000.0),
-            [200.0, 10.0],
+            [200.0, 60.0, 10.0],
             40 + 15 + 1,
         ),
         (
             ProtocolName::DexgraspbenchForceClosure,
-            0.6,
+            [0.6, 0.6],
             Some(0.1),
             None,
-            [5.0, 1000.0],
+            [5.0, 0.1, 1000.0],
             40 + 600,
         ),
         (
             ProtocolName::DexgraspbenchTabletop,
-            0.6,
+            [0.6, 0.6],
             Some(0.1),
             None,
-            [5.0, 1000.0],
+            [5.0, 0.1, 1000.0],
             40 + 20 + 1,
         ),
         (
             ProtocolName::GetAGrip,
-            0.9,
+            [0.9, 1.0],
             None,
             Some(500.0),
-            [50.0, 15.0],
+            [50.0, 1.0, 15.0],
             9 + 13 + 57 + 3 * 57 + 1,
         ),
         (
             ProtocolName::Dro,
-            3.0,
+            [3.0, 3.0],
             None,
             Some(500.0),
-            [1000.0, 15.0],
+            [1000.0, 200.0, 15.0],
             50 + 300,
         ),
         (
             ProtocolName::Frogger,
-            0.7,
+            [0.7, 0.7],
             None,
             Some(150.0),
-            [20.0, 0.7],
+            [20.0, 1.0, 0.7],
             1 + 10 + 50 + 75,
         ),
     ];
     assert_eq!(stated.len() + 1, ProtocolName::ALL.len());
-    for (name, friction, mass_kg, density, [stiffness, torque_limit], steps_n) in stated {
-        let (scene, _) = protocol(name).by_name(&scene::scene());
-        assert_eq!(scene.friction, friction, "{name:?}");
-        assert_eq!(scene.object_mass_kg, mass_kg, "{name:?}");
+    let mut odd = scene::scene();
+    (odd.mass_scale, odd.table_friction, odd.object_mass_kg) = (3.0, Some(0.1), Some(7.0));
+    for (name, friction, mass_kg, density, drive, steps_n) in stated {
+        let (scene, _) = protocol(name).by_name(&odd);
+        let table = scene.table_friction.unwrap_or(scene.friction);
+        assert_eq!([scene.friction, table], friction, "{name:?}");
+        assert_eq!(
+            (scene.object_mass_kg, scene.mass_scale),
+            (mass_kg, 1.0),
+            "{name:?}"
+        );
         assert_eq!(scene.object_density_kg_per_m3, density, "{name:?}");
-        assert_eq!(scene.drive.stiffness, stiffness, "{name:?}");
-        assert_eq!(scene.drive.torque_limit, torque_limit, "{name:?}");
+        let DriveConfig {
+            stiffness,
+            damping,
+            torque_limit,
+            ..
+        } = scene.drive;
+        assert_eq!([stiffness, damping, torque_limit], drive, "{name:?}");
         let rollout = squeezed(name, 0.01);
         assert_eq!(rollout.cost_n + rollout.saved_n, steps_n, "{name:?}");
     }
@@ -207,28 +220,37 @@ fn force_closure_pulls_with_one_newton_on_100_g() {
 fn pulls_of_force_closure_know_nothing_of_each_other() {
     let options = protocol(ProtocolName::DexgraspbenchForceClosure);
     let (scene, mut apart) = options.by_name(&scene::scene());
-    apart.name = ProtocolName::TableLift;
     // With stiff springs all six are held, each with the same displacement as its opposite.
     let mut stiff = scene;
     stiff.drive.stiffness = 50.0;
     apart.squeeze_rad = 0.05;
-    let template = template(&stiff);
-    let touching = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
-    let rollout = template.rollout(&touching, &apart, Record::Trace).unwrap();
-    assert_eq!(rollout.verdict, Verdict::Held, "{rollout:?}");
-    let steps = rollout.trace.unwrap().steps;
-    let place = |idx: usize| steps[idx].table_from_object.translation.vector;
-    let before = place(40);
-    // Each pull has 100 steps; the first step of the second one starts from `before` again.
-    for pull in 1..6 {
-        let first = place(40 + 100 * pull + 1) - before;
-        assert!(first.norm() < 0.006, "pull {pull}: {first}");
+    // Late fingers still close when the first pull begins, and do so in each.
+    for delay_s in [0.0, 0.04] {
+        stiff.drive.delay_s = delay_s;
+        let template = template(&stiff);
+        let touching = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
+        let rollout = template.rollout(&touching, &apart, Record::Trace).unwrap();
+        assert_eq!(rollout.verdict, Verdict::Held, "{rollout:?}");
+        let steps = rollout.trace.unwrap().steps;
+        let place = |idx: usize| steps[idx].table_from_object.translation.vector;
+        let before = place(40);
+        // Each pull has 100 steps; the first step of the second one starts from `before` again.
+        for pull in 1..6 {
+            let first = place(40 + 100 * pull + 1) - before;
+            assert!(first.norm() < 0.006, "pull {pull}: {first}");
+        }
+        let across = [2, 3].map(|pull| (place(40 + 100 * pull + 30) - before).y);
+        assert!(
+            (across[0] + across[1]).abs() < 1e-3 && across[0].abs() > 0.005,
+            "{across:?}"
+        );
+        // Along the plates, a pull moves them as fast as the one before it.
+        let closing = [0, 1, 4].map(|pull| steps[40 + 100 * pull + 4].q[0]);
+        assert!(
+            closing.iter().all(|q| (q - closing[0]).abs() < 2e-4),
+            "{closing:?}"
+        );
     }
-    let across = [2, 3].map(|pull| (place(40 + 100 * pull + 30) - before).y);
-    assert!(
-        (across[0] + across[1]).abs() < 1e-3 && across[0].abs() > 0.005,
-        "{across:?}"
-    );
 }
 
 /// The cube weighs 0.98 N: friction of 2 · 0.6 · 1.1 N carries it, and 2 · 0.6 · 0.8 N do not. The palm rises at
@@ -279,9 +301,10 @@ fn least_m(mut between: [f64; 2], held: impl Fn(f64) -> bool) -> f64 {
     between[1]
 }
 
-/// Friction that slides falls short of its coefficient, by more where drives are damped heavily.
+/// The plates rise at an even speed v and are beyond the cube after 4 cm: friction of r times the weight brings the
+/// cube to that speed within v² / (2 (r - 1) g), so that r is 1.08 with 0.25 m/s and 1.32 with 0.5 m/s.
 #[test]
-fn plates_lift_with_little_more_friction_than_the_weight() {
+fn plates_lift_what_friction_brings_to_their_speed_before_they_leave_it() {
     let tabletop = least_m([0.1, 0.4], |squeeze_m| {
         squeezed(ProtocolName::DexgraspbenchTabletop, squeeze_m).verdict == Verdict::Held
     });
@@ -292,8 +315,8 @@ fn plates_lift_with_little_more_friction_than_the_weight() {
     });
     let tabletop = 2.0 * 0.6 * 5.0 * tabletop / (0.1 * 9.81);
     let paper = 2.0 * 2.0 * 200.0 * paper / (0.125 * 9.81);
-    println!("least friction over weight: dexgraspbench_tabletop {tabletop:.2}, paper {paper:.2}");
-    assert!((1.0..1.2).contains(&tabletop) && (1.0..1.8).contains(&paper));
+    println!("least friction over weight: tabletop {tabletop:.2}, paper {paper:.2}");
+    assert!((1.06..1.15).contains(&tabletop) && (1.3..1.75).contains(&paper));
 }
 
 /// Fingers begin a quarter of the way to their lower limits, 0, and close by 15 % of the way to their upper ones.
@@ -367,6 +390,27 @@ fn get_a_grip_asks_for_three_links_and_shakes() {
     }
 }
 
+/// Between two plates whose pressures cancel, the palm bears the cube's weight of 2.9 N by friction.
+#[test]
+fn palm_bears_what_friction_carries() {
+    let mut scene = scene::scene();
+    (scene.drive.stiffness, scene.drive.damping) = (200.0, 10.0);
+    scene.drive.torque_limit = 50.0;
+    let bearing = |newtons: f64| {
+        let mut options = Protocol {
+            approach: Approach::Follow,
+            squeeze_rad: 0.03,
+            lift_s: 2.0,
+            ..protocol(ProtocolName::TableLift)
+        };
+        options.strict.max_palm_force_n = Some(newtons);
+        let closing = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
+        carry_out(&scene, &options, &closing).verdict
+    };
+    assert_eq!(bearing(3.3), Verdict::Held);
+    assert_eq!(bearing(2.6), Verdict::Overloaded);
+}
+
 /// Plates that are commanded through each other stop where they meet, 0.06 m from where they start.
 #[test]
 fn fingers_that_touch_stop_each_other() {
@@ -387,4 +431,12 @@ fn fingers_that_touch_stop_each_other() {
     for (end_m, expected_m) in ends.iter().flatten().zip([0.08, 0.08, 0.06, 0.06]) {
         assert!((end_m - expected_m).abs() < 5e-4, "{ends:?}");
     }
+}
+
+#[test]
+fn a_published_protocol_has_to_be_resolved() {
+    let options = protocol(ProtocolName::Paper);
+    let rollout =
+        template(&scene::scene()).rollout(&motion(0.0, [0.0, 0.0]), &options, Record::Nothing);
+    assert!(rollout.unwrap_err().to_string().contains("`name`"));
 }

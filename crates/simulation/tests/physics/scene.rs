@@ -6,8 +6,8 @@ use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, Published,
-    PullConfig, SceneConfig, Shortcuts, StrictConfig, Support, Template, Trial,
+    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
+    SceneConfig, Shortcuts, StrictConfig, Support, Template, Trial,
 };
 use spatial::{Object, Pose, Rest};
 
@@ -85,7 +85,7 @@ pub(crate) fn protocol() -> Protocol {
         strict: StrictConfig::default(),
         pull: PullConfig::default(),
         name: ProtocolName::TableLift,
-        published: Published::default(),
+        published: None,
     }
 }
 

@@ -13,7 +13,7 @@ use schemas::{
     rates::{ALL_ORIGINS, Rate, Rates},
     success::{Success, Successes},
 };
-use simulation::{Approach, Protocol, ProtocolName, SceneConfig};
+use simulation::{Approach, ObjectMass, Protocol, ProtocolName, SceneConfig};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
 use statistics::{OverObjects, over_objects};
 
@@ -34,8 +34,8 @@ dataflow::metrics! {
         draw_rate_low: Mean,
         /// Upper end of its 95 % interval.
         draw_rate_high: Mean,
-        /// 1 if the fingers stay open until the closing, 0 if they follow the motion.
-        approach_open: Mean,
+        /// The approach, by its place among all: 0 follow, 1 open, 2 place.
+        approach_n: Mean,
         /// How far the joints squeeze beyond their final positions, in radians.
         squeeze_rad: Mean,
         /// The protocol, by its place among all, from 0 for this project's own.
@@ -187,7 +187,7 @@ impl RatesMetrics {
             draw_rate_mean: by_draw.mean,
             draw_rate_low: by_draw.low,
             draw_rate_high: by_draw.high,
-            approach_open: f64::from(u8::from(protocol.approach == Approach::Open)),
+            approach_n: f64::from(protocol.approach as u8),
             squeeze_rad: protocol.squeeze_rad,
             protocol_n: f64::from(protocol.name as u8),
         }
@@ -196,10 +196,10 @@ impl RatesMetrics {
 
 /// Returns the masses of the objects in words.
 fn object_mass(scene: &SceneConfig) -> String {
-    let mass = match (scene.object_mass_kg, scene.object_density_kg_per_m3) {
-        (Some(mass_kg), _) => format!("{mass_kg} kg"),
-        (None, Some(density)) => format!("{density} kg/m³"),
-        (None, None) => "measured".to_owned(),
+    let mass = match scene.object_mass() {
+        ObjectMass::Measured => "measured".to_owned(),
+        ObjectMass::Kilograms(mass_kg) => format!("{mass_kg} kg"),
+        ObjectMass::Density(density) => format!("{density} kg/m³"),
     };
     if (scene.mass_scale - 1.0).abs() < f64::EPSILON {
         mass
@@ -212,17 +212,16 @@ fn object_mass(scene: &SceneConfig) -> String {
 fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
+    let is = |number: u8, place: f64| (f64::from(number) - place).abs() < 0.5;
     let own = || {
-        let approach = if all.approach_open > 0.0 {
-            Approach::Open
-        } else {
-            Approach::Follow
-        };
-        format!("{}, squeeze {}", approach.as_str(), all.squeeze_rad)
+        let mut approaches = Approach::ALL.into_iter();
+        let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
+        let approach = approach.map_or("", Approach::as_str);
+        format!("{approach}, squeeze {}", all.squeeze_rad)
     };
     let published = ProtocolName::ALL
         .into_iter()
-        .find(|name| !name.is_own() && (f64::from(*name as u8) - all.protocol_n).abs() < 0.5);
+        .find(|name| !name.is_own() && is(*name as u8, all.protocol_n));
     format!(
         "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}",
         percent(all.candidate_rate_mean),
@@ -391,6 +390,11 @@ mod tests {
             "{}",
             said(&open)
         );
+        let placed = Protocol {
+            approach: Approach::Place,
+            ..protocol()
+        };
+        assert!(said(&placed).ends_with("; place, squeeze 0.15"));
         let published = Protocol {
             name: ProtocolName::DexgraspbenchForceClosure,
             ..protocol()
