@@ -52,7 +52,7 @@ pub(crate) enum Command {
     Runs(RunsArgs),
     /// Show what differs between two runs
     ///
-    /// Values, inputs, code and figures.
+    /// Values, inputs, code and metrics.
     Diff(DiffArgs),
     /// Show what an artifact was made of, or what was made of it
     Lineage(LineageArgs),

@@ -8,7 +8,7 @@ use dataflow::Kind;
 use crate::{
     arguments::{Cli, Command},
     commands,
-    outcome::Outcome,
+    outcome::CommandOutcome,
     progress::Quiet,
     report,
 };
@@ -76,9 +76,9 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Completions(args) => commands::completions(args),
     };
     match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::SkippedItems) => ExitCode::from(3),
-        Ok(Outcome::Reported) => ExitCode::FAILURE,
+        Ok(CommandOutcome::Done) => ExitCode::SUCCESS,
+        Ok(CommandOutcome::SkippedItems) => ExitCode::from(3),
+        Ok(CommandOutcome::Reported) => ExitCode::FAILURE,
         Err(trouble) => report::trouble(&trouble),
     }
 }

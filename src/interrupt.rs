@@ -68,7 +68,7 @@ fn cancel(motion: &MotionInFlight) {
         report::duration(motion.answer_timeout().as_secs_f64())
     ));
     let (end, hint) = match motion.cancel() {
-        Cancellation::Stands => (
+        Cancellation::Stopped => (
             "the robot stands".to_owned(),
             "look at the robot; the same command counts this motion as stopped and goes on with the next, \
              with `--set dispatch.resume_stopped=true` it sends this one again",
@@ -79,8 +79,8 @@ fn cancel(motion: &MotionInFlight) {
         ),
         Cancellation::Unknown(why) => (
             format!("the robot may still move: {why}"),
-            "look at the robot; the same command asks its cell what came of this motion before it sends \
-             another",
+            "look at the robot; the same command asks its cell for the outcome of this motion \
+             before it sends another",
         ),
     };
     report::line(&format!(

@@ -8,6 +8,7 @@ use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
 use stage_interpolate::Interpolate;
+use stage_refine::Refine;
 use stage_replay::Replay;
 
 use crate::sample;
@@ -21,6 +22,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::reported::<TrainReport>(),
         Kind::reported::<SampleReport>(),
         Kind::of::<Interpolate>(),
+        Kind::of::<Refine>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
     ]

@@ -5,7 +5,7 @@ use lake::LakeError;
 
 /// A command that ran to its end.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Outcome {
+pub(crate) enum CommandOutcome {
     /// Everything is done: exit code 0.
     Done,
     /// Done, but items were skipped: exit code 3.

@@ -28,7 +28,7 @@ pub struct Candidate {
     /// Its generator, e.g. `cgf`.
     pub generator: String,
     /// Where it comes from.
-    pub lineage: Lineage,
+    pub lineage: DrawSource,
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
     /// Pose of the object on the table.
@@ -48,7 +48,7 @@ pub struct Candidate {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedDraw {
     /// Where it comes from.
-    pub lineage: Lineage,
+    pub lineage: DrawSource,
     /// Pose of the object on the table.
     pub table_from_object: Pose<spatial::Table, Object>,
     /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
@@ -73,7 +73,7 @@ pub struct Candidates {
 columns! {
     /// Where a motion comes from.
     #[derive(Debug, Clone, PartialEq, Eq)]
-    pub struct Lineage {
+    pub struct DrawSource {
         draw_n: u32 => "which draw of its motion it is, from 1; 1 of generators that do not draw",
         origin: Origin
             => "`prior`, `posterior` or `path`: its latent code's; `demonstration`: replayed; `line`: interpolated",
@@ -84,7 +84,7 @@ columns! {
     }
 }
 
-impl Lineage {
+impl DrawSource {
     /// Returns the lineage of a demonstration that is replayed.
     pub fn replayed(sequence: &str) -> Self {
         Self {
@@ -140,7 +140,7 @@ columns! {
     struct Row {
         candidate_id: String => "unique name of the motion, the same for all its draws",
         generator: String => "what drew it",
-        lineage: Lineage,
+        lineage: DrawSource,
         refused: Option<Refusal>
             => "empty for a candidate, else what the hand was too deep in: `object` or `table`",
         depth_m: f64 ["m"]

@@ -53,7 +53,7 @@ impl<T: Flatten> Row for T {
 /// lift_m: f64 ["m"] => "rise of the object's origin at the end",   a field and its column
 /// verdict as reason: Verdict => "`held`, or why it failed",        a column of another name
 /// + rate: f64 ["1"] = Self::rate => "share that held",             a column that follows from the row
-/// rest: Rest,                                                      a field with columns of its own
+/// rest: RestingPose,                                                      a field with columns of its own
 /// ```
 ///
 /// By default counts have the unit 1 and words have none.

@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::{
     SchemaError, Table,
@@ -72,7 +72,7 @@ pub struct Demonstration {
     /// Why the reach ends where it does.
     pub end_reason: String,
     /// The object's resting pose.
-    pub rest: Rest,
+    pub rest: RestingPose,
     /// The steps in time order; the last one is the grasp.
     pub steps: Vec<Step>,
 }
@@ -108,7 +108,7 @@ columns! {
         cameras_n: u32 => "cameras whose landmarks agree; 0: bridged, or not by labels",
         bridged: bool => "whether no image shows the hand, and it is interpolated",
         keypoints_m: [[f64; 3]; KEYPOINTS] ["m"] => "21 landmarks of the hand, xyz each, object frame",
-        rest: Rest,
+        rest: RestingPose,
     }
 }
 

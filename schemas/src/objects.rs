@@ -4,7 +4,7 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use nalgebra::{Unit, Vector3};
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::{
     SchemaError, Table,
@@ -59,7 +59,7 @@ pub struct Mirror {
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingOrientation {
     /// Up direction and height.
-    pub rest: Rest,
+    pub rest: RestingPose,
     /// Number of demonstrations with this orientation.
     pub seen_n: u32,
     /// Share of random drops that end in this orientation, estimated from the mesh.
@@ -189,7 +189,7 @@ impl Row {
         )?;
         let rest = |idx: usize| {
             Ok(RestingOrientation {
-                rest: Rest {
+                rest: RestingPose {
                     up_in_object: SchemaError::check_direction("rest_up", self.rest_up[idx])?,
                     height_m: self.rest_height_m[idx],
                 },

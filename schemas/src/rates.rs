@@ -20,7 +20,7 @@ columns! {
         origin: String => "where the motions come from, as in `candidates`; `all` for all origins together",
         object_split: Option<ObjectSplit> => "split of the objects, as in `candidates`",
         protocol: String => "name of the protocol, e.g. `table_lift`",
-        approach: String => "what the hand did before the squeeze: `follow`, `open` or `place`",
+        approach: String => "what the hand did before the squeeze: `follow`, `open` or `at_grasp`",
         squeeze_rad: f64 ["rad"] => "how far beyond their final positions the joints squeezed, by this option",
         friction: f64 ["1"] => "friction coefficient of hand and object",
         torque_limit_nm: f64 ["N m"] => "largest torque of a finger's drive",
@@ -49,5 +49,5 @@ pub(crate) fn share(successes_n: i64, n: i64) -> f64 {
 }
 
 /// The rates of a screening.
-pub type Rates = Vec<Rate>;
+pub type SuccessRates = Vec<Rate>;
 table! {"rates", 2, per "screening", rows: Rate}

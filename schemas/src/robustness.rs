@@ -8,7 +8,7 @@ use crate::{
     columns::columns,
     rollouts::Verdict,
     table::table,
-    tally::{Ending, Tally},
+    tally::{OutcomeClass, Tally},
 };
 
 columns! {
@@ -26,7 +26,7 @@ columns! {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub struct TrialVerdict(pub Verdict);
 
-impl Ending for TrialVerdict {
+impl OutcomeClass for TrialVerdict {
     const ALL: &'static [Self] = &{
         let mut all = [Self(Verdict::Held); Verdict::ALL.len()];
         let mut idx = 0;

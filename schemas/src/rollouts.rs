@@ -3,7 +3,7 @@
 
 use crate::{
     SchemaError,
-    candidates::{Candidate, Lineage},
+    candidates::{Candidate, DrawSource},
     columns::{Reader, Row, Writer, columns, words},
     table::table,
 };
@@ -15,7 +15,7 @@ columns! {
         candidate_id: String => "the motion",
         generator: String => "what drew it",
         /// Where the candidate comes from.
-        lineage: Lineage,
+        lineage: DrawSource,
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
         verdict as reason: Verdict => "`held`, or why it failed",

@@ -18,7 +18,7 @@ use crate::{
     rates::share,
     rollouts::Verdict,
     table::table,
-    tally::{Ending, Tally},
+    tally::{OutcomeClass, Tally},
 };
 
 columns! {
@@ -57,7 +57,7 @@ impl Success {
     }
 }
 
-impl Ending for Verdict {
+impl OutcomeClass for Verdict {
     const ALL: &'static [Self] = &Self::ALL;
     const TOTAL: [&'static str; 2] = ["candidates_n", "candidates that were screened"];
     const RATE: &'static str = "share of the candidates that held; 0 of none";

@@ -8,7 +8,7 @@ use crate::{
 };
 
 /// How a motion can end.
-pub trait Ending: Copy + Ord + 'static {
+pub trait OutcomeClass: Copy + Ord + 'static {
     /// All of them, in the order of their columns; success is first.
     const ALL: &'static [Self];
     /// Name and meaning of the total's column.
@@ -44,7 +44,7 @@ pub trait Ending: Copy + Ord + 'static {
 pub struct Tally<E>(BTreeMap<E, i64>);
 
 /// Adds up the numbers of each ending.
-impl<E: Ending> FromIterator<(E, i64)> for Tally<E> {
+impl<E: OutcomeClass> FromIterator<(E, i64)> for Tally<E> {
     fn from_iter<I: IntoIterator<Item = (E, i64)>>(endings: I) -> Self {
         let mut counts: BTreeMap<E, i64> = E::ALL.iter().map(|&ending| (ending, 0)).collect();
         for (ending, n) in endings {
@@ -54,7 +54,7 @@ impl<E: Ending> FromIterator<(E, i64)> for Tally<E> {
     }
 }
 
-impl<E: Ending> Tally<E> {
+impl<E: OutcomeClass> Tally<E> {
     /// Returns every ending with its number of motions.
     pub fn iter(&self) -> impl Iterator<Item = (E, i64)> {
         self.0.iter().map(|(&ending, &n)| (ending, n))
@@ -105,7 +105,7 @@ impl<E: Ending> Tally<E> {
 }
 
 /// The total, the successes, the rate with its interval, and the number of each other ending.
-impl<E: Ending> Row for Tally<E> {
+impl<E: OutcomeClass> Row for Tally<E> {
     fn write(rows: &[&Self], to: &mut Writer) {
         let totals: Vec<i64> = rows.iter().map(|row| row.total_n()).collect();
         let [total, about] = E::TOTAL;

@@ -7,7 +7,7 @@ use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use motion::{JointRates, Motion, Step};
 use robot::{JointOrder, WrongDof};
-use spatial::{Object, Palm, Pose, Rest, Twist};
+use spatial::{Object, Palm, Pose, RestingPose, Twist};
 
 use crate::{
     SchemaError, Table,
@@ -31,33 +31,33 @@ pub struct Trajectory {
     /// Names of the fingertips among them, in the order of [`Tracking::tip_errors_m`].
     pub tips: Vec<String>,
     /// The object's resting pose.
-    pub rest: Rest,
+    pub rest: RestingPose,
     /// The hand in the object's frame; its last step is the grasp.
-    pub motion: Motion<Object, Rates>,
+    pub motion: Motion<Object, TrajectoryRates>,
     /// Its tracking of the demonstration at each step.
     pub tracking: Vec<Tracking>,
 }
 
-/// Velocities of the hand at a step.
+/// Velocities of palm and joints, and accelerations of joints, at a step.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rates {
+pub struct TrajectoryRates {
     /// Of the palm.
     pub palm_velocity: Twist<Object>,
     /// Of the joints.
     pub joints: JointRates,
 }
 
-impl Rates {
+impl TrajectoryRates {
     /// Returns the zero rates of a hand of `dof` joints.
-    pub fn still(dof: usize) -> Self {
+    pub fn zero(dof: usize) -> Self {
         Self {
             palm_velocity: Twist::zero(),
-            joints: JointRates::still(dof),
+            joints: JointRates::zero(dof),
         }
     }
 }
 
-impl motion::Rates for Rates {
+impl motion::Rates for TrajectoryRates {
     fn joints(&self) -> Option<&JointRates> {
         Some(&self.joints)
     }
@@ -122,7 +122,7 @@ columns! {
         q_velocity_rad_per_s: Vec<f64> ["rad/s"] => "joint velocities",
         q_acceleration_rad_per_s2: Vec<f64> ["rad/s²"] => "joint accelerations",
         tracking: Tracking,
-        rest: Rest,
+        rest: RestingPose,
     }
 }
 
@@ -174,7 +174,7 @@ impl Table for Trajectory {
                 time_s: row.time_s,
                 frame_from_palm: row.object_from_palm,
                 q_rad: row.q_rad,
-                rates: Rates {
+                rates: TrajectoryRates {
                     palm_velocity: Twist::from_array(row.palm_velocity),
                     joints: JointRates {
                         velocity: row.q_velocity_rad_per_s,

@@ -5,7 +5,7 @@ use crate::{
     columns::columns,
     executions::Outcome,
     table::table,
-    tally::{Ending, Tally},
+    tally::{OutcomeClass, Tally},
 };
 
 columns! {
@@ -22,7 +22,7 @@ columns! {
 }
 
 /// A trial is a motion that may have moved anything and was not canceled by a person.
-impl Ending for Outcome {
+impl OutcomeClass for Outcome {
     const ALL: &'static [Self] = &Self::ALL;
     const TOTAL: [&'static str; 2] = [
         "trials_n",

@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use cell::{CellError, Service, SimulatedCell};
+use cell::{CellError, ServiceConfig, SimulatedCell};
 use dataflow::{Advise, missing};
 use lake::{Lake, table};
 use robot::{RobotError, RobotModel};
@@ -28,7 +28,7 @@ use crate::{
     arguments::CellArgs,
     command_line::Program,
     commands::pipeline_file,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     progress::Quiet,
     report,
 };
@@ -41,7 +41,7 @@ const UNGUARDED: &str =
     "any program of this machine may drive it: without TLS nobody is asked who they are";
 
 /// Serves a simulated robot cell until it is interrupted.
-pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut stages = pipeline.stages.iter();
     let options = stages
@@ -56,7 +56,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
     let mut config = config.map_err(CommandError::with_hint(Advise::hint))?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
-    config.service = Service {
+    config.service = ServiceConfig {
         journal: Some(journal.clone()),
         real_time: !args.fast,
         ros2_domain: args.ros2_domain,
@@ -128,7 +128,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<Outcome, Comman
         ended.store(true, Ordering::Relaxed);
     });
     served.stop();
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 /// Reports when the router is lost and when it is back.

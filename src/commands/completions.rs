@@ -4,16 +4,16 @@ use clap::CommandFactory;
 
 use crate::{
     arguments::{Cli, CompletionsArgs},
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Prints a script that completes commands and options in a shell.
-pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn completions(args: &CompletionsArgs) -> Result<CommandOutcome, CommandError> {
     let mut command = Cli::command();
     let name = command.get_name().to_owned();
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, name, &mut script);
     report::data(&script)?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

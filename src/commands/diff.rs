@@ -1,7 +1,7 @@
 //! `pipeline diff`
 
-mod figures;
 mod inputs;
+mod outputs;
 mod text;
 mod units;
 mod values;
@@ -9,12 +9,12 @@ mod values;
 use lake::Lake;
 use serde::Serialize;
 
-use self::{figures::OutputChange, inputs::InputChange, values::Asked};
+use self::{inputs::InputChange, outputs::OutputChange, values::Asked};
 use crate::{
     arguments::DiffArgs,
     command_line::Program,
     commands::lookup,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
@@ -36,7 +36,7 @@ struct Difference {
 }
 
 /// Shows what differs between two runs.
-pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let (old, old_is_kept) = lookup::run_and_whether_kept(&lake, lake.find_run(&args.old)?)?;
     let (new, new_is_kept) = lookup::run_and_whether_kept(&lake, lake.find_run(&args.new)?)?;
@@ -46,9 +46,9 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Comman
         new: new.number,
         asked: Asked::compare(&old.record, &new.record),
         inputs: inputs::compare(&pairs),
-        outputs: figures::compare(&old.record, &new.record, &pairs),
-        only_old: figures::only_in(&old.record, &new.record),
-        only_new: figures::only_in(&new.record, &old.record),
+        outputs: outputs::compare(&old.record, &new.record, &pairs),
+        only_old: outputs::only_in(&old.record, &new.record),
+        only_new: outputs::only_in(&new.record, &old.record),
         n_collected: pairs
             .iter()
             .map(|pair| pair.old.lost.len() + pair.new.lost.len())
@@ -58,7 +58,7 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Comman
         if !is_kept {
             let number = run.number;
             program.say(&format!(
-                "note   the units of run {number} were collected: only values and figures are compared"
+                "note   the units of run {number} were collected: only values and metrics are compared"
             ));
         }
     }
@@ -69,5 +69,5 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<Outcome, Comman
         ));
     }
     report::answer(args.format, &difference, text::text)?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

@@ -10,7 +10,7 @@ use crate::{
     arguments::DoctorArgs,
     command_line::Program,
     commands::pipeline_file,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
     system_errors::in_words,
 };
@@ -62,7 +62,7 @@ impl Check {
 }
 
 /// Checks that the lake, a pipeline file's inputs and the robot cell are ready; or only a robot.
-pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutcome, CommandError> {
     if let Some(urdf) = &args.robot {
         return robot::check(urdf);
     }
@@ -89,7 +89,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<Outcome, Co
     }
     let is_missing = |check: &&Check| check.state == State::Missing;
     match found.iter().filter(is_missing).count() {
-        0 => Ok(Outcome::Done),
+        0 => Ok(CommandOutcome::Done),
         n => Err(CommandError::failed(
             anyhow::anyhow!("`{}` cannot run: {n} missing", args.file.display()),
             None,

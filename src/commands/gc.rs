@@ -5,38 +5,38 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Pipeline, reached};
-use lake::{Collected, Collecting, Lake};
+use dataflow::{Digest, Pipeline, reachable_fingerprints};
+use lake::{GcMode, GcReport, Lake};
 
 use crate::{
     arguments::{GcArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Removes artifacts that no kept run and no pipeline file refers to.
-pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
-    lake.expect_there()?;
+    lake.check_exists()?;
     let mut kept: Vec<Digest> = Vec::new();
     for pipeline in pipelines(program, args, &lake)? {
-        match reached(&pipeline, &lake) {
+        match reachable_fingerprints(&pipeline, &lake) {
             Ok(units) => kept.extend(units),
             // A missing dataset references nothing; the artifacts of its runs stay.
             Err(err) => note(program, &pipeline.origin.file, &err.to_string()),
         }
     }
     let collecting = if args.dry_run {
-        Collecting::Count
+        GcMode::Count
     } else {
-        Collecting::Remove
+        GcMode::Remove
     };
     let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
     report::answer(args.format, &collected, |it| listed(it, collecting))?;
     program.say(&summary(&collected, collecting));
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 /// The pipeline files to keep: the named ones, or the existing ones of the lake's runs.
@@ -73,10 +73,10 @@ fn note(program: &Program, file: &Path, why: &str) {
     ));
 }
 
-fn listed(collected: &Collected, collecting: Collecting) -> String {
+fn listed(collected: &GcReport, collecting: GcMode) -> String {
     let word = match collecting {
-        Collecting::Remove => "gone",
-        Collecting::Count => "goes",
+        GcMode::Remove => "gone",
+        GcMode::Count => "goes",
     };
     let rows: Vec<Vec<String>> = collected
         .units
@@ -97,7 +97,7 @@ fn listed(collected: &Collected, collecting: Collecting) -> String {
     report::columns(&rows, &[2, 3])
 }
 
-fn summary(collected: &Collected, collecting: Collecting) -> String {
+fn summary(collected: &GcReport, collecting: GcMode) -> String {
     let n_units: usize = collected.units.values().map(|units| units.n_units).sum();
     let words = format!(
         "{n_units} units, {} files with {}, {} leftovers of dead processes; {} units stay",
@@ -107,7 +107,7 @@ fn summary(collected: &Collected, collecting: Collecting) -> String {
         collected.n_kept
     );
     match collecting {
-        Collecting::Remove => format!("done   removed {words}"),
-        Collecting::Count => format!("note   would remove {words}; nothing is removed"),
+        GcMode::Remove => format!("done   removed {words}"),
+        GcMode::Count => format!("note   would remove {words}; nothing is removed"),
     }
 }

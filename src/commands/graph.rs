@@ -12,12 +12,12 @@ use crate::{
     arguments::{GraphArgs, GraphFormat},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Draws the graph of a pipeline.
-pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<CommandOutcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut n_partitions = BTreeMap::new();
     let lake = Lake::open(&program.lake);
@@ -38,7 +38,7 @@ pub(crate) fn graph(program: &Program, args: &GraphArgs) -> Result<Outcome, Comm
         GraphFormat::Mermaid => drawings::mermaid(&graph),
     };
     report::data(text.as_bytes())?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 /// A pipeline, with the number of partitions of each output in the lake.

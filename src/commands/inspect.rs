@@ -7,14 +7,17 @@ use crate::{
     arguments::InspectArgs,
     command_line::Program,
     commands::lookup,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
     system_errors::in_words,
     timestamps,
 };
 
 /// Shows an artifact of a run.
-pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn inspect(
+    program: &Program,
+    args: &InspectArgs,
+) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = lookup::run(&lake, args.run.as_deref())?;
     let (_, units) = lookup::units(&run, &args.artifact)?;
@@ -47,7 +50,7 @@ pub(crate) fn inspect(program: &Program, args: &InspectArgs) -> Result<Outcome, 
         )
     };
     report::data(text.as_bytes())?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
@@ -69,10 +72,10 @@ fn left_out(results: &[(&UnitRef, Record)], run: &Run) -> String {
 
 fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, CommandError> {
     let mut text = String::new();
-    let mut rows = vec![report::header(["partition", "result", "rows", "figures"])];
+    let mut rows = vec![report::header(["partition", "result", "rows", "metrics"])];
     let mut columns = None;
     for (unit, record) in results {
-        let (result, n_rows, figures) = match &record.outcome {
+        let (result, n_rows, metrics) = match &record.outcome {
             RecordOutcome::Made { files, metrics, .. } => {
                 let mut n_rows = String::new();
                 if let Some(file) = files.get(table::FILE) {
@@ -80,11 +83,11 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Comma
                     n_rows = description.rows.to_string();
                     columns.get_or_insert(description.columns);
                 }
-                let figures: Vec<String> = metrics
+                let metrics: Vec<String> = metrics
                     .iter()
                     .map(|(name, value)| format!("{name} {value:.4}"))
                     .collect();
-                ("made", n_rows, figures.join(", "))
+                ("made", n_rows, metrics.join(", "))
             }
             RecordOutcome::Skipped { reason } => ("skipped", String::new(), in_words(reason)),
             RecordOutcome::Filtered { reason } => ("filtered", String::new(), in_words(reason)),
@@ -93,7 +96,7 @@ fn overview(lake: &Lake, results: &[(&UnitRef, Record)]) -> Result<String, Comma
             unit.partition.to_string(),
             result.to_owned(),
             n_rows,
-            figures,
+            metrics,
         ]);
     }
     if let Some(columns) = columns {
@@ -146,7 +149,7 @@ fn one(
         rows.extend(
             metrics
                 .iter()
-                .map(|(name, value)| vec![format!("figure {name}"), value.to_string()]),
+                .map(|(name, value)| vec![format!("metric {name}"), value.to_string()]),
         );
     }
     let mut text = report::columns(&rows, &[]);

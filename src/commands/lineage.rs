@@ -13,7 +13,7 @@ use crate::{
     arguments::LineageArgs,
     command_line::Program,
     commands::lookup,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
@@ -36,7 +36,10 @@ struct Family<T> {
 }
 
 /// Shows the ancestors or descendants of an artifact.
-pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn lineage(
+    program: &Program,
+    args: &LineageArgs,
+) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = lookup::run(&lake, args.run.as_deref())?;
     let (node, units) = lookup::units(&run, &args.artifact)?;
@@ -67,5 +70,5 @@ pub(crate) fn lineage(program: &Program, args: &LineageArgs) -> Result<Outcome, 
             tree::text(family.members.iter().map(outputs::Member::node))
         })?;
     }
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

@@ -6,12 +6,12 @@ use std::{
     process,
 };
 
-use lake::write_whole;
+use lake::write_atomic;
 
 use crate::{
     arguments::NewArgs,
     command_line::Program,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
 };
 
 /// Maximum entries named of a folder that is not empty.
@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 35] = files![
+const FILES: [(&str, &str); 36] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -56,6 +56,7 @@ const FILES: [(&str, &str); 35] = files![
     "pipelines/interpolation.toml",
     "pipelines/noise.toml",
     "pipelines/paper.toml",
+    "pipelines/refinement.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
     "pipelines/protocols.toml",
@@ -67,7 +68,7 @@ const FILES: [(&str, &str); 35] = files![
 ];
 
 /// Writes a project in which the main job runs.
-pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<CommandOutcome, CommandError> {
     let name = &args.name;
     check_name(name)?;
     let folder = Path::new(name);
@@ -85,7 +86,7 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<Outcome, CommandE
     program.say(&format!(
         "next   `cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"
     ));
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 /// Checks that a name is a valid folder name on every system, without quotes.
@@ -148,9 +149,9 @@ fn check_empty(folder: &Path) -> Result<(), CommandError> {
 fn write(folder: &Path, name: &str) -> anyhow::Result<()> {
     let readme = include_str!("new/readme.md").replacen(NAME, name, 1);
     for (path, text) in FILES {
-        write_whole(&folder.join(path), text.as_bytes())?;
+        write_atomic(&folder.join(path), text.as_bytes())?;
     }
-    write_whole(&folder.join("README.md"), readme.as_bytes())?;
+    write_atomic(&folder.join("README.md"), readme.as_bytes())?;
     Ok(())
 }
 

@@ -13,7 +13,7 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
@@ -21,7 +21,7 @@ use crate::{
 const NAMED: usize = 3;
 
 /// Shows what `run` would do, and why, for every variant.
-pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<CommandOutcome, CommandError> {
     sweep::each(program, &args.pipeline, |pipeline| {
         let args = PlanArgs {
             pipeline,
@@ -39,7 +39,7 @@ fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, CommandError
         Format::Text => report::text(&text(&plan, Page::of_stdout().width))?,
         Format::Json => report::json(&plan)?,
     }
-    Ok(Done::without_words(Outcome::Done))
+    Ok(Done::without_words(CommandOutcome::Done))
 }
 
 /// One line per output and cause, cut to a width if there is one.
@@ -58,11 +58,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
     for node in &plan.nodes {
         let name = node.node.to_string();
         let Some(units) = &node.units else {
-            row(
-                "pending",
-                name,
-                "known when what it reads has been made".to_owned(),
-            );
+            row("pending", name, "known once its inputs exist".to_owned());
             continue;
         };
         let n_cached = units

@@ -14,12 +14,12 @@ use self::{page::Page, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Answers a question in SQL over the lake's tables.
-pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
     question::check(&args.sql)?;
     let lake = Lake::open(&program.lake);
     let run = match &args.run {
@@ -40,12 +40,12 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<Outcome, Comm
             for note in printed.left_out {
                 program.say(&format!("note   {note}"));
             }
-            return Ok(Outcome::Done);
+            return Ok(CommandOutcome::Done);
         }
         QueryFormat::Csv => print::csv(&answer),
         QueryFormat::Json => print::json_lines(&answer),
         QueryFormat::Parquet => print::parquet(&mut answer),
     };
     report::data(&bytes.map_err(|err| CommandError::failed(err, None))?)?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

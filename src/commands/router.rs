@@ -9,12 +9,12 @@ use signal_hook::{
 use crate::{
     arguments::RouterArgs,
     command_line::Program,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Forwards between cells and dispatchers until it is interrupted.
-pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<CommandOutcome, CommandError> {
     let failed = CommandError::with_hint(CellError::hint);
     // Before anything is served, so that an early signal is handled too.
     let mut signals =
@@ -34,5 +34,5 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<Outcome, Co
         );
     }
     signals.forever().next();
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

@@ -14,14 +14,14 @@ use crate::{
         sweep::{self, Done},
     },
     interrupt,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
     report,
 };
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
-pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Arc::new(Lake::open(&program.lake));
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;
@@ -47,7 +47,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
         report::text(&plan::text(&plan, Page::of_stdout().width))?;
-        return Ok(Done::without_words(Outcome::Done));
+        return Ok(Done::without_words(CommandOutcome::Done));
     }
     let screen = Screen::new(program.quiet);
     let processes = Processes {
@@ -92,7 +92,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
                 ));
             }
         }
-        Outcome::SkippedItems
+        CommandOutcome::SkippedItems
     } else {
         if let Some(last) = last.filter(|_| ran.n_made_now() > 0) {
             program.say(&format!(
@@ -101,7 +101,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
                 args.pipeline.file.display()
             ));
         }
-        Outcome::Done
+        CommandOutcome::Done
     };
     Ok(Done { outcome, said })
 }

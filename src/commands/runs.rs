@@ -10,7 +10,7 @@ use crate::{
     arguments::RunsArgs,
     command_line::Program,
     commands::{lookup, query::page::Page},
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report::{self, cut},
     timestamps,
 };
@@ -62,7 +62,7 @@ struct NodeCounts {
 }
 
 /// Lists runs, the newest last.
-pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let tags = lake.tags()?;
     let mut rows = Vec::new();
@@ -98,7 +98,7 @@ pub(crate) fn runs(program: &Program, args: &RunsArgs) -> Result<Outcome, Comman
     })?;
     match damaged.into_iter().next() {
         Some(err) => Err(err.into()),
-        None => Ok(Outcome::Done),
+        None => Ok(CommandOutcome::Done),
     }
 }
 

@@ -6,7 +6,7 @@ use crate::{
     arguments::StagesArgs,
     command_line::Program,
     commands::query::page::Page,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
@@ -14,7 +14,7 @@ use crate::{
 const MAX_TYPE_WIDTH: usize = 60;
 
 /// Lists the kinds of stages, or the options of one.
-pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<CommandOutcome, CommandError> {
     let kinds = program.kinds;
     let text = match &args.kind {
         None => overview(kinds),
@@ -29,7 +29,7 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<Outcome, Co
         }
     };
     report::text(&text)?;
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 fn overview(kinds: &[Kind]) -> String {

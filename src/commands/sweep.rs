@@ -8,20 +8,20 @@ use crate::{
     arguments::{PipelineArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// The result of a command for one variant.
 pub(crate) struct Done {
-    pub(crate) outcome: Outcome,
+    pub(crate) outcome: CommandOutcome,
     /// The last stage's summary; empty if none has run.
     pub(crate) said: String,
 }
 
 impl Done {
     /// Returns the result of a command that ran no stage.
-    pub(crate) fn without_words(outcome: Outcome) -> Self {
+    pub(crate) fn without_words(outcome: CommandOutcome) -> Self {
         Self {
             outcome,
             said: String::new(),
@@ -37,7 +37,7 @@ pub(crate) fn each(
     program: &Program,
     args: &PipelineArgs,
     command: impl Fn(PipelineArgs) -> Result<Done, CommandError>,
-) -> Result<Outcome, CommandError> {
+) -> Result<CommandOutcome, CommandError> {
     let mut variants: Vec<(String, PipelineArgs)> = Sweep::variants(&pipeline_file::sweeps(args)?)
         .into_iter()
         .map(|variant| {
@@ -62,7 +62,7 @@ pub(crate) fn each(
         pipeline_file::read(program.kinds, args)?;
     }
     let n_variants = variants.len();
-    let mut outcome = Outcome::Done;
+    let mut outcome = CommandOutcome::Done;
     let mut n_failed = 0;
     let mut rows = vec![report::header(["variant", "result", "time"])];
     let mut has_run = false;
@@ -71,8 +71,8 @@ pub(crate) fn each(
         let started = Instant::now();
         let said = match command(args) {
             Ok(done) => {
-                if done.outcome == Outcome::SkippedItems {
-                    outcome = Outcome::SkippedItems;
+                if done.outcome == CommandOutcome::SkippedItems {
+                    outcome = CommandOutcome::SkippedItems;
                 }
                 has_run |= !done.said.is_empty();
                 done.said

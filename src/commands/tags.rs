@@ -5,11 +5,11 @@ use lake::Lake;
 use crate::{
     arguments::{TagArgs, UntagArgs},
     command_line::Program,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
 };
 
 /// Tags a run.
-pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let run = lake.find_run(&args.run)?;
     let before = lake.tag(&args.name, run)?;
@@ -18,12 +18,12 @@ pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<Outcome, CommandE
         _ => String::new(),
     };
     program.say(&format!("done   `{}` is run {run}{was}", args.name));
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }
 
 /// Removes a tag from its run.
-pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<CommandOutcome, CommandError> {
     Lake::open(&program.lake).untag(&args.name)?;
     program.say(&format!("done   no run is tagged `{}` now", args.name));
-    Ok(Outcome::Done)
+    Ok(CommandOutcome::Done)
 }

@@ -14,13 +14,13 @@ use crate::{
     command_line::Program,
     commands::pipeline_file,
     interrupt,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     progress::Screen,
     report,
 };
 
 /// Makes one unit whose inputs are in the lake.
-pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let node = NodeName::parse(&args.artifact).ok_or_else(|| {
         let known: Vec<String> = pipeline
@@ -53,9 +53,9 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
         (Ok(made), Format::Text) => {
             let fingerprint = made.fingerprint.to_hex();
             report::data(format!("{fingerprint}\n").as_bytes())?;
-            Outcome::Done
+            CommandOutcome::Done
         }
-        (Ok(_), Format::Json) => Outcome::Done,
+        (Ok(_), Format::Json) => CommandOutcome::Done,
         (Err(err), Format::Text) => return Err(err.into()),
         (Err(err), Format::Json) => {
             let (hint, left_out) = err.advice();
@@ -71,7 +71,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<Outcome, Comman
                 hint,
                 left_out,
             });
-            Outcome::Reported
+            CommandOutcome::Reported
         }
     };
     lines.finish().map(|()| outcome)

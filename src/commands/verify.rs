@@ -8,13 +8,13 @@ use lake::{Fault, Lake};
 use crate::{
     arguments::VerifyArgs,
     command_line::Program,
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     progress::Quiet,
     report,
 };
 
 /// Checks every byte of the lake, or of the files outside that it has read.
-pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, CommandError> {
+pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutcome, CommandError> {
     let lake = Lake::open(&program.lake);
     let bar = Mutex::new(None);
     let on_bytes = |done: u64, total: u64| {
@@ -45,7 +45,7 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<Outcome, Co
             verified.n_files,
             report::bytes(verified.n_bytes)
         ));
-        return Ok(Outcome::Done);
+        return Ok(CommandOutcome::Done);
     }
     let n_faults = verified.faults.len();
     if args.drop {

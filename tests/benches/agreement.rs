@@ -32,8 +32,8 @@ use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::candidates::{Candidates, ObjectSplit};
 use serde_json::Value;
-use simulation::{ObjectShape, Record, Template, Verdict};
-use spatial::{Object, Pose, Rest, Table};
+use simulation::{ObjectShape, SettledScene, TraceMode, Verdict};
+use spatial::{Object, Pose, RestingPose, Table};
 use stage_screen::ScreenConfig;
 use statistics::mcnemar;
 
@@ -286,7 +286,7 @@ fn compare(
         candidates: candidates.candidates.len(),
         ..Counts::default()
     };
-    let mut templates: Vec<(Pose<Table, Object>, Template)> = Vec::new();
+    let mut templates: Vec<(Pose<Table, Object>, SettledScene)> = Vec::new();
     let mut scripts: Vec<Value> = Vec::new();
     let mut held: Vec<bool> = Vec::new();
     for candidate in &candidates.candidates {
@@ -294,14 +294,14 @@ fn compare(
         let pose = candidate.table_from_object;
         let known = templates.iter().position(|(other, _)| *other == pose);
         let at = known.unwrap_or_else(|| {
-            let template = Template::new(scene, hand, object, &Rest::of(&pose)).unwrap();
-            templates.push((pose, template));
+            let settled = SettledScene::new(scene, hand, object, &RestingPose::of(&pose)).unwrap();
+            templates.push((pose, settled));
             templates.len() - 1
         });
-        let (template, motion) = (&templates[at].1, &candidate.motion);
+        let (settled, motion) = (&templates[at].1, &candidate.motion);
         counts.here_s += thread_time::cpu_s() - before;
         let before = thread_time::cpu_s();
-        let rollout = template.rollout(motion, protocol, Record::Nothing);
+        let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
         let cpu_s = thread_time::cpu_s() - before;
         let rollout = rollout.unwrap();
         held.push(screen.verdict(&rollout) == Verdict::Held);
@@ -312,9 +312,9 @@ fn compare(
             counts.here_held_steps +=
                 f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
         }
-        let setpoints = template.setpoints(motion, protocol).unwrap();
+        let setpoints = settled.setpoints(motion, protocol).unwrap();
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
-        scripts.push(mujoco::rollout(template, &setpoints));
+        scripts.push(mujoco::rollout(settled, &setpoints));
     }
     let finer = finer(&screen, hand, object, candidates);
     counts.held_finer = finer.iter().filter(|held| **held).count();
@@ -358,9 +358,9 @@ fn finer(
     scene.time_step_s /= f64::from(FINER);
     scene.steps_per_control *= FINER;
     let holds = candidates.candidates.par_iter().map(|candidate| {
-        let rest = Rest::of(&candidate.table_from_object);
-        let template = Template::new(&scene, hand, object, &rest).unwrap();
-        let rollout = template.rollout(&candidate.motion, &screen.protocol, Record::Nothing);
+        let rest = RestingPose::of(&candidate.table_from_object);
+        let settled = SettledScene::new(&scene, hand, object, &rest).unwrap();
+        let rollout = settled.rollout(&candidate.motion, &screen.protocol, TraceMode::Nothing);
         screen.verdict(&rollout.unwrap()) == Verdict::Held
     });
     holds.collect()

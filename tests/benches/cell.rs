@@ -26,9 +26,9 @@ use std::{
 };
 
 use cell::{
-    Carrier, CellClient, Executed, Gap, Goal, JointPoint, JointRates, JointTrack, Keys, Pacer,
-    PalmPoint, Service, SimulatedCell, SimulatedCellConfig, Tick, rehearse, robot_digest,
-    subscribe,
+    CellClient, Goal, GoalResult, JointPoint, JointRates, JointTrack, Keys, ModelMismatch, Pacer,
+    PalmPoint, PalmTrajectory, ServiceConfig, SimulatedCell, SimulatedCellConfig, Tick,
+    execute_offline, robot_digest, subscribe,
 };
 use nalgebra::Isometry3;
 use robot::RobotModel;
@@ -91,7 +91,7 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
         let done = client
             .execute(&goal(attempt), robot.joints(), SOON, SOON)
             .unwrap();
-        let Executed::Now(report) = done else {
+        let GoalResult::Report(report) = done else {
             panic!("{done:?}");
         };
         assert!(report.rejection.is_none(), "{}", report.message);
@@ -113,7 +113,7 @@ fn alone(object: &ObjectShape) -> Vec<f64> {
     let mut late_us = Vec::new();
     for attempt in 0..GOALS {
         let mut pacer = Pacer::default();
-        let report = rehearse(&config(), URDF, object, &goal(attempt), &mut |sample| {
+        let report = execute_offline(&config(), URDF, object, &goal(attempt), &mut |sample| {
             late_us.push(1e6 * pacer.wait(sample.time_s));
             None
         });
@@ -133,10 +133,10 @@ fn config() -> SimulatedCellConfig {
             ..scene
         },
         arm: None,
-        gap: Gap::default(),
-        service: Service {
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig {
             real_time: true,
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     }
 }
@@ -184,7 +184,7 @@ fn goal(attempt: u32) -> Goal {
             reach_s,
             ..protocol
         },
-        carrier: Carrier::Palm(vec![palm(0.0), palm(reach_s)]),
+        carrier: PalmTrajectory::Palm(vec![palm(0.0), palm(reach_s)]),
         hand: JointTrack {
             joints: hand.joint_names(),
             points: (0..=ticks).map(point).collect(),

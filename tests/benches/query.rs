@@ -18,14 +18,14 @@ use std::{
 };
 
 use dataflow::{
-    Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, PartitionKey, Recipe, Record,
-    RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef,
+    Fingerprint, NodeName, NodeRecord, Origin, OutputFingerprint, OutputRecord, PartitionKey,
+    Record, RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef,
 };
 use lake::Lake;
 use limits::Limits;
 use schemas::{
     Table,
-    candidates::Lineage,
+    candidates::DrawSource,
     rollouts::{Rollout, Rollouts, Smoothness, Verdict},
 };
 
@@ -81,7 +81,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
 fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Error>> {
     let lake = Lake::open(folder);
     let node = NodeName::parse("screen.rollouts").unwrap();
-    let recipe = Arc::new(Recipe {
+    let recipe = Arc::new(OutputFingerprint {
         kind: "screen".to_owned(),
         output: "rollouts".parse().unwrap(),
         code: BTreeMap::new(),
@@ -159,7 +159,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
     Rollout {
         candidate_id: format!("{object}-{row:05}"),
         generator: "cgf".to_owned(),
-        lineage: Lineage::replayed("a"),
+        lineage: DrawSource::replayed("a"),
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         cost_n: 190,
         saved_n: 0,

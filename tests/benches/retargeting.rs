@@ -26,9 +26,9 @@ use limits::Limits;
 use nalgebra::Point3;
 use ours::{FAST, Objective, TIGHT, best_of, points_at, true_minimum};
 use peer::Peer;
+use posture::{NoTerms, Posture, SearchOptions, Solver};
 use problem::{HANDS, Problem};
 use rand_chacha::{ChaCha8Rng, rand_core::SeedableRng};
-use stage_retarget::solver::{NoTerms, Options, Posture, Solver};
 
 /// Frames that one side does before it is the other's turn.
 const CHUNK: usize = 27;
@@ -223,7 +223,7 @@ fn sequence(
     solver: &mut Solver<'_>,
     frames: std::ops::Range<usize>,
     start: &Posture,
-    options: &Options,
+    options: &SearchOptions,
 ) -> Found {
     let points = vec![Point3::origin(); problem.links.len()];
     let mut found = Found {
@@ -300,7 +300,7 @@ fn minima(problem: &Problem, objective: Objective) {
     let (mut excess, mut iterations) = (Vec::new(), Vec::new());
     let (mut ours, mut best) = (Vec::new(), Vec::new());
     let first = objective.task(problem, 0, &before, &[]);
-    let first = stage_retarget::solver::Task {
+    let first = posture::Task {
         smoothness: None,
         ..first
     };

@@ -20,8 +20,8 @@ use std::{
 };
 
 use cgf::{
-    Activation, Cgf, NetworkConfig, ObjectFeature, Random, Scene, Track, TrainingConfig,
-    TrainingSet,
+    Activation, Cgf, NetworkConfig, ObjectFeature, Random, RestingObject, TrainingConfig,
+    TrainingMotion, TrainingSet,
 };
 use dataflow::Pipeline;
 use limits::Limits;
@@ -31,7 +31,7 @@ use python::Script;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 use robot::RobotModel;
 use serde_json::{Value, json};
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 use stage_train::Train;
 
 const MOTIONS: usize = 10_000;
@@ -163,7 +163,7 @@ impl<'a> Lane<'a> {
 /// A network of the released model's size that was hardly trained, and an object.
 struct Ours {
     cgf: Cgf,
-    scene: Scene,
+    scene: RestingObject,
     times: Vec<f64>,
     latents: Vec<Vec<f64>>,
 }
@@ -182,15 +182,15 @@ impl Ours {
         training.penetration_weight = 0.0;
         let mut random = Random::new(1, 0);
         let mut point = |_| Point3::from(Vector3::from_fn(|_, _| 0.05 * random.normal()));
-        let scene = Scene {
+        let scene = RestingObject {
             object: "cloud".to_owned(),
-            rest: Rest {
+            rest: RestingPose {
                 up_in_object: Vector3::z_axis(),
                 height_m: 0.1,
             },
             points_in_object: (0..2000).map(&mut point).collect(),
         };
-        let track = |name: &str, x: f64| Track {
+        let track = |name: &str, x: f64| TrainingMotion {
             name: name.to_owned(),
             scene: 0,
             split: schemas::training::Split::Training,

@@ -26,7 +26,7 @@ use motion::Motion;
 use mujoco::{Engine, Mujoco, Rolled};
 use rayon::{ThreadPoolBuilder, prelude::*};
 use serde_json::Value;
-use simulation::{Protocol, Record, Rollout, Template, Verdict};
+use simulation::{Protocol, Rollout, SettledScene, TraceMode, Verdict};
 use spatial::Object;
 
 const CANDIDATES: usize = 1000;
@@ -57,7 +57,7 @@ fn main() -> ExitCode {
     let object = can::can();
     let motions = grasps::grasps(&hand, CANDIDATES);
     let before = thread_time::cpu_s();
-    let template = Template::new(scene, &hand, &object, &can::upright()).unwrap();
+    let settled = SettledScene::new(scene, &hand, &object, &can::upright()).unwrap();
     let build_s = thread_time::cpu_s() - before;
     let mut peer = Mujoco::start();
     match &mut peer {
@@ -73,15 +73,15 @@ fn main() -> ExitCode {
     for turn in motions.chunks(TURN) {
         for motion in turn {
             let before = thread_time::cpu_s();
-            let rollout = template.rollout(motion, protocol, Record::Nothing);
+            let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
             ours.push((rollout.unwrap(), thread_time::cpu_s() - before));
         }
         if let Ok(mujoco) = &mut peer {
             let scripts: Vec<Value> = turn
                 .iter()
                 .map(|motion| {
-                    let setpoints = template.setpoints(motion, protocol).unwrap();
-                    mujoco::rollout(&template, &setpoints)
+                    let setpoints = settled.setpoints(motion, protocol).unwrap();
+                    mujoco::rollout(&settled, &setpoints)
                 })
                 .collect();
             theirs.extend(mujoco.roll(&scripts));
@@ -89,7 +89,7 @@ fn main() -> ExitCode {
     }
     drop(peer);
 
-    let steps = template.setpoints(&motions[0], protocol).unwrap().len() - 1;
+    let steps = settled.setpoints(&motions[0], protocol).unwrap().len() - 1;
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
     let verdicts = ours.iter();
@@ -157,7 +157,7 @@ fn main() -> ExitCode {
             MIN_BESIDE_MUJOCO..,
         );
     }
-    threads(&template, protocol, &motions[..THREADED], &mut limits);
+    threads(&settled, protocol, &motions[..THREADED], &mut limits);
     limits.end()
 }
 
@@ -173,7 +173,7 @@ fn count<T: Display + Ord>(who: &str, verdicts: impl Iterator<Item = T>) {
 
 /// Prints how much faster two threads are than one, in turns.
 fn threads(
-    template: &Template,
+    settled: &SettledScene,
     protocol: &Protocol,
     motions: &[Motion<Object, ()>],
     limits: &mut Limits,
@@ -187,7 +187,7 @@ fn threads(
             let before = (Instant::now(), of_pool());
             pool.install(|| {
                 motions.par_iter().for_each(|motion| {
-                    let rollout = template.rollout(motion, protocol, Record::Nothing);
+                    let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
                     black_box(rollout.unwrap());
                 });
             });

@@ -25,8 +25,8 @@ use motion::{Motion, Rates};
 use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::candidates::Candidates;
-use simulation::{ObjectShape, Protocol, Record, SceneConfig, Shortcuts, Template, Verdict};
-use spatial::{Object, Rest};
+use simulation::{ObjectShape, Protocol, SceneConfig, SettledScene, Shortcuts, TraceMode, Verdict};
+use spatial::{Object, RestingPose};
 use stage_screen::ScreenConfig;
 
 const GRASPS: usize = 400;
@@ -77,7 +77,8 @@ fn main() -> ExitCode {
     let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
     let motions = grasps::grasps(&hand, GRASPS);
     for (name, object, rest) in bodies::bodies() {
-        let motions: Vec<(Rest, &Motion<Object, ()>)> = motions.iter().map(|m| (rest, m)).collect();
+        let motions: Vec<(RestingPose, &Motion<Object, ()>)> =
+            motions.iter().map(|m| (rest, m)).collect();
         compare(
             name,
             &hand,
@@ -100,9 +101,9 @@ fn main() -> ExitCode {
             let rests = candidates
                 .candidates
                 .iter()
-                .map(|c| Rest::of(&c.table_from_object));
+                .map(|c| RestingPose::of(&c.table_from_object));
             let motions = candidates.candidates.iter().map(|one| &one.motion);
-            let motions: Vec<(Rest, &Motion<Object>)> = rests.zip(motions).collect();
+            let motions: Vec<(RestingPose, &Motion<Object>)> = rests.zip(motions).collect();
             compare(
                 name.as_str(),
                 &hand,
@@ -146,7 +147,7 @@ fn compare<R: Rates + Sync>(
     name: &str,
     hand: &RobotModel,
     object: &ObjectShape,
-    motions: &[(Rest, &Motion<Object, R>)],
+    motions: &[(RestingPose, &Motion<Object, R>)],
     scene: &SceneConfig,
     protocol: &Protocol,
     totals: &mut BTreeMap<usize, Counts>,
@@ -162,9 +163,11 @@ fn compare<R: Rates + Sync>(
             let roll = |shortcuts: Shortcuts| {
                 let mut scene = scene.clone();
                 scene.shortcuts = shortcuts;
-                let template = Template::new(&scene, hand, object, rest).unwrap();
+                let settled = SettledScene::new(&scene, hand, object, rest).unwrap();
                 let before = thread_time::cpu_s();
-                let rollout = template.rollout(motion, protocol, Record::Nothing).unwrap();
+                let rollout = settled
+                    .rollout(motion, protocol, TraceMode::Nothing)
+                    .unwrap();
                 let cpu_s = thread_time::cpu_s() - before;
                 let said = format!("{rollout:?}");
                 (rollout.verdict, rollout.cost_n, cpu_s, said)

@@ -8,8 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Code, Context, Inputs, Kind, Line, Lines, Options, Outcome, Output, Outputs, Pipeline,
-    Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
+    Advise, Code, Context, Inputs, Kind, Line, Lines, OptionsUsed, Outcome, Output, Outputs,
+    Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -351,7 +351,7 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
     const ARTIFACT: &'static str = "picture";
     const SCHEMA: &'static str = "any/1";
     const PARTITION: &'static str = "file";
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<()>> = Some(|summary| format!("{} pictures", summary.n_made));
 
     fn units(_: &CountConfig, scope: &Scope) -> Result<Vec<Unit>, CountError> {

@@ -56,7 +56,7 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
         cx: &Context,
     ) -> Result<Outcome<()>, OwnError> {
         let path = cx.folder().join("number.txt");
-        lake::write_whole(&path, config.number.to_string().as_bytes())?;
+        lake::write_atomic(&path, config.number.to_string().as_bytes())?;
         Ok(Outcome::Made(()))
     }
 }

@@ -37,7 +37,7 @@ pub(crate) struct Tally {
 }
 
 dataflow::metrics! {
-    /// What is said of the bytes of a partition.
+    /// Metrics of the bytes of a partition.
     pub(crate) struct Bytes {
         /// How many there are.
         bytes: Sum,

@@ -19,7 +19,7 @@ pub(crate) struct LoggedConfig {
 }
 
 dataflow::metrics! {
-    /// What is said of the trials of an object.
+    /// Metrics of the trials of an object.
     pub(crate) struct Count {
         /// Number of trials.
         trials_n: Sum,

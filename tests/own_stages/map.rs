@@ -75,7 +75,7 @@ impl<const VERSION: u8> Output for Map<VERSION> {
         let tally = bytes::write_changed(cx.partition().as_str(), data, change, cx.folder())?;
         if config.chart {
             let chart = format!("<svg><title>{} bytes</title></svg>\n", tally.bytes);
-            lake::write_whole(&cx.folder().join("bytes.svg"), chart.as_bytes())?;
+            lake::write_atomic(&cx.folder().join("bytes.svg"), chart.as_bytes())?;
         }
         let metrics = tally.metrics();
         if config.table {

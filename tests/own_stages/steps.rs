@@ -77,7 +77,7 @@ impl<const VERSION: u8> Output for Steps<VERSION> {
             hooks::fail(&moment)?;
             state.sum += state.done;
             state.done += 1;
-            lake::write_whole(&path, format!("{}", serde_json::json!(state)).as_bytes())?;
+            lake::write_atomic(&path, format!("{}", serde_json::json!(state)).as_bytes())?;
         }
         let tally = Tally {
             name: cx.partition().to_string(),

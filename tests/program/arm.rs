@@ -85,7 +85,7 @@ fn an_arm_that_does_not_carry_the_hand_is_refused_before_anything_runs() {
         said
     };
     let other = refused("dispatch.hand=data/robots/allegro_left.urdf", 1);
-    assert!(other.contains("is not the hand"), "{other}");
+    assert!(other.contains("differ from the hand"), "{other}");
     let link = refused("dispatch.arm.palm=base", 1);
     assert!(link.contains("has no link `base`"), "{link}");
     let pose = refused(

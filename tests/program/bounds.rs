@@ -8,17 +8,26 @@ use crate::bench::{Bench, stderr};
 
 const FILE: &str = include_str!("../../pipelines/cgf.toml");
 
-/// The same with an arm, so that it has every option.
+/// The same with an arm and a refinement, so that it has every option.
 const ARM: &str = include_str!("../../pipelines/arm.toml");
+const REFINE: &str = r#"
+[stages.refine]
+kind = "refine"
+inputs.candidates = "sample.candidates"
+inputs.distance_fields = "retarget.distance_fields"
+shared.hand = "hand"
+hand_table = "data/hands/allegro_right.toml"
+"#;
 
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
 
-/// Reads the pipeline, with an arm, and with one value in place of its own.
+/// Reads the pipeline, with every option, and with one value in place of its own.
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    Pipeline::parse(path, ARM, &pipeline::kinds(), None, &[given])
+    let source = [ARM, REFINE].concat();
+    Pipeline::parse(path, &source, &pipeline::kinds(), None, &[given])
 }
 
 /// The options of these types of every stage of the pipeline.
@@ -167,8 +176,8 @@ fn out_of_bounds_value_names_key_bound_and_reason() {
         &["`protocol.hold_s`", "control steps"],
     );
     check(
-        &["dispatch.grasp.reach_s=1e300"],
-        &["`grasp.reach_s` is 1e300, and must be more than 0 and at most 3600"],
+        &["dispatch.protocol.reach_s=1e300"],
+        &["`protocol.reach_s` is 1e300, and must be more than 0 and at most 3600"],
     );
     check(
         &["retarget.field_spacing_m=1e-12"],

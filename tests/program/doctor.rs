@@ -1,6 +1,5 @@
 //! `pipeline doctor` says what is ready and what is missing.
 
-use std::io::Write as _;
 use std::{fs, net::TcpListener};
 
 use crate::{
@@ -172,7 +171,7 @@ fn doctor_says_what_is_unphysical_in_a_robot() {
         .map(|(word, rest)| (word, rest.trim_start()))
         .collect();
     for (word, says) in [
-        ("wrong", "has an inertia that no body has"),
+        ("wrong", "violates the triangle inequality"),
         ("doubtful", "is locked: its limits are both 0"),
         ("doubtful", "has no effort limit: 0 Nm"),
         ("note", "in physics it has that of all that it carries"),
@@ -262,23 +261,10 @@ fn doctor_says_why_a_robot_cannot_be_read() {
 
 #[test]
 fn doctor_finds_the_side_of_published_hands() {
-    let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`; see `tests/README.md`"
-        )
-        .unwrap();
+    let Some(folder) = measured_data::folder("urdf") else {
         return;
     };
-    let Ok(entries) = fs::read_dir(std::path::Path::new(&root).join("urdf")) else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` holds no `urdf`; see `tests/README.md`"
-        )
-        .unwrap();
-        return;
-    };
-    for entry in entries {
+    for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         let output = pipeline(&["doctor", "--robot", path.to_str().unwrap()]);
         let report = stderr(&output);

@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 15] = [
+const FILES: [&str; 16] = [
     "cgf",
     "arm",
     "baseline",
@@ -19,6 +19,7 @@ const FILES: [&str; 15] = [
     "interpolation",
     "noise",
     "paper",
+    "refinement",
     "released",
     "replay",
     "protocols",
@@ -140,7 +141,7 @@ fn every_option_is_documented_and_user_specific_ones_have_no_default() {
         "screen.protocol.flexion_joints",
         "screen.scene.drive.torque_limit",
         "dispatch.cell",
-        "dispatch.grasp.flexion_joints",
+        "dispatch.protocol.flexion_joints",
         "dispatch.arm.table_from_base",
     ] {
         assert!(

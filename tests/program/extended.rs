@@ -200,32 +200,32 @@ fn a_shared_value_is_said_once_and_given_once() {
         text
     };
     // Both stages that use it are named, at the location of the value.
-    let text = says("shared.grasp.reach_s=soon");
+    let text = says("shared.protocol.reach_s=soon");
     for stage in [
         "`protocol.reach_s` in stage `screen`",
-        "`grasp.reach_s` in stage `dispatch`",
+        "`protocol.reach_s` in stage `dispatch`",
     ] {
         assert!(text.contains(stage), "{text}");
     }
     assert!(
-        text.contains("| --set shared.grasp.reach_s=soon\n"),
+        text.contains("| --set shared.protocol.reach_s=soon\n"),
         "{text}"
     );
     assert!(!text.contains(path.to_str().unwrap()), "{text}");
-    let text = says("shared.grsap.reach_s=1");
+    let text = says("shared.protocl.reach_s=1");
     assert!(
-        text.contains("no stage takes the shared value `grsap`"),
+        text.contains("no stage takes the shared value `protocl`"),
         "{text}"
     );
-    assert!(text.contains("did you mean `grasp`?"), "{text}");
-    let text = says("shraed.grasp.reach_s=1");
+    assert!(text.contains("did you mean `protocol`?"), "{text}");
+    let text = says("shraed.protocol.reach_s=1");
     assert!(text.contains("did you mean `shared`?"), "{text}");
     // What a stage says itself comes before it.
     let own = [
         "--set",
         "screen.protocol.reach_s=1",
         "--set",
-        "shared.grasp.reach_s=2",
+        "shared.protocol.reach_s=2",
     ];
     assert_eq!(folder.plan("own.toml", &own).0, 0);
 }

@@ -133,7 +133,7 @@ fn diff_names_the_difference_and_nothing_else() {
         .collect();
     assert_eq!(words[0], ["values"]);
     assert_eq!(words[1], ["retarget.clearance_m", "0.008", "→", "0.01"]);
-    assert_eq!(words[2], ["figures"]);
+    assert_eq!(words[2], ["metrics"]);
     assert_eq!(
         words[3][..3],
         ["retarget.trajectories", "partitions", "changed"]
@@ -147,11 +147,11 @@ fn diff_names_the_difference_and_nothing_else() {
     assert_eq!(outputs.len(), 2);
     assert_eq!(outputs[0]["added"], json!([]));
     assert!(outputs[0]["changed"].as_array().unwrap().len() > 5);
-    let figures = outputs[0]["figures"].as_array().unwrap();
+    let metrics = outputs[0]["metrics"].as_array().unwrap();
     assert!(
-        figures
+        metrics
             .iter()
-            .any(|figure| figure["figure"] == "keypoint_error_m")
+            .any(|metric| metric["metric"] == "keypoint_error_m")
     );
     assert_eq!(done(lake(), &["diff", "1", "newest"]), "no difference\n");
 }
@@ -289,7 +289,7 @@ fn artifacts_and_tables_are_shown_as_a_run_had_them() {
 
     let inspect = |run: &str| done(lake(), &["inspect", "retarget.trajectories", "--run", run]);
     assert!(inspect("2").starts_with("retarget.trajectories of run 2\n"));
-    let figures = |run: &str| inspect(run).lines().skip(1).collect::<Vec<_>>().join("\n");
-    assert_eq!(figures("1"), figures("3"));
-    assert_ne!(figures("1"), figures("2"));
+    let metrics = |run: &str| inspect(run).lines().skip(1).collect::<Vec<_>>().join("\n");
+    assert_eq!(metrics("1"), metrics("3"));
+    assert_ne!(metrics("1"), metrics("2"));
 }

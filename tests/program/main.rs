@@ -23,6 +23,7 @@ mod projects;
 mod python;
 mod questions;
 mod readme;
+mod refinement;
 mod repeatable;
 mod retargeting;
 mod routing;

@@ -267,14 +267,14 @@ fn a_urdf_and_a_table_are_all_that_a_hand_needs() {
     let tips = ["thumb", "index", "middle", "ring", "little"].map(|name| format!("{name}_tip"));
     settings.push(format!("train.training.tips={tips:?}"));
     settings.push(
-        r#"dispatch.grasp.flexion_joints=["index", "middle", "ring", "little", "thumb"]"#
+        r#"dispatch.protocol.flexion_joints=["index", "middle", "ring", "little", "thumb"]"#
             .to_owned(),
     );
     for value in [
         "train.training.tip_radius_m=0.0",
         "train.network.points=64",
-        "train.training.epochs=40",
-        "sample.per_object=4",
+        "train.training.epochs=120",
+        "sample.per_object=16",
         "dispatch.listen=tcp/127.0.0.1:0",
     ] {
         settings.push(value.to_owned());

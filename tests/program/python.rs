@@ -22,7 +22,7 @@ const LINES: usize = 22;
 /// The Python to use, if it has these modules; else it is said why nothing is tried.
 fn python(modules: &[&str]) -> Option<String> {
     let Ok(python) = env::var("PIPELINE_PYTHON") else {
-        println!("skipped: `PIPELINE_PYTHON` names no Python");
+        measured_data::print_skipped("`PIPELINE_PYTHON` names no Python");
         return None;
     };
     let imports = format!("import {}", modules.join(", "));
@@ -30,7 +30,7 @@ fn python(modules: &[&str]) -> Option<String> {
     if has.is_ok_and(|status| status.success()) {
         return Some(python);
     }
-    println!("skipped: `{python}` lacks one of {modules:?}");
+    measured_data::print_skipped(&format!("`{python}` lacks one of {modules:?}"));
     None
 }
 
@@ -99,7 +99,7 @@ fn python_cell_executes_goals_and_contradictions_are_not_successes() {
         let said = stderr(&ran);
         assert_eq!(ran.status.code(), Some(1), "{kind}: {said}");
         assert!(
-            said.contains("is unknown, the robot may have moved"),
+            said.contains("is unknown; the robot may have moved"),
             "{kind}: {said}"
         );
         assert!(

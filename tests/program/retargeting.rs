@@ -1,26 +1,11 @@
 //! Retargeting as a user runs it: other hands, and real recordings.
 
-use std::io::Write as _;
-use std::{collections::BTreeMap, path::PathBuf, process::Command};
+use std::{collections::BTreeMap, process::Command};
 
 use dataflow::Pipeline;
 use serde_json::Value;
 
 use crate::bench::{Bench, stderr};
-
-/// Returns the folder of real data of this name; nothing, and says so, if there is none.
-fn real(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
-    let found = folder.filter(|folder| folder.is_dir());
-    if found.is_none() {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` holds no `{name}`; see `tests/README.md`"
-        )
-        .unwrap();
-    }
-    found
-}
 
 /// Asks the lake in SQL.
 fn ask(bench: &Bench, sql: &str) -> Vec<Value> {
@@ -124,7 +109,7 @@ fn a_hand_with_a_table_of_another_is_refused() {
 /// What is claimed for the defaults, on all right-handed sequences.
 #[test]
 fn real_recordings_are_followed_within_limits() {
-    let Some(root) = real("dexycb-right") else {
+    let Some(root) = measured_data::folder("dexycb-right") else {
         return;
     };
     let bench = Bench::on(root);
@@ -170,7 +155,10 @@ fn real_recordings_are_followed_within_limits() {
 /// Hands whose URDFs are not the project's own, by their tables alone.
 #[test]
 fn published_hands_are_driven_by_their_tables() {
-    let (Some(root), Some(urdfs)) = (real("dexmv-mustard"), real("urdf")) else {
+    let (Some(root), Some(urdfs)) = (
+        measured_data::folder("dexmv-mustard"),
+        measured_data::folder("urdf"),
+    ) else {
         return;
     };
     for (urdf, table) in [

@@ -48,7 +48,7 @@ fn a_router_that_stays_away_leaves_the_motion_unknown_and_the_next_run_finds_out
     let ran = run.wait_with_output().unwrap();
     assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
     assert!(
-        stderr(&ran).contains("is unknown, the robot may have moved"),
+        stderr(&ran).contains("is unknown; the robot may have moved"),
         "{}",
         stderr(&ran)
     );

@@ -12,7 +12,7 @@ use std::{
 };
 
 use cell::{
-    Carrier, Goal, JointPoint, JointRates, JointTrack, PROTOCOL, PalmPoint, SealedGoal,
+    EncodedGoal, Goal, JointPoint, JointRates, JointTrack, PROTOCOL, PalmPoint, PalmTrajectory,
     robot_digest,
 };
 use nalgebra::Isometry3;
@@ -49,7 +49,7 @@ impl Numbers {
 fn main() -> Result<(), Box<dyn Error>> {
     let seconds = env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
     let deadline = Instant::now() + Duration::from_secs(seconds);
-    let whole = goal()?.seal().bytes;
+    let whole = goal()?.encode().bytes;
     let start = whole.iter().position(|&byte| byte == b'\n');
     let content = start.and_then(|at| whole.get(at + 1..)).unwrap_or_default();
     let seed = env::args()
@@ -65,10 +65,10 @@ fn main() -> Result<(), Box<dyn Error>> {
                 sealed(&damaged(content, &mut numbers))
             };
             n += 1;
-            if let Ok((_, goal)) = SealedGoal::open(&bytes) {
+            if let Ok((_, goal)) = EncodedGoal::decode(&bytes) {
                 opened_n += 1;
-                let again = goal.seal();
-                let (_, same) = SealedGoal::open(&again.bytes)
+                let again = goal.encode();
+                let (_, same) = EncodedGoal::decode(&again.bytes)
                     .map_err(|rejection| format!("opened once, and then {}", rejection.reason))?;
                 if !is_same(&same, &goal) {
                     return Err(format!("opened as {goal:?}, and then as {same:?}").into());
@@ -104,7 +104,7 @@ fn goal() -> Result<Goal, Box<dyn Error>> {
         table_from_object: Pose::identity(),
         start_tolerance_rad: 0.1,
         grasp: serde_json::from_str(include_str!("grasp.json"))?,
-        carrier: Carrier::Palm(vec![palm(0.0), palm(0.5)]),
+        carrier: PalmTrajectory::Palm(vec![palm(0.0), palm(0.5)]),
         hand: JointTrack {
             joints: vec!["a".to_owned(), "b".to_owned()],
             points: vec![hand(0.0), hand(0.5), hand(1.0)],
@@ -116,7 +116,7 @@ fn goal() -> Result<Goal, Box<dyn Error>> {
 fn is_same(a: &Goal, b: &Goal) -> bool {
     let is_near = |a: &[f64; 7], b: &[f64; 7]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-12);
     let carried = match (&a.carrier, &b.carrier) {
-        (Carrier::Palm(a), Carrier::Palm(b)) => {
+        (PalmTrajectory::Palm(a), PalmTrajectory::Palm(b)) => {
             a.len() == b.len()
                 && a.iter().zip(b).all(|(a, b)| {
                     let [pose_a, pose_b] = [a, b].map(|point| point.table_from_palm.to_array());

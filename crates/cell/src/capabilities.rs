@@ -20,7 +20,7 @@ pub struct Capabilities {
     /// Digest of the robot's URDF ([`crate::robot_digest`]).
     pub robot: String,
     /// The robot's controllers: the palm's or arm's, then the hand's.
-    pub controllers: Vec<Offer>,
+    pub controllers: Vec<ControllerInfo>,
     /// Limits of the palm, if the hand is free-flying.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub palm: Option<PalmLimits>,
@@ -39,7 +39,7 @@ pub struct Capabilities {
 
 /// A controller of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Offer {
+pub struct ControllerInfo {
     /// `palm` of a free-flying hand, `arm`, or `hand`.
     pub controller: String,
     /// Names of its joints; a palm has none.

@@ -16,10 +16,10 @@ use zenoh::{
 };
 
 use crate::{
-    Access, CellError, Goal, Keys, PROTOCOL, SealedGoal, UncheckedReport,
+    Access, CellError, EncodedGoal, Goal, Keys, PROTOCOL, UncheckedReport,
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
     error::with_causes,
-    goal::{CLOCKS_MS, Sending, now_unix_ms},
+    goal::{CLOCKS_MS, SendInfo, now_unix_ms},
     heartbeat::Heartbeat,
     report::Report,
     session,
@@ -39,11 +39,11 @@ pub(crate) const MAX_ANSWER_BYTES: usize = 1024 * 1024;
 
 /// Result of sending a goal.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Executed {
+pub enum GoalResult {
     /// The goal's report.
-    Now(Report),
+    Report(Report),
     /// The report of a goal that the cell had accepted before; nothing has moved now.
-    Before(Report),
+    EarlierReport(Report),
     /// The outcome is unknown for this reason: the robot may have moved.
     Unknown(String),
 }
@@ -61,13 +61,13 @@ pub enum Recovered {
 
 /// A cell's answer to a cancel, stop or resume request.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Halt {
-    /// Done: nothing moves any more.
+pub enum ControlReply {
+    /// The request was carried out: nothing moves any more, or goals are accepted again.
     Done,
     /// The motion had already ended.
-    Over,
+    AlreadyEnded,
     /// The cell never accepted that goal.
-    NeverTaken,
+    UnknownGoal,
     /// No answer: the robot may be moving.
     NoAnswer,
 }
@@ -222,15 +222,15 @@ impl CellClient {
         robot: &[Joint],
         answer: Duration,
         result: Duration,
-    ) -> Result<Executed, CellError> {
+    ) -> Result<GoalResult, CellError> {
         if self.journal.get().is_none() {
             self.capabilities(answer)?;
         }
         // A goal that arrives after its answer timeout must not start.
-        let sealed = goal.seal().sent(Sending::now(&self.dispatcher, answer));
+        let encoded = goal.encode().sent(SendInfo::now(&self.dispatcher, answer));
         let _heartbeat = self.beat()?;
-        let sent = self.send(goal, &sealed, robot, answer, result);
-        Ok(sent.unwrap_or_else(|unknown| Executed::Unknown(unknown.message())))
+        let sent = self.send(goal, &encoded, robot, answer, result);
+        Ok(sent.unwrap_or_else(|unknown| GoalResult::Unknown(unknown.message())))
     }
 
     /// Queries the outcome of a goal that was sent before, perhaps by a dispatcher that has exited;
@@ -252,7 +252,7 @@ impl CellClient {
             Ok(heartbeat) => heartbeat,
             Err(err) => return Recovered::NoAnswer(with_causes(&err)),
         };
-        let id = goal.seal().goal_id;
+        let id = goal.encode().goal_id;
         match self.report(goal, &id, robot, answer, result) {
             Ok(recovered) => recovered,
             Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
@@ -267,8 +267,8 @@ impl CellClient {
     /// # Errors
     ///
     /// Fails if the session is broken, another party answers too or the answer cannot be read.
-    pub fn cancel(&self, goal_id: &str, answer: Duration) -> Result<Halt, CellError> {
-        self.halt(self.keys.cancel(goal_id), answer)
+    pub fn cancel(&self, goal_id: &str, answer: Duration) -> Result<ControlReply, CellError> {
+        self.control(self.keys.cancel(goal_id), answer)
     }
 
     /// Aborts the current motion and has every goal refused until [`CellClient::resume`].
@@ -276,8 +276,8 @@ impl CellClient {
     /// # Errors
     ///
     /// Fails if the session is broken, another party answers too or the answer cannot be read.
-    pub fn stop(&self, answer: Duration) -> Result<Halt, CellError> {
-        self.halt(self.keys.stop(), answer)
+    pub fn stop(&self, answer: Duration) -> Result<ControlReply, CellError> {
+        self.control(self.keys.stop(), answer)
     }
 
     /// Lets the cell accept goals again after a stop.
@@ -285,11 +285,11 @@ impl CellClient {
     /// # Errors
     ///
     /// Fails if the session is broken, another party answers too or the answer cannot be read.
-    pub fn resume(&self, answer: Duration) -> Result<Halt, CellError> {
-        self.halt(self.keys.resume(), answer)
+    pub fn resume(&self, answer: Duration) -> Result<ControlReply, CellError> {
+        self.control(self.keys.resume(), answer)
     }
 
-    fn halt(&self, key: String, answer: Duration) -> Result<Halt, CellError> {
+    fn control(&self, key: String, answer: Duration) -> Result<ControlReply, CellError> {
         let (answers, _) = self.ask(&key, &[], MAX_ANSWER_BYTES, answer)?;
         let body = self.sole(&answers).map_err(|who| CellError::Strangers {
             key: key.clone(),
@@ -297,14 +297,14 @@ impl CellClient {
             who,
         })?;
         let Some(body) = body else {
-            return Ok(Halt::NoAnswer);
+            return Ok(ControlReply::NoAnswer);
         };
         let (word, _) =
             wire::split_line("answer", body).map_err(|source| CellError::Answer { key, source })?;
         Ok(match word {
-            Acknowledgment::Done => Halt::Done,
-            Acknowledgment::Over => Halt::Over,
-            Acknowledgment::NeverTaken => Halt::NeverTaken,
+            Acknowledgment::Done => ControlReply::Done,
+            Acknowledgment::Over => ControlReply::AlreadyEnded,
+            Acknowledgment::NeverTaken => ControlReply::UnknownGoal,
         })
     }
 
@@ -316,15 +316,15 @@ impl CellClient {
     fn send(
         &self,
         goal: &Goal,
-        sealed: &SealedGoal,
+        encoded: &EncodedGoal,
         robot: &[Joint],
         answer: Duration,
         result: Duration,
-    ) -> Result<Executed, UnknownOutcome> {
+    ) -> Result<GoalResult, UnknownOutcome> {
         let key = self.keys.goal();
-        let id = sealed.goal_id.as_str();
+        let id = encoded.goal_id.as_str();
         let (answers, tries) = self
-            .ask(&key, &sealed.bytes, MAX_ANSWER_BYTES, answer)
+            .ask(&key, &encoded.bytes, MAX_ANSWER_BYTES, answer)
             .map_err(|err| UnknownOutcome::NoAnswer(with_causes(&err)))?;
         let Some(body) = self.only(&key, &answers)? else {
             return Err(silence("goal", answer));
@@ -333,19 +333,19 @@ impl CellClient {
             wire::split_line("answer", body).map_err(|err| unreadable(&key, &err))?;
         let is_old = match word {
             GoalAnswer::Rejected(rejection) => {
-                return Ok(Executed::Now(Report::rejected(id, rejection)));
+                return Ok(GoalResult::Report(Report::rejected(id, rejection)));
             }
             // A goal sent more than once may be known from its first transmission.
             GoalAnswer::Accepted { known } => known && tries == 1,
         };
         if !is_old {
-            self.show(sealed);
+            self.show(encoded);
         }
         match self.report(goal, id, robot, answer, result)? {
-            Recovered::Report(report) if is_old => Ok(Executed::Before(report)),
-            Recovered::Report(report) => Ok(Executed::Now(report)),
+            Recovered::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
+            Recovered::Report(report) => Ok(GoalResult::Report(report)),
             Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
-                "the cell took it and says that it never did".to_owned(),
+                "the cell accepted the goal and now denies it".to_owned(),
             )),
             Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
         }
@@ -404,7 +404,7 @@ impl CellClient {
     }
 
     /// Publishes an accepted goal for watchers, who may miss it.
-    fn show(&self, goal: &SealedGoal) {
+    fn show(&self, goal: &EncodedGoal) {
         let _shown = self
             .session
             .put(self.keys.motion(), goal.bytes.as_slice())
@@ -419,7 +419,7 @@ impl CellClient {
     ) -> Result<Option<&'a [u8]>, UnknownOutcome> {
         self.sole(answers).map_err(|who| {
             UnknownOutcome::NoAnswer(format!(
-                "not the cell alone answers to key `{key}`, but {who}"
+                "a party other than the cell answers to key `{key}`: {who}"
             ))
         })
     }

@@ -4,7 +4,7 @@
 //! must not pass as a success; a genuine one must pass, with the delay and noise of real robots.
 //! `README.md` lists the checks and their tolerances.
 
-use motion::{Carrier, JointTrack, PalmPoint};
+use motion::{JointTrack, PalmPoint, PalmTrajectory};
 use robot::{Joint, JointKind};
 use schemas::executions::Outcome;
 use spatial::{Palm, Pose, Table};
@@ -130,7 +130,7 @@ pub enum Contradiction {
     /// The goal is empty or has a turn that cannot be interpolated: no report can be checked
     /// against it.
     #[error("the goal has a controller without points, or a turn that no palm can follow")]
-    NoCourse,
+    NoCommands,
     /// A commanded position differs from the goal's.
     #[error(
         "sample {row} has joint `{joint}` commanded to {q}, the goal commands {least:.4} to {most:.4} then"
@@ -204,7 +204,7 @@ pub enum Contradiction {
 /// Checks a report for contradictions.
 pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(), Contradiction> {
     let outcome = report.outcome;
-    if report.goal_id != goal.seal().goal_id {
+    if report.goal_id != goal.encode().goal_id {
         return Err(Contradiction::Goal {
             found: report.goal_id.clone(),
         });
@@ -230,18 +230,18 @@ pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(),
     let joints = joints_of(&report.joints, goal, robot)?;
     check_times(&report.samples, goal, outcome)?;
     check_places(&report.samples, goal)?;
-    let course = Course::of(goal).ok_or(Contradiction::NoCourse)?;
+    let commanded = CommandedSamples::of(goal).ok_or(Contradiction::NoCommands)?;
     let history = if is_whole {
         History::Recent
     } else {
         History::Any
     };
     for (row, sample) in report.samples.iter().enumerate() {
-        check_joints(row, sample, &joints, &course, history)?;
-        course.check_palm(row, sample, history)?;
+        check_joints(row, sample, &joints, &commanded, history)?;
+        commanded.check_palm(row, sample, history)?;
     }
     if is_whole {
-        check_motion(&report.samples, &joints, &course, goal)?;
+        check_motion(&report.samples, &joints, &commanded, goal)?;
     }
     check_lift(report.lift_m, height_m(last) - height_m(first))?;
     match outcome {
@@ -331,7 +331,7 @@ fn check_joints(
     row: usize,
     sample: &Sample,
     joints: &[&Joint],
-    course: &Course,
+    commanded: &CommandedSamples,
     history: History,
 ) -> Result<(), Contradiction> {
     let reported = sample.q_rad.iter().zip(&sample.q_command_rad);
@@ -351,7 +351,7 @@ fn check_joints(
                 upper,
             });
         }
-        let [least, most] = course.range(idx, sample.time_s, history);
+        let [least, most] = commanded.range(idx, sample.time_s, history);
         if command < least - aside || command > most + aside {
             return Err(Contradiction::Command {
                 row,
@@ -369,7 +369,7 @@ fn check_joints(
 fn check_motion(
     samples: &[Sample],
     joints: &[&Joint],
-    course: &Course,
+    commanded: &CommandedSamples,
     goal: &Goal,
 ) -> Result<(), Contradiction> {
     let seen_s = samples.last().map_or(0.0, |last| last.time_s);
@@ -380,7 +380,7 @@ fn check_motion(
         } else {
             MOVES_RAD
         };
-        let [least, most] = course.range(idx, until_s - EARLY_S, History::Any);
+        let [least, most] = commanded.range(idx, until_s - EARLY_S, History::Any);
         let commanded = most - least;
         let seen = samples
             .iter()
@@ -458,24 +458,24 @@ fn end_s(goal: &Goal) -> f64 {
 }
 
 /// A goal's trajectory, sampled.
-struct Course {
+struct CommandedSamples {
     /// Positions of each joint at each sampled time.
     q: Vec<Vec<f64>>,
     /// For each joint and sampled time, the least and the greatest up to then.
     until: Vec<Vec<[f64; 2]>>,
     /// Poses of the palm at each sampled time, if it is free-flying.
     palm: Option<Vec<Pose<Table, Palm>>>,
-    looks_n: usize,
+    samples_n: usize,
 }
 
-impl Course {
+impl CommandedSamples {
     /// Samples a goal's trajectory; `None` if the goal has none.
     fn of(goal: &Goal) -> Option<Self> {
-        let looks_n = look(end_s(goal)) + 2;
-        let times = || (0..looks_n).map(|idx| idx as f64 * SAMPLE_PERIOD_S);
+        let samples_n = look(end_s(goal)) + 2;
+        let times = || (0..samples_n).map(|idx| idx as f64 * SAMPLE_PERIOD_S);
         let (arm, palm) = match &goal.carrier {
-            Carrier::Arm(arm) => (Some(arm), None),
-            Carrier::Palm(points) => {
+            PalmTrajectory::Arm(arm) => (Some(arm), None),
+            PalmTrajectory::Palm(points) => {
                 let pose = |time_s| PalmPoint::between(points, time_s);
                 (None, Some(times().map(pose).collect::<Option<_>>()?))
             }
@@ -489,13 +489,13 @@ impl Course {
             q,
             until,
             palm,
-            looks_n,
+            samples_n,
         })
     }
 
     /// Returns the indices of the commands that may be in effect at a time.
     fn looks(&self, time_s: f64, history: History) -> std::ops::Range<usize> {
-        let last = (look(time_s + EARLY_S) + 2).min(self.looks_n);
+        let last = (look(time_s + EARLY_S) + 2).min(self.samples_n);
         let first = match history {
             History::Recent => look(time_s - LATE_S),
             History::Any => 0,

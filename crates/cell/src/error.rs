@@ -61,7 +61,7 @@ pub enum CellError {
         endpoint: String,
     },
     /// An endpoint open to other machines lacks an access file with trusted peers.
-    #[error("`{endpoint}` needs an access file: whom to trust is in it")]
+    #[error("`{endpoint}` needs an access file that names its trusted peers")]
     NoAccess {
         /// The endpoint.
         endpoint: String,
@@ -130,7 +130,7 @@ pub enum CellError {
     },
     /// The answer is not signed by a cell.
     #[error(
-        "what answers for the robot cell does not prove that it is one; nothing was sent to it: key `{key}`, session `{endpoint}`: {who}"
+        "an answer in the robot cell's name has no verified signature; nothing was sent to the robot: key `{key}`, session `{endpoint}`: {who}"
     )]
     Unsigned {
         /// The key queried.
@@ -140,9 +140,9 @@ pub enum CellError {
         /// Who answered, as text for people.
         who: String,
     },
-    /// Another party answered a query to the cell, too.
+    /// A party other than the cell answered a query to it.
     #[error(
-        "not the robot cell alone answers, the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
+        "a party other than the robot cell answers; the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
     )]
     Strangers {
         /// The key queried.
@@ -197,7 +197,7 @@ pub enum CellError {
         who: String,
     },
     /// The system's random number generator failed.
-    #[error("cannot make up a name that nobody can guess")]
+    #[error("cannot generate random bytes")]
     Random(#[source] std::io::Error),
     /// The cell uses another version of the protocol.
     #[error(
@@ -319,12 +319,12 @@ impl CellError {
                 path.display()
             )),
             Self::NoAnswer { access, .. } => Some(format!(
-                "{}; a router whose access rules do not let {} ask drops the question without a word",
+                "{}; a router silently drops queries that its access rules forbid to {}",
                 unreached(),
                 access
                     .as_deref()
-                    .map_or("somebody without an access file".to_owned(), |path| format!(
-                        "who `{}` says that one is",
+                    .map_or("a client without an access file".to_owned(), |path| format!(
+                        "a client with `{}`",
                         path.display()
                     ))
             )),

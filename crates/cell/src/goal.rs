@@ -2,7 +2,7 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use motion::{Carrier, JointTrack};
+use motion::{JointTrack, PalmTrajectory};
 use serde::{Deserialize, Serialize};
 use simulation::Protocol;
 use spatial::{Object, Pose, Table};
@@ -35,21 +35,21 @@ pub struct Goal {
     /// Timing of the motion's phases, and the success criteria.
     pub grasp: Protocol,
     /// Trajectory of the palm or arm, to the end of the lift.
-    pub carrier: Carrier,
+    pub carrier: PalmTrajectory,
     /// Trajectory of the fingers, to the end of the squeeze.
     pub hand: JointTrack,
 }
 
 /// A serialized goal.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct SealedGoal {
+pub struct EncodedGoal {
     /// The goal's id: the first 32 hexadecimal digits of the digest.
     pub goal_id: String,
     /// BLAKE3 of the content, in hexadecimal digits.
     pub digest: String,
     /// Sender and times, if given. They are not part of the content, so that a goal sent again
     /// later is the same goal.
-    pub sending: Option<Sending>,
+    pub sending: Option<SendInfo>,
     /// The whole message.
     pub bytes: Vec<u8>,
 }
@@ -57,7 +57,7 @@ pub struct SealedGoal {
 /// A goal's sender and send time, by the sender's clock.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Sending {
+pub struct SendInfo {
     /// The dispatcher's name in its heartbeats: the only ones that count while the goal executes.
     pub dispatcher: String,
     /// Send time, in milliseconds since 1970.
@@ -74,7 +74,7 @@ struct Seal {
     goal_id: String,
     digest: String,
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    sending: Option<Sending>,
+    sending: Option<SendInfo>,
 }
 
 /// Largest clock difference between a dispatcher and a cell, in milliseconds.
@@ -82,7 +82,7 @@ pub(crate) const CLOCKS_MS: u64 = 1000;
 /// Longest validity of a goal, in milliseconds: a day.
 const MAX_VALID_MS: u64 = 86_400_000;
 
-impl Sending {
+impl SendInfo {
     /// Returns the entry for `dispatcher` sending a goal now that may start within `valid`.
     pub fn now(dispatcher: &str, valid: Duration) -> Self {
         let sent_unix_ms = now_unix_ms();
@@ -131,7 +131,7 @@ impl Sending {
                 refuse(
                     RejectionCode::Clock,
                     format!(
-                        "by the cell's clock the goal was valid until {late_s} s ago: no message is on its way for so long"
+                        "by the cell's clock the goal expired {late_s} s ago; compare the clocks"
                     ),
                 )
             } else {
@@ -184,15 +184,15 @@ impl Goal {
     /// have the same order.
     pub fn joint_names(&self) -> Vec<String> {
         let arm = match &self.carrier {
-            Carrier::Palm(_) => None,
-            Carrier::Arm(arm) => Some(&arm.joints),
+            PalmTrajectory::Palm(_) => None,
+            PalmTrajectory::Arm(arm) => Some(&arm.joints),
         };
         let joints = arm.into_iter().chain([&self.hand.joints]);
         joints.flatten().cloned().collect()
     }
 
     /// Serializes the goal and derives its id from the content.
-    pub fn seal(&self) -> SealedGoal {
+    pub fn encode(&self) -> EncodedGoal {
         let mut content = wire::line(&Content {
             candidate_id: self.candidate_id.clone(),
             object: self.object.clone(),
@@ -204,10 +204,10 @@ impl Goal {
             grasp: self.grasp.clone(),
             controllers: [
                 match &self.carrier {
-                    Carrier::Palm(points) => Controller::Palm {
+                    PalmTrajectory::Palm(points) => Controller::Palm {
                         points_n: points.len(),
                     },
-                    Carrier::Arm(arm) => Controller::Arm {
+                    PalmTrajectory::Arm(arm) => Controller::Arm {
                         joints: arm.joints.clone(),
                         points_n: arm.points.len(),
                     },
@@ -219,17 +219,17 @@ impl Goal {
             ],
         });
         match &self.carrier {
-            Carrier::Palm(palm) => points::push_palm(palm, &mut content),
-            Carrier::Arm(arm) => points::push_joints(&arm.points, &mut content),
+            PalmTrajectory::Palm(palm) => points::push_palm(palm, &mut content),
+            PalmTrajectory::Arm(arm) => points::push_joints(&arm.points, &mut content),
         }
         points::push_joints(&self.hand.points, &mut content);
         let digest = blake3::hash(&content).to_hex().to_string();
-        SealedGoal::new(digest, None, &content)
+        EncodedGoal::new(digest, None, &content)
     }
 }
 
-impl SealedGoal {
-    fn new(digest: String, sending: Option<Sending>, content: &[u8]) -> Self {
+impl EncodedGoal {
+    fn new(digest: String, sending: Option<SendInfo>, content: &[u8]) -> Self {
         let goal_id = id_of(&digest);
         let mut bytes = wire::line(&Seal {
             protocol: PROTOCOL,
@@ -248,7 +248,7 @@ impl SealedGoal {
 
     /// Returns the same goal with its sender and send time.
     #[must_use]
-    pub fn sent(&self, sending: Sending) -> Self {
+    pub fn sent(&self, sending: SendInfo) -> Self {
         let end = self.bytes.iter().position(|&byte| byte == b'\n');
         let content = end.and_then(|end| self.bytes.get(end + 1..));
         let content = content.unwrap_or_default();
@@ -260,7 +260,7 @@ impl SealedGoal {
     /// # Errors
     ///
     /// Fails with the cell's refusal of such a message.
-    pub fn open(bytes: &[u8]) -> Result<(Self, Goal), Rejection> {
+    pub fn decode(bytes: &[u8]) -> Result<(Self, Goal), Rejection> {
         let (seal, content): (Seal, &[u8]) = wire::split_line("seal", bytes)?;
         if seal.protocol != PROTOCOL {
             return Err(Rejection::new(
@@ -279,13 +279,13 @@ impl SealedGoal {
             ));
         }
         let goal = read(content)?;
-        let sealed = Self {
+        let encoded = Self {
             goal_id: seal.goal_id,
             digest,
             sending: seal.sending,
             bytes: bytes.to_vec(),
         };
-        Ok((sealed, goal))
+        Ok((encoded, goal))
     }
 }
 
@@ -321,11 +321,11 @@ fn read(bytes: &[u8]) -> Result<Goal, WireError> {
     let (carrier, numbers) = match carrier {
         Controller::Palm { points_n } => {
             let (palm, rest) = points::read_palm(points_n, numbers)?;
-            (Carrier::Palm(palm), rest)
+            (PalmTrajectory::Palm(palm), rest)
         }
         Controller::Arm { joints, points_n } => {
             let (arm, rest) = points::read_joints(joints, points_n, numbers)?;
-            (Carrier::Arm(arm), rest)
+            (PalmTrajectory::Arm(arm), rest)
         }
         Controller::Hand { .. } => return Err(order("a hand moves no palm")),
     };
@@ -482,7 +482,7 @@ mod tests {
             table_from_object: Pose::identity(),
             start_tolerance_rad: 0.1,
             grasp: grasp(),
-            carrier: Carrier::Palm(vec![palm(0.0), palm(1.0)]),
+            carrier: PalmTrajectory::Palm(vec![palm(0.0), palm(1.0)]),
             hand: JointTrack {
                 joints: vec!["a".to_owned(), "b\n\"".to_owned()],
                 points: vec![hand(0.0), hand(0.5), hand(1.0)],
@@ -491,23 +491,23 @@ mod tests {
     }
 
     fn code(bytes: &[u8]) -> RejectionCode {
-        SealedGoal::open(bytes).unwrap_err().code
+        EncodedGoal::decode(bytes).unwrap_err().code
     }
 
     #[test]
     fn sealed_goal_round_trips() {
-        let sealed = goal().seal();
-        let (again, opened) = SealedGoal::open(&sealed.bytes).unwrap();
-        assert_eq!(again, sealed);
-        assert_eq!(opened.seal(), sealed);
+        let encoded = goal().encode();
+        let (again, opened) = EncodedGoal::decode(&encoded.bytes).unwrap();
+        assert_eq!(again, encoded);
+        assert_eq!(opened.encode(), encoded);
         let arm = Goal {
-            carrier: Carrier::Arm(goal().hand),
+            carrier: PalmTrajectory::Arm(goal().hand),
             ..goal()
         };
-        let (_, again) = SealedGoal::open(&arm.seal().bytes).unwrap();
+        let (_, again) = EncodedGoal::decode(&arm.encode().bytes).unwrap();
         assert_eq!(again, arm);
         assert_eq!(opened.hand.points.len(), 3);
-        let Carrier::Palm(points) = opened.carrier else {
+        let PalmTrajectory::Palm(points) = opened.carrier else {
             panic!("a palm was sent");
         };
         assert_eq!(points.len(), 2);
@@ -534,12 +534,12 @@ mod tests {
                 },
                 ..goal()
             };
-            let sealed = goal.seal();
-            let (_, opened) = SealedGoal::open(&sealed.bytes).unwrap();
+            let encoded = goal.encode();
+            let (_, opened) = EncodedGoal::decode(&encoded.bytes).unwrap();
             assert_eq!(opened.grasp, goal.grasp);
             let tolerances = [&opened, &goal].map(|goal| goal.start_tolerance_rad.to_bits());
             assert_eq!(tolerances[0], tolerances[1]);
-            assert_eq!(opened.seal(), sealed);
+            assert_eq!(opened.encode(), encoded);
         }
     }
 
@@ -547,43 +547,43 @@ mod tests {
     fn the_id_follows_from_the_content() {
         let first = goal();
         let mut second = goal();
-        assert_eq!(first.seal().goal_id, second.seal().goal_id);
+        assert_eq!(first.encode().goal_id, second.encode().goal_id);
         second.attempt = 2;
-        assert_ne!(first.seal().goal_id, second.seal().goal_id);
+        assert_ne!(first.encode().goal_id, second.encode().goal_id);
         // The same attempt, sent again after it was stopped.
         let resumed = Goal {
             resumed: 1,
             ..goal()
         };
-        assert_ne!(first.seal().goal_id, resumed.seal().goal_id);
-        let (_, again) = SealedGoal::open(&resumed.seal().bytes).unwrap();
+        assert_ne!(first.encode().goal_id, resumed.encode().goal_id);
+        let (_, again) = EncodedGoal::decode(&resumed.encode().bytes).unwrap();
         assert_eq!(again, resumed);
         let mut third = goal();
         third.hand.points[1].q_rad[0] = 0.051;
-        assert_ne!(first.seal().goal_id, third.seal().goal_id);
+        assert_ne!(first.encode().goal_id, third.encode().goal_id);
     }
 
     #[test]
     fn a_goal_changed_or_cut_anywhere_is_refused() {
-        let bytes = goal().seal().bytes;
+        let bytes = goal().encode().bytes;
         for at in 0..bytes.len() {
             let mut changed = bytes.clone();
             changed[at] ^= 1;
-            assert!(SealedGoal::open(&changed).is_err(), "byte {at} changed");
-            assert!(SealedGoal::open(&bytes[..at]).is_err(), "cut at {at}");
+            assert!(EncodedGoal::decode(&changed).is_err(), "byte {at} changed");
+            assert!(EncodedGoal::decode(&bytes[..at]).is_err(), "cut at {at}");
         }
     }
 
     #[test]
     fn goal_is_independent_of_sender_and_time() {
-        let first = goal().seal();
-        let sending = Sending::now("me", Duration::from_secs(1));
+        let first = goal().encode();
+        let sending = SendInfo::now("me", Duration::from_secs(1));
         let sent = first.sent(sending.clone());
         assert_eq!(
             (&sent.goal_id, &sent.digest),
             (&first.goal_id, &first.digest)
         );
-        let (again, _) = SealedGoal::open(&sent.bytes).unwrap();
+        let (again, _) = EncodedGoal::decode(&sent.bytes).unwrap();
         assert_eq!(again, sent);
         assert_eq!(again.sending, Some(sending));
         assert_eq!(first.sending, None);
@@ -594,7 +594,7 @@ mod tests {
         const NOW: u64 = 1_800_000_000_000;
         let code = |sent: i64, until: i64| {
             let at = |offset: i64| NOW.saturating_add_signed(offset);
-            let sending = Sending {
+            let sending = SendInfo {
                 dispatcher: "me".to_owned(),
                 sent_unix_ms: at(sent),
                 valid_until_unix_ms: at(until),
@@ -627,8 +627,8 @@ mod tests {
         assert_eq!(code(b"{}\n{}\n"), RejectionCode::Malformed);
         let mut strange = goal();
         strange.hand.points[2].time_s = f64::NAN;
-        assert_eq!(code(&strange.seal().bytes), RejectionCode::Malformed);
-        let text = String::from_utf8_lossy(&goal().seal().bytes).replacen(
+        assert_eq!(code(&strange.encode().bytes), RejectionCode::Malformed);
+        let text = String::from_utf8_lossy(&goal().encode().bytes).replacen(
             &format!("\"protocol\":{PROTOCOL}"),
             "\"protocol\":9",
             1,

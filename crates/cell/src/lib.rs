@@ -44,21 +44,21 @@ mod watch;
 mod wire;
 
 pub use access::Access;
-pub use capabilities::{Capabilities, Offer, PalmLimits};
-pub use client::{CellClient, Executed, Halt, Recovered};
+pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
+pub use client::{CellClient, ControlReply, GoalResult, Recovered};
 pub use contradiction::Contradiction;
 pub use error::{Cause, CellError, with_causes};
-pub use goal::{Goal, Rejection, RejectionCode, SealedGoal, Sending};
+pub use goal::{EncodedGoal, Goal, Rejection, RejectionCode, SendInfo};
 pub use keys::Keys;
-pub use motion::{Carrier, JointPoint, JointRates, JointTrack, PalmPoint};
+pub use motion::{JointPoint, JointRates, JointTrack, PalmPoint, PalmTrajectory};
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;
 pub use report::{Report, Sample, UncheckedReport};
 pub use router::Router;
 pub use session::{check_endpoint, subscribe};
 pub use simulated::{
-    Abort, CellArm, Fault, Gap, ObjectFinder, OutcomeListener, PlannedFault, Service,
-    SimulatedCell, SimulatedCellConfig, Tick, TickListener, rehearse,
+    Abort, CellArm, Fault, ModelMismatch, ObjectFinder, OutcomeListener, PlannedFault,
+    ServiceConfig, SimulatedCell, SimulatedCellConfig, Tick, TickListener, execute_offline,
 };
 pub use state::State;
 pub use watch::{Counts, WatchEvent, Watcher};

@@ -7,7 +7,7 @@
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use motion::{Carrier, JointTrack};
+use motion::{JointTrack, PalmTrajectory};
 use schemas::ros2::{
     Message,
     motion::{JOINT_STATES, JOINT_TRAJECTORY, TrajectoryPoint, joint_state, joint_trajectory},
@@ -77,7 +77,7 @@ impl Mirror {
     /// Publishes the joint trajectories, one message per controller.
     pub(crate) fn announce(&self, goal: &Goal) {
         let time_ns = now_ns();
-        if let Carrier::Arm(arm) = &goal.carrier {
+        if let PalmTrajectory::Arm(arm) = &goal.carrier {
             self.trajectories.put(&trajectory(time_ns, arm));
         }
         self.trajectories.put(&trajectory(time_ns, &goal.hand));

@@ -4,8 +4,8 @@ mod acceptance;
 mod answers;
 mod control;
 mod fault;
-mod gap;
 mod journal;
+mod model_mismatch;
 mod namesake;
 mod physics;
 mod playing;
@@ -47,7 +47,7 @@ use self::{
 pub use self::{
     control::Abort,
     fault::{Fault, PlannedFault},
-    gap::Gap,
+    model_mismatch::ModelMismatch,
     robot::CellArm,
     watched::Tick,
 };
@@ -74,14 +74,14 @@ pub struct SimulatedCellConfig {
     /// The arm that carries the hand; without one the hand is free-flying.
     pub arm: Option<CellArm>,
     /// Its other differences from the screen.
-    pub gap: Gap,
+    pub mismatch: ModelMismatch,
     /// How it serves.
-    pub service: Service,
+    pub service: ServiceConfig,
 }
 
 /// How a simulated cell serves its dispatcher.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Service {
+pub struct ServiceConfig {
     /// Folder of the goal journal, which a restarted cell reads; without one it forgets its goals
     /// when it ends.
     pub journal: Option<PathBuf>,
@@ -333,7 +333,7 @@ fn open(config: &SimulatedCellConfig) -> Result<(Session, String), CellError> {
 /// # Errors
 ///
 /// Fails if the URDF cannot be used; a refusal or failed execution is a report.
-pub fn rehearse(
+pub fn execute_offline(
     config: &SimulatedCellConfig,
     urdf: &str,
     object: &ObjectShape,
@@ -342,14 +342,14 @@ pub fn rehearse(
 ) -> Result<Report, CellError> {
     let robot = Robot::new(urdf, RobotModel::from_urdf(urdf)?, config)?;
     if let Err(refused) = acceptance::check(goal, &robot, |name| name == goal.object) {
-        return Ok(Report::rejected(&goal.seal().goal_id, refused));
+        return Ok(Report::rejected(&goal.encode().goal_id, refused));
     }
     let job = Job {
-        sealed: goal.seal(),
+        encoded: goal.encode(),
         goal: goal.clone(),
         received: Instant::now(),
     };
-    let id = job.sealed.goal_id.clone();
+    let id = job.encoded.goal_id.clone();
     let done = physics::carry_out(&job, object, &robot, config, see);
     Ok(done.unwrap_or_else(|err| Report::aborted(&id, err.to_string())))
 }
@@ -423,7 +423,7 @@ fn serve(
 impl Shared {
     /// Executes a goal and reports on it.
     fn execute(&self, mirror: Option<&Mirror>, job: &Job) -> Report {
-        let id = &job.sealed.goal_id;
+        let id = &job.encoded.goal_id;
         let object = match self.object(&job.goal.object) {
             Ok(Some(object)) => object,
             Ok(None) => {
@@ -458,7 +458,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
             notify(&report);
         }
         // A cancel request may have come after the motion's end.
-        for query in shared.control.asking() {
+        for query in shared.control.awaiting_stop() {
             shared.acknowledge(&query, Acknowledgment::Over);
         }
         if let Some(outcome) = outcome {

@@ -16,7 +16,7 @@ use zenoh::{
 };
 
 use crate::{
-    Access, CellError, Goal, GoalOutcome, Keys, SealedGoal, State,
+    Access, CellError, EncodedGoal, Goal, GoalOutcome, Keys, State,
     client::MAX_ANSWER_BYTES,
     outcome::Outcomes,
     session,
@@ -186,9 +186,9 @@ impl Watcher {
                 Ok(outcome) => self.outcome(outcome),
                 Err(_) => self.counts.unreadable_n += 1,
             },
-            Event::Motion(bytes) => match SealedGoal::open(&bytes) {
-                Ok((sealed, goal)) => {
-                    let seen = WatchEvent::Motion(sealed.goal_id, Box::new(goal));
+            Event::Motion(bytes) => match EncodedGoal::decode(&bytes) {
+                Ok((encoded, goal)) => {
+                    let seen = WatchEvent::Motion(encoded.goal_id, Box::new(goal));
                     self.ready.push_back(seen);
                 }
                 Err(_) => self.counts.unreadable_n += 1,

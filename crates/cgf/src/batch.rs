@@ -9,8 +9,8 @@ use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
     config::{EncoderRotation, EncoderTimes, LatentNoise, NetworkConfig, Times, TrainingConfig},
-    data::{NetworkFrame, Track, View, turned},
-    grasp::Normalization,
+    data::{NetworkFrame, TrainingMotion, View, turned},
+    hand_state::Normalization,
     model::equal_times,
     penetration::Surroundings,
     point_net::Clouds,
@@ -30,7 +30,7 @@ pub(crate) struct Seen {
 pub(crate) struct SeenTrack {
     pub(crate) view: usize,
     pub(crate) split: Split,
-    pub(crate) track: Track<NetworkFrame>,
+    pub(crate) track: TrainingMotion<NetworkFrame>,
     /// Times that are drawn once, if times are.
     fixed_times: Vec<f64>,
     /// What the hand can be in, if the set says where it is.
@@ -87,7 +87,9 @@ impl Seen {
             let view = View::of(scene, network.frame)?;
             origins.push((view.table_from_network, view.object_from_network));
             // In its own frame an object looks the same however it lies.
-            let same = |other: &View| other.object == view.object && other.points == view.points;
+            let same = |other: &View| {
+                other.object == view.object && other.points_in_network == view.points_in_network
+            };
             let known = views.iter().position(same);
             of_scenes.push(known.unwrap_or(views.len()));
             if known.is_none() {
@@ -97,7 +99,7 @@ impl Seen {
         let tracks = set.tracks.iter().map(|track| SeenTrack {
             view: of_scenes[track.scene],
             split: track.split,
-            track: track.seen_from(&origins[track.scene].0),
+            track: track.expressed_in(&origins[track.scene].0),
             surroundings: set
                 .distances
                 .get(&set.scenes[track.scene].object)
@@ -211,7 +213,7 @@ impl Batches<'_> {
         let view = &self.seen.views[view];
         let cloud = view.cloud(self.network.points, rotation);
         Arc::make_mut(&mut batch.clouds).xyz.extend(cloud);
-        let surface = view.points.iter().map(|point| rotation * point);
+        let surface = view.points_in_network.iter().map(|point| rotation * point);
         batch.surfaces.push(surface.collect());
         batch.surfaces.len() - 1
     }
@@ -252,7 +254,7 @@ impl Batches<'_> {
 /// Returns the times at which the encoder sees a motion.
 pub(crate) fn encoder_times(
     network: &NetworkConfig,
-    track: &Track<NetworkFrame>,
+    track: &TrainingMotion<NetworkFrame>,
     seed: u64,
 ) -> Vec<f64> {
     match network.encoder_times {
@@ -264,7 +266,7 @@ pub(crate) fn encoder_times(
 /// Returns what the encoder sees of a motion at `times`, in the network's units.
 pub(crate) fn encoder_motion(
     network: &NetworkConfig,
-    track: &Track<NetworkFrame>,
+    track: &TrainingMotion<NetworkFrame>,
     times: &[f64],
     rotation: &UnitQuaternion<f64>,
     normalization: &Normalization,

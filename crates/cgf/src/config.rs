@@ -9,7 +9,7 @@ use candle_core::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, grasp::ROOT};
+use crate::{CgfError, hand_state::PALM_WIDTH};
 
 /// Fewest surface points that still show an object's shape.
 const MIN_POINTS: usize = 32;
@@ -60,7 +60,7 @@ pub struct NetworkConfig {
     pub activation: Activation,
     /// Frame in which the network sees object and hand: on unseen objects "resting" holds 26 points
     /// more often than the paper's "object"
-    pub frame: Frame,
+    pub frame: InputFrame,
     /// Which steps of a motion the encoder sees: with equal ones the motion's length does not matter;
     /// released code: "recorded"
     pub encoder_times: EncoderTimes,
@@ -77,7 +77,7 @@ pub struct NetworkConfig {
 /// The frame in which the network sees object and hand.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Frame {
+pub enum InputFrame {
     /// The table under the resting object, z against gravity: the network knows where the table is.
     #[default]
     Resting,
@@ -405,7 +405,7 @@ impl Default for NetworkConfig {
             latent_dim: 16,
             decoder_widths: vec![256, 512, 256],
             activation: Activation::default(),
-            frame: Frame::default(),
+            frame: InputFrame::default(),
             encoder_times: EncoderTimes::default(),
             encoder_rotation: EncoderRotation::default(),
             latent_variance: LatentVariance::default(),
@@ -418,8 +418,8 @@ impl NetworkConfig {
     /// Returns the encoder's input dimension per step for a hand of `dof` joints.
     pub(crate) fn encoder_inputs(&self, dof: usize) -> usize {
         match self.encoder_rotation {
-            EncoderRotation::Columns => ROOT + dof,
-            EncoderRotation::AxisAngle => ROOT - 3 + dof,
+            EncoderRotation::Columns => PALM_WIDTH + dof,
+            EncoderRotation::AxisAngle => PALM_WIDTH - 3 + dof,
         }
     }
 
@@ -429,11 +429,11 @@ impl NetworkConfig {
     ///
     /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
-        let why = "each point of each object goes through every layer";
+        let why = "time and memory grow with the number of points";
         check("points", self.points, MIN_POINTS..=MAX_POINTS, why)?;
-        let why = "the encoder sees all of them together";
+        let why = "the encoder's input grows with the number of steps";
         check("encoder_steps", self.encoder_steps, 1..=MAX_TIMES, why)?;
-        let why = "the square of a width is a number of weights";
+        let why = "the number of weights grows with the square of a width";
         check("latent_dim", self.latent_dim, 1..=MAX_WIDTH, why)?;
         let parts = [
             ("point_widths", &self.point_widths),
@@ -482,7 +482,7 @@ impl NetworkConfig {
         let motion = last(&self.hand_widths).saturating_mul(self.encoder_steps);
         [
             layers(3, &self.point_widths),
-            layers(ROOT, &self.hand_widths),
+            layers(PALM_WIDTH, &self.hand_widths),
             layers(motion.saturating_add(feature), &self.encoder_widths),
             last(&self.encoder_widths).saturating_mul(2 * self.latent_dim),
             layers(
@@ -502,7 +502,7 @@ impl TrainingConfig {
     ///
     /// Returns the first invalid value.
     pub fn check(&self) -> Result<(), CgfError> {
-        let per_epoch = "every epoch is a row of the curve";
+        let per_epoch = "the training curve has a row for each epoch";
         check("epochs", self.epochs, 1..=MAX_EPOCHS, per_epoch)?;
         let epochs = "it is a number of epochs";
         check(
@@ -517,19 +517,19 @@ impl TrainingConfig {
             1..=MAX_EPOCHS,
             epochs,
         )?;
-        let why = "a step holds all of them in memory";
+        let why = "a step holds the whole batch in memory";
         check("batch", self.batch, 1..=MAX_BATCH, why)?;
-        let why = "every one of them is decoded for each motion of a batch";
+        let why = "each is decoded for every motion of a batch";
         check("grasp_steps", self.grasp_steps, 1..=MAX_TIMES, why)?;
         check("random_times", self.random_times, 0..=MAX_TIMES, why)?;
         let not_negative = |key, value: f64| {
-            let why = "squares of it are still exact enough to add up";
+            let why = "squares of larger values lose precision in a sum";
             check(key, value, 0.0..=MAX_VALUE, why)
         };
         not_negative("learning_rate", self.learning_rate)?;
         not_negative("grasp_weight", self.grasp_weight)?;
         if let Some(norm) = self.max_gradient_norm {
-            let why = "shorter gradients move nothing, longer ones are never shortened";
+            let why = "a smaller norm stops training, and a larger one never clips";
             check("max_gradient_norm", norm, MIN_NORM..=MAX_VALUE, why)?;
         }
         not_negative("fixed_statistics_after", self.fixed_statistics_after)?;

@@ -3,17 +3,19 @@
 use motion::Motion;
 use nalgebra::{Point3, UnitQuaternion};
 use schemas::training::Split;
-use spatial::{Object, Pose, Rest, Table};
+use spatial::{Object, Pose, RestingPose, Table};
 
-use crate::{CgfError, config::Frame, grasp::Grasp, precision::narrow, random::Random};
+use crate::{
+    CgfError, config::InputFrame, hand_state::HandState, precision::narrow, random::Random,
+};
 
 /// An object as it lies: its surface above the table.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
+pub struct RestingObject {
     /// The object's name.
     pub object: String,
     /// How it lies.
-    pub rest: Rest,
+    pub rest: RestingPose,
     /// Points on its surface, in the object frame, in meters, in random order.
     pub points_in_object: Vec<Point3<f64>>,
 }
@@ -30,18 +32,18 @@ pub(crate) struct View {
     /// Where the network's frame is.
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
     pub(crate) object_from_network: Pose<Object, NetworkFrame>,
-    /// Points on the surface in the network's frame, in meters.
-    pub(crate) points: Vec<Point3<f64>>,
+    /// Points on the surface, in meters.
+    pub(crate) points_in_network: Vec<Point3<f64>>,
 }
 
 impl View {
     /// Looks at an object as it lies.
-    pub(crate) fn of(scene: &Scene, frame: Frame) -> Result<Self, CgfError> {
+    pub(crate) fn of(scene: &RestingObject, frame: InputFrame) -> Result<Self, CgfError> {
         const MIN_POINTS: usize = 32;
         let table_from_object = *scene.rest.table_from_object();
         let (table_from_network, network_from_object) = match frame {
-            Frame::Resting => (Pose::identity(), Pose::new(table_from_object)),
-            Frame::Object => (Pose::new(table_from_object), Pose::identity()),
+            InputFrame::Resting => (Pose::identity(), Pose::new(table_from_object)),
+            InputFrame::Object => (Pose::new(table_from_object), Pose::identity()),
         };
         let found = scene.points_in_object.len();
         if found < MIN_POINTS {
@@ -52,8 +54,8 @@ impl View {
             });
         }
         let points = scene.points_in_object.iter();
-        let points: Vec<_> = points.map(|&point| network_from_object * point).collect();
-        if points
+        let points_in_network: Vec<_> = points.map(|&point| network_from_object * point).collect();
+        if points_in_network
             .iter()
             .any(|p| !p.coords.iter().all(|x| x.is_finite()))
         {
@@ -66,13 +68,13 @@ impl View {
             object: scene.object.clone(),
             table_from_network,
             object_from_network: network_from_object.inverse(),
-            points,
+            points_in_network,
         })
     }
 
     /// Returns the first `n` of the points after a rotation, fewer are repeated: `xyz` in meters.
     pub(crate) fn cloud(&self, n: usize, rotation: &UnitQuaternion<f64>) -> Vec<f32> {
-        let points = self.points.iter().cycle().take(n);
+        let points = self.points_in_network.iter().cycle().take(n);
         points
             .flat_map(|point| <[f64; 3]>::from((rotation * point).coords))
             .map(narrow)
@@ -82,7 +84,7 @@ impl View {
 
 /// One motion to learn from.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Track<F = Table> {
+pub struct TrainingMotion<F = Table> {
     /// The recording's name.
     pub name: String,
     /// Which scene it was recorded in.
@@ -93,22 +95,22 @@ pub struct Track<F = Table> {
     pub motion: Motion<F, ()>,
 }
 
-impl Track {
+impl TrainingMotion {
     /// Returns the motion as the network sees it.
-    pub(crate) fn seen_from(
+    pub(crate) fn expressed_in(
         &self,
         table_from_network: &Pose<Table, NetworkFrame>,
-    ) -> Track<NetworkFrame> {
-        Track {
+    ) -> TrainingMotion<NetworkFrame> {
+        TrainingMotion {
             name: self.name.clone(),
             scene: self.scene,
             split: self.split,
-            motion: self.motion.seen_from(&table_from_network.inverse()),
+            motion: self.motion.expressed_in(&table_from_network.inverse()),
         }
     }
 }
 
-impl<F> Track<F> {
+impl<F> TrainingMotion<F> {
     pub(crate) fn check(&self, dof: usize) -> Result<(), CgfError> {
         let name = || self.name.clone();
         let found = self.motion.steps().len();
@@ -176,17 +178,17 @@ impl<F> Track<F> {
 
     /// Returns the hand at the network's time `t` in 0..=1: between two steps, positions on a line and
     /// the rotation on the shortest arc.
-    pub fn at(&self, t: f64) -> Grasp<F> {
+    pub fn at(&self, t: f64) -> HandState<F> {
         let last = self.motion.grasp().time_s;
-        Grasp::from(&self.motion.at(last - t * self.motion.duration_s()))
+        HandState::from(&self.motion.at(last - t * self.motion.duration_s()))
     }
 }
 
 /// Turns a hand about its frame's origin.
 pub(crate) fn turned(
-    grasp: Grasp<NetworkFrame>,
+    grasp: HandState<NetworkFrame>,
     rotation: &UnitQuaternion<f64>,
-) -> Grasp<NetworkFrame> {
+) -> HandState<NetworkFrame> {
     grasp.moved(&Pose::from_parts([0.0; 3], *rotation))
 }
 
@@ -196,8 +198,8 @@ mod tests {
     use nalgebra::{Isometry3, Vector3};
     use spatial::{Pose, Table};
 
-    use super::{Grasp, Motion, Track};
-    use crate::GraspError;
+    use super::{HandState, Motion, TrainingMotion};
+    use crate::HandDistance;
     use schemas::training::Split;
 
     fn step(time_s: f64, x: f64, angle: f64) -> Step<Table, ()> {
@@ -217,7 +219,7 @@ mod tests {
             step(1.0, 0.5, 0.4),
             step(4.0, 0.0, 1.0),
         ];
-        let track = Track {
+        let track = TrainingMotion {
             name: "a".to_owned(),
             scene: 0,
             split: Split::Training,
@@ -225,7 +227,7 @@ mod tests {
         };
         for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
             let error =
-                GraspError::between(&track.at(t), &Grasp::from(&track.motion.steps()[step]));
+                HandDistance::between(&track.at(t), &HandState::from(&track.motion.steps()[step]));
             assert!(
                 error.position_m < 1e-12 && error.rotation_rad < 1e-7,
                 "{error:?}"

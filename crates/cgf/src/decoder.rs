@@ -17,7 +17,7 @@ mod rates;
 
 use rayon::prelude::*;
 
-pub use self::rates::{HandRate, MovingGrasp};
+pub use self::rates::{HandDerivative, HandMotionState};
 use self::{
     activation::{Order, Start, activate, add_product},
     number::Number,
@@ -25,7 +25,7 @@ use self::{
 use crate::{
     CgfError, ObjectFeature,
     config::{Activation, NetworkConfig},
-    grasp::{Grasp, Normalization},
+    hand_state::{HandState, Normalization},
     limits::Limits,
     product::{LANES, Packed, Row, Sparse},
     weights::Weights,
@@ -140,14 +140,14 @@ impl<T: Number> Decoder<T> {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<Grasp>>, CgfError> {
+    ) -> Result<Vec<Vec<HandState>>, CgfError> {
         self.motions(feature, latents, times, Order::Values, &|[outputs, ..]| {
             let outputs = outputs.iter().zip(self.scale.iter().zip(&self.shift));
             let mut numbers: Vec<f64> = outputs
                 .map(|(y, (scale, shift))| y.to_f64() * scale + shift)
                 .collect();
             self.limits.apply(&mut numbers);
-            let grasp = Grasp::from_numbers(&numbers)?;
+            let grasp = HandState::from_numbers(&numbers)?;
             Some(grasp.moved(&feature.table_from_network))
         })
     }
@@ -162,7 +162,7 @@ impl<T: Number> Decoder<T> {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<MovingGrasp>>, CgfError> {
+    ) -> Result<Vec<Vec<HandMotionState>>, CgfError> {
         let order = Order::Derivatives;
         self.motions(feature, latents, times, order, &|[
             values,

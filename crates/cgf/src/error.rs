@@ -2,6 +2,8 @@
 
 use std::{io, path::PathBuf};
 
+use robot::balls;
+
 /// Why a grasping function could not be trained, stored or used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -69,7 +71,10 @@ pub enum CgfError {
         object: String,
     },
     /// The hand's collision shapes are far larger than a hand's.
-    #[error("the collision shapes up to link `{link}` are far larger than a hand's")]
+    #[error(
+        "the collision shapes up to link `{link}` need more than {} spheres",
+        balls::MAX_BALLS
+    )]
     LargeShapes {
         /// Name of the link with whose shapes they come to be so.
         link: String,
@@ -118,7 +123,7 @@ pub enum CgfError {
     },
     /// The checkpoint does not say how a demonstration's object lay.
     #[error("the checkpoint's demonstration `{demonstration}` has no direction against gravity")]
-    Rest {
+    RestingPose {
         /// The demonstration's name.
         demonstration: String,
     },

@@ -10,7 +10,7 @@ use nalgebra::Point3;
 use robot::RobotModel;
 
 use crate::{
-    Activation, Contact, EncoderRotation, EncoderTimes, Frame, JointOutputs, LatentVariance,
+    Activation, Contact, EncoderRotation, EncoderTimes, InputFrame, JointOutputs, LatentVariance,
     NetworkConfig,
     kinematics::{LinkParts, LinkPoses},
     loss,
@@ -51,7 +51,7 @@ fn network_config(activation: Activation, encoder_rotation: EncoderRotation) -> 
         latent_dim: 3,
         decoder_widths: vec![9, 11],
         activation,
-        frame: Frame::Resting,
+        frame: InputFrame::Resting,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation,
         latent_variance: LatentVariance::Free,

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use robot::{JointKind, Link, RobotModel};
 use spatial::{Palm, Pose};
 
-use crate::{grasp::ROOT, precision::narrow};
+use crate::{hand_state::PALM_WIDTH, precision::narrow};
 
 /// Takes `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
 /// joint positions; meters and radians) to where all links are, in the frame in which translation and
@@ -89,7 +89,7 @@ impl LinkPoses {
 /// A hand where a row of numbers puts it.
 pub(crate) struct Posed<'a> {
     hand: &'a RobotModel,
-    frame: Frame,
+    frame: PalmRotation,
     /// The links in the palm frame.
     pub(crate) palm_from_links: Vec<Pose<Palm, Link>>,
 }
@@ -99,8 +99,8 @@ impl<'a> Posed<'a> {
     pub(crate) fn new(hand: &'a RobotModel, row: &[f32]) -> Self {
         Self {
             hand,
-            frame: Frame::of(row),
-            palm_from_links: hand.link_poses(|joint| f64::from(row[ROOT + joint])),
+            frame: PalmRotation::of(row),
+            palm_from_links: hand.link_poses(|joint| f64::from(row[PALM_WIDTH + joint])),
         }
     }
 
@@ -147,7 +147,7 @@ impl<'a> Forces<'a> {
     /// all forces on the links that it moves.
     pub(crate) fn generalized(mut self, by_row: &mut [f32]) {
         let posed = self.posed;
-        let mut by_q = vec![0.0; by_row.len() - ROOT];
+        let mut by_q = vec![0.0; by_row.len() - PALM_WIDTH];
         for (idx, link) in posed.hand.links().iter().enumerate().rev() {
             let (force, torque) = self.wrenches[idx];
             if let Some(parent) = link.parent {
@@ -176,14 +176,14 @@ impl<'a> Forces<'a> {
 }
 
 /// A rotation made from two columns by Gram-Schmidt (Zhou et al. 2019, §B), and its derivative.
-struct Frame {
+struct PalmRotation {
     translation: Vector3<f64>,
     first: Vector3<f64>,
     second: Vector3<f64>,
     rotation: Matrix3<f64>,
 }
 
-impl Frame {
+impl PalmRotation {
     fn of(row: &[f32]) -> Self {
         let vector = |at: usize| Vector3::from_fn(|k, _| f64::from(row[at + k]));
         let (first, second) = (vector(3), vector(6));

@@ -19,7 +19,7 @@ mod decoder;
 mod error;
 #[cfg(test)]
 mod golden;
-mod grasp;
+mod hand_state;
 mod kinematics;
 mod limits;
 mod loss;
@@ -36,17 +36,17 @@ mod training;
 mod weights;
 
 pub use config::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
     TrainingConfig, TrainingDevice,
 };
 pub use curve::Epoch;
-pub use data::{Scene, Track};
-pub use decoder::{HandRate, MovingGrasp};
+pub use data::{RestingObject, TrainingMotion};
+pub use decoder::{HandDerivative, HandMotionState};
 pub use error::CgfError;
-pub use grasp::{Grasp, Normalization};
+pub use hand_state::{HandState, Normalization};
 pub use limits::JointRange;
-pub use model::{Cgf, Demonstration, Description, GraspError, ObjectFeature, Posterior};
+pub use model::{Cgf, Description, EncodedDemonstration, HandDistance, ObjectFeature, Posterior};
 pub use random::Random;
 pub use step::Losses;
 pub use training::{Trained, Trainer, TrainingSet, train};

@@ -4,7 +4,9 @@ use candle_core::{DType, Tensor};
 use robot::Joint;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, config::JointOutputs, grasp::ROOT, network::constant, precision::narrow};
+use crate::{
+    CgfError, config::JointOutputs, hand_state::PALM_WIDTH, network::constant, precision::narrow,
+};
 
 /// Where a joint can be.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
@@ -58,7 +60,7 @@ impl Limits {
 
     /// Takes the numbers of a hand, in meters, matrix entries and radians, to where it is.
     pub(crate) fn apply(&self, numbers: &mut [f64]) {
-        for (x, range) in numbers.iter_mut().skip(ROOT).zip(&self.ranges) {
+        for (x, range) in numbers.iter_mut().skip(PALM_WIDTH).zip(&self.ranges) {
             if let Some((middle, half)) = range {
                 *x = middle + half * ((*x - middle) / half).tanh();
             }
@@ -69,7 +71,11 @@ impl Limits {
     pub(crate) fn apply_with_rates(&self, numbers: &mut [Vec<f64>; 3]) {
         let [values, firsts, seconds] = numbers;
         let rates = firsts.iter_mut().zip(seconds);
-        let joints = values.iter_mut().zip(rates).skip(ROOT).zip(&self.ranges);
+        let joints = values
+            .iter_mut()
+            .zip(rates)
+            .skip(PALM_WIDTH)
+            .zip(&self.ranges);
         for ((x, (first, second)), range) in joints {
             if let Some((middle, half)) = range {
                 let share = ((*x - middle) / half).tanh();
@@ -94,7 +100,7 @@ impl Limits {
             )
         };
         let (middle, half) = (row(|r| r.0, 0.0)?, row(|r| r.1, 1.0)?);
-        let joints = numbers.narrow(1, ROOT, self.ranges.len())?;
+        let joints = numbers.narrow(1, PALM_WIDTH, self.ranges.len())?;
         let share = joints
             .broadcast_sub(&middle)?
             .broadcast_div(&half)?
@@ -111,7 +117,7 @@ impl Limits {
         };
         debug_assert_eq!(kept.dtype(), DType::F32);
         Ok(Some(Tensor::cat(
-            &[&numbers.narrow(1, 0, ROOT)?, &kept],
+            &[&numbers.narrow(1, 0, PALM_WIDTH)?, &kept],
             1,
         )?))
     }
@@ -136,21 +142,27 @@ mod tests {
     }
 
     fn numbers(joints: [f64; 3]) -> Vec<f64> {
-        [vec![0.3; ROOT], joints.to_vec()].concat()
+        [vec![0.3; PALM_WIDTH], joints.to_vec()].concat()
     }
 
     #[test]
     fn joints_stay_within_their_limits_and_move_freely_in_the_middle() {
         let mut far = numbers([9.0, 9.0, 9.0]);
         limits().apply(&mut far);
-        assert_eq!(far[ROOT + 1..], [9.0, 9.0]);
-        assert!(far[ROOT] <= 1.4 && far[ROOT] > 1.399_999, "{far:?}");
+        assert_eq!(far[PALM_WIDTH + 1..], [9.0, 9.0]);
+        assert!(
+            far[PALM_WIDTH] <= 1.4 && far[PALM_WIDTH] > 1.399_999,
+            "{far:?}"
+        );
         let mut low = numbers([-9.0, -9.0, -9.0]);
         limits().apply(&mut low);
-        assert!(low[ROOT] >= -0.2 && low[ROOT] < -0.199_999, "{low:?}");
+        assert!(
+            low[PALM_WIDTH] >= -0.2 && low[PALM_WIDTH] < -0.199_999,
+            "{low:?}"
+        );
         let mut middle = numbers([0.62, 0.0, 0.0]);
         limits().apply(&mut middle);
-        assert!((middle[ROOT] - 0.62).abs() < 1e-5, "{middle:?}");
+        assert!((middle[PALM_WIDTH] - 0.62).abs() < 1e-5, "{middle:?}");
         let mut free = numbers([9.0, 9.0, 9.0]);
         Limits::new(
             JointOutputs::Free,
@@ -169,29 +181,29 @@ mod tests {
         let at = |t: f64| {
             let mut x = numbers([0.9 + 0.7 * t + 0.2 * t * t, 0.0, 0.0]);
             limits().apply(&mut x);
-            x[ROOT]
+            x[PALM_WIDTH]
         };
-        let zeros = vec![0.0; ROOT + 3];
+        let zeros = vec![0.0; PALM_WIDTH + 3];
         let mut moving = [numbers([0.9, 0.0, 0.0]), zeros.clone(), zeros];
-        (moving[1][ROOT], moving[2][ROOT]) = (0.7, 0.4);
+        (moving[1][PALM_WIDTH], moving[2][PALM_WIDTH]) = (0.7, 0.4);
         limits().apply_with_rates(&mut moving);
         let h = 1e-4;
-        assert_eq!(moving[0][ROOT], at(0.0));
-        assert!((moving[1][ROOT] - (at(h) - at(-h)) / (2.0 * h)).abs() < 1e-7);
+        assert_eq!(moving[0][PALM_WIDTH], at(0.0));
+        assert!((moving[1][PALM_WIDTH] - (at(h) - at(-h)) / (2.0 * h)).abs() < 1e-7);
         let second = (at(h) - 2.0 * at(0.0) + at(-h)) / (h * h);
-        assert!((moving[2][ROOT] - second).abs() < 1e-6, "{second}");
+        assert!((moving[2][PALM_WIDTH] - second).abs() < 1e-6, "{second}");
     }
 
     #[test]
     fn the_tape_computes_the_same_with_its_gradient() {
         let row: Vec<f32> = numbers([0.9, -3.0, 2.0]).into_iter().map(narrow).collect();
-        let tensor = Tensor::from_slice(&row, (1, ROOT + 3), &Device::Cpu).unwrap();
+        let tensor = Tensor::from_slice(&row, (1, PALM_WIDTH + 3), &Device::Cpu).unwrap();
         let var = Var::from_tensor(&tensor).unwrap();
         let kept = limits().on_tape(var.as_tensor()).unwrap().unwrap();
         let mut expected = [
             numbers([0.9, -3.0, 2.0]),
-            vec![1.0; ROOT + 3],
-            vec![0.0; ROOT + 3],
+            vec![1.0; PALM_WIDTH + 3],
+            vec![0.0; PALM_WIDTH + 3],
         ];
         limits().apply_with_rates(&mut expected);
         let gradients = kept.sum_all().unwrap().backward().unwrap();

@@ -9,15 +9,15 @@ use std::{
 use nalgebra::{UnitQuaternion, Vector3};
 use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
-use spatial::{Pose, Rest, Table};
+use spatial::{Pose, RestingPose, Table};
 
 use crate::{
-    CgfError, Epoch, MovingGrasp, Scene, Track, TrainingSet,
+    CgfError, Epoch, HandMotionState, RestingObject, TrainingMotion, TrainingSet,
     batch::{encoder_motion, encoder_times},
     config::{NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
     decoder::Decoder,
-    grasp::{Grasp, Normalization, ROOT},
+    hand_state::{HandState, Normalization, PALM_WIDTH},
     limits::{JointRange, Limits},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
@@ -54,7 +54,7 @@ pub struct Description {
     /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
     pub normalization: Normalization,
     /// What the motions became that it was trained on or that were kept back.
-    pub demonstrations: Vec<Demonstration>,
+    pub demonstrations: Vec<EncodedDemonstration>,
     /// All epochs.
     pub training_curve: Vec<Epoch>,
 }
@@ -62,7 +62,7 @@ pub struct Description {
 /// What a motion of the training set became.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Demonstration {
+pub struct EncodedDemonstration {
     /// The recording's name.
     pub name: String,
     /// The object's name.
@@ -78,13 +78,13 @@ pub struct Demonstration {
     /// Standard deviation of its latent code.
     pub latent_deviation: Vec<f64>,
     /// How far the motion of the mean code is from it at the grasp.
-    pub grasp_error: GraspError,
+    pub grasp_error: HandDistance,
 }
 
 /// Distance between two grasps.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct GraspError {
+pub struct HandDistance {
     /// Distance of the palms' origins, in meters.
     pub position_m: f64,
     /// Angle between the palms, in radians.
@@ -139,7 +139,7 @@ impl Cgf {
     /// # Errors
     ///
     /// Fails if the object has too few points or they are not finite.
-    pub fn feature(&self, scene: &Scene) -> Result<ObjectFeature, CgfError> {
+    pub fn feature(&self, scene: &RestingObject) -> Result<ObjectFeature, CgfError> {
         let config = &self.description.network;
         let view = View::of(scene, config.frame)?;
         let clouds = Clouds {
@@ -164,7 +164,7 @@ impl Cgf {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<Grasp>>, CgfError> {
+    ) -> Result<Vec<Vec<HandState>>, CgfError> {
         self.decoder.decode(feature, latents, times)
     }
 
@@ -180,7 +180,7 @@ impl Cgf {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<MovingGrasp>>, CgfError> {
+    ) -> Result<Vec<Vec<HandMotionState>>, CgfError> {
         self.decoder.decode_with_rates(feature, latents, times)
     }
 
@@ -189,10 +189,14 @@ impl Cgf {
     /// # Errors
     ///
     /// Fails if the motion is not one of this hand.
-    pub fn encode(&self, feature: &ObjectFeature, track: &Track) -> Result<Posterior, CgfError> {
+    pub fn encode(
+        &self,
+        feature: &ObjectFeature,
+        track: &TrainingMotion,
+    ) -> Result<Posterior, CgfError> {
         track.check(self.description.joints.len())?;
         let network = &self.description.network;
-        let track = track.seen_from(&feature.table_from_network);
+        let track = track.expressed_in(&feature.table_from_network);
         let times = encoder_times(network, &track, self.description.seed);
         let motion = encoder_motion(
             network,
@@ -240,14 +244,14 @@ impl Cgf {
             let decoded = self.decode(feature, std::slice::from_ref(&posterior.mean), &[0.0])?;
             let shown = track.at(0.0);
             let grasp_error = decoded.first().and_then(|motion| motion.first()).map_or(
-                GraspError {
+                HandDistance {
                     position_m: 0.0,
                     rotation_rad: 0.0,
                     joints_rad: 0.0,
                 },
-                |grasp| GraspError::between(grasp, &shown),
+                |grasp| HandDistance::between(grasp, &shown),
             );
-            demonstrations.push(Demonstration {
+            demonstrations.push(EncodedDemonstration {
                 name: track.name.clone(),
                 object: scene.object.clone(),
                 split: track.split,
@@ -292,7 +296,7 @@ impl Cgf {
         let description = Description::read(description)?;
         description.network.check()?;
         let weights = Weights::from_bytes(&read(weights)?)?;
-        let outputs = ROOT + description.joints.len();
+        let outputs = PALM_WIDTH + description.joints.len();
         let dof = description.joints.len();
         let initialization = description.training.initialization;
         let expected = network::initialize(&description.network, dof, initialization, 0);
@@ -337,7 +341,7 @@ pub(crate) fn equal_times(n: usize) -> impl Iterator<Item = f64> {
 
 impl Description {
     /// Returns the demonstrations of a split.
-    pub fn of_split(&self, split: Split) -> impl Iterator<Item = &Demonstration> {
+    pub fn of_split(&self, split: Split) -> impl Iterator<Item = &EncodedDemonstration> {
         let all = self.demonstrations.iter();
         all.filter(move |demonstration| demonstration.split == split)
     }
@@ -357,7 +361,7 @@ impl Description {
         }
         let mut demonstrations = description.demonstrations.iter();
         if let Some(one) = demonstrations.find(|one| !one.has_rest()) {
-            return Err(CgfError::Rest {
+            return Err(CgfError::RestingPose {
                 demonstration: one.name.clone(),
             });
         }
@@ -373,24 +377,24 @@ fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
     })
 }
 
-impl Demonstration {
+impl EncodedDemonstration {
     /// Whether the direction against gravity is one, about a unit vector.
     fn has_rest(&self) -> bool {
         (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
     }
 
     /// Returns how the object lay.
-    pub fn rest(&self) -> Rest {
-        Rest {
+    pub fn rest(&self) -> RestingPose {
+        RestingPose {
             up_in_object: nalgebra::Unit::new_normalize(Vector3::from(self.rest_up)),
             height_m: self.rest_height_m,
         }
     }
 }
 
-impl GraspError {
+impl HandDistance {
     /// Measures how far two grasps of one hand are apart.
-    pub fn between(a: &Grasp, b: &Grasp) -> Self {
+    pub fn between(a: &HandState, b: &HandState) -> Self {
         let (pose_a, pose_b) = (a.frame_from_palm, b.frame_from_palm);
         let squares: f64 = a
             .q_rad

@@ -5,7 +5,7 @@ use candle_core::{Device, Tensor};
 use crate::{
     CgfError,
     config::{Activation, Initialization, LatentVariance, NetworkConfig},
-    grasp::ROOT,
+    hand_state::PALM_WIDTH,
     point_net,
     random::Random,
     weights::{Leaves, Weights, leaf},
@@ -45,7 +45,7 @@ pub(crate) fn initialize(
             Initialization::Torch => weights.set_random(&name, &[width], bound, &mut random),
         }
     };
-    let outputs = ROOT + dof;
+    let outputs = PALM_WIDTH + dof;
     let mut below = config.encoder_inputs(dof);
     for (layer, &width) in config.hand_widths.iter().enumerate() {
         linear(

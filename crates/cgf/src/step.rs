@@ -11,7 +11,7 @@ use crate::{
     CgfError,
     batch::Batch,
     config::{Contact, LatentNoise, NetworkConfig, Reduction, TrainingConfig},
-    grasp::{Normalization, ROOT},
+    hand_state::{Normalization, PALM_WIDTH},
     kinematics::{LinkParts, LinkPoses},
     limits::Limits,
     loss,
@@ -127,7 +127,7 @@ impl Objective<'_> {
         features: &Tensor,
     ) -> Result<(Tensor, Losses), CgfError> {
         let training = self.training;
-        let outputs = ROOT + self.hand.dof();
+        let outputs = PALM_WIDTH + self.hand.dof();
         let rows = batch.size * batch.n_times;
         let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
         let (decoded, physical) = self.within_limits(decoded, normalization)?;

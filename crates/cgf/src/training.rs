@@ -13,8 +13,8 @@ use crate::{
     batch::{Batches, Seen},
     config::{Initialization, NetworkConfig, TrainingConfig},
     curve::Epoch,
-    data::{Scene, Track, turned},
-    grasp::Normalization,
+    data::{RestingObject, TrainingMotion, turned},
+    hand_state::Normalization,
     limits::{JointRange, Limits},
     model::Description,
     network,
@@ -38,9 +38,9 @@ const FIRST_EPOCH: u64 = 1 << 32;
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainingSet {
     /// Objects as they lay.
-    pub scenes: Vec<Scene>,
+    pub scenes: Vec<RestingObject>,
     /// The motions, those that are learned from and those that are kept back.
-    pub tracks: Vec<Track>,
+    pub tracks: Vec<TrainingMotion>,
     /// Distances to the surfaces of the objects, in the object frame, by the objects' names: of all of
     /// them if the training keeps the hand out of them, and otherwise of any.
     pub distances: BTreeMap<String, Arc<DistanceField>>,
@@ -141,7 +141,7 @@ impl<'a> Trainer<'a> {
             });
         }
         let body = if training.penetration_weight > 0.0 {
-            let named = |scene: &&Scene| !set.distances.contains_key(&scene.object);
+            let named = |scene: &&RestingObject| !set.distances.contains_key(&scene.object);
             if let Some(scene) = set.scenes.iter().find(named) {
                 let object = scene.object.clone();
                 return Err(CgfError::NoDistances { object });

@@ -3,17 +3,17 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, Frame,
-    GraspError, Initialization, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
-    Reduction, Scene, Schedule, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
-    train,
+    Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, HandDistance,
+    Initialization, InputFrame, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
+    Reduction, RestingObject, Schedule, Times, Trainer, TrainingConfig, TrainingDevice,
+    TrainingMotion, TrainingSet, train,
 };
 use geometry::{DistanceField, TriMesh};
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
 use schemas::training::Split;
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 
 const HAND: &str = r#"<robot name="h">
   <link name="palm"/><link name="a"/><link name="tip">
@@ -29,7 +29,7 @@ fn hand() -> Arc<RobotModel> {
 }
 
 /// A box of half extents `half` lying at height `half.z`, as points on a grid of its surface.
-fn scene(object: &str, half: [f64; 3]) -> Scene {
+fn scene(object: &str, half: [f64; 3]) -> RestingObject {
     let mut points_in_object = Vec::new();
     for k in 0..128_u8 {
         let (u, v) = (f64::from(k % 16) / 7.5 - 1.0, f64::from(k / 16) / 3.5 - 1.0);
@@ -41,9 +41,9 @@ fn scene(object: &str, half: [f64; 3]) -> Scene {
             half[2] * unit[2],
         ));
     }
-    Scene {
+    RestingObject {
         object: object.to_owned(),
-        rest: Rest {
+        rest: RestingPose {
             up_in_object: Vector3::z_axis(),
             height_m: half[2],
         },
@@ -51,7 +51,7 @@ fn scene(object: &str, half: [f64; 3]) -> Scene {
     }
 }
 
-fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Track {
+fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> TrainingMotion {
     let steps = (0..30).map(|k| {
         let t = 1.0 - f64::from(k) / 29.0;
         let position = toward + Vector3::new(-0.2, 0.1, 0.25) * t * (2.0 - t);
@@ -63,7 +63,7 @@ fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Track {
             rates: (),
         }
     });
-    Track {
+    TrainingMotion {
         name: name.to_owned(),
         scene,
         split: Split::Training,
@@ -95,7 +95,7 @@ fn network() -> NetworkConfig {
         latent_dim: 4,
         decoder_widths: vec![64, 64],
         activation: Activation::Silu,
-        frame: Frame::Resting,
+        frame: InputFrame::Resting,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
@@ -159,7 +159,7 @@ fn two_motions_are_learned_by_heart() {
         .iter()
         .zip(times)
     {
-        let error = GraspError::between(grasp, &set.tracks[1].at(t));
+        let error = HandDistance::between(grasp, &set.tracks[1].at(t));
         assert!(error.position_m < 0.02, "t = {t}: {error:?}");
     }
     assert_eq!(cgf.description().training_curve.len(), 800);
@@ -176,7 +176,7 @@ fn motions_of_different_codes_differ() {
     assert_ne!(motions[0], motions[1]);
     // A code's motion does not depend on what is decoded beside it.
     let alone = cgf.decode(&feature, &[vec![1.5; 4]], &[0.5]).unwrap();
-    let error = GraspError::between(&alone[0][0], &motions[1][1]);
+    let error = HandDistance::between(&alone[0][0], &motions[1][1]);
     assert!(
         error.position_m < 1e-5 && error.joints_rad < 1e-5,
         "{error:?}"
@@ -199,7 +199,7 @@ fn checkpoint_is_read_as_it_was_written() {
     );
     let feature = read.feature(&set().scenes[0]).unwrap();
     let motion = |cgf: &Cgf| cgf.decode(&feature, &[vec![0.5; 4]], &[0.0]).unwrap()[0][0].clone();
-    let error = GraspError::between(&motion(&read), &motion(&cgf));
+    let error = HandDistance::between(&motion(&read), &motion(&cgf));
     assert!(
         error.position_m < 1e-12 && error.joints_rad < 1e-12,
         "{error:?}"
@@ -448,10 +448,10 @@ fn held_out_trajectories_are_measured_and_not_trained_on() {
 #[test]
 fn object_frame_network_is_independent_of_the_rest_pose() {
     let mut network = network();
-    network.frame = Frame::Object;
+    network.frame = InputFrame::Object;
     let mut set = set();
     set.scenes[1] = set.scenes[0].clone();
-    set.scenes[1].rest = Rest {
+    set.scenes[1].rest = RestingPose {
         up_in_object: Vector3::x_axis(),
         height_m: 0.05,
     };
@@ -462,7 +462,7 @@ fn object_frame_network_is_independent_of_the_rest_pose() {
         let feature = cgf.feature(&set.scenes[scene]).unwrap();
         let codes = [demonstration.latent_mean.clone()];
         let decoded = &cgf.decode(&feature, &codes, &[0.0]).unwrap()[0][0];
-        let error = GraspError::between(decoded, &set.tracks[scene].at(0.0));
+        let error = HandDistance::between(decoded, &set.tracks[scene].at(0.0));
         assert!(
             error.position_m < 0.01 && error.rotation_rad < 0.1,
             "{error:?}"
@@ -473,7 +473,7 @@ fn object_frame_network_is_independent_of_the_rest_pose() {
 #[test]
 fn the_paper_and_its_code_can_be_trained_as_they_are() {
     let mut network = network();
-    network.frame = Frame::Object;
+    network.frame = InputFrame::Object;
     network.activation = Activation::Relu;
     let mut config = training(60);
     config.outputs = Outputs::Physical;

@@ -56,10 +56,10 @@ impl Context<'_> {
     /// A folder that outlives this attempt: it is kept for the next attempt at the same unit, with
     /// the same fingerprint, after a failure, an interrupt or a kill.
     ///
-    /// It does not exist before the first attempt writes to it (`lake::write_whole` makes it), is
+    /// It does not exist before the first attempt writes to it (`lake::write_atomic` makes it), is
     /// not shared, and is not part of the artifact. It is removed
     /// when the unit's result is stored or a rerun is requested (`--fresh`). The process may be
-    /// killed between any two writes: write files whole (`lake::write_whole`), and check what is
+    /// killed between any two writes: write files whole (`lake::write_atomic`), and check what is
     /// read back. The result must not depend on how often the unit was interrupted.
     pub fn resume_folder(&self) -> &Path {
         &self.resume_folder

@@ -4,7 +4,7 @@ use std::{error::Error, fmt, io, path::PathBuf};
 
 use crate::{
     advice::{Advise, Advised},
-    metrics::MissingFigure,
+    metrics::MissingMetric,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
     source::Location,
     suggestions::{did_you_mean, missing},
@@ -95,7 +95,7 @@ pub enum Failure {
         message: String,
     },
     /// A stage listed a partition that does not exist among its inputs.
-    #[error("stage `{stage}` wants to read `{input}` partition `{partition}`, which was not made")]
+    #[error("stage `{stage}` reads `{input}` partition `{partition}`, which does not exist")]
     MissingInput {
         /// The stage's name.
         stage: StageName,
@@ -119,7 +119,7 @@ pub enum Failure {
         first: String,
     },
     /// A damaged artifact could not be rebuilt.
-    #[error("`{}` partition `{}` is damaged and did not come out the same again", unit.node, unit.partition)]
+    #[error("`{}` partition `{}` is damaged and cannot be rebuilt identically", unit.node, unit.partition)]
     Damaged {
         /// The unit that made it.
         unit: UnitName,
@@ -198,11 +198,11 @@ pub enum Failure {
     },
     /// A stored result lacks a metric that its output declares.
     #[error("a result of `{node}` in the lake cannot be summed up")]
-    Figures {
+    MetricValues {
         /// The output.
         node: NodeName,
         /// The missing metric.
-        source: MissingFigure,
+        source: MissingMetric,
     },
     /// Two units of an output have the same key, or two files of a unit the same name.
     #[error("stage `{stage}` names `{name}` twice among {what}")]
@@ -215,7 +215,7 @@ pub enum Failure {
         what: String,
     },
     /// A unit and its outcome both say which labels its artifact has, or neither does.
-    #[error("stage `{}` does not say once which labels `{}` has", unit.node.stage, unit.partition)]
+    #[error("stage `{}` must label `{}` exactly once", unit.node.stage, unit.partition)]
     Labels {
         /// The unit.
         unit: UnitName,
@@ -382,7 +382,7 @@ impl Advise for Failure {
                 "make it and what follows again with `pipeline run FILE --fresh {}`",
                 unit.node.stage
             )),
-            Self::Figures { node, .. } => Some(format!(
+            Self::MetricValues { node, .. } => Some(format!(
                 "make its results again with `pipeline run FILE --fresh {}`",
                 node.stage
             )),

@@ -12,7 +12,7 @@ use crate::{
 
 /// The part of a fingerprint that all units of one output share.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Recipe {
+pub struct OutputFingerprint {
     /// The stage's kind: another kind computes something else.
     pub kind: String,
     /// The artifact made, for kinds with more than one output.
@@ -25,7 +25,7 @@ pub struct Recipe {
     pub schema: String,
 }
 
-impl Recipe {
+impl OutputFingerprint {
     /// Returns the digest under which the recipe is stored.
     pub fn digest(&self) -> Digest {
         Digest::of_json(&self.to_json())
@@ -67,7 +67,7 @@ impl Recipe {
 pub struct Fingerprint {
     /// The part shared with the other partitions of its output.
     #[serde(flatten)]
-    pub recipe: Arc<Recipe>,
+    pub recipe: Arc<OutputFingerprint>,
     /// The stage's name in the pipeline file, on which its seed depends.
     pub stage: StageName,
     /// The partition's key, which stages may use.
@@ -283,7 +283,7 @@ impl Fingerprint {
     }
 }
 
-impl Recipe {
+impl OutputFingerprint {
     /// Lists the parts that differ from `old`.
     pub(crate) fn differences(&self, old: &Self) -> Vec<Cause> {
         let mut causes = Vec::new();
@@ -468,12 +468,12 @@ mod tests {
                 .flat_map(|&bits| [f64::from_bits(bits), (bits % 100_000) as f64 / 30_000.0])
                 .filter(|number| number.is_finite())
                 .collect();
-            let recipe = Recipe {
+            let recipe = OutputFingerprint {
                 config: json!({"values": numbers}),
                 ..(*fingerprint().recipe).clone()
             };
             let text = serde_json::to_string(&recipe).unwrap();
-            let again: Recipe = serde_json::from_str(&text).unwrap();
+            let again: OutputFingerprint = serde_json::from_str(&text).unwrap();
             prop_assert_eq!(again.digest(), recipe.digest());
             prop_assert_eq!(recipe.to_json(), serde_json::to_value(&recipe).unwrap());
             prop_assert_eq!(serde_json::to_string(&again).unwrap(), text);
@@ -482,7 +482,7 @@ mod tests {
 
     fn fingerprint() -> Fingerprint {
         Fingerprint {
-            recipe: Arc::new(Recipe {
+            recipe: Arc::new(OutputFingerprint {
                 kind: "train".to_owned(),
                 output: "checkpoint".parse().unwrap(),
                 code: BTreeMap::from([("cgf".to_owned(), "aa".to_owned())]),
@@ -521,8 +521,9 @@ mod tests {
                 .collect();
             assert_eq!(causes, [expected]);
         };
-        let recipe =
-            |f: &mut Fingerprint, edit: fn(&mut Recipe)| edit(Arc::make_mut(&mut f.recipe));
+        let recipe = |f: &mut Fingerprint, edit: fn(&mut OutputFingerprint)| {
+            edit(Arc::make_mut(&mut f.recipe));
+        };
         check(
             |f| Arc::make_mut(&mut f.recipe).kind = "tune".to_owned(),
             "`kind` changed from `train` to `tune`",

@@ -10,7 +10,7 @@ use crate::{
     advice::{Advise, Advised},
     code::Code,
     context::{Context, Inputs},
-    metrics::MissingFigure,
+    metrics::MissingMetric,
     option_faults::OptionFault,
     outcome::Outcome,
     output::OutputInfo,
@@ -70,7 +70,7 @@ pub(crate) trait Configured: Send + Sync {
         &self,
         output_idx: usize,
         outcomes: &[&RecordOutcome],
-    ) -> Result<(Summary, String), MissingFigure>;
+    ) -> Result<(Summary, String), MissingMetric>;
 }
 
 /// A fault in a stage's table.
@@ -180,7 +180,7 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
         &self,
         output_idx: usize,
         outcomes: &[&RecordOutcome],
-    ) -> Result<(Summary, String), MissingFigure> {
+    ) -> Result<(Summary, String), MissingMetric> {
         (self.parts.outputs[output_idx].line)(outcomes)
     }
 }
@@ -374,7 +374,7 @@ fn type_name(schema: &Value) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{code::Code, output::Options, stage::Output, summary::Line};
+    use crate::{code::Code, output::OptionsUsed, stage::Output, summary::Line};
 
     /// A stage with an option that cannot always be serialized.
     enum Fixture {}
@@ -435,7 +435,7 @@ mod tests {
         const ARTIFACT: &'static str = "nothing";
         const SCHEMA: &'static str = "nothing/1";
         const PARTITION: &'static str = "none";
-        const OPTIONS: Options = Options::Except(if FAULT == 1 {
+        const OPTIONS: OptionsUsed = OptionsUsed::Except(if FAULT == 1 {
             &["wieghts"]
         } else {
             &["weights"]

@@ -73,20 +73,20 @@ pub use digest::{Digest, NotADigest};
 pub use error::{Failure, FileError, LeftOut, Problem};
 pub use event::{Event, Events, Fraction};
 pub use executor::{UnitReport, make_one};
-pub use fingerprint::{Cause, Change, Fingerprint, Recipe};
+pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
-pub use metrics::{Figure, Figures, Gather, Max, Mean, Metrics, MissingFigure, Sum, With};
+pub use metrics::{Figure, Gather, Max, Mean, MetricValues, Metrics, MissingMetric, Sum, With};
 pub use name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use outcome::{Labels, Outcome};
-pub use output::{Execution, Options, OutputInfo};
+pub use output::{Execution, OptionsUsed, OutputInfo};
 pub use overrides::{Override, OverrideError};
 pub use pipeline::{Pipeline, StageEntry};
 pub use plan::{Plan, PlannedNode, PlannedUnit, UnitState, plan};
-pub use reachable::reached;
-pub use readiness::{Outside, outside};
+pub use reachable::reachable_fingerprints;
+pub use readiness::{Readiness, outside};
 pub use record::{FileRef, Record, RecordOutcome};
 pub use remote::{Forced, Relay, RemoteWorker};
 pub use report::Report;
@@ -96,7 +96,7 @@ pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputOf, Outputs, Stage};
 pub use store::{
-    NewestUnit, NodeRecord, Origin, OutputRecord, RunRecord, RunStatus, Showing, StageRecord,
+    NewestUnit, NodeRecord, Origin, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
     Store, UnitRef, UnitTransaction,
 };
 pub use suggestions::{did_you_mean, missing, nearest};

@@ -3,43 +3,43 @@
 use std::{collections::BTreeMap, marker::PhantomData};
 
 /// Metrics by name, as they are stored.
-pub type Figures = BTreeMap<String, f64>;
+pub type MetricValues = BTreeMap<String, f64>;
 
 /// A stored partition lacks a metric that its output declares.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("it has no figure `{0}`")]
-pub struct MissingFigure(pub String);
+#[error("it has no metric `{0}`")]
+pub struct MissingMetric(pub String);
 
 /// The metrics of one partition, or of all partitions of an output together.
 ///
 /// [`metrics!`](crate::metrics!) declares a struct of them.
 pub trait Metrics: Sized + 'static {
     /// Adds every metric under its name.
-    fn write(&self, figures: &mut Figures);
+    fn write(&self, values: &mut MetricValues);
 
     /// Reads what [`Metrics::write`] wrote.
     ///
     /// # Errors
     ///
     /// Fails if a required metric is missing.
-    fn read(figures: &Figures) -> Result<Self, MissingFigure>;
+    fn read(values: &MetricValues) -> Result<Self, MissingMetric>;
 
     /// Aggregates the metrics of partitions, in their order.
     fn gather(partitions: &[Self]) -> Self;
 
     /// Returns every metric by name.
-    fn figures(&self) -> Figures {
-        let mut figures = Figures::new();
-        self.write(&mut figures);
-        figures
+    fn metric_values(&self) -> MetricValues {
+        let mut values = MetricValues::new();
+        self.write(&mut values);
+        values
     }
 }
 
 /// An output without metrics.
 impl Metrics for () {
-    fn write(&self, _figures: &mut Figures) {}
+    fn write(&self, _figures: &mut MetricValues) {}
 
-    fn read(_figures: &Figures) -> Result<Self, MissingFigure> {
+    fn read(_figures: &MetricValues) -> Result<Self, MissingMetric> {
         Ok(())
     }
 
@@ -52,14 +52,14 @@ pub trait Gather {
     type Value;
 
     /// Adds the field's metrics, which are named by the field.
-    fn write(field: &str, value: &Self::Value, figures: &mut Figures);
+    fn write(field: &str, value: &Self::Value, values: &mut MetricValues);
 
     /// Reads what [`Gather::write`] wrote.
     ///
     /// # Errors
     ///
     /// Fails if a required metric is missing.
-    fn read(field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure>;
+    fn read(field: &str, values: &MetricValues) -> Result<Self::Value, MissingMetric>;
 
     /// Aggregates the values of partitions, in their order.
     fn gather<'a>(values: impl Iterator<Item = &'a Self::Value>) -> Self::Value
@@ -109,13 +109,13 @@ impl Figure for Max {
 impl<F: Figure> Gather for F {
     type Value = f64;
 
-    fn write(field: &str, value: &f64, figures: &mut Figures) {
-        figures.insert(field.to_owned(), *value);
+    fn write(field: &str, value: &f64, values: &mut MetricValues) {
+        values.insert(field.to_owned(), *value);
     }
 
-    fn read(field: &str, figures: &Figures) -> Result<f64, MissingFigure> {
-        let found = figures.get(field).copied();
-        found.ok_or_else(|| MissingFigure(field.to_owned()))
+    fn read(field: &str, values: &MetricValues) -> Result<f64, MissingMetric> {
+        let found = values.get(field).copied();
+        found.ok_or_else(|| MissingMetric(field.to_owned()))
     }
 
     fn gather<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
@@ -127,12 +127,12 @@ impl<F: Figure> Gather for F {
 impl<F: Figure> Gather for Option<F> {
     type Value = Option<f64>;
 
-    fn write(field: &str, value: &Option<f64>, figures: &mut Figures) {
-        figures.extend(value.map(|value| (field.to_owned(), value)));
+    fn write(field: &str, value: &Option<f64>, values: &mut MetricValues) {
+        values.extend(value.map(|value| (field.to_owned(), value)));
     }
 
-    fn read(field: &str, figures: &Figures) -> Result<Option<f64>, MissingFigure> {
-        Ok(figures.get(field).copied())
+    fn read(field: &str, values: &MetricValues) -> Result<Option<f64>, MissingMetric> {
+        Ok(values.get(field).copied())
     }
 
     fn gather<'a>(values: impl Iterator<Item = &'a Option<f64>>) -> Option<f64> {
@@ -148,12 +148,12 @@ pub struct With<M>(PhantomData<M>);
 impl<M: Metrics + Clone> Gather for With<M> {
     type Value = M;
 
-    fn write(_field: &str, value: &M, figures: &mut Figures) {
-        value.write(figures);
+    fn write(_field: &str, value: &M, values: &mut MetricValues) {
+        value.write(values);
     }
 
-    fn read(_field: &str, figures: &Figures) -> Result<M, MissingFigure> {
-        M::read(figures)
+    fn read(_field: &str, values: &MetricValues) -> Result<M, MissingMetric> {
+        M::read(values)
     }
 
     fn gather<'a>(values: impl Iterator<Item = &'a M>) -> M {
@@ -174,7 +174,7 @@ impl<M: Metrics + Clone> Gather for With<M> {
 /// use dataflow::{Max, Mean, Metrics, Sum};
 ///
 /// dataflow::metrics! {
-///     /// What is said of the motions of an object.
+///     /// Metrics of the motions of an object.
 ///     pub struct Motions {
 ///         /// Number of motions.
 ///         motions_n: Sum,
@@ -192,8 +192,8 @@ impl<M: Metrics + Clone> Gather for With<M> {
 ///
 /// let motions = |motions_n, held_n| Motions { motions_n, held_n, duration_s: 2.0, slip_m: None };
 /// let all = Motions::gather(&[motions(1.0, 1.0), motions(3.0, 0.0)]);
-/// assert_eq!(all.figures()["rate"], 0.25);
-/// assert_eq!(Motions::read(&all.figures()), Ok(all));
+/// assert_eq!(all.metric_values()["rate"], 0.25);
+/// assert_eq!(Motions::read(&all.metric_values()), Ok(all));
 /// ```
 #[macro_export]
 macro_rules! metrics {
@@ -213,17 +213,17 @@ macro_rules! metrics {
         }
 
         impl $crate::Metrics for $name {
-            fn write(&self, figures: &mut $crate::Figures) {
-                $(<$gather as $crate::Gather>::write(stringify!($field), &self.$field, figures);)*
+            fn write(&self, values: &mut $crate::MetricValues) {
+                $(<$gather as $crate::Gather>::write(stringify!($field), &self.$field, values);)*
                 $($(
                     let derived: fn(&Self) -> f64 = $value;
-                    figures.insert(stringify!($derived).to_owned(), derived(self));
+                    values.insert(stringify!($derived).to_owned(), derived(self));
                 )*)?
             }
 
-            fn read(figures: &$crate::Figures) -> Result<Self, $crate::MissingFigure> {
+            fn read(values: &$crate::MetricValues) -> Result<Self, $crate::MissingMetric> {
                 Ok(Self {
-                    $($field: <$gather as $crate::Gather>::read(stringify!($field), figures)?,)*
+                    $($field: <$gather as $crate::Gather>::read(stringify!($field), values)?,)*
                 })
             }
 
@@ -273,7 +273,7 @@ mod tests {
         ];
         let gathered = Fixture::gather(&all);
         assert_eq!(gathered, fixture(4.0, 0.5, 0.3, Some(1.0)));
-        assert_eq!(gathered.figures()["share"], 0.125);
+        assert_eq!(gathered.metric_values()["share"], 0.125);
         assert_eq!(Fixture::gather(&all[..1]).slip_m, None);
         let none = Fixture::gather(&[]);
         assert_eq!(none, fixture(0.0, 0.0, 0.0, None));
@@ -282,7 +282,7 @@ mod tests {
 
     #[test]
     fn a_promised_figure_that_is_missing_is_named() {
-        let written = fixture(1.0, 0.25, 0.3, None).figures();
+        let written = fixture(1.0, 0.25, 0.3, None).metric_values();
         assert_eq!(
             written.keys().collect::<Vec<_>>(),
             ["depth_m", "error_m", "n", "share"]
@@ -291,6 +291,6 @@ mod tests {
         let mut lacking = written;
         lacking.remove("error_m");
         let err = Fixture::read(&lacking).unwrap_err();
-        assert_eq!(err.to_string(), "it has no figure `error_m`");
+        assert_eq!(err.to_string(), "it has no metric `error_m`");
     }
 }

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use crate::metrics::{Figures, Metrics};
+use crate::metrics::{MetricValues, Metrics};
 
 /// Facts by which later stages choose partitions, e.g. `object = 003_cracker_box`.
 pub type Labels = BTreeMap<String, String>;
 
 /// The outcome of one partition.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Outcome<M = Figures> {
+pub enum Outcome<M = MetricValues> {
     /// The files in [`Context::folder`](crate::Context::folder) are the artifact; its labels are
     /// those of its [`Unit`](crate::Unit).
     Made(M),
@@ -47,8 +47,8 @@ impl<M: Metrics> Outcome<M> {
     /// Returns the outcome with its metrics as they are stored.
     pub fn stored(self) -> Outcome {
         match self {
-            Self::Made(metrics) => Outcome::Made(metrics.figures()),
-            Self::Labeled(metrics, labels) => Outcome::Labeled(metrics.figures(), labels),
+            Self::Made(metrics) => Outcome::Made(metrics.metric_values()),
+            Self::Labeled(metrics, labels) => Outcome::Labeled(metrics.metric_values(), labels),
             Self::Skipped { reason } => Outcome::Skipped { reason },
             Self::Filtered { reason } => Outcome::Filtered { reason },
         }

@@ -13,7 +13,7 @@ pub enum Execution {
 
 /// The options of a stage that an output depends on, by their names in its table.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Options {
+pub enum OptionsUsed {
     /// All of them.
     All,
     /// These alone.
@@ -22,7 +22,7 @@ pub enum Options {
     Except(&'static [&'static str]),
 }
 
-impl Options {
+impl OptionsUsed {
     /// None of them: for an output that only shows others, such as a report.
     pub const NONE: Self = Self::Only(&[]);
 
@@ -58,5 +58,5 @@ pub struct OutputInfo {
     /// The sources it depends on.
     pub code: Code,
     /// The options it depends on.
-    pub options: Options,
+    pub options: OptionsUsed,
 }

@@ -15,7 +15,7 @@ use crate::{
     graph::Node,
     kind::{Configured, Kind},
     name::{ArtifactName, NodeName, PartitionKey, StageName},
-    output::Options,
+    output::OptionsUsed,
     scope::Scope,
     stage::Stage,
     store::Origin,
@@ -86,7 +86,7 @@ impl StageEntry {
     }
 
     /// Returns the given options as fingerprints hold them.
-    pub(crate) fn config_of(&self, options: Options) -> serde_json::Value {
+    pub(crate) fn config_of(&self, options: OptionsUsed) -> serde_json::Value {
         let mut config = self.config();
         if let serde_json::Value::Object(known) = &mut config {
             known.retain(|option, _| options.contain(option));

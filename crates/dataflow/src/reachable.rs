@@ -14,16 +14,19 @@ use crate::{
 /// # Errors
 ///
 /// Fails if a stage cannot list its units or the store cannot be read.
-pub fn reached(pipeline: &Pipeline, store: &dyn Store) -> Result<Vec<Digest>, Failure> {
+pub fn reachable_fingerprints(
+    pipeline: &Pipeline,
+    store: &dyn Store,
+) -> Result<Vec<Digest>, Failure> {
     store.enter(&pipeline.name)?;
     let mut state = State::new(pipeline, store);
-    let mut reached = Vec::new();
+    let mut digests = Vec::new();
     for node in &pipeline.nodes {
         state.recall_some(node, Certainty::No, |digest| {
             let outcome = store.recall(digest)?;
-            reached.extend(outcome.is_some().then_some(*digest));
+            digests.extend(outcome.is_some().then_some(*digest));
             Ok(outcome)
         })?;
     }
-    Ok(reached)
+    Ok(digests)
 }

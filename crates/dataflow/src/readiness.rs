@@ -6,7 +6,7 @@ use crate::{error::Failure, pipeline::StageEntry, scope::Scope};
 
 /// A stage's resources outside the lake.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Outside {
+pub struct Readiness {
     /// Number of units of the stage's largest output, and what one of them stands for; `None` for a
     /// stage with inputs, whose units are only known once those are made.
     pub units: Option<(usize, &'static str)>,
@@ -22,10 +22,10 @@ pub struct Outside {
 /// # Errors
 ///
 /// Fails if the stage cannot begin.
-pub fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
+pub fn outside(stage: &StageEntry) -> Result<Readiness, Failure> {
     stage.prepare()?;
     if !stage.kind.inputs.is_empty() {
-        return Ok(Outside {
+        return Ok(Readiness {
             units: None,
             n_files: 0,
         });
@@ -46,7 +46,7 @@ pub fn outside(stage: &StageEntry) -> Result<Outside, Failure> {
             source,
         })?;
     }
-    Ok(Outside {
+    Ok(Readiness {
         units: Some(most),
         n_files: paths.len(),
     })

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     digest::{Digest, Fields},
     fingerprint::Fingerprint,
-    metrics::Figures,
+    metrics::MetricValues,
     outcome::Labels,
 };
 
@@ -40,7 +40,7 @@ pub enum RecordOutcome {
         /// Facts by which later stages choose partitions.
         labels: Labels,
         /// Counts and other metrics.
-        metrics: Figures,
+        metrics: MetricValues,
     },
     /// The item could not be used.
     Skipped {

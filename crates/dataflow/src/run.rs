@@ -21,8 +21,8 @@ use crate::{
     remote::{Forced, RemoteWorker},
     state::{Known, State},
     store::{
-        NewestUnit, NodeRecord, OutputRecord, RunRecord, RunStatus, Showing, StageRecord, Store,
-        UnitRef,
+        NewestUnit, NodeRecord, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
+        Store, UnitRef,
     },
     unit::ListedUnit,
     workers,
@@ -140,11 +140,11 @@ impl Runner<'_> {
     }
 
     fn publish(&self, node: &Node, report: &NodeReport) -> Result<(), Failure> {
-        let made: Vec<Showing> = report
+        let made: Vec<PublishedUnit> = report
             .units
             .iter()
             .filter(|unit| unit.outcome.is_made())
-            .map(|unit| Showing {
+            .map(|unit| PublishedUnit {
                 partition: &unit.partition,
                 fingerprint: &unit.fingerprint,
                 outcome: &unit.outcome,
@@ -396,7 +396,7 @@ fn report(
     units.sort_by(|a, b| a.partition.cmp(&b.partition));
     let outcomes: Vec<&RecordOutcome> = units.iter().map(|unit| &*unit.outcome).collect();
     let summarized = stage.configured.summarize(node.output_idx, &outcomes);
-    let (summary, description) = summarized.map_err(|source| Failure::Figures {
+    let (summary, description) = summarized.map_err(|source| Failure::MetricValues {
         node: node.name.clone(),
         source,
     })?;

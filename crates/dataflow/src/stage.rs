@@ -9,10 +9,10 @@ use crate::{
     advice::{Advise, Advised},
     code::Code,
     context::{Context, Inputs},
-    metrics::{Metrics, MissingFigure},
+    metrics::{Metrics, MissingMetric},
     option_faults::OptionFault,
     outcome::Outcome,
-    output::{Execution, Options, OutputInfo},
+    output::{Execution, OptionsUsed, OutputInfo},
     record::RecordOutcome,
     scope::Scope,
     summary::{Line, Summary},
@@ -86,7 +86,7 @@ pub trait Output: Sync + 'static {
     ///
     /// Options that only select units or files, or reach the unit as one of its [`Unit::facts`],
     /// are not among them.
-    const OPTIONS: Options = Options::All;
+    const OPTIONS: OptionsUsed = OptionsUsed::All;
     /// Its line, if it has its own.
     ///
     /// The line's source counts in the output's code digest: for costly results, the stage's
@@ -126,7 +126,7 @@ pub struct Lines<S> {
 
 /// Summarizes the stored results of an output, in the order of their partitions, with its line.
 pub(crate) type ErasedLine =
-    Box<dyn Fn(&[&RecordOutcome]) -> Result<(Summary, String), MissingFigure> + Send + Sync>;
+    Box<dyn Fn(&[&RecordOutcome]) -> Result<(Summary, String), MissingMetric> + Send + Sync>;
 
 impl<S: Stage> Lines<S> {
     pub(crate) fn new() -> Self {

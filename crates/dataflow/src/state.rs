@@ -16,7 +16,7 @@ use crate::{
     code::Code,
     digest::Digest,
     error::Failure,
-    fingerprint::{Fingerprint, Recipe},
+    fingerprint::{Fingerprint, OutputFingerprint},
     graph::Node,
     name::{NodeName, PartitionKey, UnitName},
     outcome::Labels,
@@ -86,7 +86,7 @@ pub(crate) struct State<'a> {
     /// Nodes that may get more partitions than are known.
     growing: Vec<NodeName>,
     /// The recipe of each node, with its digest.
-    recipes: HashMap<NodeName, (Arc<Recipe>, Digest)>,
+    recipes: HashMap<NodeName, (Arc<OutputFingerprint>, Digest)>,
     /// Digests of files outside the lake, each computed at most once.
     sources: Mutex<HashMap<(PathBuf, Option<&'static str>), Digest>>,
 }
@@ -95,7 +95,7 @@ impl<'a> State<'a> {
     pub(crate) fn new(pipeline: &'a Pipeline, store: &'a dyn Store) -> Self {
         let recipes = pipeline.nodes.iter().map(|node| {
             let stage = pipeline.stage(node);
-            let recipe = Recipe {
+            let recipe = OutputFingerprint {
                 kind: stage.kind.name.to_owned(),
                 output: node.name.artifact.clone(),
                 code: code_parts(node.output.code),

@@ -13,7 +13,7 @@ use crate::{
     digest::Digest,
     fingerprint::Fingerprint,
     graph::Node,
-    metrics::Figures,
+    metrics::MetricValues,
     name::{ArtifactName, NodeName, PartitionKey, StageName, UnitName},
     record::{FileRef, Record, RecordOutcome},
 };
@@ -58,7 +58,7 @@ pub struct UnitRef {
 
 /// A made artifact to publish.
 #[derive(Debug, Clone, Copy)]
-pub struct Showing<'a> {
+pub struct PublishedUnit<'a> {
     /// The partition's key.
     pub partition: &'a PartitionKey,
     /// Digest of its fingerprint.
@@ -155,7 +155,7 @@ pub struct NodeRecord {
     pub n_filtered: usize,
     /// The metrics, aggregated over the partitions.
     #[serde(rename = "totals")]
-    pub metrics: Figures,
+    pub metrics: MetricValues,
     /// Seconds it took.
     pub seconds: f64,
 }
@@ -260,7 +260,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised>;
+    fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised>;
 
     /// Unpublishes the artifacts of stages no longer in the pipeline.
     ///

@@ -1,13 +1,13 @@
 //! The outcome of all partitions of an output: metrics and a line.
 
 use crate::{
-    metrics::{Figures, Metrics, MissingFigure},
+    metrics::{MetricValues, Metrics, MissingMetric},
     record::RecordOutcome,
 };
 
 /// The outcome of all units of one output, for its line in the report.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Summary<M = Figures> {
+pub struct Summary<M = MetricValues> {
     /// Partitions made or taken from the lake.
     pub n_made: usize,
     /// Items skipped as unusable.
@@ -41,7 +41,7 @@ impl<M: Metrics> Summary<M> {
     /// # Errors
     ///
     /// Fails if a stored result lacks a required metric.
-    pub(crate) fn of(outcomes: &[&RecordOutcome]) -> Result<Self, MissingFigure> {
+    pub(crate) fn of(outcomes: &[&RecordOutcome]) -> Result<Self, MissingMetric> {
         let (mut n_skipped, mut n_filtered) = (0, 0);
         let mut partitions = Vec::with_capacity(outcomes.len());
         for outcome in outcomes {
@@ -64,7 +64,7 @@ impl<M: Metrics> Summary<M> {
             n_made: self.n_made,
             n_skipped: self.n_skipped,
             n_filtered: self.n_filtered,
-            metrics: self.metrics.figures(),
+            metrics: self.metrics.metric_values(),
         }
     }
 }

@@ -6,7 +6,7 @@ use geometry::SurfacePoint;
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use spatial::{Object, Pose, Rest};
+use spatial::{Object, Pose, RestingPose};
 
 use crate::{
     body::{Body, height_m, horizontal},
@@ -42,7 +42,7 @@ const GRIP_IN_HAND_M: [f64; 3] = [0.082, 0.004, -0.060];
 /// Draws one way to take an object; `None` if thumb and fingers would not oppose each other.
 pub(crate) fn draw(
     body: &Body,
-    rest: &Rest,
+    rest: &RestingPose,
     hand: &Hand,
     rng: &mut ChaCha8Rng,
 ) -> Option<Approach> {
@@ -158,7 +158,7 @@ fn turned(
 /// it, and how far to stand back to see the wall from both sides.
 fn rim_place(
     body: &Body,
-    rest: &Rest,
+    rest: &RestingPose,
     back: &Vector3<f64>,
     rng: &mut ChaCha8Rng,
 ) -> Option<(Point3<f64>, Vector3<f64>, f64)> {

@@ -6,7 +6,7 @@ use geometry::{SurfaceDistance, SurfacePoint, TriMesh, mass_properties, stable_r
 use nalgebra::{Point3, Unit, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::objects::{Handling, Thing};
 
@@ -19,9 +19,9 @@ pub(crate) struct Body {
     pub(crate) center: Point3<f64>,
     /// Radius about the origin that holds all of it, in meters.
     pub(crate) radius_m: f64,
-    upright: Rest,
+    upright: RestingPose,
     /// Other stable ways to lie, with their probabilities.
-    lying: Vec<(Rest, f64)>,
+    lying: Vec<(RestingPose, f64)>,
 }
 
 /// Rests within this cosine of the frame's z axis are not another way to lie.
@@ -32,7 +32,7 @@ const TILT_RAD: f64 = 0.14;
 const TILT_LIFT_M: f64 = 0.0008;
 
 /// Says whether an object on the table comes back from being tilted to any side.
-fn lies_firmly(mesh: &TriMesh, center: &Point3<f64>, rest: &Rest) -> bool {
+fn lies_firmly(mesh: &TriMesh, center: &Point3<f64>, rest: &RestingPose) -> bool {
     let lift = |up: &Vector3<f64>| {
         let lowest = mesh
             .vertices_m
@@ -60,7 +60,7 @@ impl Body {
             .iter()
             .map(|stable| stable.rest)
             .find(|rest| rest.up_in_object.z > UPRIGHT_COSINE)
-            .unwrap_or(Rest {
+            .unwrap_or(RestingPose {
                 up_in_object: Vector3::z_axis(),
                 height_m: -mesh.bounds().0.z,
             });
@@ -87,7 +87,7 @@ impl Body {
     }
 
     /// Draws how it lies: mostly upright.
-    pub(crate) fn draw_rest(&self, rng: &mut ChaCha8Rng, lying_share: f64) -> Rest {
+    pub(crate) fn draw_rest(&self, rng: &mut ChaCha8Rng, lying_share: f64) -> RestingPose {
         let lies = rng.random::<f64>() < lying_share && self.thing.handling == Handling::Any;
         let all: f64 = self.lying.iter().map(|(_, share)| share).sum();
         let mut target = rng.random::<f64>() * all;
@@ -101,7 +101,7 @@ impl Body {
     }
 
     /// Returns how it stands as in its own frame.
-    pub(crate) fn upright(&self) -> Rest {
+    pub(crate) fn upright(&self) -> RestingPose {
         self.upright
     }
 
@@ -128,12 +128,12 @@ impl Body {
 }
 
 /// Returns the height of a point in the object's frame above the table, in meters.
-pub(crate) fn height_m(rest: &Rest, point: &Point3<f64>) -> f64 {
+pub(crate) fn height_m(rest: &RestingPose, point: &Point3<f64>) -> f64 {
     rest.up_in_object.dot(&point.coords) + rest.height_m
 }
 
 /// Returns a horizontal direction in the object's frame, by an angle about the up direction.
-pub(crate) fn horizontal(rest: &Rest, angle: f64) -> Unit<Vector3<f64>> {
+pub(crate) fn horizontal(rest: &RestingPose, angle: f64) -> Unit<Vector3<f64>> {
     let up = rest.up_in_object;
     let aside = if up.x.abs() < 0.7 {
         Vector3::x()

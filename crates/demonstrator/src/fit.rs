@@ -3,7 +3,7 @@
 
 use geometry::SurfacePoint;
 use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3};
-use spatial::{Object, Pose, Rest};
+use spatial::{Object, Pose, RestingPose};
 
 use crate::{
     approach::Approach,
@@ -59,7 +59,7 @@ impl System {
 
 /// Fits a hand: pads on their targets and against the surface, flesh out of object and table,
 /// joints in their ranges and near the approach's posture.
-pub(crate) fn fit(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach) -> Placed {
+pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Approach) -> Placed {
     // Start open, so that the fingers close from outside.
     let mut open = approach.posture;
     for knuckle in [0, 5, 8, 11, 14] {
@@ -115,7 +115,13 @@ fn moved(placed: &Placed, step: &DVector<f64>) -> Placed {
     }
 }
 
-fn assemble(body: &Body, rest: &Rest, hand: &Hand, approach: &Approach, at: &Placed) -> System {
+fn assemble(
+    body: &Body,
+    rest: &RestingPose,
+    hand: &Hand,
+    approach: &Approach,
+    at: &Placed,
+) -> System {
     let mut local = hand.points(&at.q);
     local.push(Point3::new(FOREARM_M, 0.0, 0.0));
     let nudge = 1e-6;

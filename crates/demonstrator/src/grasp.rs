@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, SVector, Vector3};
 use rand_chacha::ChaCha8Rng;
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::{
     approach::{self, Approach},
@@ -61,7 +61,7 @@ impl Quality {
 /// Returns grasps of an object, best first; those that are not good are left out.
 pub(crate) fn grasps(
     body: &Body,
-    rest: &Rest,
+    rest: &RestingPose,
     hand: &Hand,
     draws: usize,
     tries: usize,
@@ -90,7 +90,13 @@ pub(crate) fn grasps(
 }
 
 /// Judges a hand at an object.
-fn judge(body: &Body, rest: &Rest, hand: &Hand, placed: &Placed, approach_cost: f64) -> Quality {
+fn judge(
+    body: &Body,
+    rest: &RestingPose,
+    hand: &Hand,
+    placed: &Placed,
+    approach_cost: f64,
+) -> Quality {
     let points = hand.points_in(&placed.object_from_hand, &placed.q);
     let mut gaps_m = [0.0; FINGERS];
     let mut contacts = Vec::new();
@@ -168,7 +174,7 @@ const LARGER_CLEARANCE_M: f64 = 0.006;
 
 /// Returns how high palm and finger tips of a larger hand with the same wrist stay above the table,
 /// open and closed, in meters: recordings are made to be learned from by robot hands.
-fn larger_clearance_m(rest: &Rest, hand: &Hand, placed: &Placed) -> f64 {
+fn larger_clearance_m(rest: &RestingPose, hand: &Hand, placed: &Placed) -> f64 {
     let mut open = placed.q;
     for joint in [2, 3, 5, 6, 8, 9, 11, 12] {
         open[joint] -= OPENING_RAD;

@@ -14,7 +14,7 @@ use crate::{
 
 /// What is where in one frame; the table's frame has z up and z = 0 at its surface.
 #[derive(Debug, Clone)]
-pub(crate) struct Frame {
+pub(crate) struct RecordedFrame {
     /// The wrist's pose and the joints; `None` while the hand is out of sight.
     pub(crate) hand: Option<(Pose<Table, Hand>, Joints)>,
     /// The grasped object's pose.
@@ -78,7 +78,7 @@ pub(crate) fn record(
     grasp: &Grasp,
     table_from_object: &Pose<Table, Object>,
     rng: &mut ChaCha8Rng,
-) -> Option<Vec<Frame>> {
+) -> Option<Vec<RecordedFrame>> {
     let frames_in = |time_s: f64| {
         (1..10_000)
             .take_while(|&n| f64::from(n) / recipe.rate_hz < time_s)
@@ -102,7 +102,7 @@ pub(crate) fn record(
     let turn = normal3(rng) * 0.08;
 
     let mut frames = Vec::new();
-    let at_rest = |hand| Frame {
+    let at_rest = |hand| RecordedFrame {
         hand,
         table_from_object: *table_from_object,
     };
@@ -116,7 +116,7 @@ pub(crate) fn record(
         let rotation = UnitQuaternion::from_scaled_axis(turn);
         let about = Isometry3::rotation_wrt_point(rotation, pivot);
         let after = Translation3::from(shift) * about;
-        Frame {
+        RecordedFrame {
             hand: Some((Pose::new(after * *end), q)),
             table_from_object: Pose::new(after * **table_from_object),
         }
@@ -224,7 +224,7 @@ fn is_free(
 }
 
 /// Adds the tracker's noise to wrist and joints: bones keep their lengths.
-fn add_noise(recipe: &Recipe, frames: &mut [Frame], rng: &mut ChaCha8Rng) {
+fn add_noise(recipe: &Recipe, frames: &mut [RecordedFrame], rng: &mut ChaCha8Rng) {
     let mut wrist = LowPass::<6>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);
     let mut joints =
         LowPass::<{ crate::hand::DOF }>::new(recipe.noise_cutoff_hz, recipe.rate_hz, rng);

@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use nalgebra::{UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
-use spatial::{Object, Pose, Rest, Table};
+use spatial::{Object, Pose, RestingPose, Table};
 
 use crate::{
     DemonstratorError, Recipe,
@@ -13,7 +13,7 @@ use crate::{
     grasp::grasps,
     hand::{Hand, Side, Size, point},
     noise::{between, stream},
-    reach::{Frame, record},
+    reach::{RecordedFrame, record},
 };
 
 /// A recording before it is written.
@@ -27,7 +27,7 @@ pub(crate) struct Scene {
     pub(crate) grasped: usize,
     /// Poses of all objects in the first frame; the grasped one's is also in the frames.
     pub(crate) table_from_objects: Vec<Pose<Table, Object>>,
-    pub(crate) frames: Vec<Frame>,
+    pub(crate) frames: Vec<RecordedFrame>,
 }
 
 /// Where grasped objects lie on the table, in meters.
@@ -105,7 +105,7 @@ pub(crate) fn make(
 }
 
 /// Puts an object down at a place with a random yaw.
-fn placed(rest: &Rest, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Pose<Table, Object> {
+fn placed(rest: &RestingPose, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Pose<Table, Object> {
     let yaw = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), between(rng, [0.0, TAU]));
     Pose::<Table, Table>::from_parts(place, yaw) * rest.table_from_object()
 }
@@ -116,7 +116,7 @@ fn place_others(
     bodies: &[Body],
     target: usize,
     hand: &Hand,
-    frames: &[Frame],
+    frames: &[RecordedFrame],
     rng: &mut ChaCha8Rng,
 ) -> Vec<(usize, Pose<Table, Object>)> {
     let [fewest, most] = recipe.distractors;

@@ -1,7 +1,7 @@
 //! Diversity of the motions for an object: of the candidates, and of those that hold.
 //!
 //! ```
-//! use diversity::{Diversity, Motion};
+//! use diversity::{ComparedMotion, Diversity};
 //! use motion::{HandRates, Step};
 //! use nalgebra::Isometry3;
 //! use spatial::{Object, Pose};
@@ -10,10 +10,10 @@
 //!     time_s: 0.0,
 //!     frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.1)),
 //!     q_rad: vec![0.5],
-//!     rates: HandRates::<Object>::still(1),
+//!     rates: HandRates::<Object>::zero(1),
 //! };
 //! let grasps = [grasp(-0.02), grasp(0.02)];
-//! let motions = grasps.each_ref().map(|grasp| Motion {
+//! let motions = grasps.each_ref().map(|grasp| ComparedMotion {
 //!     table_from_object: Pose::identity(),
 //!     steps: vec![grasp],
 //! });
@@ -27,4 +27,4 @@
 
 mod spread;
 
-pub use spread::{Diversity, Motion, distance, root_mean_square};
+pub use spread::{ComparedMotion, Diversity, distance};

@@ -7,14 +7,14 @@ use spatial::{Object, Pose, Table};
 
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
-pub struct Motion<'a, R = HandRates<Object>> {
+pub struct ComparedMotion<'a, R = HandRates<Object>> {
     /// Resting pose of the object.
     pub table_from_object: Pose<Table, Object>,
     /// The hand at equal parts of the motion's time; the last one is the grasp.
     pub steps: Vec<&'a Step<Object, R>>,
 }
 
-impl<'a> From<&'a Candidate> for Motion<'a> {
+impl<'a> From<&'a Candidate> for ComparedMotion<'a> {
     fn from(candidate: &'a Candidate) -> Self {
         Self {
             table_from_object: candidate.table_from_object,
@@ -89,14 +89,14 @@ impl MeanHand {
 impl Diversity {
     /// Spread at the grasp below which motions count as equal, whatever the latent code: far below
     /// what matters to a hand.
-    const SAME: GraspDistance = GraspDistance {
+    const SAME_GRASP: GraspDistance = GraspDistance {
         palm_m: 1e-3,
         palm_rad: 1e-2,
         q_rad: 1e-2,
     };
 
     /// Measures motions with equal numbers of steps.
-    pub fn of<R>(motions: &[Motion<R>]) -> Self {
+    pub fn of<R>(motions: &[ComparedMotion<R>]) -> Self {
         let mut lying: Vec<Pose<Table, Object>> = Vec::new();
         let mut group_of = Vec::with_capacity(motions.len());
         for motion in motions {
@@ -158,9 +158,9 @@ impl Diversity {
             q_rad,
         } = self.at_grasp;
         self.compared_n > 0
-            && palm_m < Self::SAME.palm_m
-            && palm_rad < Self::SAME.palm_rad
-            && q_rad < Self::SAME.q_rad
+            && palm_m < Self::SAME_GRASP.palm_m
+            && palm_rad < Self::SAME_GRASP.palm_rad
+            && q_rad < Self::SAME_GRASP.q_rad
     }
 }
 
@@ -233,7 +233,7 @@ pub fn distance<R, S>(a: &Step<Object, R>, b: &Step<Object, S>) -> GraspDistance
 }
 
 /// Returns the root mean square difference of joint positions.
-pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
+fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
     let squares: f64 = a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum();
     (squares / a.len().max(1) as f64).sqrt()
 }
@@ -241,7 +241,7 @@ pub fn root_mean_square(a: &[f64], b: &[f64]) -> f64 {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
-    use schemas::candidates::Lineage;
+    use schemas::candidates::DrawSource;
     use spatial::Pose;
 
     use super::*;
@@ -255,12 +255,12 @@ mod tests {
                 Vector3::z() * angle,
             )),
             q_rad: vec![q, 0.5],
-            rates: HandRates::still(2),
+            rates: HandRates::zero(2),
         };
         Candidate {
             candidate_id: String::new(),
             generator: String::new(),
-            lineage: Lineage::replayed("a"),
+            lineage: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
@@ -271,7 +271,12 @@ mod tests {
     }
 
     fn of(candidates: &[Candidate]) -> Diversity {
-        Diversity::of(&candidates.iter().map(Motion::from).collect::<Vec<_>>())
+        Diversity::of(
+            &candidates
+                .iter()
+                .map(ComparedMotion::from)
+                .collect::<Vec<_>>(),
+        )
     }
 
     #[test]

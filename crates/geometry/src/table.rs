@@ -3,7 +3,7 @@
 use nalgebra::{Matrix2, Matrix3x2, Point3, Unit, Vector2, Vector3};
 use spatial::{Object, Pose, World};
 
-use crate::StableRest;
+use crate::StablePose;
 
 /// Directions nearer to each other than this are the same up: 10 degrees, in radians. A scanned
 /// bottom and a measured pose are each off by a few degrees.
@@ -22,11 +22,11 @@ const DEVIATION_M: f64 = 0.003;
 
 /// A still object and how it can lie.
 #[derive(Debug, Clone, Copy)]
-pub struct Standing<'a> {
+pub struct StillObject<'a> {
     /// Where the object is.
     pub world_from_object: Pose<World, Object>,
     /// How its shape lets it lie on a table: see [`crate::stable_rests`].
-    pub rests: &'a [StableRest],
+    pub rests: &'a [StablePose],
     /// Vertices of the mesh or of its hull, in meters in the object's frame.
     pub vertices_m: &'a [Point3<f64>],
 }
@@ -59,13 +59,19 @@ pub struct TablePlane {
 /// where objects are far apart; the height is the median of the points'. An object in the air or
 /// leaning counts for neither.
 ///
-/// `toward` is a direction that is known to be upward, if only roughly, such as from the objects to
+/// `toward_in_world` is a direction that is known to be upward, if only roughly, such as from the objects to
 /// the cameras. Without it few objects may well agree to stand on their heads: a box is as likely
 /// to lie on one side as on the opposite one.
 ///
-/// `None` if no object has a rest whose up is along `toward`.
-pub fn table_plane(objects: &[Standing<'_>], toward: Option<Vector3<f64>>) -> Option<TablePlane> {
-    let votes: Vec<Vec<Vote>> = objects.iter().map(|object| votes(object, toward)).collect();
+/// `None` if no object has a rest whose up is along `toward_in_world`.
+pub fn table_plane(
+    objects: &[StillObject<'_>],
+    toward_in_world: Option<Vector3<f64>>,
+) -> Option<TablePlane> {
+    let votes: Vec<Vec<Vote>> = objects
+        .iter()
+        .map(|object| votes(object, toward_in_world))
+        .collect();
     let mut best: Option<(f64, TablePlane)> = None;
     for vote in votes.iter().flatten() {
         let found = consensus(objects, &votes, vote);
@@ -82,14 +88,14 @@ pub fn table_plane(objects: &[Standing<'_>], toward: Option<Vector3<f64>>) -> Op
 #[derive(Clone, Copy)]
 struct Vote {
     /// Up, in the world's frame.
-    up: Vector3<f64>,
+    up_in_world: Vector3<f64>,
     /// The point of the table below the object's origin, in the world's frame.
-    below: Point3<f64>,
+    below_in_world: Point3<f64>,
     probability: f64,
 }
 
-/// Returns the votes of an object that are not against `toward`.
-fn votes(object: &Standing<'_>, toward: Option<Vector3<f64>>) -> Vec<Vote> {
+/// Returns the votes of an object that are not against `toward_in_world`.
+fn votes(object: &StillObject<'_>, toward_in_world: Option<Vector3<f64>>) -> Vec<Vote> {
     object
         .rests
         .iter()
@@ -97,23 +103,26 @@ fn votes(object: &Standing<'_>, toward: Option<Vector3<f64>>) -> Vec<Vote> {
             let up_in_object = stable.rest.up_in_object.into_inner();
             let below_in_object = Point3::from(up_in_object * -stable.rest.height_m);
             Vote {
-                up: object.world_from_object * up_in_object,
-                below: object.world_from_object * below_in_object,
+                up_in_world: object.world_from_object * up_in_object,
+                below_in_world: object.world_from_object * below_in_object,
                 probability: stable.probability,
             }
         })
-        .filter(|vote| toward.is_none_or(|toward| vote.up.dot(&toward) > 0.0))
+        .filter(|vote| {
+            toward_in_world
+                .is_none_or(|toward_in_world| vote.up_in_world.dot(&toward_in_world) > 0.0)
+        })
         .collect()
 }
 
 /// Returns the plane of the objects that agree with a vote, and the logarithm of how likely it is
 /// that all lie so.
 fn consensus(
-    objects: &[Standing<'_>],
+    objects: &[StillObject<'_>],
     votes: &[Vec<Vote>],
     vote: &Vote,
 ) -> Option<(f64, TablePlane)> {
-    let first = on_one_plane(near(votes, &vote.up, &vote.below))?;
+    let first = on_one_plane(near(votes, &vote.up_in_world, &vote.below_in_world))?;
     // Once more around what was found: the one vote was a few degrees off.
     let found = on_one_plane(near(votes, &first.up, &first.middle))?;
     let through = objects.iter().filter(|object| {
@@ -147,14 +156,14 @@ fn consensus(
 fn near(votes: &[Vec<Vote>], up: &Vector3<f64>, on: &Point3<f64>) -> Vec<Vote> {
     let nearest = votes.iter().filter_map(|own| {
         own.iter()
-            .map(|vote| (vote.up.angle(up), *vote))
+            .map(|vote| (vote.up_in_world.angle(up), *vote))
             .min_by(|(a, _), (b, _)| a.total_cmp(b))
     });
     nearest
         .filter(|(angle, _)| *angle < SAME_RAD)
         .map(|(_, vote)| vote)
         .filter(|vote| {
-            let arm = vote.below - on;
+            let arm = vote.below_in_world - on;
             up.dot(&arm).abs() < SAME_M + 2.0 * DEVIATION_RAD * arm.norm()
         })
         .collect()
@@ -172,8 +181,8 @@ struct Fit {
 impl Fit {
     /// Returns how far off a vote is, in radians and in meters.
     fn off(&self, vote: &Vote) -> (f64, f64) {
-        let distance_m = self.up.dot(&vote.below.coords) - self.height_m;
-        (vote.up.angle(&self.up), distance_m.abs())
+        let distance_m = self.up.dot(&vote.below_in_world.coords) - self.height_m;
+        (vote.up_in_world.angle(&self.up), distance_m.abs())
     }
 }
 
@@ -183,7 +192,7 @@ fn on_one_plane(mut votes: Vec<Vote>) -> Option<Fit> {
         let up = fitted_up(&votes)?;
         let mut points_m: Vec<f64> = votes
             .iter()
-            .map(|vote| up.dot(&vote.below.coords))
+            .map(|vote| up.dot(&vote.below_in_world.coords))
             .collect();
         points_m.sort_by(f64::total_cmp);
         let upper = points_m.get(points_m.len() / 2)?;
@@ -191,7 +200,7 @@ fn on_one_plane(mut votes: Vec<Vote>) -> Option<Fit> {
         let height_m = (lower + upper) / 2.0;
         let middle = votes
             .iter()
-            .map(|vote| vote.below.coords)
+            .map(|vote| vote.below_in_world.coords)
             .sum::<Vector3<f64>>()
             / votes.len() as f64;
         let middle = Point3::from(middle + up.into_inner() * (height_m - up.dot(&middle)));
@@ -225,9 +234,9 @@ fn on_one_plane(mut votes: Vec<Vote>) -> Option<Fit> {
 /// With n = m + a u + b v, where m is the mean up and u, v are across it, the least squares of
 /// n·(p − p̄) and of n − up, each by its deviation, are linear in a and b.
 fn fitted_up(votes: &[Vote]) -> Option<Unit<Vector3<f64>>> {
-    let sum: Vector3<f64> = votes.iter().map(|vote| vote.up).sum();
+    let sum: Vector3<f64> = votes.iter().map(|vote| vote.up_in_world).sum();
     let mean = Unit::try_new(sum, 1e-6)?;
-    let points = votes.iter().map(|vote| vote.below.coords);
+    let points = votes.iter().map(|vote| vote.below_in_world.coords);
     let middle = points.clone().sum::<Vector3<f64>>() / votes.len() as f64;
     let mut axis = Vector3::zeros();
     axis[mean.iamin()] = 1.0;
@@ -245,7 +254,7 @@ fn fitted_up(votes: &[Vote]) -> Option<Unit<Vector3<f64>>> {
     Some(Unit::new_normalize(mean.into_inner() + across * tilt))
 }
 
-impl Standing<'_> {
+impl StillObject<'_> {
     /// Returns how far along `up` the object's lowest point is, in meters.
     fn lowest_m(&self, up: &Vector3<f64>) -> Option<f64> {
         let up_in_object = self.world_from_object.inverse() * *up;

@@ -1,7 +1,6 @@
 //! Mirror planes of shapes whose symmetries are known, and of real objects.
 
-use std::io::Write as _;
-use std::{f64::consts::TAU, fs, path::Path, time::Instant};
+use std::{f64::consts::TAU, fs, time::Instant};
 
 use geometry::{MirrorPlane, TriMesh, mirror_plane};
 use nalgebra::{Isometry3, Point3, Rotation3, Translation3, Unit, Vector3};
@@ -204,15 +203,10 @@ fn reflection_is_its_own_inverse_and_keeps_the_plane() {
 
 #[test]
 fn real_objects_have_planes_and_an_error_that_tells_which_are_good() {
-    let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` names no folder; see `tests/README.md`"
-        )
-        .unwrap();
+    let Some(root) = measured_data::folder("dexycb-right") else {
         return;
     };
-    let folder = Path::new(&root).join("dexycb-right/models");
+    let folder = root.join("models");
     let mut meshes: Vec<_> = fs::read_dir(folder)
         .unwrap()
         .map(|entry| entry.unwrap().path())

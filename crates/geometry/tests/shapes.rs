@@ -1,7 +1,6 @@
 //! Meshes with closed forms, and properties of what is computed from them.
 
 use std::f64::consts::{PI, TAU};
-use std::io::Write as _;
 
 use geometry::{
     MAX_PART_VERTICES, SurfaceDistance, TriMesh, convex_parts, mass_properties, stable_rests,
@@ -343,24 +342,21 @@ fn a_body_does_not_rest_where_it_would_tip() {
     );
     assert!(can.iter().any(|rest| rest.rest.up_in_object.z.abs() < 1e-3));
     assert!(can.len() < 50, "{}", can.len());
+    // 1 cm above the top, no body's center of mass is.
+    let cube = cuboid([0.0; 3], [0.1; 3]);
+    assert!(stable_rests(&cube, &Point3::new(0.05, 0.05, 0.11)).is_empty());
 }
 
 /// Reads the dataset's own meshes where `PIPELINE_REAL_DATA` names a folder that has them.
 #[test]
 fn real_meshes_are_handled() {
-    let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: PIPELINE_REAL_DATA is not set; see `tests/README.md`"
-        )
-        .unwrap();
+    let Some(root) = measured_data::folder("dexycb-right") else {
         return;
     };
-    let mut models: Vec<_> =
-        std::fs::read_dir(std::path::Path::new(&root).join("dexycb-right/models"))
-            .unwrap()
-            .map(|entry| entry.unwrap().path())
-            .collect();
+    let mut models: Vec<_> = std::fs::read_dir(root.join("models"))
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
     models.sort();
     for folder in models {
         let text = std::fs::read_to_string(folder.join("textured_simple.obj")).unwrap();

@@ -1,7 +1,6 @@
 //! The table below still objects: made-up scenes with measured noise, and real scenes against the
 //! tag that was on the table.
 
-use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     f64::consts::TAU,
@@ -10,7 +9,7 @@ use std::{
 };
 
 use geometry::{
-    StableRest, Standing, TablePlane, TriMesh, mass_properties, stable_rests, table_plane,
+    StablePose, StillObject, TablePlane, TriMesh, mass_properties, stable_rests, table_plane,
 };
 use nalgebra::{
     Isometry3, Matrix3, Point3, Rotation3, Translation3, Unit, UnitQuaternion, Vector3,
@@ -23,7 +22,7 @@ use spatial::{Object, Pose, World};
 /// A shape and how it can lie.
 struct Shape {
     vertices_m: Vec<Point3<f64>>,
-    rests: Vec<StableRest>,
+    rests: Vec<StablePose>,
 }
 
 impl Shape {
@@ -50,8 +49,8 @@ impl Shape {
         Self::new(&points.convex_hull().unwrap())
     }
 
-    fn standing(&self, world_from_object: Pose<World, Object>) -> Standing<'_> {
-        Standing {
+    fn standing(&self, world_from_object: Pose<World, Object>) -> StillObject<'_> {
+        StillObject {
             world_from_object,
             rests: &self.rests,
             vertices_m: &self.vertices_m,
@@ -256,7 +255,7 @@ fn missing_support_gives_no_table() {
     assert!(table_plane(&[], None).is_none());
     let shape = &shapes()[0];
     let pose = Pose::new(Isometry3::identity());
-    let no_rests = Standing {
+    let no_rests = StillObject {
         rests: &[],
         ..shape.standing(pose)
     };
@@ -355,14 +354,7 @@ fn first_poses(sequence: &Path, n: usize) -> Vec<Pose<World, Object>> {
 
 #[test]
 fn real_scenes_stand_on_the_plane_of_their_tag() {
-    let root =
-        std::env::var_os("PIPELINE_REAL_DATA").map(|root| Path::new(&root).join("dexycb-right"));
-    let Some(root) = root.filter(|root| root.is_dir()) else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`; see `tests/README.md`"
-        )
-        .unwrap();
+    let Some(root) = measured_data::folder("dexycb-right") else {
         return;
     };
     let mut shapes: BTreeMap<usize, Shape> = BTreeMap::new();

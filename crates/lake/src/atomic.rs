@@ -28,7 +28,7 @@ static STARTED: LazyLock<u128> = LazyLock::new(|| {
 /// # Errors
 ///
 /// Fails if the file cannot be written; the old file then remains.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
+pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
     make_parent(path)?;
     let folder = path.parent().unwrap_or(path);
     write(folder, path, bytes)?;
@@ -149,7 +149,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("state/epoch.bin");
         for bytes in [&b"first"[..], b"a longer second", b""] {
-            write_whole(&path, bytes).unwrap();
+            write_atomic(&path, bytes).unwrap();
             assert_eq!(fs::read(&path).unwrap(), bytes);
         }
         let beside = fs::read_dir(path.parent().unwrap()).unwrap();
@@ -161,7 +161,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a_folder");
         fs::create_dir(&path).unwrap();
-        let failed = write_whole(&path, b"bytes").unwrap_err();
+        let failed = write_atomic(&path, b"bytes").unwrap_err();
         assert!(failed.to_string().contains("a_folder"), "{failed}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
     }

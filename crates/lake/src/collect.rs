@@ -30,7 +30,7 @@ const RESUMED_WITHIN: Duration = Duration::from_hours(7 * 24);
 
 /// Whether garbage is removed or only counted.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Collecting {
+pub enum GcMode {
     /// It is removed.
     Remove,
     /// It is only counted.
@@ -39,9 +39,9 @@ pub enum Collecting {
 
 /// The garbage that was removed, or would be.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Collected {
+pub struct GcReport {
     /// Units by `stage.artifact`, with the bytes that only they refer to.
-    pub units: BTreeMap<String, CollectedUnits>,
+    pub units: BTreeMap<String, GcUnits>,
     /// Number of unreferenced blobs.
     pub n_blobs: usize,
     /// Their bytes.
@@ -54,7 +54,7 @@ pub struct Collected {
 
 /// Units of one output that were removed, or would be.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct CollectedUnits {
+pub struct GcUnits {
     /// How many.
     pub n_units: usize,
     /// Bytes of their files, some of which other units may share.
@@ -73,9 +73,9 @@ impl Lake {
         &self,
         reached: &[Digest],
         n_runs: usize,
-        collecting: Collecting,
-    ) -> Result<Collected, LakeError> {
-        self.expect_there()?;
+        collecting: GcMode,
+    ) -> Result<GcReport, LakeError> {
+        self.check_exists()?;
         self.prepare()?;
         // Holding the lock, so that no process restores the removed files as lost.
         let _turn = self.locks.lock_repair()?;
@@ -86,7 +86,7 @@ impl Lake {
         self.keep_of_runs(n_runs, since, &mut kept)?;
         kept.extend(self.cache.all_current()?);
         kept.extend(self.newest_shown_units()?);
-        let mut collected = Collected::default();
+        let mut collected = GcReport::default();
         let mut blobs = BTreeSet::new();
         let mut recipes = BTreeSet::new();
         let (mut gone, mut records) = (BTreeSet::new(), Vec::new());
@@ -126,7 +126,7 @@ impl Lake {
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
         self.collect_resumable(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
-        if collecting == Collecting::Remove && !gone.is_empty() {
+        if collecting == GcMode::Remove && !gone.is_empty() {
             self.cache.forget(&gone, &self.locks)?;
         }
         Ok(collected)
@@ -183,11 +183,7 @@ impl Lake {
     }
 
     /// Removes the tables of removed units.
-    fn collect_tables(
-        &self,
-        gone: &BTreeSet<Digest>,
-        collecting: Collecting,
-    ) -> Result<(), LakeError> {
+    fn collect_tables(&self, gone: &BTreeSet<Digest>, collecting: GcMode) -> Result<(), LakeError> {
         for path in files_below(&self.folder.every())? {
             if unit_of(&path).is_some_and(|(_, unit)| gone.contains(&unit)) {
                 remove(&path, collecting)?;
@@ -200,7 +196,7 @@ impl Lake {
         &self,
         kept: &BTreeSet<Digest>,
         since: SystemTime,
-        collecting: Collecting,
+        collecting: GcMode,
     ) -> Result<(), LakeError> {
         let folder = self.folder.recipes();
         for name in replicas::names(&self.folder, &folder)? {
@@ -218,8 +214,8 @@ impl Lake {
         &self,
         kept: &BTreeSet<Digest>,
         since: SystemTime,
-        collecting: Collecting,
-        collected: &mut Collected,
+        collecting: GcMode,
+        collected: &mut GcReport,
     ) -> Result<(), LakeError> {
         for path in files_below(&self.folder.blobs())? {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -237,13 +233,13 @@ impl Lake {
     /// Removes stale staging folders and locks of dead processes.
     fn collect_leftovers(
         &self,
-        collecting: Collecting,
-        collected: &mut Collected,
+        collecting: GcMode,
+        collected: &mut GcReport,
     ) -> Result<(), LakeError> {
         collected.n_leftovers += self.collect_staging(collecting)?;
         for name in self.locks.left()? {
             collected.n_leftovers += 1;
-            if collecting == Collecting::Remove {
+            if collecting == GcMode::Remove {
                 // Releasing a lock removes it.
                 drop(self.locks.try_take(&name, "nothing")?);
             }
@@ -252,7 +248,7 @@ impl Lake {
     }
 
     /// Removes stale staging folders of dead processes; returns how many.
-    pub(crate) fn collect_staging(&self, collecting: Collecting) -> Result<usize, LakeError> {
+    pub(crate) fn collect_staging(&self, collecting: GcMode) -> Result<usize, LakeError> {
         let mut n_leftovers = 0;
         let staging = self.folder.staging();
         for name in names_in(&staging)? {
@@ -264,7 +260,7 @@ impl Lake {
             if self.locks.is_held(&name) || self.locks.is_alive(process.trim_end_matches(".new")) {
                 continue;
             }
-            if collecting == Collecting::Remove {
+            if collecting == GcMode::Remove {
                 // No process starts to make the unit meanwhile.
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
@@ -283,8 +279,8 @@ impl Lake {
     /// Removes the resume state of units that are stored by now, and expired resume state.
     fn collect_resumable(
         &self,
-        collecting: Collecting,
-        collected: &mut Collected,
+        collecting: GcMode,
+        collected: &mut GcReport,
     ) -> Result<(), LakeError> {
         let long_ago = now().checked_sub(RESUMED_WITHIN).unwrap_or(UNIX_EPOCH);
         for name in names_in(&self.folder.resume())? {
@@ -297,7 +293,7 @@ impl Lake {
             if self.locks.is_held(&name) || (is_recent && !is_kept) {
                 continue;
             }
-            if collecting == Collecting::Remove {
+            if collecting == GcMode::Remove {
                 // No process starts to make the unit meanwhile.
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
@@ -317,9 +313,9 @@ fn is_newer(path: &Path, since: SystemTime) -> bool {
 }
 
 /// Removes a file, and the folders above it that are left empty.
-fn remove(path: &Path, collecting: Collecting) -> Result<(), LakeError> {
+fn remove(path: &Path, collecting: GcMode) -> Result<(), LakeError> {
     const FOLDERS: usize = 2;
-    if collecting == Collecting::Count {
+    if collecting == GcMode::Count {
         return Ok(());
     }
     atomic::remove_if_there(path)?;

@@ -121,10 +121,10 @@ pub enum LakeError {
         /// What is missing, e.g. `candidates`.
         what: &'static str,
     },
-    /// A stage reported a figure that is NaN or infinite.
-    #[error("the stage's figure `{metric}` is {value}, not a finite number")]
+    /// A stage reported a metric that is NaN or infinite.
+    #[error("the stage's metric `{metric}` is {value}, not a finite number")]
     Metric {
-        /// The figure's name.
+        /// The metric's name.
         metric: String,
         /// What it is.
         value: f64,

@@ -73,7 +73,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails with [`LakeError::NoLake`] if there is none.
-    pub fn expect_there(&self) -> Result<(), LakeError> {
+    pub fn check_exists(&self) -> Result<(), LakeError> {
         let folder = &self.folder;
         let folders = [
             folder.blobs(),

@@ -86,9 +86,9 @@ mod verify;
 mod views;
 
 pub use artifact::ReadArtifact;
-pub use atomic::write_whole;
+pub use atomic::write_atomic;
 pub use catalog::{StageTable, TableFiles};
-pub use collect::{Collected, CollectedUnits, Collecting};
+pub use collect::{GcMode, GcReport, GcUnits};
 pub use digests::OnBytes;
 pub use error::LakeError;
 pub use lake::Lake;

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Node, NodeName, PartitionKey, Showing};
+use dataflow::{Digest, Node, NodeName, PartitionKey, PublishedUnit};
 
 use crate::{
     LakeError,
@@ -39,7 +39,7 @@ pub(crate) fn publish(
     lake: &Lake,
     pipeline: &str,
     node: &Node,
-    made: &[Showing],
+    made: &[PublishedUnit],
     before: Option<&Shown>,
 ) -> Result<Option<Shown>, LakeError> {
     let wanted = wanted(pipeline, node, made);
@@ -80,7 +80,11 @@ pub(crate) fn publish(
     Ok(Some(shown))
 }
 
-fn wanted<'a>(pipeline: &str, node: &Node, made: &[Showing<'a>]) -> BTreeMap<String, Wanted<'a>> {
+fn wanted<'a>(
+    pipeline: &str,
+    node: &Node,
+    made: &[PublishedUnit<'a>],
+) -> BTreeMap<String, Wanted<'a>> {
     let folders = ShownFolders::of(pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {

@@ -18,7 +18,10 @@ use mcap::{
 };
 use schemas::ros2::{
     CdrError, Message,
-    motion::{JOINT_STATES, MARKERS, ROBOT_DESCRIPTION, START_NS, Scene, SceneStep, TF, TF_STATIC},
+    motion::{
+        JOINT_STATES, MARKERS, ROBOT_DESCRIPTION, RecordingScene, START_NS, SceneStep, TF,
+        TF_STATIC,
+    },
 };
 
 use crate::{LakeError, atomic::io_error};
@@ -173,7 +176,7 @@ impl Recording {
     /// # Errors
     ///
     /// Fails if the file cannot be written.
-    pub fn write_scene<Root>(&mut self, scene: &Scene<'_, Root>) -> Result<(), LakeError> {
+    pub fn write_scene<Root>(&mut self, scene: &RecordingScene<'_, Root>) -> Result<(), LakeError> {
         self.attach("robot.urdf", "application/xml", scene.urdf.as_bytes())?;
         self.write_latched(ROBOT_DESCRIPTION, START_NS, &scene.description())?;
         self.write_latched(TF_STATIC, START_NS, &scene.fixed())?;
@@ -187,7 +190,7 @@ impl Recording {
     /// Fails if the file cannot be written.
     pub fn write_step<Root>(
         &mut self,
-        scene: &Scene<'_, Root>,
+        scene: &RecordingScene<'_, Root>,
         step: &SceneStep<'_, Root>,
     ) -> Result<(), LakeError> {
         self.write(JOINT_STATES, step.time_ns(), &scene.state(step))?;

@@ -8,7 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    ArtifactName, Digest, Fingerprint, PartitionKey, Recipe, Record, RecordOutcome, StageName,
+    ArtifactName, Digest, Fingerprint, OutputFingerprint, PartitionKey, Record, RecordOutcome,
+    StageName,
 };
 use serde::{Deserialize, Serialize};
 
@@ -54,7 +55,7 @@ pub(crate) struct Stored {
 }
 
 impl Stored {
-    fn fingerprint(self, recipe: Arc<Recipe>) -> Fingerprint {
+    fn fingerprint(self, recipe: Arc<OutputFingerprint>) -> Fingerprint {
         Fingerprint {
             recipe,
             stage: self.stage,
@@ -68,8 +69,8 @@ impl Stored {
 }
 
 /// Parses a recipe from a file's bytes, if it matches the file's name.
-pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<Recipe, LakeError> {
-    let recipe: Recipe = sealed::parse(path, bytes)?;
+pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<OutputFingerprint, LakeError> {
+    let recipe: OutputFingerprint = sealed::parse(path, bytes)?;
     if digest_named(path) == Some(recipe.digest()) {
         Ok(recipe)
     } else {
@@ -164,7 +165,7 @@ impl Records {
     }
 
     /// Reads a recipe; if it and its copy are damaged, it counts as missing.
-    fn recipe(&self, digest: &Digest) -> Result<Option<Recipe>, LakeError> {
+    fn recipe(&self, digest: &Digest) -> Result<Option<OutputFingerprint>, LakeError> {
         match replicas::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
             read => read,
@@ -203,7 +204,7 @@ impl Records {
         lock(&self.own).take();
     }
 
-    fn read_own(&self, any: &Arc<Recipe>) -> Result<HashSet<Digest>, LakeError> {
+    fn read_own(&self, any: &Arc<OutputFingerprint>) -> Result<HashSet<Digest>, LakeError> {
         let mut own = HashSet::new();
         for path in files_below(&self.folder.units())? {
             let stored: Option<Stored> = sealed::read_if_whole(&path)?;

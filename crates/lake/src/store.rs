@@ -8,12 +8,12 @@ use std::{
 };
 
 use dataflow::{
-    Advised, Digest, FileRef, Fingerprint, NewestUnit, Node, NodeName, Record, RecordOutcome,
-    RunRecord, Showing, Store, UnitName, UnitRef, UnitTransaction,
+    Advised, Digest, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit, Record,
+    RecordOutcome, RunRecord, Store, UnitName, UnitRef, UnitTransaction,
 };
 
 use crate::{
-    Collecting, LakeError, history, lake::Lake, newest::Newest, published, repair,
+    GcMode, LakeError, history, lake::Lake, newest::Newest, published, repair,
     staging::UnitInProgress,
 };
 
@@ -147,7 +147,7 @@ impl Store for Lake {
         Ok(is_whole.then_some(paths))
     }
 
-    fn publish(&self, pipeline: &str, node: &Node, made: &[Showing]) -> Result<(), Advised> {
+    fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised> {
         let _permit = self.in_flight.permit_commit();
         let shown_of = |newest: &mut Newest| newest.shown.get(&node.name).cloned();
         let before = self.cache.with(pipeline, shown_of);
@@ -177,7 +177,7 @@ impl Store for Lake {
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
         let _permit = self.in_flight.permit_commit();
         self.prepare()?;
-        self.collect_staging(Collecting::Remove)?;
+        self.collect_staging(GcMode::Remove)?;
         Ok(self.register.begin(run, &self.locks)?)
     }
 
@@ -237,7 +237,7 @@ impl Store for Lake {
         // The files of a run in progress are incomplete.
         if self.register.current().is_none() {
             let repaired = self
-                .collect_staging(Collecting::Remove)
+                .collect_staging(GcMode::Remove)
                 .and_then(|_| self.dirty.unmark(pipeline, &self.locks))
                 .and_then(|()| repair::repair(self));
             Self::unless_read_only(units, repaired)?;

@@ -56,7 +56,7 @@ impl Lake {
     ///
     /// Fails if there is no lake or a folder cannot be read; a file that cannot is a fault.
     pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
-        self.expect_there()?;
+        self.check_exists()?;
         // Files collected meanwhile are not faults. A read-only lake has no garbage collection.
         let _shared = self.locks.block_collection().ok();
         self.verify_alone(on_bytes)

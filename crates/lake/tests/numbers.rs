@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, RecordBatch, cast::AsArray, types::Float64Type};
 use dataflow::{
-    Artifact, Fingerprint, NodeName, NodeRecord, Origin, OutputRecord, Recipe, Record,
+    Artifact, Fingerprint, NodeName, NodeRecord, Origin, OutputFingerprint, OutputRecord, Record,
     RecordOutcome, RunRecord, RunStatus, StageRecord, Store, UnitName, UnitRef,
 };
 use lake::{Lake, table};
@@ -77,7 +77,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
     let config = json!({"list": numbers, "named": by_name(&numbers)});
     let node = NodeName::parse("made.values").unwrap();
     let fingerprint = Fingerprint {
-        recipe: Arc::new(Recipe {
+        recipe: Arc::new(OutputFingerprint {
             kind: "make".to_owned(),
             output: "values".parse().unwrap(),
             code: BTreeMap::new(),

@@ -22,22 +22,23 @@
 //! step, and their known rates of change, which are a type: none (`()`), the joints'
 //! ([`JointRates`]), or the palm's too ([`HandRates`]). Its steps are finite, in time order and
 //! have one position per joint; the constructor refuses all others. Between two steps it is linear
-//! ([`Motion::at`]); one with all rates is also a [`Course`], through all steps with continuous
+//! ([`Motion::at`]); one with all rates is also a [`MotionSpline`], through all steps with continuous
 //! velocity and acceleration. A [`JointTrack`] and [`PalmPoint`]s are controller commands: points
 //! at each controller's own rate.
 //! Times are in seconds, lengths in meters, angles in radians.
 //! This crate does no input or output; it knows neither limits nor a motion's purpose.
 
-mod course;
+mod differentiation;
 mod error;
 mod interpolation;
 mod motion;
 mod rates;
+mod spline;
 mod track;
 
-pub use course::Course;
 pub use error::MotionError;
 pub use interpolation::joints_between;
 pub use motion::{Motion, Step};
 pub use rates::{HandRates, JointRates, Rates};
-pub use track::{Carrier, JointPoint, JointTrack, PalmPoint, Timed};
+pub use spline::MotionSpline;
+pub use track::{JointPoint, JointTrack, PalmPoint, PalmTrajectory, Timed};

@@ -157,7 +157,7 @@ impl<F, R: Rates> Motion<F, R> {
 impl<F> Motion<F, ()> {
     /// Returns the motion in another frame.
     #[must_use]
-    pub fn seen_from<G>(&self, other_from_frame: &Pose<G, F>) -> Motion<G, ()> {
+    pub fn expressed_in<G>(&self, other_from_frame: &Pose<G, F>) -> Motion<G, ()> {
         let step = |step: &Step<F, ()>| Step {
             time_s: step.time_s,
             frame_from_palm: *other_from_frame * step.frame_from_palm,

@@ -41,7 +41,7 @@ pub struct HandRates<F> {
 
 impl JointRates {
     /// Returns zero rates for `dof` joints.
-    pub fn still(dof: usize) -> Self {
+    pub fn zero(dof: usize) -> Self {
         Self {
             velocity: vec![0.0; dof],
             acceleration: vec![0.0; dof],
@@ -51,11 +51,11 @@ impl JointRates {
 
 impl<F> HandRates<F> {
     /// Returns zero rates for a palm and `dof` joints.
-    pub fn still(dof: usize) -> Self {
+    pub fn zero(dof: usize) -> Self {
         Self {
             palm_velocity: Twist::zero(),
             palm_acceleration: Twist::zero(),
-            joints: JointRates::still(dof),
+            joints: JointRates::zero(dof),
         }
     }
 }

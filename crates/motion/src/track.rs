@@ -30,7 +30,7 @@ pub struct JointPoint {
 
 /// The trajectory of what carries the hand.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Carrier {
+pub enum PalmTrajectory {
     /// A free-flying palm, along [`PoseSegment`]s between these points.
     Palm(Vec<PalmPoint>),
     /// An arm.
@@ -60,6 +60,12 @@ impl JointTrack {
             to.time_s - from.time_s,
             after_s,
         );
+        let ends = [self.points.first()?.time_s, self.points.last()?.time_s];
+        let rates = if (ends[0]..=ends[1]).contains(&time_s) {
+            rates
+        } else {
+            JointRates::zero(q_rad.len())
+        };
         Some(JointPoint {
             time_s,
             q_rad,
@@ -189,6 +195,11 @@ mod tests {
         assert!((middle.q_rad[0] - 1.0).abs() < 1e-12);
         assert_eq!(track.at(-1.0).unwrap().q_rad, [0.0]);
         assert_eq!(track.at(9.0).unwrap().q_rad, [1.5]);
+        // The last point moves on at 1 rad/s; nothing is commanded after it.
+        assert_eq!(track.at(2.0).unwrap().rates.velocity, [1.0]);
+        for outside_s in [-1.0, 9.0] {
+            assert_eq!(track.at(outside_s).unwrap().rates, JointRates::zero(1));
+        }
         assert_eq!(
             JointTrack {
                 points: Vec::new(),

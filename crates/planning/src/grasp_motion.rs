@@ -1,6 +1,6 @@
 //! The motion of a grasp, from its start to the end of the lift, as functions of time.
 
-use motion::{Course, JointPoint, JointRates, PalmPoint};
+use motion::{JointPoint, JointRates, MotionSpline, PalmPoint};
 use nalgebra::Vector3;
 use simulation::{Approach, Protocol};
 use spatial::{Object, Pose, Table, quintic};
@@ -82,10 +82,10 @@ impl PhaseDurations {
     }
 }
 
-/// Joint positions of the fingers from the end of the reach on, and in it unless they follow the course.
+/// Joint positions of the fingers from the end of the reach on, and in it unless they follow the motion.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Fingers {
-    /// In the reach; `None` if they follow the course.
+    /// In the reach; `None` if they follow the motion.
     pub(crate) opened: Option<Vec<f64>>,
     /// At the grasp.
     pub(crate) grasp: Vec<f64>,
@@ -93,9 +93,9 @@ pub(crate) struct Fingers {
     pub(crate) squeezed: Vec<f64>,
 }
 
-/// The motion of a grasp: the timed course; then the fingers close and squeeze, and the palm rises.
+/// The motion of a grasp: the timed motion; then the fingers close and squeeze, and the palm rises.
 pub(crate) struct GraspMotion<'a> {
-    pub(crate) course: &'a Course<Object>,
+    pub(crate) spline: &'a MotionSpline<Object>,
     pub(crate) timing: Timing,
     pub(crate) fingers: &'a Fingers,
     pub(crate) table_from_object: Pose<Table, Object>,
@@ -112,8 +112,8 @@ impl GraspMotion<'_> {
 
     /// Returns the palm in the table's frame.
     pub(crate) fn palm(&self, time_s: f64) -> PalmPoint {
-        let [course_s, speed, path_acceleration] = self.timing.at(time_s);
-        let hand = self.course.at(course_s);
+        let [motion_s, speed, path_acceleration] = self.timing.at(time_s);
+        let hand = self.spline.at(motion_s);
         let [height_m, lift_speed, lift_acceleration] = self.height(time_s);
         let up = Vector3::z();
         let rates = &hand.rates;
@@ -139,8 +139,8 @@ impl GraspMotion<'_> {
         let (moving, [speed, acceleration]) = if lifts {
             (arm.lifted(height_m)?, [lift_speed, lift_acceleration])
         } else {
-            let [course_s, speed, acceleration] = self.timing.at(time_s);
-            (arm.at(course_s)?, [speed, acceleration])
+            let [motion_s, speed, acceleration] = self.timing.at(time_s);
+            (arm.at(motion_s)?, [speed, acceleration])
         };
         let ArmPoint { q, rates } = moving;
         Ok(JointPoint {
@@ -170,8 +170,8 @@ impl GraspMotion<'_> {
         if let Some(opened) = opened {
             return between(opened, grasp, time_s, reach_s, close_s);
         }
-        let [course_s, speed, acceleration] = self.timing.at(time_s);
-        let hand = self.course.at(course_s);
+        let [motion_s, speed, acceleration] = self.timing.at(time_s);
+        let hand = self.spline.at(motion_s);
         JointPoint {
             time_s,
             rates: time_scaled(&hand.rates.joints, speed, acceleration),
@@ -191,7 +191,7 @@ impl GraspMotion<'_> {
         Protocol {
             reach_s,
             close_fraction: match requested.approach {
-                Approach::Follow | Approach::Place => requested.close_fraction,
+                Approach::Follow | Approach::AtGrasp => requested.close_fraction,
                 Approach::Open => close_s / reach_s,
             },
             squeeze_s,

@@ -98,7 +98,7 @@ pub enum ArmFault {
     },
     /// The arm is close to a singularity: joints would turn fast for a slow hand.
     #[error(
-        "it is singular {at}: the least singular value is {value:.4}, less than `arm.least_singular_value` = {least}"
+        "it is singular {at}: the least singular value is {value:.4}, less than `arm.min_singular_value` = {least}"
     )]
     Singular {
         /// The smallest singular value there.

@@ -3,7 +3,7 @@
 //! ```
 //! use motion::{HandRates, Motion, Step};
 //! use nalgebra::Isometry3;
-//! use planning::{LimitsConfig, Planner, RatesConfig, Setup};
+//! use planning::{LimitsConfig, Planner, CommandRatesConfig, Setup};
 //! use spatial::Pose;
 //!
 //! # let protocol: simulation::Protocol = serde_json::from_str(include_str!("../tests/grasp.json"))?;
@@ -16,7 +16,7 @@
 //!     time_s,
 //!     frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - 0.1 * time_s)),
 //!     q_rad: vec![0.5],
-//!     rates: HandRates::still(1),
+//!     rates: HandRates::zero(1),
 //! };
 //! let motion = Motion::new(&["knuckle"], vec![down(0.0), down(1.0)])?;
 //! let limits = LimitsConfig::default();
@@ -25,7 +25,7 @@
 //!     arm: None,
 //!     protocol: &protocol,
 //!     limits: &limits,
-//!     rates: RatesConfig::default(),
+//!     rates: CommandRatesConfig::default(),
 //! })?;
 //! let planned = planner.plan(&motion, &Pose::identity())?;
 //! assert!(planned.grasp.reach_s >= protocol.reach_s);
@@ -33,7 +33,7 @@
 //! ```
 //!
 //! A [`Planner`] takes a motion of the hand relative to the resting object and returns the
-//! controllers' commands ([`Feasible`]): the motion's continuous course, timed within the limits of
+//! controllers' commands ([`Feasible`]): the motion's continuous path, timed within the limits of
 //! joints and palm, sampled at each controller's rate, from rest at its start to rest at the end of
 //! the lift. If an arm carries the hand, inverse kinematics gives its joints, with the object
 //! turned on the table to where the arm reaches it best.
@@ -63,4 +63,4 @@ pub use arm::ArmConfig;
 pub use infeasible::{ArmFault, Infeasible, PathPoint};
 pub use limits::LimitsConfig;
 pub use planner::{ArmSetup, Feasible, Planner, Setup};
-pub use rates::{MAX_HZ, RatesConfig};
+pub use rates::{CommandRatesConfig, MAX_HZ};

@@ -93,8 +93,8 @@ impl LimitExcess {
             self.see_between(durations, from.time_s, to.time_s, || {
                 let segments = from.segments(to).zip(limits);
                 segments.map(|(segment, limits)| {
-                    let velocity = segment.greatest_speed(limits.max_velocity);
-                    let acceleration = segment.greatest_acceleration(limits.max_acceleration);
+                    let velocity = segment.max_speed(limits.max_velocity);
+                    let acceleration = segment.max_acceleration(limits.max_acceleration);
                     LimitedRates::of_joint(velocity, acceleration, *limits)
                 })
             });

@@ -1,13 +1,13 @@
 //! The planner of one hand's motions.
 
-use motion::{Carrier, Course, JointTrack, Motion};
+use motion::{JointTrack, Motion, MotionSpline, PalmTrajectory};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind, RobotModel};
 use simulation::{Approach, Flexion, Protocol, SettingFault};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    ArmConfig, Infeasible, LimitsConfig, RatesConfig, arm::Arm, grasp_motion::Fingers,
+    ArmConfig, CommandRatesConfig, Infeasible, LimitsConfig, arm::Arm, grasp_motion::Fingers,
     limits::Limits, time_scaling::whole_ticks,
 };
 
@@ -19,7 +19,7 @@ pub struct Planner<'a> {
     pub(crate) hand: &'a RobotModel,
     pub(crate) protocol: &'a Protocol,
     pub(crate) limits: Limits,
-    pub(crate) rates: RatesConfig,
+    pub(crate) rates: CommandRatesConfig,
     flexion: Flexion,
     arm: Option<Arm>,
 }
@@ -36,7 +36,7 @@ pub struct Setup<'a> {
     /// Limits on the speeds of palm and joints.
     pub limits: &'a LimitsConfig,
     /// Command rates of the controllers.
-    pub rates: RatesConfig,
+    pub rates: CommandRatesConfig,
 }
 
 /// An arm with a hand on it.
@@ -54,7 +54,7 @@ pub struct Feasible {
     /// Pose of the object on the table; for an arm, at the arm's grasping place.
     pub table_from_object: Pose<Table, Object>,
     /// Trajectory of the palm or arm, from rest to rest, to the end of the lift.
-    pub carrier: Carrier,
+    pub carrier: PalmTrajectory,
     /// Trajectory of the fingers, to the end of the squeeze.
     pub hand: JointTrack,
     /// The protocol, with the durations that the motion needs.
@@ -79,14 +79,14 @@ impl<'a> Planner<'a> {
         let arm = arm.transpose()?;
         let limits = Limits::new(limits, hand)?;
         let flexion = Flexion::new(protocol, hand)
-            .map_err(|err| SettingFault::new("grasp.flexion_joints", err.to_string()))?;
+            .map_err(|err| SettingFault::new("protocol.flexion_joints", err.to_string()))?;
         if let Some(fault) = protocol.cell_fault() {
             return Err(fault);
         }
         let path_s = protocol.path_s();
         if !(path_s.is_finite() && path_s > 0.0) {
             let problem = format!("it leaves the palm {path_s} s for its path");
-            return Err(SettingFault::new("grasp.reach_s", problem));
+            return Err(SettingFault::new("protocol.reach_s", problem));
         }
         Ok(Self {
             hand,
@@ -111,47 +111,47 @@ impl<'a> Planner<'a> {
         motion: &Motion<Object>,
         table_from_object: &Pose<Table, Object>,
     ) -> Result<Feasible, Infeasible> {
-        let course = Course::through(motion.reordered(&self.hand.joint_names())?)?;
-        self.check_course(&course, table_from_object)?;
-        let grasp = course.grasp().q_rad;
+        let spline = MotionSpline::through(motion.reordered(&self.hand.joint_names())?)?;
+        self.check_spline(&spline, table_from_object)?;
+        let grasp = spline.grasp().q_rad;
         let fingers = Fingers {
             opened: match self.protocol.approach {
-                Approach::Follow | Approach::Place => None,
+                Approach::Follow | Approach::AtGrasp => None,
                 Approach::Open => Some(self.flexion.flexed(&grasp, -self.protocol.open_rad)),
             },
             squeezed: self.flexion.flexed(&grasp, self.protocol.squeeze_rad),
             grasp,
         };
-        let stands = |course_s: f64| {
+        let stands = |motion_s: f64| {
             let opened = fingers.opened.clone();
-            opened.unwrap_or_else(|| course.at(course_s).q_rad)
+            opened.unwrap_or_else(|| spline.at(motion_s).q_rad)
         };
         let lift_m = self.protocol.lift_m;
         let arm = self.arm.as_ref();
-        let arm = arm.map(|arm| arm.follow(&course, table_from_object, stands, lift_m));
+        let arm = arm.map(|arm| arm.follow(&spline, table_from_object, stands, lift_m));
         self.time_scaled(
-            &course,
+            &spline,
             &fingers,
             arm.transpose()?.as_ref(),
             table_from_object,
         )
     }
 
-    /// Refuses a course with a joint outside its limits, or with the hand deeper below the table
+    /// Refuses a motion with a joint outside its limits, or with the hand deeper below the table
     /// than the protocol allows.
-    fn check_course(
+    fn check_spline(
         &self,
-        course: &Course<Object>,
+        spline: &MotionSpline<Object>,
         table_from_object: &Pose<Table, Object>,
     ) -> Result<(), Infeasible> {
-        let places = (course.duration_s() * self.rates.palm_hz).ceil().max(1.0);
+        let places = (spline.duration_s() * self.rates.palm_hz).ceil().max(1.0);
         let places = whole_ticks(places).ok_or(Infeasible::Slow {
             slower: f64::INFINITY,
             max: self.limits.config.max_slowdown,
         })?;
         for place in 0..=places {
-            let time_s = course.duration_s() * place as f64 / places as f64;
-            let hand = course.at(time_s);
+            let time_s = spline.duration_s() * place as f64 / places as f64;
+            let hand = spline.at(time_s);
             self.check_joints(&hand.q_rad, time_s)?;
             let table_from_palm = *table_from_object * hand.frame_from_palm;
             self.check_table(&table_from_palm, &hand.q_rad, time_s)?;
@@ -178,10 +178,7 @@ impl<'a> Planner<'a> {
             for collision in &link.collisions {
                 let table_from_shape =
                     *table_from_palm * *palm_from_link * collision.link_from_shape;
-                let up = table_from_shape
-                    .rotation
-                    .inverse_transform_vector(&Vector3::z());
-                let depth_m = collision.shape.extent_m(&up) - table_from_shape.translation.vector.z;
+                let depth_m = -collision.shape.lowest_m(&table_from_shape, &Vector3::z());
                 // A comparison with NaN is false.
                 let is_above = depth_m <= self.protocol.table_tolerance_m;
                 if !is_above {

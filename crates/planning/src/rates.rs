@@ -12,14 +12,14 @@ pub const MAX_HZ: f64 = 10_000.0;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
-pub struct RatesConfig {
+pub struct CommandRatesConfig {
     /// Rate of the palm's or arm's controller (1/s): that of an xArm.
     pub palm_hz: f64,
     /// Rate of the hand's controller (1/s): that of the Allegro.
     pub hand_hz: f64,
 }
 
-impl Default for RatesConfig {
+impl Default for CommandRatesConfig {
     /// Returns the rates of an xArm and an Allegro.
     fn default() -> Self {
         Self {
@@ -29,7 +29,7 @@ impl Default for RatesConfig {
     }
 }
 
-impl RatesConfig {
+impl CommandRatesConfig {
     /// Checks the rates beyond their types.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
-//! A course at the controllers' rates within all limits.
+//! A motion at the controllers' rates within all limits.
 
-use motion::{Carrier, Course, JointPoint, JointTrack};
+use motion::{JointPoint, JointTrack, MotionSpline, PalmTrajectory};
 use robot::Joint;
 use simulation::Protocol;
 use spatial::{Object, Pose, Table};
@@ -35,14 +35,14 @@ const PHASES: [MotionPhase; 4] = [
 ];
 
 impl Planner<'_> {
-    /// Returns a course at the controllers' rates within all limits.
+    /// Returns a motion at the controllers' rates within all limits.
     #[expect(
         clippy::too_many_lines,
         reason = "one loop, whose trials share all that was prepared for them"
     )]
     pub(crate) fn time_scaled(
         &self,
-        course: &Course<Object>,
+        spline: &MotionSpline<Object>,
         fingers: &Fingers,
         arm: Option<&ArmPath<'_>>,
         resting: &Pose<Table, Object>,
@@ -54,8 +54,8 @@ impl Planner<'_> {
         let slow = |slower: f64| Infeasible::Slow { slower, max };
         let endless = || slow(f64::INFINITY);
         let follows = fingers.opened.is_none();
-        let rates_at = |course_s: f64| {
-            let rates = course.at(course_s).rates;
+        let rates_at = |motion_s: f64| {
+            let rates = spline.at(motion_s).rates;
             let limits = &self.limits;
             let palm = limits.of_palm(&rates.palm_velocity, &rates.palm_acceleration);
             let mut limited = palm.to_vec();
@@ -64,17 +64,17 @@ impl Planner<'_> {
             }
             if let Some(path) = arm {
                 limited.extend(limits::of_joints(
-                    &path.at(course_s)?.rates,
+                    &path.at(motion_s)?.rates,
                     path.arm().limits(),
                 ));
             }
             Ok(limited)
         };
-        let pace = course.duration_s() / requested_s;
-        let timing = Timing::fastest(course.duration_s(), pace, self.window_s(), rates_at)?;
+        let pace = spline.duration_s() / requested_s;
+        let timing = Timing::fastest(spline.duration_s(), pace, self.window_s(), rates_at)?;
         let durations = self.durations(timing.duration_s(), fingers);
         let mut motion = GraspMotion {
-            course,
+            spline,
             timing,
             fingers,
             table_from_object,
@@ -129,11 +129,11 @@ impl Planner<'_> {
                     table_from_object,
                     grasp: motion.protocol(self.protocol),
                     carrier: match commanded {
-                        Some((arm, points)) => Carrier::Arm(JointTrack {
+                        Some((arm, points)) => PalmTrajectory::Arm(JointTrack {
                             joints: arm.joint_names(),
                             points,
                         }),
-                        None => Carrier::Palm(palm),
+                        None => PalmTrajectory::Palm(palm),
                     },
                     hand: JointTrack {
                         joints: self.hand.joint_names(),

@@ -1,4 +1,4 @@
-//! Time parameterization of a course: at the requested speed wherever limits allow it, from rest to
+//! Time parameterization of a motion: at the requested speed wherever limits allow it, from rest to
 //! rest.
 //!
 //! Under limits on speed and acceleration, the speed along a path is found in one pass backward,
@@ -19,18 +19,18 @@
 
 use crate::{Infeasible, limits::LimitedRates};
 
-/// Number of intervals of the course's grid at which speeds are computed.
+/// Number of intervals of the motion's grid at which speeds are computed.
 const GRID_N: usize = 600;
 /// Bisection steps for a greatest speed.
 const HALVINGS: usize = 48;
 /// Weight, in 1/s², below which a change of speed has no effect on the motion.
-const NOTHING: f64 = 1e-18;
+const MIN_WEIGHT: f64 = 1e-18;
 
-/// Grid points of a course and the times at which they are passed.
+/// Grid points of a motion and the times at which they are passed.
 #[derive(Debug, Clone)]
 pub(crate) struct Timing {
     points: Vec<TimedPoint>,
-    /// Averaging window of the course's time.
+    /// Averaging window of the motion's time.
     window_s: f64,
 }
 
@@ -38,18 +38,18 @@ pub(crate) struct Timing {
 #[derive(Debug, Clone, Copy)]
 struct TimedPoint {
     time_s: f64,
-    /// Its place: seconds of the course.
-    course_s: f64,
-    /// Seconds of the course per second.
+    /// Its place: seconds of the motion.
+    motion_s: f64,
+    /// Seconds of the motion per second.
     speed: f64,
-    /// Integral of the course's time up to here, in s².
+    /// Integral of the motion's time up to here, in s².
     sum: f64,
 }
 
 impl Timing {
-    /// Returns the fastest timing of a course that lasts `duration_s`, never faster than `pace`
-    /// seconds of the course per second, averaged over `window_s`. `rates_at` returns the
-    /// derivatives by the course's time at one such time, with their limits.
+    /// Returns the fastest timing of a motion that lasts `duration_s`, never faster than `pace`
+    /// seconds of the motion per second, averaged over `window_s`. `rates_at` returns the
+    /// derivatives by the motion's time at one such time, with their limits.
     ///
     /// # Errors
     ///
@@ -67,7 +67,7 @@ impl Timing {
         let greatest = greatest(&grid, step);
         let mut points = vec![TimedPoint {
             time_s: 0.0,
-            course_s: 0.0,
+            motion_s: 0.0,
             speed: 0.0,
             sum: 0.0,
         }];
@@ -85,7 +85,7 @@ impl Timing {
             x = next;
             points.push(TimedPoint {
                 time_s,
-                course_s: to_s,
+                motion_s: to_s,
                 speed: x.sqrt(),
                 sum,
             });
@@ -98,10 +98,10 @@ impl Timing {
         self.passed_s() + self.window_s
     }
 
-    /// Returns the course's own time at `time_s` after its start, in seconds, and its first and
+    /// Returns the motion's own time at `time_s` after its start, in seconds, and its first and
     /// second derivative by time; both are 0 at the ends, where it rests.
     pub(crate) fn at(&self, time_s: f64) -> [f64; 3] {
-        let end_s = self.points.last().map_or(0.0, |point| point.course_s);
+        let end_s = self.points.last().map_or(0.0, |point| point.motion_s);
         if time_s <= 0.0 {
             return [0.0; 3];
         }
@@ -109,9 +109,9 @@ impl Timing {
             return [end_s, 0.0, 0.0];
         }
         let [now, before] = [time_s, time_s - self.window_s].map(|time_s| self.sums(time_s));
-        let [course_s, speed, faster] =
+        let [motion_s, speed, faster] =
             [0, 1, 2].map(|order| (now[order] - before[order]) / self.window_s);
-        [course_s.clamp(0.0, end_s), speed, faster]
+        [motion_s.clamp(0.0, end_s), speed, faster]
     }
 
     /// Returns the time at which the last grid point is passed.
@@ -119,7 +119,7 @@ impl Timing {
         self.points.last().map_or(0.0, |point| point.time_s)
     }
 
-    /// Returns the integral of the course's time before averaging, that time and its derivative; at
+    /// Returns the integral of the motion's time before averaging, that time and its derivative; at
     /// rest before and after.
     fn sums(&self, time_s: f64) -> [f64; 3] {
         let after = self.points.partition_point(|point| point.time_s <= time_s);
@@ -132,8 +132,8 @@ impl Timing {
         });
         [
             from.sum
-                + part_s * (from.course_s + part_s * (0.5 * from.speed + part_s * faster / 6.0)),
-            from.course_s + part_s * (from.speed + 0.5 * faster * part_s),
+                + part_s * (from.motion_s + part_s * (0.5 * from.speed + part_s * faster / 6.0)),
+            from.motion_s + part_s * (from.speed + 0.5 * faster * part_s),
             from.speed + faster * part_s,
         ]
     }
@@ -154,7 +154,7 @@ impl Timing {
     }
 }
 
-/// A grid point of a course and its speed limits.
+/// A grid point of a motion and its speed limits.
 struct GridPoint {
     rates: Vec<LimitedRates>,
     /// Greatest x that keeps every velocity within its limit.
@@ -178,7 +178,7 @@ impl GridPoint {
     }
 }
 
-/// Returns for each grid point the greatest x from which the course can still end at rest.
+/// Returns for each grid point the greatest x from which the motion can still end at rest.
 fn greatest(grid: &[GridPoint], step: f64) -> Vec<f64> {
     let mut greatest = vec![0.0; grid.len()];
     let mut next = 0.0;
@@ -230,7 +230,7 @@ fn within([low, high]: [f64; 2], rates: &LimitedRates, x: f64, gain: f64) -> Opt
     let a = rates.acceleration * (x / rates.max_acceleration);
     let b = (rates.velocity + rates.acceleration * gain) / rates.max_acceleration;
     let square = b.norm_squared();
-    let range = if square < NOTHING {
+    let range = if square < MIN_WEIGHT {
         if a.norm_squared() > 1.0 {
             return None;
         }

@@ -139,7 +139,7 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
 /// Maximum number of balls in one group.
 const GROUP: usize = 12;
 /// Maximum number of balls of a hand: those of all sides of a box of one meter, three times.
-const MAX_BALLS: f64 = 150_000.0;
+pub const MAX_BALLS: f64 = 150_000.0;
 
 /// Neighboring balls of one link.
 #[derive(Debug, Clone, PartialEq)]
@@ -163,7 +163,7 @@ pub struct TooLarge {
 ///
 /// # Errors
 ///
-/// Fails if they are so large that more than 150,000 balls would be made.
+/// Fails if they are so large that more than [`MAX_BALLS`] would be made.
 pub fn check(hand: &RobotModel) -> Result<(), TooLarge> {
     let mut n_balls = 0.0;
     for body in hand.links() {

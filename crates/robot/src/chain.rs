@@ -1,7 +1,7 @@
 //! The joints from the root to one link: an arm, and how its end moves with them.
 
-mod solutions;
-mod solve;
+mod ik_solutions;
+mod inverse_kinematics;
 
 use nalgebra::{Cholesky, Const, Matrix6, Matrix6xX, Point3, Vector3, Vector6};
 use spatial::{Base, Palm, Pose, Twist};
@@ -153,19 +153,19 @@ impl KinematicState {
     /// # Panics
     ///
     /// Panics if there is not one velocity per joint.
-    pub fn bias(&self, velocity: &[f64]) -> Twist<Base> {
+    pub fn bias_acceleration(&self, velocity: &[f64]) -> Twist<Base> {
         assert_eq!(velocity.len(), self.jacobian.ncols(), "joint velocities");
-        let mut bias = Twist::zero();
+        let mut bias_acceleration = Twist::zero();
         let mut spin: Vector3<f64> = Vector3::zeros();
         for (column, &velocity) in self.jacobian.column_iter().zip(velocity) {
             let linear = column.fixed_rows::<3>(0) * velocity;
             let angular = column.fixed_rows::<3>(3) * velocity;
             let before = spin;
             spin += angular;
-            bias.linear += (before + spin).cross(&linear);
-            bias.angular += before.cross(&angular);
+            bias_acceleration.linear += (before + spin).cross(&linear);
+            bias_acceleration.angular += before.cross(&angular);
         }
-        bias
+        bias_acceleration
     }
 
     /// Returns the joint velocities and accelerations with which the end has a twist and a rate of
@@ -174,7 +174,7 @@ impl KinematicState {
     pub fn rates(&self, twist: &Twist<Base>, rate: &Twist<Base>) -> Option<ChainRates> {
         let square = self.square(0.0)?;
         let velocity = self.least(&square, twist);
-        let acceleration = self.least(&square, &(*rate - self.bias(&velocity)));
+        let acceleration = self.least(&square, &(*rate - self.bias_acceleration(&velocity)));
         let all = velocity.iter().chain(&acceleration);
         all.copied().all(f64::is_finite).then_some(ChainRates {
             velocity,

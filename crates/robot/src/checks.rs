@@ -2,7 +2,7 @@
 
 use nalgebra::{Point3, Vector3};
 
-use crate::{Bodies, Finding, Inertial, Joint, JointKind, Link, Part, RobotModel, Severity};
+use crate::{DynamicsModel, Finding, Inertial, Joint, JointKind, Link, Part, RobotModel, Severity};
 
 /// Rounding that is forgiven where principal moments are compared, relative.
 const ROUNDED: f64 = 1e-3;
@@ -79,7 +79,7 @@ impl RobotModel {
 
     /// What moves and has no inertia: no force is needed to move it, however fast.
     fn without_inertia(&self) -> Vec<Finding> {
-        let bodies = Bodies::new(self);
+        let bodies = DynamicsModel::new(self);
         if bodies.mass_kg() == 0.0 {
             return vec![Finding {
                 severity: Severity::Doubtful,
@@ -203,8 +203,8 @@ fn inertia(link: &Link, inertial: &Inertial) -> Option<(Severity, String)> {
     }
     if large > (small + middle) * (1.0 + ROUNDED) {
         let problem = format!(
-            "has an inertia that no body has: {principal}, the largest is more than the other two \
-             together"
+            "has an inertia that violates the triangle inequality: {principal}, the largest \
+             exceeds the sum of the others"
         );
         return Some((Severity::Wrong, problem));
     }
@@ -213,8 +213,8 @@ fn inertia(link: &Link, inertial: &Inertial) -> Option<(Severity, String)> {
     let radius = (large / inertial.mass_kg).sqrt();
     (radius > SPREAD * reach).then(|| {
         let problem = format!(
-            "has an inertia as if its mass were {:.1} mm from its center, and its shapes end at \
-             {:.1} mm",
+            "has a radius of gyration of {:.1} mm, and its shapes end {:.1} mm from its center of \
+             mass",
             radius * 1000.0,
             reach * 1000.0
         );

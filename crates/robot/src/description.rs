@@ -11,7 +11,7 @@ use crate::RobotModel;
 /// that the robot collides with, by name; `None` if they are not a URDF that can be used.
 ///
 /// URDFs that give equal bytes are the same robot to whoever computes with it, however it is drawn.
-pub fn read_form(urdf: &[u8]) -> Option<Vec<u8>> {
+pub fn canonical_model(urdf: &[u8]) -> Option<Vec<u8>> {
     let mut model = RobotModel::from_urdf_bytes(urdf).ok()?;
     // They say on which line something is, and change nothing.
     model.findings.clear();
@@ -25,7 +25,7 @@ pub fn read_form(urdf: &[u8]) -> Option<Vec<u8>> {
 /// Returns the bytes of [`plain_urdf`]; `None` if they are not a URDF that can be used.
 ///
 /// URDFs that give equal bytes are the same robot to whoever shows it, too.
-pub fn shown_form(urdf: &[u8]) -> Option<Vec<u8>> {
+pub fn canonical_urdf(urdf: &[u8]) -> Option<Vec<u8>> {
     RobotModel::from_urdf_bytes(urdf).ok()?;
     let text = std::str::from_utf8(urdf).ok()?;
     Some(plain_urdf(text).into_bytes())
@@ -133,7 +133,7 @@ mod tests {
     fn changes(from: &str, to: &str) -> [bool; 2] {
         assert!(HAND.contains(from), "{from}");
         let edited = HAND.replacen(from, to, 1);
-        let [read, shown] = [read_form, shown_form];
+        let [read, shown] = [canonical_model, canonical_urdf];
         let of = |form: fn(&[u8]) -> Option<Vec<u8>>, text: &str| form(text.as_bytes()).unwrap();
         [read, shown].map(|form| of(form, HAND) != of(form, &edited))
     }
@@ -176,8 +176,8 @@ mod tests {
         ] {
             assert_eq!(changes(from, to), [true, true], "{from} → {to}");
         }
-        assert_eq!(read_form(b"no robot"), None);
-        assert_eq!(shown_form(b"<robot"), None);
+        assert_eq!(canonical_model(b"no robot"), None);
+        assert_eq!(canonical_urdf(b"<robot"), None);
     }
 
     #[test]
@@ -193,7 +193,8 @@ mod tests {
                 !plain.contains("<!--") && plain.starts_with("<robot name="),
                 "{plain}"
             );
-            let [before, after] = [urdf, &plain].map(|text| read_form(text.as_bytes()).unwrap());
+            let [before, after] =
+                [urdf, &plain].map(|text| canonical_model(text.as_bytes()).unwrap());
             assert!(before == after);
         }
         assert_eq!(plain_urdf("<robot"), "<robot");

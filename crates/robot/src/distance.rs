@@ -22,7 +22,7 @@ const TOUCHING_M: f64 = 1e-9;
 
 /// How far two shapes are from each other.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gap {
+pub struct DistanceBounds {
     /// They are at least as far apart, in meters; 0 where they touch or overlap.
     pub at_least_m: f64,
     /// They are at most as far apart.
@@ -31,7 +31,10 @@ pub struct Gap {
 
 /// Returns how far two shapes are from each other, within 0.01 mm; each is given with the pose of its
 /// center in one frame.
-pub fn gap<Frame>(a: (&Pose<Frame, Shape>, &Shape), b: (&Pose<Frame, Shape>, &Shape)) -> Gap {
+pub fn distance_bounds<Frame>(
+    a: (&Pose<Frame, Shape>, &Shape),
+    b: (&Pose<Frame, Shape>, &Shape),
+) -> DistanceBounds {
     let (core_a, margin_a) = a.1.core();
     let (core_b, margin_b) = b.1.core();
     let farthest = |direction: &Vector3<f64>| {
@@ -44,7 +47,7 @@ pub fn gap<Frame>(a: (&Pose<Frame, Shape>, &Shape), b: (&Pose<Frame, Shape>, &Sh
     let start = a.0.translation.vector - b.0.translation.vector;
     let [low, high] = to_origin(farthest, start);
     let margin = margin_a + margin_b;
-    Gap {
+    DistanceBounds {
         at_least_m: (low - margin).max(0.0),
         at_most_m: (high - margin).max(0.0),
     }
@@ -323,7 +326,7 @@ mod tests {
         fn a_ball_is_as_far_as_its_center(
             shape in shape(), a in pose(), b in pose(), radius_m in 0.0..0.1_f64,
         ) {
-            let found = gap((&a, &shape), (&b, &Shape::Sphere { radius_m }));
+            let found = distance_bounds((&a, &shape), (&b, &Shape::Sphere { radius_m }));
             let center = a.inverse_transform_point(&b.translation.vector.into());
             let expected = (outside(&shape, &center.coords) - radius_m).max(0.0);
             prop_assert!(found.at_least_m <= expected + 1e-9, "{found:?}, not {expected}");
@@ -337,7 +340,7 @@ mod tests {
         fn two_shapes_are_as_far_as_projections_find(
             one in shape(), two in shape(), a in pose(), b in pose(),
         ) {
-            let found = gap((&a, &one), (&b, &two));
+            let found = distance_bounds((&a, &one), (&b, &two));
             prop_assert!(found.at_most_m - found.at_least_m <= 2.0 * CLOSE_M, "{found:?}");
             let mut point = a.translation.vector;
             let mut other = point;

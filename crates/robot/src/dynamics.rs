@@ -9,8 +9,8 @@ use nalgebra::{DMatrix, DVector, Point3, Vector3, Vector6};
 use spatial::Pose;
 
 use crate::{
-    Bodies, Link, Root, WrongDof,
-    bodies::{SpatialForce, SpatialInertia, SpatialMotion},
+    DynamicsModel, FreeRootState, Link, WrongDof,
+    dynamics_model::{SpatialForce, SpatialInertia, SpatialMotion},
 };
 
 /// How the independent joints move; each slice holds one number per joint.
@@ -34,20 +34,20 @@ pub struct Efforts {
     pub joints: DVector<f64>,
 }
 
-impl Bodies {
+impl DynamicsModel {
     /// Returns what has to act for the robot to move so, by the recursive Newton–Euler algorithm
     /// (Featherstone 2008, table 5.1).
     ///
     /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
     /// Friction is not part of the model, and the rotors of the motors are if
-    /// [`Bodies::with_armature`] gave them an inertia.
+    /// [`DynamicsModel::with_armature`] gave them an inertia.
     ///
     /// # Errors
     ///
     /// Fails if a slice does not hold exactly one number per joint.
     pub fn inverse_dynamics(
         &self,
-        root: &Root,
+        root: &FreeRootState,
         motion: &JointMotion<'_>,
         gravity: &Vector3<f64>,
     ) -> Result<Efforts, WrongDof> {
@@ -63,14 +63,14 @@ impl Bodies {
     /// Returns what has to act in the joint of each moving link, in the order of the links, those that
     /// mimic another's joint too: torque in Nm about the link's own axis (force in N if prismatic).
     ///
-    /// What [`Bodies::inverse_dynamics`] adds up where several links move as one.
+    /// What [`DynamicsModel::inverse_dynamics`] adds up where several links move as one.
     ///
     /// # Errors
     ///
     /// Fails if a slice does not hold exactly one number per independent joint.
     pub fn link_efforts(
         &self,
-        root: &Root,
+        root: &FreeRootState,
         motion: &JointMotion<'_>,
         gravity: &Vector3<f64>,
     ) -> Result<Vec<f64>, WrongDof> {
@@ -81,7 +81,7 @@ impl Bodies {
     /// Returns what acts on the root, and in the joint of each moving link.
     fn efforts(
         &self,
-        root: &Root,
+        root: &FreeRootState,
         motion: &JointMotion<'_>,
         gravity: &Vector3<f64>,
     ) -> Result<(Vector6<f64>, Vec<f64>), WrongDof> {

@@ -1,6 +1,7 @@
 //! How far a shape reaches from its center.
 
 use nalgebra::Vector3;
+use spatial::Pose;
 
 use crate::Shape;
 
@@ -22,11 +23,53 @@ impl Shape {
             Self::Convex(body) => body.farthest(direction).dot(direction),
         }
     }
+
+    /// Returns how high the shape's lowest point is above the origin of a frame, in meters, along `up` of unit
+    /// length in that frame.
+    pub fn lowest_m<Frame>(
+        &self,
+        frame_from_shape: &Pose<Frame, Self>,
+        up_in_frame: &Vector3<f64>,
+    ) -> f64 {
+        let down_in_shape = frame_from_shape.inverse() * -up_in_frame;
+        let center_m = frame_from_shape.translation.vector.dot(up_in_frame);
+        center_m - self.extent_m(&down_in_shape)
+    }
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{Isometry3, Point3};
+    use proptest::prelude::*;
+
     use super::*;
+    use crate::ConvexBody;
+
+    proptest! {
+        /// A wedge is as low as its lowest corner, which is not opposite its highest one.
+        #[test]
+        fn wedge_is_as_low_as_its_lowest_corner(
+            turn in prop::array::uniform3(-3.0..3.0),
+            place in prop::array::uniform3(-1.0..1.0),
+            up in prop::array::uniform3(-1.0..1.0),
+        ) {
+            prop_assume!(Vector3::from(up).norm() > 0.1);
+            let up = Vector3::from(up).normalize();
+            let corners_m = [
+                [0.02, -0.02, -0.02],
+                [-0.02, 0.02, -0.02],
+                [-0.02, -0.02, 0.02],
+                [-0.02, -0.02, -0.02],
+            ].map(Point3::from);
+            let triangles = vec![[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+            let wedge = Shape::Convex(ConvexBody::new(corners_m.to_vec(), triangles).unwrap().into());
+            let pose = Isometry3::new(Vector3::from(place), Vector3::from(turn));
+            let heights = corners_m.iter().map(|corner| (pose * corner).coords.dot(&up));
+            let lowest_m = heights.fold(f64::INFINITY, f64::min);
+            let found = wedge.lowest_m(&Pose::<(), Shape>::new(pose), &up);
+            prop_assert!((found - lowest_m).abs() < 1e-12, "{found} m, not {lowest_m} m");
+        }
+    }
 
     #[test]
     fn shapes_reach_their_farthest_corner() {

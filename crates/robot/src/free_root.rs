@@ -12,7 +12,7 @@ const SMALL_RAD: f64 = 1e-3;
 /// a time moves the root to `world_from_palm * pose_from_twist(twist * time)`. This is the
 /// convention of Pinocchio's free flyer.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Root {
+pub struct FreeRootState {
     /// Pose of the root link in the world.
     pub world_from_palm: Pose<World, Palm>,
     /// Its velocity.
@@ -21,7 +21,7 @@ pub struct Root {
     pub acceleration: Twist<Palm>,
 }
 
-impl Root {
+impl FreeRootState {
     /// Returns a root that is held in this pose.
     pub fn still(world_from_palm: Pose<World, Palm>) -> Self {
         Self {

@@ -24,44 +24,44 @@
 //! Joints are the independent movable ones, in the order in which a depth-first walk meets them:
 //! address them by name. Joints that mimic others move with them and have no position of their own.
 //! Lengths are in meters, angles in radians, masses in kilograms.
-//! A root that moves freely has a pose and a twist ([`Root`]) and never angles; [`Bodies`] computes
+//! A root that moves freely has a pose and a twist ([`FreeRootState`]) and never angles; [`DynamicsModel`] computes
 //! with or without it. Kinematics and dynamics agree with Pinocchio (`tests/golden`).
 //! This crate opens no file: callers read the meshes that a URDF names and pass their convex parts
 //! to [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no
 //! shape.
 
 pub mod balls;
-mod bodies;
 mod chain;
 mod checks;
 mod convex;
 mod description;
 mod distance;
 mod dynamics;
+mod dynamics_model;
 mod error;
 mod extent;
 mod findings;
 mod fingers;
 mod forward;
 mod free_root;
-mod hand_shape;
+mod hand_layout;
 mod jacobian;
 mod joint_order;
 mod model;
 mod near;
 mod urdf;
 
-pub use bodies::Bodies;
 pub use chain::{Chain, ChainRates, KinematicState};
 pub use convex::ConvexBody;
-pub use description::{plain_urdf, read_form, shown_form};
-pub use distance::{Gap, gap};
+pub use description::{canonical_model, canonical_urdf, plain_urdf};
+pub use distance::{DistanceBounds, distance_bounds};
 pub use dynamics::{Efforts, JointMotion};
+pub use dynamics_model::DynamicsModel;
 pub use error::{MimicFault, RobotError, WrongDof};
 pub use findings::{Finding, Part, Severity};
 pub use fingers::Finger;
-pub use free_root::{Root, pose_from_twist};
-pub use hand_shape::HandShape;
+pub use free_root::{FreeRootState, pose_from_twist};
+pub use hand_layout::HandLayout;
 pub use joint_order::{JointMismatch, JointOrder};
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
 pub use urdf::MAX_BYTES as MAX_URDF_BYTES;

@@ -124,7 +124,7 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
     let slope = twist(&before.base_from_palm, &after.base_from_palm, 2.0 * h);
     assert!(norm(&(slope - now.twist(velocity))) < 1e-7);
     let bend = (after.twist(velocity) - before.twist(velocity)) * (0.5 / h);
-    assert!(norm(&(bend - now.bias(velocity))) < 1e-7);
+    assert!(norm(&(bend - now.bias_acceleration(velocity))) < 1e-7);
 }
 
 proptest! {
@@ -153,8 +153,8 @@ proptest! {
         let (twist, rate) = (Twist::from_array(twist), Twist::from_array(rate));
         let found = at.rates(&twist, &rate).unwrap();
         prop_assert!(norm(&(at.twist(&found.velocity) - twist)) < 1e-10);
-        let made = at.twist(&found.acceleration) + at.bias(&found.velocity);
-        prop_assert!(norm(&(made - rate)) < 1e-9 * (1.0 + norm(&at.bias(&found.velocity))));
+        let made = at.twist(&found.acceleration) + at.bias_acceleration(&found.velocity);
+        prop_assert!(norm(&(made - rate)) < 1e-9 * (1.0 + norm(&at.bias_acceleration(&found.velocity))));
         for least in [1e-3, 0.01, 0.03, 0.1, 0.3] {
             prop_assert_eq!(at.is_regular(least), at.min_singular_value() >= least);
         }
@@ -171,7 +171,7 @@ proptest! {
         let at = chain.state(&q).unwrap();
         prop_assume!(at.min_singular_value() > REGULAR);
         let near: Vec<f64> = q.iter().zip(away).map(|(q, away)| q + away).collect();
-        let found = chain.solve(&at.base_from_palm, &near).unwrap();
+        let found = chain.inverse_kinematics(&at.base_from_palm, &near).unwrap();
         let there = chain.state(&found).unwrap().base_from_palm;
         prop_assert!(off(&there, &at.base_from_palm) < 1e-10);
         for (found, q) in found.iter().zip(&q) {
@@ -196,7 +196,7 @@ fn all_solutions_of_a_pose_are_found() {
             continue;
         }
         poses += 1;
-        let solutions = chain.solutions(&at.base_from_palm);
+        let solutions = chain.ik_solutions(&at.base_from_palm);
         for (idx, solution) in solutions.iter().enumerate() {
             let there = chain.state(solution).unwrap().base_from_palm;
             assert!(off(&there, &at.base_from_palm) < 1e-10);
@@ -204,7 +204,7 @@ fn all_solutions_of_a_pose_are_found() {
             assert!(!solutions[..idx].iter().any(is_same));
         }
         missed += i32::from(!solutions.iter().any(|solution| is_turned(solution, &q)));
-        assert_eq!(solutions, chain.solutions(&at.base_from_palm));
+        assert_eq!(solutions, chain.ik_solutions(&at.base_from_palm));
     }
     assert!(missed <= 2, "{missed} of {poses}");
 }
@@ -227,9 +227,9 @@ fn a_pose_out_of_reach_has_no_solution() {
             UnitQuaternion::from_scaled_axis(Vector3::y() * std::f64::consts::PI),
         )
     };
-    assert!(!chain.solutions(&at(0.4)).is_empty());
-    assert!(chain.solutions(&at(1.2)).is_empty());
-    assert_eq!(chain.solve(&at(1.2), &[0.0; 6]), None);
+    assert!(!chain.ik_solutions(&at(0.4)).is_empty());
+    assert!(chain.ik_solutions(&at(1.2)).is_empty());
+    assert_eq!(chain.inverse_kinematics(&at(1.2), &[0.0; 6]), None);
 }
 
 #[test]

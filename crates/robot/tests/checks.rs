@@ -77,13 +77,14 @@ fn unphysical_inertias_are_errors() {
         (
             [1e-5, 1e-5, 3e-5, 0.0, 0.0, 0.0],
             Wrong,
-            "has an inertia that no body has: principal moments 1.000e-5, 1.000e-5, 3.000e-5 kg m², \
-             the largest is more than the other two together",
+            "has an inertia that violates the triangle inequality: principal moments 1.000e-5, \
+             1.000e-5, 3.000e-5 kg m², the largest exceeds the sum of the others",
         ),
         (
             [1e-3, 1e-3, 1e-3, 0.0, 0.0, 0.0],
             Doubtful,
-            "has an inertia as if its mass were 100.0 mm from its center, and its shapes end at 24.5 mm",
+            "has a radius of gyration of 100.0 mm, and its shapes end 24.5 mm from its center of \
+             mass",
         ),
     ] {
         let model = robot(&inertial(0.02, moments), LIMIT);
@@ -126,7 +127,7 @@ fn shapes_in_millimeters_are_doubtful() {
     );
 }
 
-/// What is said of link `a` if it has no inertia.
+/// The findings about link `a` if it has no inertia.
 const WITHOUT: &str =
     "link `a` moves and has no inertia, nor has what is fixed to it: `screen` refuses it";
 
@@ -209,7 +210,7 @@ fn mimic_joints_are_listed_with_their_numbers() {
 /// Returns side, wrist, thumb's tip and the other tips in order.
 fn shape(xml: &str) -> (&'static str, [f64; 3], String, String) {
     let model = RobotModel::from_urdf(xml).unwrap();
-    let hand = model.hand_shape().unwrap();
+    let hand = model.hand_layout().unwrap();
     let tip = |finger: &robot::Finger| model.links()[finger.tip_link].name.clone();
     let tips: Vec<String> = hand.fingers.iter().map(tip).collect();
     (

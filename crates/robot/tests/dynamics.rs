@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3, Vector6};
 use proptest::prelude::*;
-use robot::{Bodies, JointMotion, RobotModel, Root, pose_from_twist};
+use robot::{DynamicsModel, FreeRootState, JointMotion, RobotModel, pose_from_twist};
 use spatial::{Palm, Pose, Twist, World};
 
 /// Joints that turn, slide and follow others; axes askew; masses on fixed links.
@@ -80,9 +80,9 @@ proptest! {
     ) {
         for model in robots() {
             let n = model.dof();
-            let bodies = Bodies::new(&model).with_armature(0.02).with_mass_scale(1.5);
+            let bodies = DynamicsModel::new(&model).with_armature(0.02).with_mass_scale(1.5);
             let efforts = |acceleration: &[f64]| {
-                let root = Root {
+                let root = FreeRootState {
                     world_from_palm,
                     velocity: twist(&velocity[..6]),
                     acceleration: twist(&acceleration[..6]),
@@ -108,7 +108,7 @@ proptest! {
     #[test]
     fn mass_matrix_is_symmetric_and_positive_definite(q in numbers()) {
         for model in robots() {
-            let bodies = Bodies::new(&model);
+            let bodies = DynamicsModel::new(&model);
             let mass = bodies.free_mass_matrix(&q[..model.dof()]).unwrap();
             prop_assert_eq!(&mass, &mass.transpose());
             // The last link of the odd arm has none.
@@ -131,21 +131,21 @@ proptest! {
 }
 
 /// Returns the accelerations of a robot on which nothing but gravity acts, with a held root.
-fn falling(bodies: &Bodies, q: &[f64], velocity: &[f64]) -> DVector<f64> {
+fn falling(bodies: &DynamicsModel, q: &[f64], velocity: &[f64]) -> DVector<f64> {
     let still = vec![0.0; q.len()];
     let motion = JointMotion {
         q,
         velocity,
         acceleration: &still,
     };
-    let root = Root::still(Pose::identity());
+    let root = FreeRootState::still(Pose::identity());
     let bias = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
     let mass = bodies.mass_matrix(q).unwrap();
     mass.cholesky().unwrap().solve(&-bias.joints)
 }
 
 /// Returns kinetic and potential energy in joules.
-fn energy(bodies: &Bodies, q: &[f64], velocity: &[f64]) -> f64 {
+fn energy(bodies: &DynamicsModel, q: &[f64], velocity: &[f64]) -> f64 {
     let velocity = DVector::from_column_slice(velocity);
     let kinetic = 0.5 * velocity.dot(&(bodies.mass_matrix(q).unwrap() * &velocity));
     let center = bodies.center_of_mass(q).unwrap();
@@ -153,7 +153,7 @@ fn energy(bodies: &Bodies, q: &[f64], velocity: &[f64]) -> f64 {
 }
 
 /// Moves a falling robot on by the method of Runge and Kutta of fourth order.
-fn swing(bodies: &Bodies, q: &mut DVector<f64>, velocity: &mut DVector<f64>, step_s: f64) {
+fn swing(bodies: &DynamicsModel, q: &mut DVector<f64>, velocity: &mut DVector<f64>, step_s: f64) {
     let rate = |q: &DVector<f64>, v: &DVector<f64>| falling(bodies, q.as_slice(), v.as_slice());
     let half = step_s / 2.0;
     let (v1, a1) = (velocity.clone(), rate(q, velocity));
@@ -182,7 +182,7 @@ fn swinging_chain_keeps_its_energy() {
         (ROBOTS[1].to_owned(), 5e-5, 1e-11),
     ] {
         let model = RobotModel::from_urdf(&xml).unwrap();
-        let bodies = Bodies::new(&model);
+        let bodies = DynamicsModel::new(&model);
         let mut q = DVector::from_element(model.dof(), 0.3);
         let mut velocity = DVector::from_element(model.dof(), 0.5);
         let before = energy(&bodies, q.as_slice(), velocity.as_slice());
@@ -208,11 +208,11 @@ fn swinging_chain_keeps_its_energy() {
 #[test]
 fn free_robot_in_free_fall_keeps_its_momentum() {
     let model = RobotModel::from_urdf(ROBOTS[0]).unwrap();
-    let bodies = Bodies::new(&model);
+    let bodies = DynamicsModel::new(&model);
     let n = model.dof();
     let mut q = vec![0.2; n];
     // Nothing acts on it: from the bias and the mass matrix comes its acceleration.
-    let mut root = Root::still(Pose::from_parts(
+    let mut root = FreeRootState::still(Pose::from_parts(
         Vector3::new(0.3, -0.2, 0.5),
         UnitQuaternion::from_euler_angles(0.3, 0.8, -0.4),
     ));
@@ -221,7 +221,7 @@ fn free_robot_in_free_fall_keeps_its_momentum() {
     // The frame without mass does not move on its own.
     let massless = model.joint("pan_joint").unwrap();
     velocity[massless] = 0.0;
-    let momentum = |root: &Root, q: &[f64], velocity: &[f64]| {
+    let momentum = |root: &FreeRootState, q: &[f64], velocity: &[f64]| {
         let all = [&root.velocity.to_array(), velocity].concat();
         let mass = bodies.free_mass_matrix(q).unwrap();
         let in_root = mass.rows(0, 6) * DVector::from_vec(all);
@@ -286,7 +286,7 @@ fn double_pendulum_moves_by_the_equations_of_lagrange() {
         hinge("elbow", "upper", "lower", -l1),
     );
     let rotor = 5e-3;
-    let bodies = Bodies::new(&RobotModel::from_urdf(&urdf).unwrap()).with_armature(rotor);
+    let bodies = DynamicsModel::new(&RobotModel::from_urdf(&urdf).unwrap()).with_armature(rotor);
     for [q1, q2, v1, v2, a1, a2] in [
         [0.3, -0.8, 1.5, -2.5, 4.0, 7.0],
         [2.0, 1.1, -3.0, 0.5, -6.0, 1.0],
@@ -309,7 +309,7 @@ fn double_pendulum_moves_by_the_equations_of_lagrange() {
             velocity: &[v1, v2],
             acceleration: &[a1, a2],
         };
-        let root = Root::still(Pose::identity());
+        let root = FreeRootState::still(Pose::identity());
         let found = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
         for (found, expected) in found.joints.iter().zip(expected) {
             assert!((found - expected).abs() < 1e-12, "{found} {expected}");
@@ -323,7 +323,7 @@ fn double_pendulum_moves_by_the_equations_of_lagrange() {
 #[test]
 fn joint_force_is_the_sum_over_its_links() {
     let model = RobotModel::from_urdf(ROBOTS[1]).unwrap();
-    let bodies = Bodies::new(&model).with_armature(0.01);
+    let bodies = DynamicsModel::new(&model).with_armature(0.01);
     let numbers = |factor: f64| -> Vec<f64> {
         (0..model.dof())
             .map(|joint| (factor * (1.0 + joint as f64)).sin())
@@ -335,7 +335,7 @@ fn joint_force_is_the_sum_over_its_links() {
         velocity: &velocity,
         acceleration: &acceleration,
     };
-    let root = Root::still(Pose::identity());
+    let root = FreeRootState::still(Pose::identity());
     let together = bodies.inverse_dynamics(&root, &motion, &GRAVITY).unwrap();
     let alone = bodies.link_efforts(&root, &motion, &GRAVITY).unwrap();
     let mut sums = vec![0.0; model.dof()];
@@ -355,7 +355,7 @@ fn joint_force_is_the_sum_over_its_links() {
 #[test]
 fn rejects_wrong_dof_everywhere() {
     let model = RobotModel::from_urdf(ROBOTS[0]).unwrap();
-    let bodies = Bodies::new(&model);
+    let bodies = DynamicsModel::new(&model);
     let right = vec![0.0; model.dof()];
     let wrong = vec![0.0; model.dof() + 1];
     assert!(bodies.mass_matrix(&wrong).is_err());
@@ -370,7 +370,7 @@ fn rejects_wrong_dof_everywhere() {
             velocity,
             acceleration,
         };
-        let root = Root::still(Pose::identity());
+        let root = FreeRootState::still(Pose::identity());
         assert!(bodies.inverse_dynamics(&root, &motion, &GRAVITY).is_err());
     }
 }

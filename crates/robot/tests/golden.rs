@@ -1,12 +1,11 @@
 //! Kinematics and dynamics against Pinocchio, whose numbers `golden/make.py` wrote down.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 
 use nalgebra::{
     DMatrix, DVector, Isometry3, Matrix6xX, Point3, Quaternion, UnitQuaternion, Vector3,
 };
-use robot::{Bodies, JointMotion, RobotModel, Root};
+use robot::{DynamicsModel, FreeRootState, JointMotion, RobotModel};
 use serde::Deserialize;
 use spatial::{Palm, Pose, Twist, World};
 
@@ -47,9 +46,7 @@ fn golden() -> Golden {
 fn urdf(robot: &GoldenRobot) -> Option<String> {
     let file = format!("{}.urdf", robot.name.trim_start_matches("published_"));
     let path = if robot.published {
-        Path::new(&std::env::var_os("PIPELINE_REAL_DATA")?)
-            .join("urdf")
-            .join(file)
+        measured_data::folder("urdf")?.join(file)
     } else {
         let made_up = here().join(&file);
         if made_up.exists() {
@@ -124,7 +121,7 @@ fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
 /// A robot with its joints and links in the order of the numbers.
 struct Robot {
     model: RobotModel,
-    bodies: Bodies,
+    bodies: DynamicsModel,
     /// Which of ours each of Pinocchio's joints is.
     joints: Vec<usize>,
     links: Vec<usize>,
@@ -156,7 +153,7 @@ impl Robot {
     fn check(
         &self,
         compare: &mut Compare,
-        free: Option<&Root>,
+        free: Option<&FreeRootState>,
         [q, velocity, acceleration]: [&[f64]; 3],
         everything: bool,
     ) {
@@ -164,7 +161,7 @@ impl Robot {
         let n_root = if free.is_some() { 6 } else { 0 };
         let root = free
             .copied()
-            .unwrap_or_else(|| Root::still(Pose::identity()));
+            .unwrap_or_else(|| FreeRootState::still(Pose::identity()));
         let world_from_palm = &root.world_from_palm;
         let columns = self.columns(n_root);
         let palm_from_links = self.model.forward_kinematics(&q).unwrap();
@@ -206,7 +203,11 @@ impl Robot {
         };
         let held = self
             .bodies
-            .inverse_dynamics(&Root::still(*world_from_palm), &still, &self.gravity)
+            .inverse_dynamics(
+                &FreeRootState::still(*world_from_palm),
+                &still,
+                &self.gravity,
+            )
             .unwrap();
         for (what, efforts) in [("inverse dynamics", efforts), ("gravity", held)] {
             let all: Vec<f64> = efforts
@@ -274,7 +275,7 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
     let mut random = SplitMix64(robot.seed);
     let find = |name: &String| model.require_link(name).unwrap();
     let ready = Robot {
-        bodies: Bodies::new(&model),
+        bodies: DynamicsModel::new(&model),
         joints: model.require_joints(&robot.joints).unwrap(),
         links: robot.links.iter().map(find).collect(),
         weights: random.vector(6 * (6 + n) + 12),
@@ -295,7 +296,7 @@ fn check(golden: &Golden, robot: &GoldenRobot, xml: &str) -> f64 {
             xyzw[3],
             Vector3::new(xyzw[0], xyzw[1], xyzw[2]),
         ));
-        let moving = Root {
+        let moving = FreeRootState {
             world_from_palm: Pose::from_parts(Vector3::new(place[0], place[1], place[2]), rotation),
             velocity: twist(&velocity.as_slice()[..6]),
             acceleration: twist(&acceleration.as_slice()[..6]),
@@ -332,12 +333,7 @@ fn pinocchio_agrees_on_published_robots() {
     let golden = golden();
     for robot in golden.robots.iter().filter(|robot| robot.published) {
         let Some(xml) = urdf(robot) else {
-            writeln!(
-            std::io::stderr().lock(),
-            "skipped: no `urdf/{}.urdf` in the folder that `PIPELINE_REAL_DATA` names; see `tests/README.md`",
-                robot.name.trim_start_matches("published_")
-        )
-        .unwrap();
+            measured_data::print_skipped(&format!("`urdf` holds no `{}`", robot.name));
             continue;
         };
         let worst = check(&golden, robot, &xml);

@@ -3,7 +3,6 @@
 use nalgebra::Point3;
 use robot::{JointKind, MimicFault, RobotError, RobotModel};
 use spatial::Palm;
-use std::io::Write as _;
 
 /// Returns a robot of these joints and the links `palm`, `a`, `b`.
 fn robot(joints: &str) -> String {
@@ -462,24 +461,10 @@ fn meshes_are_never_opened() {
 
 /// Returns the published descriptions that this machine has, by their names.
 fn published() -> Vec<(String, String)> {
-    let Some(root) = std::env::var_os("PIPELINE_REAL_DATA") else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` names no folder with `urdf/*.urdf`; see `tests/README.md`"
-        )
-        .unwrap();
+    let Some(folder) = measured_data::folder("urdf") else {
         return Vec::new();
     };
-    let folder = std::path::Path::new(&root).join("urdf");
-    let Ok(entries) = std::fs::read_dir(&folder) else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: there is no `{}`; see `tests/README.md`",
-            folder.display()
-        )
-        .unwrap();
-        return Vec::new();
-    };
+    let entries = std::fs::read_dir(&folder).unwrap();
     entries
         .map(|entry| entry.unwrap().path())
         .filter(|path| {

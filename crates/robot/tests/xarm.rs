@@ -4,7 +4,7 @@ use std::f64::consts::FRAC_PI_2;
 
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
-use robot::{Bodies, JointMotion, RobotModel, Root};
+use robot::{DynamicsModel, FreeRootState, JointMotion, RobotModel};
 use spatial::{Base, Palm, Pose};
 
 const URDF: &str = include_str!("../../../data/robots/xarm6_allegro.urdf");
@@ -83,7 +83,7 @@ fn hand_is_the_same_as_alone_with_its_wrist_on_the_flange() {
 #[test]
 fn arm_weighs_what_its_links_do_and_its_motors_can_hold_it() {
     let arm = arm();
-    let bodies = Bodies::new(&arm);
+    let bodies = DynamicsModel::new(&arm);
     // 10.4536 kg of the arm's links and 0.974 kg of hand.
     assert!(
         (bodies.mass_kg() - 11.4278).abs() < 0.001,
@@ -100,7 +100,7 @@ fn arm_weighs_what_its_links_do_and_its_motors_can_hold_it() {
         acceleration: &[0.0; 22],
     };
     let held = bodies
-        .inverse_dynamics(&Root::still(Pose::identity()), &still, &gravity)
+        .inverse_dynamics(&FreeRootState::still(Pose::identity()), &still, &gravity)
         .unwrap();
     for (joint, effort) in arm.joints().iter().zip(&held.joints) {
         assert!(effort.abs() < joint.effort, "{}: {effort} Nm", joint.name);

@@ -22,4 +22,4 @@ pub use error::LoadError;
 pub use load::{LoadedRobot, load};
 pub use place::find;
 pub use shapes::{convex_bodies, with_mesh_shapes};
-pub use sources::{READ, SHOWN, sources};
+pub use sources::{MODEL_FORM, URDF_FORM, sources};

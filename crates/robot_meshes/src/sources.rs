@@ -7,14 +7,14 @@ use dataflow::{Form, SourceFile};
 use crate::{LoadError, load::without_meshes, shapes};
 
 /// The form of a URDF of which only the robot is read.
-pub const READ: Form = Form {
+pub const MODEL_FORM: Form = Form {
     name: "robot",
-    of: robot::read_form,
+    of: robot::canonical_model,
 };
 /// The form of a URDF that recordings show.
-pub const SHOWN: Form = Form {
+pub const URDF_FORM: Form = Form {
     name: "shown robot",
-    of: robot::shown_form,
+    of: robot::canonical_urdf,
 };
 
 /// Returns the meshes that the robot of a URDF collides with, each once and by the name that the URDF

@@ -4,7 +4,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    protocols::{ProtocolName, Published},
+    protocols::{ProtocolName, PublishedSettings},
     shortcuts::Shortcuts,
 };
 
@@ -196,19 +196,19 @@ pub enum Approach {
     Open,
     /// A script in place of the whole reach: the palm is at the motion's end from the start, and the fingers
     /// close from there, opened by `open_rad`. Of the motion only the grasp is tried.
-    Place,
+    AtGrasp,
 }
 
 impl Approach {
     /// Every approach.
-    pub const ALL: [Self; 3] = [Self::Follow, Self::Open, Self::Place];
+    pub const ALL: [Self; 3] = [Self::Follow, Self::Open, Self::AtGrasp];
 
     /// Returns the word for it in a pipeline file.
     pub fn as_str(self) -> &'static str {
         match self {
             Self::Follow => "follow",
             Self::Open => "open",
-            Self::Place => "place",
+            Self::AtGrasp => "at_grasp",
         }
     }
 }
@@ -219,12 +219,14 @@ impl Approach {
 #[schemars(inline)]
 pub struct Protocol {
     /// Name of the protocol: `table_lift`, by the options below, or a published one, which replaces most of
-    /// them and of the scene's; cells are not sent it.
-    #[serde(default, skip_serializing_if = "ProtocolName::is_own")]
+    /// them and of the scene's.
+    // Goals of cells that know no names stay as they are.
+    #[serde(default, skip_serializing_if = "ProtocolName::is_table_lift")]
+    #[schemars(extend("default" = "table_lift"))]
     pub name: ProtocolName,
     /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
     /// that is not the motion, stay `open` until the closing, so that they do not knock the object
-    /// over; or the hand starts at the grasp (`place`).
+    /// over; or the hand starts at the grasp (`at_grasp`).
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
@@ -298,9 +300,9 @@ pub struct Protocol {
     /// The pulls of `six_directions`.
     #[serde(default)]
     pub pull: PullConfig,
-    /// Settings of a published protocol that are no options; [`Protocol::by_name`] sets them.
+    /// Settings of a published protocol for which there is no option; [`Protocol::resolved`] sets them.
     #[serde(skip)]
-    pub published: Option<Published>,
+    pub published: Option<PublishedSettings>,
 }
 
 impl Protocol {
@@ -309,7 +311,7 @@ impl Protocol {
         match self.approach {
             Approach::Follow => self.reach_s,
             Approach::Open => self.reach_s * (1.0 - self.close_fraction.clamp(0.0, 1.0)),
-            Approach::Place => 0.0,
+            Approach::AtGrasp => 0.0,
         }
     }
 }
@@ -332,8 +334,8 @@ pub struct StrictConfig {
     /// the object away at once.
     pub start_tolerance_m: f64,
     /// Largest net force of object and table on the hand for a tenth of a second, in newtons (none): an arm
-    /// stops or yields at some multiple of its payload, the palm here at nothing. Cells are sent it only if it
-    /// is set.
+    /// stops or yields at some multiple of its payload, the palm here at nothing.
+    // Goals of cells that do not know it stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_palm_force_n: Option<f64>,
     /// The same of their torque about the palm's origin, in newton meters (none).

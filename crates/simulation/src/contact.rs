@@ -2,10 +2,14 @@
 
 use geometry::SurfaceDistance;
 use nalgebra::{Point3, Vector3};
-use rapier3d::{math::Vector, prelude::RigidBodyHandle};
+use rapier3d::{
+    math::Vector,
+    prelude::{Collider, ContactPair, RigidBodyHandle},
+};
+use spatial::{Palm, Pose};
 
 use crate::{
-    units::{forces_in_newtons, meters, vector_in_meters},
+    units::{EngineFrame, forces_in_newtons, meters, vector_in_meters},
     world::{World, groups},
 };
 
@@ -17,6 +21,15 @@ pub(crate) struct Touch {
     /// Depth in meters of the deepest point of the hand below the object's surface, 0 if there is
     /// none.
     pub(crate) depth_m: f64,
+}
+
+/// Returns the pairs of shapes that may touch, with their contacts in the last physics step.
+fn pairs(world: &World) -> impl Iterator<Item = (&ContactPair, [&Collider; 2])> {
+    world.narrow_phase.contact_pairs().filter_map(|pair| {
+        let first = world.colliders.get(pair.collider1)?;
+        let second = world.colliders.get(pair.collider2)?;
+        Some((pair, [first, second]))
+    })
 }
 
 /// Returns the touch in the last physics step.
@@ -32,11 +45,7 @@ pub(crate) fn touch(
         bodies: vec![false; bodies_n],
         depth_m: 0.0,
     };
-    for pair in world.narrow_phase.contact_pairs() {
-        let colliders = [pair.collider1, pair.collider2].map(|handle| world.colliders.get(handle));
-        let [Some(first), Some(second)] = colliders else {
-            continue;
-        };
+    for (pair, [first, second]) in pairs(world) {
         let is_first = first.parent() == Some(object);
         let of_hand = match (is_first, second.parent() == Some(object)) {
             (true, false) => second,
@@ -70,14 +79,11 @@ pub(crate) fn touch(
 }
 
 /// Returns the sizes of force and torque with which object and table pressed on the hand in the last physics
-/// step, in newtons and, about a point, in newton meters.
-pub(crate) fn load_on_hand(world: &World, about_m: &Vector3<f64>) -> [f64; 2] {
+/// step, in newtons and, about the palm's origin, in newton meters.
+pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, Palm>) -> [f64; 2] {
+    let palm_in_engine = engine_from_palm.translation.vector;
     let (mut force_n, mut torque_nm) = (Vector3::zeros(), Vector3::zeros());
-    for pair in world.narrow_phase.contact_pairs() {
-        let colliders = [pair.collider1, pair.collider2].map(|handle| world.colliders.get(handle));
-        let [Some(first), Some(second)] = colliders else {
-            continue;
-        };
+    for (pair, [first, second]) in pairs(world) {
         let is_hand = [first, second].map(|one| groups::is_hand(one.collision_groups()));
         // The normal leads from the first to the second.
         let towards_hand = match is_hand {
@@ -95,7 +101,7 @@ pub(crate) fn load_on_hand(world: &World, about_m: &Vector3<f64>) -> [f64; 2] {
                 let force = forces_in_newtons(&(impulse * (towards_hand / world.step_s())));
                 let point = first.position().transform_point(contact.local_p1);
                 force_n += force;
-                torque_nm += (vector_in_meters(point) - about_m).cross(&force);
+                torque_nm += (vector_in_meters(point) - palm_in_engine).cross(&force);
             }
         }
     }
@@ -111,15 +117,13 @@ fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Matrix3;
+    use nalgebra::UnitQuaternion;
     use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
-    use spatial::Pose;
 
     use super::*;
-    use crate::{object::ObjectShape, testing, units::length};
+    use crate::{testing, units::length};
 
-    /// A cube of 0.3 kg lies on a palm, which bears 0.3 kg · 9.81 m/s², and 10 cm beside it as much torque as that
-    /// times 10 cm.
+    /// A cube lies on a palm, which bears its weight, and about a point 10 cm beside it the torque of that.
     #[test]
     fn palm_bears_the_weight_of_what_lies_on_it() {
         for substeps in [1, 4] {
@@ -136,26 +140,15 @@ mod tests {
                 palm,
                 &mut world.bodies,
             );
-            let (mass_kg, half_m) = (0.3, 0.025);
-            let ends = [-half_m, half_m];
-            let corners = ends.into_iter().flat_map(|x| {
-                ends.into_iter()
-                    .flat_map(move |y| ends.map(|z| Point3::new(x, y, z)))
-            });
-            let cube = ObjectShape {
-                parts_m: vec![corners.collect()],
-                surface: None,
-                mass_kg,
-                center_of_mass_m: Point3::origin(),
-                inertia_kg_m2: Matrix3::identity() * (mass_kg * (2.0 * half_m).powi(2) / 6.0),
-            };
-            let above = Pose::identity().translated(&Vector3::new(0.0, 0.0, 0.01 + half_m));
+            let cube = testing::cube();
+            let above = Pose::identity().translated(&Vector3::new(0.0, 0.0, 0.01 + 0.025));
             cube.insert(&mut world, &scene, &above).unwrap();
             for _ in 0..250 {
                 world.step().unwrap();
             }
-            let weight_n = mass_kg * 9.81;
-            let [force_n, torque_nm] = load_on_hand(&world, &Vector3::new(0.1, 0.0, 0.0));
+            let weight_n = cube.mass_kg * 9.81;
+            let beside = Pose::from_parts([0.1, 0.0, 0.0], UnitQuaternion::identity());
+            let [force_n, torque_nm] = load_on_palm(&world, &beside);
             assert!(
                 (force_n / weight_n - 1.0).abs() < 0.02,
                 "{force_n} of {weight_n} N"

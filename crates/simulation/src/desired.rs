@@ -89,7 +89,7 @@ impl Desired {
     /// Returns the joints at rest at the start, where commands have not yet arrived.
     pub(crate) fn before(&self) -> Option<DesiredStep> {
         let q = self.knots.first()?.q.clone();
-        let still = JointRates::still(q.len());
+        let still = JointRates::zero(q.len());
         Some(DesiredStep {
             q,
             velocity: still.velocity,
@@ -147,7 +147,7 @@ fn differences(commands: &[&Command], idx: usize, control_s: f64) -> JointRates 
         (idx.checked_sub(1).and_then(q), q(idx), q(idx + 1))
     else {
         let dof = q(idx).map_or(0, Vec::len);
-        return JointRates::still(dof);
+        return JointRates::zero(dof);
     };
     let neighbors = || before.iter().zip(now).zip(after);
     JointRates {

@@ -11,7 +11,6 @@ mod closed_forms;
 mod controller;
 mod feedforward;
 
-use nalgebra::Vector3;
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
@@ -20,7 +19,7 @@ use rapier3d::{
         RigidBodyHandle, RigidBodyType,
     },
 };
-use robot::{Bodies, JointKind, RobotModel};
+use robot::{DynamicsModel, JointKind, RobotModel};
 use spatial::{Palm, Pose, Table};
 
 pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
@@ -31,7 +30,7 @@ use self::{
 use crate::{
     config::SceneConfig,
     error::SimulationError,
-    units::{LENGTH_UNITS_PER_M, engine_pose, length, meters, real, vector_in_meters},
+    units::{EngineFrame, LENGTH_UNITS_PER_M, engine_pose, length, meters, real},
     world::{World, groups},
 };
 
@@ -57,7 +56,7 @@ pub(crate) struct Hand {
     /// Index into `drives` of each independent joint.
     joints: Vec<usize>,
     /// What the controller knows of masses and inertias.
-    dynamics: Bodies,
+    dynamics: DynamicsModel,
 }
 
 /// The root of a finger's multibody.
@@ -227,7 +226,7 @@ impl Hand {
             roots,
             drives: Vec::new(),
             joints: Vec::new(),
-            dynamics: Bodies::new(model)
+            dynamics: DynamicsModel::new(model)
                 .with_mass_scale(scene.hand_mass_scale)
                 .with_armature(scene.drive.armature),
         };
@@ -410,9 +409,9 @@ impl Hand {
         world.table_from_body(self.bodies[0])
     }
 
-    /// Returns the palm's origin in the engine's frame, in meters.
-    pub(crate) fn palm_m(&self, world: &World) -> Vector3<f64> {
-        vector_in_meters(world.bodies[self.bodies[0]].translation())
+    /// Returns the pose of the palm in the engine's frame.
+    pub(crate) fn engine_from_palm(&self, world: &World) -> Pose<EngineFrame, Palm> {
+        world.engine_from_body(self.bodies[0])
     }
 
     /// Returns the joint positions in radians or meters; NaN for a joint that the engine no longer has.

@@ -8,8 +8,8 @@ use crate::{
     contact::{self, Touch},
     script::{Command, Phase, Script, steps},
     settings::MAX_DELAY_S,
+    settled_scene::SettledScene,
     shortcuts::Shortcuts,
-    template::Template,
     units::meters,
     world::World,
 };
@@ -74,15 +74,15 @@ struct Resting {
 
 impl<'a> Judge<'a> {
     pub(crate) fn new(
-        template: &Template,
+        settled: &SettledScene,
         protocol: &'a Protocol,
         script: &Script,
         shortcuts: Shortcuts,
     ) -> Self {
         let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
-        let scene = &template.scene;
-        let rises_only = protocol.beyond_options().shakes.is_none();
+        let scene = &settled.scene;
+        let rises_only = protocol.published_settings().shakes.is_none();
         // A hand that still closes or is shaken may touch again what it has lost.
         let shortcuts = Shortcuts {
             lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s && rises_only,
@@ -91,7 +91,7 @@ impl<'a> Judge<'a> {
         };
         Self {
             protocol,
-            start: template.table_from_object(),
+            start: settled.table_from_object(),
             rise_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
@@ -102,7 +102,7 @@ impl<'a> Judge<'a> {
             hold_left,
             window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),
             control_s: scene.control_step_s(),
-            pressed: vec![0; template.hand.bodies_n()],
+            pressed: vec![0; settled.hand.bodies_n()],
             overloaded_n: 0,
             pulled_from: None,
             shortcuts,
@@ -114,25 +114,25 @@ impl<'a> Judge<'a> {
     /// Processes the state after a command; returns the verdict once it is certain.
     pub(crate) fn observe(
         &mut self,
-        template: &Template,
+        settled: &SettledScene,
         world: &World,
         command: &Command,
     ) -> Option<Verdict> {
-        let table_from_object = template.table_from_object_in(world);
-        if implausible(template, world, &table_from_object) {
+        let table_from_object = settled.table_from_object_in(world);
+        if implausible(settled, world, &table_from_object) {
             return Some(Verdict::Diverged);
         }
         self.rise_m = table_from_object.translation.z - self.start.translation.z;
-        let table_from_palm = template.hand.table_from_palm(world);
+        let table_from_palm = settled.hand.table_from_palm(world);
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
         let before = self.last_in_palm;
         self.last_in_palm = palm_from_object;
-        if self.is_overloaded(template, world) {
+        if self.is_overloaded(settled, world) {
             return Some(Verdict::Overloaded);
         }
         if self.is_displaced(&table_from_object, command) {
-            let touch = self.measure_touch(template, world);
-            return Some(self.failed_grasp(template, &touch));
+            let touch = self.measure_touch(settled, world);
+            return Some(self.failed_grasp(settled, &touch));
         }
         match command.phase {
             Phase::Reach | Phase::Close => self.before_squeeze(&table_from_object),
@@ -145,31 +145,31 @@ impl<'a> Judge<'a> {
                 KnockedUntil::Lift => self.knocked_over(&table_from_object),
             },
             Phase::Lift => {
-                let touch = self.measure_touch(template, world);
+                let touch = self.measure_touch(settled, world);
                 self.lift_left = self.lift_left.saturating_sub(1);
                 if self.lift_left == 0 {
                     self.in_palm.push(self.last_in_palm);
-                } else if !(self.is_low() && self.is_lost(template, world, &touch)) {
+                } else if !(self.is_low() && self.is_lost(settled, world, &touch)) {
                     return None;
                 }
                 self.is_low().then_some(Verdict::NotGrasped)
             }
             Phase::Hold => {
-                let touch = self.measure_touch(template, world);
+                let touch = self.measure_touch(settled, world);
                 self.in_palm.push(self.last_in_palm);
                 self.count_pressing(&touch);
-                if self.is_low() || self.will_be_dropped(template, world, &touch) {
+                if self.is_low() || self.will_be_dropped(settled, world, &touch) {
                     return Some(Verdict::Dropped);
                 }
-                self.has_settled(template, &palm_from_object, touch)
+                self.has_settled(settled, &palm_from_object, touch)
                     .then_some(Verdict::Held)
             }
             Phase::Pull => {
-                let touch = self.measure_touch(template, world);
+                let touch = self.measure_touch(settled, world);
                 self.in_palm.push(self.last_in_palm);
                 self.count_pressing(&touch);
                 let from = *self.pulled_from.get_or_insert_with(|| {
-                    if self.protocol.beyond_options().since_start {
+                    if self.protocol.published_settings().since_start {
                         table_from_palm.inv_mul(&self.start)
                     } else {
                         before
@@ -182,14 +182,14 @@ impl<'a> Judge<'a> {
                 {
                     return None;
                 }
-                Some(self.failed_grasp(template, &touch))
+                Some(self.failed_grasp(settled, &touch))
             }
         }
     }
 
     /// Whether the object is too far from where it lay, moved as the palm was.
     fn is_displaced(&self, table_from_object: &Pose<Table, Object>, command: &Command) -> bool {
-        let Some(most) = self.protocol.beyond_options().displacement else {
+        let Some(most) = self.protocol.published_settings().displacement else {
             return false;
         };
         let judged = match command.phase {
@@ -200,16 +200,16 @@ impl<'a> Judge<'a> {
         if !judged {
             return false;
         }
-        let place = self.start.translation.vector + command.carried_m;
+        let place = self.start.translation.vector + command.carried_in_table_m;
         let moved_m = (table_from_object.translation.vector - place).norm();
         let turned_rad = table_from_object.rotation.angle_to(&self.start.rotation);
         moved_m > most.max_m || turned_rad > most.max_rad
     }
 
     /// Returns how a grasp failed whose object moved too far: in the fingers, or out of them.
-    fn failed_grasp(&self, template: &Template, touch: &Touch) -> Verdict {
+    fn failed_grasp(&self, settled: &SettledScene, touch: &Touch) -> Verdict {
         let links = indices(&touch.bodies);
-        if !links.is_empty() && self.is_grasped(template, &links) {
+        if !links.is_empty() && self.is_grasped(settled, &links) {
             Verdict::Slipped
         } else {
             Verdict::Dropped
@@ -217,12 +217,12 @@ impl<'a> Judge<'a> {
     }
 
     /// Whether object and table have loaded the palm for some time by more than it may be.
-    fn is_overloaded(&mut self, template: &Template, world: &World) -> bool {
+    fn is_overloaded(&mut self, settled: &SettledScene, world: &World) -> bool {
         let strict = &self.protocol.strict;
         if strict.max_palm_force_n.is_none() && strict.max_palm_torque_nm.is_none() {
             return false;
         }
-        let load = contact::load_on_hand(world, &template.hand.palm_m(world));
+        let load = contact::load_on_palm(world, &settled.hand.engine_from_palm(world));
         let limits = [strict.max_palm_force_n, strict.max_palm_torque_nm];
         let exceeds = |(load, limit): (f64, Option<f64>)| limit.is_some_and(|limit| load > limit);
         if load.into_iter().zip(limits).any(exceeds) {
@@ -265,15 +265,15 @@ impl<'a> Judge<'a> {
 
     /// Whether the whole hand is above the whole object, which does not rise: a hand that only
     /// rises will not touch it again.
-    fn is_lost(&self, template: &Template, world: &World, touch: &Touch) -> bool {
+    fn is_lost(&self, settled: &SettledScene, world: &World, touch: &Touch) -> bool {
         self.shortcuts.lost
             && touch.bodies.iter().all(|pressed| !pressed)
-            && world.is_below(template.object, template.hand.bodies())
+            && world.is_below(settled.object, settled.hand.bodies())
     }
 
     /// Whether a lost object has time to fall before contacts are counted.
-    fn will_be_dropped(&self, template: &Template, world: &World, touch: &Touch) -> bool {
-        self.hold_left > self.window && self.needs_contact() && self.is_lost(template, world, touch)
+    fn will_be_dropped(&self, settled: &SettledScene, world: &World, touch: &Touch) -> bool {
+        self.hold_left > self.window && self.needs_contact() && self.is_lost(settled, world, touch)
     }
 
     /// Whether the object has rested in the hand for so long, with enough links pressing
@@ -281,7 +281,7 @@ impl<'a> Judge<'a> {
     /// have been detected.
     fn has_settled(
         &mut self,
-        template: &Template,
+        settled: &SettledScene,
         palm_from_object: &Pose<Palm, Object>,
         touch: Touch,
     ) -> bool {
@@ -311,7 +311,7 @@ impl<'a> Judge<'a> {
             },
         };
         let links = indices(&rest.pressing);
-        if !self.is_grasped(template, &links) {
+        if !self.is_grasped(settled, &links) {
             return false;
         }
         let long_enough = rest.steps as f64 * self.control_s >= SETTLED_S;
@@ -323,9 +323,9 @@ impl<'a> Judge<'a> {
     }
 
     /// Records how deep hand and object overlap while the object is carried.
-    fn measure_touch(&mut self, template: &Template, world: &World) -> Touch {
-        let surface = template.surface.as_ref();
-        let touch = contact::touch(world, template.object, surface, template.hand.bodies_n());
+    fn measure_touch(&mut self, settled: &SettledScene, world: &World) -> Touch {
+        let surface = settled.surface.as_ref();
+        let touch = contact::touch(world, settled.object, surface, settled.hand.bodies_n());
         self.penetration_m = self.penetration_m.max(touch.depth_m);
         touch
     }
@@ -336,15 +336,15 @@ impl<'a> Judge<'a> {
     }
 
     /// Whether enough links and fingers are among these bodies of the hand.
-    fn is_grasped(&self, template: &Template, bodies: &[usize]) -> bool {
-        let fingers_n = template.hand.fingers_n(bodies.iter().copied());
+    fn is_grasped(&self, settled: &SettledScene, bodies: &[usize]) -> bool {
+        let fingers_n = settled.hand.fingers_n(bodies.iter().copied());
         bodies.len() >= self.protocol.min_links as usize
             && fingers_n >= self.protocol.strict.min_fingers as usize
     }
 
     /// Judges a rollout that ran to its end.
-    pub(crate) fn conclude(&self, template: &Template) -> Verdict {
-        if !self.is_grasped(template, &self.touching()) {
+    pub(crate) fn conclude(&self, settled: &SettledScene) -> Verdict {
+        if !self.is_grasped(settled, &self.touching()) {
             return Verdict::Dropped;
         }
         let back = self.in_palm.len().saturating_sub(self.window + 1);
@@ -411,7 +411,7 @@ fn indices(which: &[bool]) -> Vec<usize> {
 
 /// Whether the state is physically implausible in this scene.
 fn implausible(
-    template: &Template,
+    settled: &SettledScene,
     world: &World,
     table_from_object: &Pose<Table, Object>,
 ) -> bool {
@@ -422,10 +422,10 @@ fn implausible(
         .chain(table_from_object.rotation.coords.iter());
     let finite = numbers.into_iter().all(|number| number.is_finite());
     let far = table_from_object.translation.vector.norm() > IMPLAUSIBLE_DISTANCE_M;
-    let speed = world.bodies.get(template.object).map_or(f64::NAN, |body| {
+    let speed = world.bodies.get(settled.object).map_or(f64::NAN, |body| {
         meters(body.linvel().length()).max(f64::from(body.angvel().length()))
     });
     let slow = |speed: f64| speed <= IMPLAUSIBLE_SPEED;
     // A comparison with NaN is false, so that NaN is implausible.
-    !finite || far || !slow(speed) || !slow(template.hand.fastest(world))
+    !finite || far || !slow(speed) || !slow(settled.hand.fastest(world))
 }

@@ -1,7 +1,7 @@
 //! Rapier worlds of a hand, an object and a table, and rollouts in them.
 //!
-//! A [`Template`] is one object lying on a table with one hand beside it, built and settled once.
-//! [`Template::rollout`] runs one [`motion::Motion`] in a fresh copy of it: reach, close, squeeze, lift,
+//! A [`SettledScene`] is one object lying on a table with one hand beside it, built and settled once.
+//! [`SettledScene::rollout`] runs one [`motion::Motion`] in a fresh copy of it: reach, close, squeeze, lift,
 //! hold; the [`Verdict`] says how it ended and, if it failed, the one reason.
 //!
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
@@ -26,11 +26,11 @@ mod played;
 mod protocols;
 mod rejection;
 mod rollout;
-mod scene_errors;
+mod scene_randomization;
 mod script;
 mod settings;
+mod settled_scene;
 mod shortcuts;
-mod template;
 #[cfg(test)]
 mod testing;
 mod units;
@@ -43,11 +43,11 @@ pub use config::{
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::PlayedStep;
-pub use protocols::{ProtocolName, Published};
-pub use rollout::{Flow, Record, Rollout, Trace, TraceStep, WatchedRollout};
-pub use scene_errors::SceneErrors;
+pub use protocols::{ProtocolName, PublishedSettings};
+pub use rollout::{Flow, Rollout, Trace, TraceMode, TraceStep, WatchedRollout};
+pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::Verdict;
 pub use script::{Flexion, Phase, Setpoint};
 pub use settings::SettingFault;
+pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;
-pub use template::{Template, check_hand};

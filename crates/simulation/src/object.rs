@@ -164,32 +164,12 @@ mod tests {
         units::{length, rotation, vector_in_meters},
     };
 
-    /// A cube of 5 cm and 0.2 kg.
-    fn cube() -> ObjectShape {
-        let half = 0.025;
-        let (mass_kg, side) = (0.2, 2.0 * half);
-        let corners = [-half, half];
-        ObjectShape {
-            parts_m: vec![
-                corners
-                    .iter()
-                    .flat_map(|&x| corners.iter().map(move |&y| (x, y)))
-                    .flat_map(|(x, y)| corners.iter().map(move |&z| Point3::new(x, y, z)))
-                    .collect(),
-            ],
-            surface: None,
-            mass_kg,
-            center_of_mass_m: Point3::origin(),
-            inertia_kg_m2: Matrix3::identity() * (mass_kg * side * side / 6.0),
-        }
-    }
-
     #[test]
     fn falls_by_half_g_t_squared() {
         let scene = testing::scene();
         let mut world = World::empty(&scene);
         let start = Pose::identity().translated(&Vector3::new(0.0, 0.0, 10.0));
-        let body = cube().insert(&mut world, &scene, &start).unwrap();
+        let body = testing::cube().insert(&mut world, &scene, &start).unwrap();
         let steps = 250;
         for _ in 0..steps {
             world.step().unwrap();
@@ -222,7 +202,7 @@ mod tests {
             &mut world.bodies,
         );
         let on_top = Pose::from_parts(tilt * Vector3::new(0.0, 0.0, 0.5252), tilt);
-        let body = cube().insert(&mut world, &scene, &on_top).unwrap();
+        let body = testing::cube().insert(&mut world, &scene, &on_top).unwrap();
         let place = |world: &mut World| {
             for _ in 0..125 {
                 world.step().unwrap();

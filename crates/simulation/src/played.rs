@@ -44,8 +44,8 @@ impl Script {
                 object_from_palm: step.object_from_palm,
                 q: step.q.clone(),
             },
-            carried_m: Vector3::z() * step.lift_m,
-            pull_m_per_s2: Vector3::zeros(),
+            carried_in_table_m: Vector3::z() * step.lift_m,
+            pull_in_table_m_per_s2: Vector3::zeros(),
         });
         let mut commands: Vec<Command> = commands.collect();
         let reach = commands.iter().rfind(|command| is_reach(command.phase));

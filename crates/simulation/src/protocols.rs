@@ -7,7 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{
-    Approach, ControllerKind, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
+    Approach, ControllerKind, ObjectMass, Protocol, PullConfig, SceneConfig, StrictConfig, Support,
+    Trial,
 };
 
 /// A limit that nothing reaches, in the unit of its option.
@@ -70,14 +71,14 @@ impl ProtocolName {
     }
 
     /// Whether it is this project's own.
-    pub fn is_own(&self) -> bool {
+    pub fn is_table_lift(&self) -> bool {
         *self == Self::TableLift
     }
 }
 
-/// Settings of published protocols that are no options.
+/// Settings of published protocols for which there is no option.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Published {
+pub struct PublishedSettings {
     /// How far the flexing joints are opened before the closing, besides `open_rad`, as a share of what is left
     /// to their lower limits.
     pub(crate) open_share: f64,
@@ -129,15 +130,15 @@ pub(crate) struct DisplacementLimit {
 }
 
 impl Protocol {
-    /// Returns the settings that are no options; this project's own protocol has none.
-    pub(crate) fn beyond_options(&self) -> Published {
+    /// Returns the settings for which there is no option; this project's own protocol has none.
+    pub(crate) fn published_settings(&self) -> PublishedSettings {
         self.published.unwrap_or_default()
     }
 
     /// Returns the scene and the protocol for which the name stands.
-    pub fn by_name(&self, scene: &SceneConfig) -> (SceneConfig, Self) {
+    pub fn resolved(&self, scene: &SceneConfig) -> (SceneConfig, Self) {
         let (mut scene, mut protocol) = (scene.clone(), self.clone());
-        if !self.name.is_own() {
+        if !self.name.is_table_lift() {
             scene.mass_scale = 1.0;
             scene.support = Support::Table;
         }
@@ -173,6 +174,17 @@ impl Protocol {
     }
 }
 
+/// Friction of hand and object and of the table, and the object's mass.
+fn object(scene: &mut SceneConfig, [friction, table_friction]: [f64; 2], mass: ObjectMass) {
+    scene.friction = friction;
+    scene.table_friction = Some(table_friction);
+    (scene.object_mass_kg, scene.object_density_kg_per_m3) = match mass {
+        ObjectMass::Measured => (None, None),
+        ObjectMass::Kilograms(mass_kg) => (Some(mass_kg), None),
+        ObjectMass::Density(density) => (None, Some(density)),
+    };
+}
+
 /// Springs of the fingers, in Nm/rad, Nms/rad and Nm.
 fn drive(scene: &mut SceneConfig, [stiffness, damping, torque_limit]: [f64; 3]) {
     scene.drive.controller = ControllerKind::Pd;
@@ -185,10 +197,7 @@ fn drive(scene: &mut SceneConfig, [stiffness, damping, torque_limit]: [f64; 3]) 
 fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [200.0, 60.0, 10.0]);
     // Dynamic coefficients, as contacts there have their mean: hand 1 and object 3, object 3 and table 0.5.
-    scene.friction = 2.0;
-    scene.table_friction = Some(1.5);
-    scene.object_mass_kg = None;
-    scene.object_density_kg_per_m3 = Some(1000.0);
+    object(scene, [2.0, 1.5], ObjectMass::Density(1000.0));
     protocol.lenient();
     protocol.approach = Approach::Follow;
     protocol.trial = Trial::Lift;
@@ -197,9 +206,9 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.15, 0.3, 0.0);
     protocol.lifted_m = 0.04;
     protocol.min_links = 1;
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         even_lift: true,
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }
 
@@ -207,13 +216,10 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
 /// and for the squeeze.
 fn dexgraspbench(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [5.0, 0.1, NO_TORQUE_LIMIT_NM]);
-    scene.friction = 0.6;
-    scene.table_friction = None;
-    scene.object_mass_kg = Some(0.1);
-    scene.object_density_kg_per_m3 = None;
+    object(scene, [0.6, 0.6], ObjectMass::Kilograms(0.1));
     protocol.lenient();
     protocol.strict.start_tolerance_m = 0.01;
-    protocol.approach = Approach::Place;
+    protocol.approach = Approach::AtGrasp;
     (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.4, 0.4, 0.0);
 }
 
@@ -229,10 +235,10 @@ fn force_closure(scene: &mut SceneConfig, protocol: &mut Protocol) {
         max_displacement_m: 0.05,
         max_rotation_rad: 15.0_f64.to_radians(),
     };
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         restart_each_pull: true,
         since_start: true,
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }
 
@@ -242,33 +248,30 @@ fn tabletop(scene: &mut SceneConfig, protocol: &mut Protocol) {
     protocol.table_tolerance_m = 0.01;
     protocol.trial = Trial::Lift;
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 0.4, 0.0);
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         even_lift: true,
         displacement: Some(DisplacementLimit {
             max_m: 0.05,
             max_rad: 15.0_f64.to_radians(),
             always: false,
         }),
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }
 
 /// A lift by 20 cm, and shakes of 3 cm: three links in contact, at most 10 cm and 45 degrees off.
 fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [50.0, 1.0, 15.0]);
-    scene.friction = 0.9;
-    scene.table_friction = Some(1.0);
-    scene.object_mass_kg = None;
-    scene.object_density_kg_per_m3 = Some(500.0);
+    object(scene, [0.9, 1.0], ObjectMass::Density(500.0));
     protocol.lenient();
-    protocol.approach = Approach::Place;
+    protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::Lift;
     // The fingertips close by 5 cm: a quarter of a radian in each joint of a finger of 10 cm.
     protocol.squeeze_rad = 0.25;
     (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.17, 0.25, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.2, 1.14, 0.0);
     protocol.min_links = 3;
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         even_lift: true,
         shakes: Some(Shakes {
             amplitude_m: 0.03,
@@ -279,7 +282,7 @@ fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
             max_rad: 45.0_f64.to_radians(),
             always: false,
         }),
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }
 
@@ -287,13 +290,10 @@ fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
 /// where it was before the first one.
 fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [1000.0, 200.0, 15.0]);
-    scene.friction = 3.0;
-    scene.table_friction = None;
-    scene.object_mass_kg = None;
-    scene.object_density_kg_per_m3 = Some(500.0);
+    object(scene, [3.0, 3.0], ObjectMass::Density(500.0));
     scene.support = Support::Nothing;
     protocol.lenient();
-    protocol.approach = Approach::Place;
+    protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::SixDirections;
     (protocol.open_rad, protocol.squeeze_rad) = (0.0, 0.0);
     let control_s = scene.control_step_s();
@@ -305,34 +305,31 @@ fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
         max_displacement_m: 0.02,
         max_rotation_rad: NO_LIMIT,
     };
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         open_share: 0.25,
         squeeze_share: 0.15,
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }
 
 /// A squeeze of 0.2 s, a lift by 10 cm in 1 s and a hold of 1.5 s: at most 7.5 cm and 30 degrees off.
 fn frogger(scene: &mut SceneConfig, protocol: &mut Protocol) {
     scene.drive.torque_limit = 0.7;
-    scene.friction = 0.7;
-    scene.table_friction = None;
-    scene.object_mass_kg = None;
-    scene.object_density_kg_per_m3 = Some(150.0);
+    object(scene, [0.7, 0.7], ObjectMass::Density(150.0));
     protocol.lenient();
-    protocol.approach = Approach::Place;
+    protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::Lift;
     protocol.open_rad = 0.0;
     protocol.reach_s = scene.control_step_s();
     (protocol.squeeze_s, protocol.pause_s) = (0.2, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 1.0, 1.5);
-    protocol.published = Some(Published {
+    protocol.published = Some(PublishedSettings {
         even_lift: true,
         displacement: Some(DisplacementLimit {
             max_m: 0.075,
             max_rad: 30.0_f64.to_radians(),
             always: true,
         }),
-        ..Published::default()
+        ..PublishedSettings::default()
     });
 }

@@ -47,7 +47,7 @@ pub(crate) fn reject(
             Part::Palm => protocol.strict.palm_table_tolerance_m,
             Part::Finger => protocol.table_tolerance_m,
         };
-        let is_above = lowest_m(shape, &table_from_shape) >= -tolerance_m;
+        let is_above = shape.shape.lowest_m(&table_from_shape, &Vector3::z()) >= -tolerance_m;
         support == Support::Table && !is_above
     };
     for pose in &script.requested {
@@ -94,16 +94,6 @@ fn any_shape(
         let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
     }))
-}
-
-/// Returns the height of a shape's lowest point in meters.
-fn lowest_m(shape: &LinkShape, table_from_shape: &Pose<Table, Shape>) -> f64 {
-    let center = table_from_shape.translation.vector.z;
-    // The table's z axis in the shape's frame.
-    let up = table_from_shape
-        .rotation
-        .inverse_transform_vector(&Vector3::z());
-    center - shape.shape.extent_m(&up)
 }
 
 /// Returns how deep a shape is inside the deepest of the convex parts, in meters.

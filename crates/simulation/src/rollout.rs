@@ -8,14 +8,14 @@ use crate::{
     desired::DesiredStep,
     judge::Judge,
     script::{Command, Phase, Script},
+    settled_scene::SettledScene,
     shortcuts::Shortcuts,
-    template::Template,
     world::{Overflow, World},
 };
 
 /// Whether a rollout's steps are recorded.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Record {
+pub enum TraceMode {
     /// Only the verdict and its figures.
     Nothing,
     /// Every control step too.
@@ -112,32 +112,32 @@ pub(crate) struct Watcher<'a> {
     pub(crate) hold_n: u32,
 }
 
-/// Executes a script in a copy of the template's world.
+/// Executes a script in a copy of the settled scene.
 pub(crate) fn run(
-    template: &Template,
+    settled: &SettledScene,
     script: &Script,
     protocol: &Protocol,
-    record: Record,
+    record: TraceMode,
 ) -> Rollout {
-    run_watched(template, script, protocol, record, None).rollout
+    run_watched(settled, script, protocol, record, None).rollout
 }
 
 /// As [`run`], with an observer that may abort it, which needs a trace.
 pub(crate) fn run_watched<'a>(
-    template: &'a Template,
+    settled: &'a SettledScene,
     script: &Script,
     protocol: &Protocol,
-    record: Record,
+    record: TraceMode,
     watcher: Option<Watcher<'a>>,
 ) -> WatchedRollout {
     let shortcuts = match record {
-        Record::Nothing => template.scene.shortcuts,
-        Record::Trace => Shortcuts::NONE,
+        TraceMode::Nothing => settled.scene.shortcuts,
+        TraceMode::Trace => Shortcuts::NONE,
     };
-    let mut judge = Judge::new(template, protocol, script, shortcuts);
+    let mut judge = Judge::new(settled, protocol, script, shortcuts);
     let mut verdict = None;
     let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
-    let mut execution = Execution::begin(template, script, protocol, record, watcher);
+    let mut execution = Execution::begin(settled, script, protocol, record, watcher);
     let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
         if execution.flow == Flow::Hold {
@@ -145,7 +145,7 @@ pub(crate) fn run_watched<'a>(
             break;
         }
         verdict = match execution.advance(script, idx, command) {
-            Ok(()) => judge.observe(template, &execution.world, command),
+            Ok(()) => judge.observe(settled, &execution.world, command),
             Err(Overflow) => Some(Verdict::Diverged),
         };
         if verdict.is_some() {
@@ -163,7 +163,7 @@ pub(crate) fn run_watched<'a>(
         }
     }
     let Execution { cost_n, trace, .. } = execution;
-    let verdict = verdict.unwrap_or_else(|| judge.conclude(template));
+    let verdict = verdict.unwrap_or_else(|| judge.conclude(settled));
     let rollout = Rollout {
         verdict,
         cost_n,
@@ -181,9 +181,9 @@ pub(crate) fn run_watched<'a>(
     }
 }
 
-/// Execution of a script in a copy of the template's world.
+/// Execution of a script in a copy of the settled scene.
 struct Execution<'a> {
-    template: &'a Template,
+    settled: &'a SettledScene,
     world: World,
     table_from_estimate: Pose<Table, Object>,
     /// First command from which on the palm is only carried.
@@ -205,29 +205,29 @@ struct Execution<'a> {
 
 impl<'a> Execution<'a> {
     fn begin(
-        template: &'a Template,
+        settled: &'a SettledScene,
         script: &Script,
         protocol: &Protocol,
-        record: Record,
+        record: TraceMode,
         watcher: Option<Watcher<'a>>,
     ) -> Self {
         let start = &script.start;
         let mut execution = Self {
-            template,
-            world: template.world.fork(),
-            table_from_estimate: template.table_from_estimate(),
+            settled,
+            world: settled.world.fork(),
+            table_from_estimate: settled.table_from_estimate(),
             arrival: script.arrival(),
             halted: false,
-            restart_each_pull: protocol.beyond_options().restart_each_pull,
+            restart_each_pull: protocol.published_settings().restart_each_pull,
             before_pulls: None,
             commanded_n: 0,
             cost_n: 0,
-            trace: (record == Record::Trace).then(Trace::default),
+            trace: (record == TraceMode::Trace).then(Trace::default),
             watcher,
             flow: Flow::Continue,
         };
         let table_from_palm = start.table_from_palm(&execution.table_from_estimate);
-        template
+        settled
             .hand
             .place(&mut execution.world, &table_from_palm, &start.hand.q);
         execution.record(&start.hand.q);
@@ -240,22 +240,23 @@ impl<'a> Execution<'a> {
     ///
     /// Fails if a body's numbers overflowed in it.
     fn advance(&mut self, script: &Script, idx: usize, command: &Command) -> Result<(), Overflow> {
-        let (template, world) = (self.template, &mut self.world);
-        let control_s = template.scene.control_step_s();
+        let (settled, world) = (self.settled, &mut self.world);
+        let control_s = settled.scene.control_step_s();
         if idx < self.arrival {
             let target = command.table_from_palm(&self.table_from_estimate);
-            template.hand.move_palm(world, &target, control_s);
+            settled.hand.move_palm(world, &target, control_s);
         } else {
             if !self.halted {
-                template.hand.halt(world);
+                settled.hand.halt(world);
                 self.halted = true;
             }
-            world.carry(template.object, &command.carried_m, control_s);
+            world.carry(settled.object, &command.carried_in_table_m, control_s);
         }
         if command.phase == Phase::Pull {
             if self.restart_each_pull {
                 let before = idx.checked_sub(1).and_then(|idx| script.commands.get(idx));
-                let turns = before.is_some_and(|b| b.pull_m_per_s2 != command.pull_m_per_s2);
+                let turns = before
+                    .is_some_and(|b| b.pull_in_table_m_per_s2 != command.pull_in_table_m_per_s2);
                 match &self.before_pulls {
                     None => self.before_pulls = Some((world.fork(), self.commanded_n)),
                     Some((before_pulls, commanded_n)) if turns => {
@@ -265,9 +266,9 @@ impl<'a> Execution<'a> {
                     Some(_) => {}
                 }
             }
-            world.pull(template.object, &command.pull_m_per_s2);
+            world.pull(settled.object, &command.pull_in_table_m_per_s2);
         }
-        let advanced = control_step(template, world, script, idx, self.commanded_n);
+        let advanced = control_step(settled, world, script, idx, self.commanded_n);
         self.commanded_n += 1;
         self.cost_n += 1;
         self.record(&command.hand.q);
@@ -279,8 +280,8 @@ impl<'a> Execution<'a> {
         let Some(trace) = &mut self.trace else {
             return;
         };
-        let time_s = f64::from(self.cost_n) * self.template.scene.control_step_s();
-        let step = trace_step(self.template, &self.world, time_s, q_command);
+        let time_s = f64::from(self.cost_n) * self.settled.scene.control_step_s();
+        let step = trace_step(self.settled, &self.world, time_s, q_command);
         if let Some(watcher) = &mut self.watcher {
             self.flow = (watcher.see)(&step);
         }
@@ -306,12 +307,12 @@ enum Reference<'a> {
 ///
 /// [`DriveConfig::delay_s`]: crate::DriveConfig::delay_s
 fn arrived<'a>(
-    template: &Template,
+    settled: &SettledScene,
     script: &'a Script,
     last: usize,
     step: usize,
 ) -> Option<Reference<'a>> {
-    let scene = &template.scene;
+    let scene = &settled.scene;
     let Some(commanded) = step.checked_sub(scene.delay_n()) else {
         return match &script.desired {
             None => Some(Reference::Held(&script.start.hand.q)),
@@ -335,32 +336,32 @@ fn arrived<'a>(
 
 /// Advances by one control step after `done_n` others, with `last` as the last one commanded.
 fn control_step(
-    template: &Template,
+    settled: &SettledScene,
     world: &mut World,
     script: &Script,
     last: usize,
     done_n: u32,
 ) -> Result<(), Overflow> {
-    let per_control = template.scene.steps_per_control as usize;
+    let per_control = settled.scene.steps_per_control as usize;
     let first = done_n as usize * per_control;
     for step in first..first + per_control {
-        match arrived(template, script, last, step) {
-            Some(Reference::Held(q_command)) => template.hand.drive(world, q_command),
-            Some(Reference::Moving(desired)) => template.hand.follow(world, &desired),
+        match arrived(settled, script, last, step) {
+            Some(Reference::Held(q_command)) => settled.hand.drive(world, q_command),
+            Some(Reference::Moving(desired)) => settled.hand.follow(world, &desired),
             None => {}
         }
         world.step()?;
-        template.hand.limit_speed(world);
+        settled.hand.limit_speed(world);
     }
     Ok(())
 }
 
-fn trace_step(template: &Template, world: &World, time_s: f64, q_command: &[f64]) -> TraceStep {
+fn trace_step(settled: &SettledScene, world: &World, time_s: f64, q_command: &[f64]) -> TraceStep {
     TraceStep {
         time_s,
-        table_from_palm: template.hand.table_from_palm(world),
-        q: template.hand.positions(world),
+        table_from_palm: settled.hand.table_from_palm(world),
+        q: settled.hand.positions(world),
         q_command: q_command.to_vec(),
-        table_from_object: template.table_from_object_in(world),
+        table_from_object: settled.table_from_object_in(world),
     }
 }

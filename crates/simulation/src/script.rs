@@ -56,10 +56,10 @@ pub(crate) struct Command {
     /// Commanded pose of the hand before it is carried.
     pub(crate) hand: HandPose,
     /// How far it is carried from there, along the table's axes, in meters.
-    pub(crate) carried_m: Vector3<f64>,
+    pub(crate) carried_in_table_m: Vector3<f64>,
     /// Acceleration with which the object is pulled, in the table's frame, in meters per second
     /// squared.
-    pub(crate) pull_m_per_s2: Vector3<f64>,
+    pub(crate) pull_in_table_m_per_s2: Vector3<f64>,
 }
 
 /// Setpoint of palm and fingers at the end of one control step, for an execution elsewhere.
@@ -79,7 +79,7 @@ impl Command {
         &self,
         table_from_estimate: &Pose<Table, Object>,
     ) -> Pose<Table, Palm> {
-        (*table_from_estimate * self.hand.object_from_palm).translated(&self.carried_m)
+        (*table_from_estimate * self.hand.object_from_palm).translated(&self.carried_in_table_m)
     }
 
     /// Returns the command in the table's frame.
@@ -120,8 +120,8 @@ impl Script {
             );
             return Err(SimulationError::Motion(message));
         }
-        if !protocol.name.is_own() && protocol.published.is_none() {
-            let problem = "stands for settings that were not taken: call `Protocol::by_name`";
+        if !protocol.name.is_table_lift() && protocol.published.is_none() {
+            let problem = "stands for settings that were not taken: call `Protocol::resolved`";
             return Err(SettingFault::new("name", problem).into());
         }
         let writer = Writer {
@@ -135,7 +135,7 @@ impl Script {
         let lift = steps(protocol.lift_s, scene).max(1);
         let hold = steps(protocol.hold_s, scene).max(1);
         let start = writer.reach(0.0);
-        let follows = protocol.approach != Approach::Place;
+        let follows = protocol.approach != Approach::AtGrasp;
         let mut requested = vec![writer.at(if follows { 0.0 } else { 1.0 })];
         let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
         let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
@@ -156,11 +156,11 @@ impl Script {
                 let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
                 for fraction in fractions(lift) {
                     let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    let even = protocol.beyond_options().even_lift;
+                    let even = protocol.published_settings().even_lift;
                     let share = if even { fraction } else { smooth };
                     commands.push(writer.carried(Phase::Lift, lifted(share)));
                 }
-                if let Some(shakes) = protocol.beyond_options().shakes {
+                if let Some(shakes) = protocol.published_settings().shakes {
                     let shake = steps(shakes.period_s, scene).max(1);
                     for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
                         for fraction in fractions(shake) {
@@ -178,7 +178,8 @@ impl Script {
                 for direction in DIRECTIONS {
                     for _ in 0..pulls {
                         commands.push(Command {
-                            pull_m_per_s2: Vector3::from(direction) * protocol.pull.force_n_per_kg,
+                            pull_in_table_m_per_s2: Vector3::from(direction)
+                                * protocol.pull.force_n_per_kg,
                             ..writer.grasp(Phase::Pull, 1.0)
                         });
                     }
@@ -256,12 +257,16 @@ impl Flexion {
     }
 
     /// Moves the joints that flex by a share of what is left to their upper limits, or, if it is negative, to
-    /// their lower ones.
+    /// their lower ones; a joint without limits stays.
     fn towards_limit(&self, q: &[f64], share: f64) -> Vec<f64> {
         let joints = q.iter().zip(&self.joints);
         let moved = joints.map(|(&position, (weight, [lower, upper]))| {
             let limit = if share < 0.0 { lower } else { upper };
-            position + weight * share.abs() * (limit - position)
+            if limit.is_finite() {
+                position + weight * share.abs() * (limit - position)
+            } else {
+                position
+            }
         });
         moved.collect()
     }
@@ -290,7 +295,7 @@ impl<R: Rates> Writer<'_, R> {
     fn reach(&self, fraction: f64) -> Command {
         let closing = match self.protocol.approach {
             Approach::Follow | Approach::Open => self.protocol.close_fraction.clamp(0.0, 1.0),
-            Approach::Place => 1.0,
+            Approach::AtGrasp => 1.0,
         };
         let before = 1.0 - closing;
         let phase = if fraction <= before {
@@ -314,11 +319,11 @@ impl<R: Rates> Writer<'_, R> {
                     ..path
                 }
             }
-            Approach::Place => {
+            Approach::AtGrasp => {
                 let grasp = self.at(1.0);
                 let opened = self
                     .flexion
-                    .towards_limit(&grasp.q, -self.protocol.beyond_options().open_share);
+                    .towards_limit(&grasp.q, -self.protocol.published_settings().open_share);
                 let opened = self.flexion.flexed(&opened, -self.protocol.open_rad);
                 let between = opened.iter().zip(&grasp.q);
                 HandPose {
@@ -332,15 +337,15 @@ impl<R: Rates> Writer<'_, R> {
         Command {
             phase,
             hand,
-            carried_m: Vector3::zeros(),
-            pull_m_per_s2: Vector3::zeros(),
+            carried_in_table_m: Vector3::zeros(),
+            pull_in_table_m_per_s2: Vector3::zeros(),
         }
     }
 
     /// Returns the command at the grasp, squeezed by a fraction.
     fn grasp(&self, phase: Phase, squeeze: f64) -> Command {
         let grasp = self.at(1.0);
-        let share = self.protocol.beyond_options().squeeze_share * squeeze;
+        let share = self.protocol.published_settings().squeeze_share * squeeze;
         let closed = self.flexion.towards_limit(&grasp.q, share);
         Command {
             phase,
@@ -350,15 +355,15 @@ impl<R: Rates> Writer<'_, R> {
                     .flexed(&closed, self.protocol.squeeze_rad * squeeze),
                 ..grasp
             },
-            carried_m: Vector3::zeros(),
-            pull_m_per_s2: Vector3::zeros(),
+            carried_in_table_m: Vector3::zeros(),
+            pull_in_table_m_per_s2: Vector3::zeros(),
         }
     }
 
     /// Returns the command of the squeezed grasp carried to a place.
-    fn carried(&self, phase: Phase, carried_m: Vector3<f64>) -> Command {
+    fn carried(&self, phase: Phase, carried_in_table_m: Vector3<f64>) -> Command {
         Command {
-            carried_m,
+            carried_in_table_m,
             ..self.grasp(phase, 1.0)
         }
     }

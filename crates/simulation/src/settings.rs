@@ -58,7 +58,7 @@ impl SceneConfig {
             ("hand_mass_scale", self.hand_mass_scale),
             ("drive.stiffness", self.drive.stiffness),
         ] {
-            faults.above(key, number, "without it nothing is moved, or held");
+            faults.above(key, number, "physics needs a positive mass and stiffness");
         }
         for (key, number) in [
             ("friction", self.friction),
@@ -77,7 +77,7 @@ impl SceneConfig {
             ("object_density_kg_per_m3", self.object_density_kg_per_m3),
         ] {
             if let Some(number) = number {
-                faults.above(key, number, "what weighs nothing cannot be simulated");
+                faults.above(key, number, "an object without mass cannot be simulated");
             }
         }
         if self.object_mass_kg.is_some() && self.object_density_kg_per_m3.is_some() {
@@ -91,14 +91,14 @@ impl SceneConfig {
         ] {
             faults.signed(key, number);
         }
-        let why = "a hand that is later cannot be controlled";
+        let why = "a hand with a longer delay cannot be controlled";
         faults.within("drive.delay_s", self.drive.delay_s, 0.0, MAX_DELAY_S, why);
-        let why = "physics computes with 32 bits, and passes over what is faster";
+        let why = "shorter steps vanish in 32-bit rounding, longer ones miss contacts";
         let step_s = self.time_step_s;
         faults.within("time_step_s", step_s, MIN_STEP_S, MAX_STEP_S, why);
         if !(1..=MAX_SUBSTEPS).contains(&self.substeps) {
             let problem = format!(
-                "is {}, and must be from 1 to {MAX_SUBSTEPS}: more change nothing",
+                "is {}, and must be from 1 to {MAX_SUBSTEPS}: more have no effect",
                 self.substeps
             );
             faults.note("substeps", problem);
@@ -106,12 +106,12 @@ impl SceneConfig {
         let per_control = self.steps_per_control;
         if !(1..=MAX_STEPS_PER_CONTROL).contains(&per_control) {
             let problem = format!(
-                "is {per_control}, and must be from 1 to {MAX_STEPS_PER_CONTROL}: controllers are commanded \
-                 something more often"
+                "is {per_control}, and must be from 1 to {MAX_STEPS_PER_CONTROL}: controllers take \
+                 commands more often"
             );
             faults.note("steps_per_control", problem);
         }
-        let why = "what does not rest by then never will";
+        let why = "an object that moves for longer will not come to rest";
         faults.within("settle_s", self.settle_s, 0.0, MAX_DURATION_S, why);
         let settling = self.settle_s / step_s;
         if faults.0.is_empty() && settling > MAX_STEPS {
@@ -129,22 +129,22 @@ impl SceneConfig {
 }
 
 impl Protocol {
-    /// Returns why a robot cell cannot execute the protocol as its `grasp`, if it cannot.
+    /// Returns why a robot cell cannot execute the protocol, if it cannot.
     pub fn cell_fault(&self) -> Option<SettingFault> {
         let fault = |key, problem: &str| Some(SettingFault::new(key, problem));
-        if !self.name.is_own() {
+        if !self.name.is_table_lift() {
             fault(
-                "grasp.name",
+                "protocol.name",
                 "is that of a published protocol: a cell executes `table_lift`",
             )
-        } else if self.approach == Approach::Place {
+        } else if self.approach == Approach::AtGrasp {
             fault(
-                "grasp.approach",
-                "is `place`: a cell's hand has to reach the object",
+                "protocol.approach",
+                "is `at_grasp`: a cell's hand has to reach the object",
             )
         } else if self.trial != Trial::Lift {
             fault(
-                "grasp.trial",
+                "protocol.trial",
                 "is not `lift`: a cell lifts what it grasps, and pulls at nothing",
             )
         } else {
@@ -233,7 +233,10 @@ impl Protocol {
                 faults.note(key, problem);
             }
         }
-        if self.trial == Trial::Lift && scene.support == Support::Nothing && self.name.is_own() {
+        if self.trial == Trial::Lift
+            && scene.support == Support::Nothing
+            && self.name.is_table_lift()
+        {
             let problem =
                 "is `lift`, from no table and without weight: the scene's `support` is `nothing`";
             faults.note("trial", problem.to_owned());

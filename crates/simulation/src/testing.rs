@@ -1,7 +1,10 @@
 //! Settings that the unit tests share.
 
+use nalgebra::{Matrix3, Point3};
+
 use crate::{
     config::{ControllerKind, DriveConfig, Offset, SceneConfig, Support},
+    object::ObjectShape,
     shortcuts::Shortcuts,
 };
 
@@ -33,5 +36,25 @@ pub(crate) fn scene() -> SceneConfig {
             delay_s: 0.0,
         },
         shortcuts: Shortcuts::NONE,
+    }
+}
+
+/// A cube of 5 cm and 0.2 kg.
+pub(crate) fn cube() -> ObjectShape {
+    let half = 0.025;
+    let (mass_kg, side) = (0.2, 2.0 * half);
+    let corners = [-half, half];
+    ObjectShape {
+        parts_m: vec![
+            corners
+                .iter()
+                .flat_map(|&x| corners.iter().map(move |&y| (x, y)))
+                .flat_map(|(x, y)| corners.iter().map(move |&z| Point3::new(x, y, z)))
+                .collect(),
+        ],
+        surface: None,
+        mass_kg,
+        center_of_mass_m: Point3::origin(),
+        inertia_kg_m2: Matrix3::identity() * (mass_kg * side * side / 6.0),
     }
 }

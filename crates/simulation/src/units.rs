@@ -88,8 +88,12 @@ pub(crate) fn vector_in_meters(v: Vector) -> Vector3<f64> {
     Vector3::from(v.to_array().map(meters))
 }
 
-/// Returns a pose of the engine in meters; the caller names its frames.
-pub(crate) fn pose_from_engine<To, From>(pose: &EnginePose) -> Pose<To, From> {
+/// The coordinates in which the engine computes: along the table's axes, and moving over it while a palm is
+/// lifted ([`crate::world::World::carry`]).
+pub(crate) enum EngineFrame {}
+
+/// Returns the pose of a frame that the caller names, in meters.
+pub(crate) fn pose_from_engine<From>(pose: &EnginePose) -> Pose<EngineFrame, From> {
     let r = pose.rotation;
     Pose::from_parts(
         vector_in_meters(pose.translation),

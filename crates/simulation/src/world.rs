@@ -1,6 +1,6 @@
 //! The physics engine's state as one value that can be copied.
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 use rapier3d::{
     dynamics::SpringCoefficients,
     prelude::{
@@ -14,7 +14,7 @@ use spatial::{Pose, Table};
 
 use crate::{
     config::{SceneConfig, Support},
-    units::{LENGTH_UNITS_PER_M, length, lengths, meters, pose_from_engine, real},
+    units::{EngineFrame, LENGTH_UNITS_PER_M, length, lengths, meters, pose_from_engine, real},
 };
 
 /// Standard gravity in meters per second squared.
@@ -97,7 +97,7 @@ pub(crate) struct World {
     pipeline: PhysicsPipeline,
     ccd: CCDSolver,
     table: Option<RigidBodyHandle>,
-    carriage: Carriage,
+    frame: FrameMotion,
     gravity: Vector,
 }
 
@@ -106,7 +106,7 @@ pub(crate) struct World {
 /// While the palm is lifted it stands still in them, the table sinks, and what is held is held at rest;
 /// nothing else is different in a frame that moves evenly.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-struct Carriage {
+struct FrameMotion {
     offset_m: Vector3<f64>,
     velocity_m_per_s: Vector3<f64>,
 }
@@ -171,7 +171,7 @@ impl World {
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
             table: None,
-            carriage: Carriage::default(),
+            frame: FrameMotion::default(),
             gravity: Vector::new(0.0, 0.0, -length(GRAVITY_M_PER_S2)),
         }
     }
@@ -191,7 +191,7 @@ impl World {
             pipeline: PhysicsPipeline::new(),
             ccd: CCDSolver::new(),
             table: self.table,
-            carriage: self.carriage,
+            frame: self.frame,
             gravity: self.gravity,
         }
     }
@@ -217,7 +217,7 @@ impl World {
             &(),
             &(),
         );
-        self.carriage.offset_m += self.carriage.velocity_m_per_s * f64::from(self.parameters.dt);
+        self.frame.offset_m += self.frame.velocity_m_per_s * f64::from(self.parameters.dt);
         if self.pipeline.quarantine().is_empty() {
             Ok(())
         } else {
@@ -228,9 +228,9 @@ impl World {
     /// From now on the engine's coordinates move so that they have moved by `offset_m` in `seconds`;
     /// the `object` keeps its velocity over the table.
     pub(crate) fn carry(&mut self, object: RigidBodyHandle, offset_m: &Vector3<f64>, seconds: f64) {
-        let velocity_m_per_s = (offset_m - self.carriage.offset_m) / seconds;
-        let faster = lengths(&(velocity_m_per_s - self.carriage.velocity_m_per_s));
-        self.carriage.velocity_m_per_s = velocity_m_per_s;
+        let velocity_m_per_s = (offset_m - self.frame.offset_m) / seconds;
+        let faster = lengths(&(velocity_m_per_s - self.frame.velocity_m_per_s));
+        self.frame.velocity_m_per_s = velocity_m_per_s;
         if faster == Vector::ZERO {
             return;
         }
@@ -284,7 +284,7 @@ impl World {
         let rises = self
             .bodies
             .get(body)
-            .is_none_or(|body| meters(body.linvel().z) + self.carriage.velocity_m_per_s.z > 0.0);
+            .is_none_or(|body| meters(body.linvel().z) + self.frame.velocity_m_per_s.z > 0.0);
         !rises
             && others
                 .iter()
@@ -292,10 +292,18 @@ impl World {
                 .all(|shape| shape.compute_aabb().mins.z > top)
     }
 
-    /// Returns a body's pose; the caller names its frame.
+    /// Returns a body's pose in the engine's frame; the caller names the body's.
+    pub(crate) fn engine_from_body<Body>(&self, body: RigidBodyHandle) -> Pose<EngineFrame, Body> {
+        pose_from_engine(self.bodies[body].position())
+    }
+
+    /// Returns a body's pose over the table; the caller names its frame.
     pub(crate) fn table_from_body<Body>(&self, body: RigidBodyHandle) -> Pose<Table, Body> {
-        let uncarried: Pose<Table, Body> = pose_from_engine(self.bodies[body].position());
-        uncarried.translated(&self.carriage.offset_m)
+        self.table_from_engine() * self.engine_from_body(body)
+    }
+
+    fn table_from_engine(&self) -> Pose<Table, EngineFrame> {
+        Pose::from_parts(self.frame.offset_m, UnitQuaternion::identity())
     }
 }
 

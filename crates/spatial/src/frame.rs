@@ -7,7 +7,7 @@ pub enum World {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Camera {}
 /// The table on which an object lies: z up against gravity, z = 0 the table's surface, the origin
-/// below the object's origin, yaw fixed by [`crate::Rest::table_from_object`].
+/// below the object's origin, yaw fixed by [`crate::RestingPose::table_from_object`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Table {}
 /// The object's mesh frame, as published with its model.

@@ -44,7 +44,7 @@ impl Peaks {
 }
 
 /// How much too large the bound of an angular speed or acceleration may be, of the greatest one.
-const EXACT: f64 = 1e-4;
+const BOUND_TOLERANCE: f64 = 1e-4;
 /// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 12;
 
@@ -137,8 +137,8 @@ impl<Frame: Copy> PoseSegment<Frame> {
             [least.angular_speed, least.angular_acceleration],
         );
         Peaks {
-            speed: place.greatest_speed(least.speed),
-            acceleration: place.greatest_acceleration(least.acceleration),
+            speed: place.max_speed(least.speed),
+            acceleration: place.max_acceleration(least.acceleration),
             angular_speed,
             angular_acceleration,
         }
@@ -175,7 +175,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
             change.min(there[1] + half_s * (b + 1.5 * v * a + 0.5 * v * v * v)),
         ];
         let least = [least[0].max(there[0]), least[1].max(there[1])];
-        let is_known = |order: usize| bounds[order] <= least[order] * (1.0 + EXACT);
+        let is_known = |order: usize| bounds[order] <= least[order] * (1.0 + BOUND_TOLERANCE);
         // NaN has no bound.
         if halvings == 0 || is_known(0) && is_known(1) || bounds.iter().any(|b| !b.is_finite()) {
             return [0, 1].map(|order| {
@@ -358,7 +358,7 @@ mod tests {
             let [speed, acceleration, angular_speed, angular_acceleration] = twice;
             let least = Peaks { speed, acceleration, angular_speed, angular_acceleration };
             for (found, twice) in all(segment.peaks(&least)).into_iter().zip(twice) {
-                prop_assert!((1.0..=1.0 + EXACT).contains(&(found / twice)), "{found} {twice}");
+                prop_assert!((1.0..=1.0 + BOUND_TOLERANCE).contains(&(found / twice)), "{found} {twice}");
             }
         }
     }

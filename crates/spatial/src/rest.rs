@@ -6,14 +6,14 @@ use crate::{Object, Pose, Table};
 
 /// An object at rest on a table, up to its yaw and its place: what gravity can tell apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Rest {
+pub struct RestingPose {
     /// Unit vector against gravity, in the object frame.
     pub up_in_object: Unit<Vector3<f64>>,
     /// Height of the object's origin above the table, in meters.
     pub height_m: f64,
 }
 
-impl Rest {
+impl RestingPose {
     /// Returns what gravity can tell of an object's pose: how it lies, without its yaw and its place.
     pub fn of(table_from_object: &Pose<Table, Object>) -> Self {
         Self {

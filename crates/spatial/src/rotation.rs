@@ -32,10 +32,16 @@ pub fn quaternion_xyzw(numbers: [f64; 4]) -> Result<UnitQuaternion<f64>, NotARot
     }
 }
 
-/// Returns a rotation as `[x, y, z, w]` with `w ≥ 0`.
+/// Returns a rotation as `[x, y, z, w]` with `w ≥ 0`; of a half turn, where `w = 0`, the first number that is
+/// not 0 is positive.
 pub fn xyzw(rotation: &UnitQuaternion<f64>) -> [f64; 4] {
     let q = rotation.quaternion();
-    let sign = if q.w < 0.0 { -1.0 } else { 1.0 };
+    let leading = [q.w, q.i, q.j, q.k].into_iter().find(|x| *x != 0.0);
+    let sign = if leading.is_some_and(|x| x < 0.0) {
+        -1.0
+    } else {
+        1.0
+    };
     // `+ 0.0` turns −0 into 0, so that equal rotations are equal bytes.
     [q.i, q.j, q.k, q.w].map(|number| sign * number + 0.0)
 }

@@ -12,7 +12,7 @@ use std::ops::{Add, Mul, Sub};
 use nalgebra::Vector3;
 
 /// How much too large a greatest value may be, of the greatest coefficient.
-const EXACT: f64 = 1e-9;
+const BOUND_TOLERANCE: f64 = 1e-9;
 /// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 40;
 
@@ -84,12 +84,12 @@ impl<T: Coefficient> QuinticSegment<T> {
     }
 
     /// Returns the greatest speed, or `least` if it is no greater.
-    pub fn greatest_speed(&self, least: f64) -> f64 {
+    pub fn max_speed(&self, least: f64) -> f64 {
         greatest(self.velocity, T::size, least)
     }
 
     /// Returns the greatest acceleration, whichever way, or `least` if it is no greater.
-    pub fn greatest_acceleration(&self, least: f64) -> f64 {
+    pub fn max_acceleration(&self, least: f64) -> f64 {
         greatest(self.acceleration, T::size, least)
     }
 
@@ -143,7 +143,13 @@ fn greatest<T: Coefficient, const N: usize>(
         }
         largest = largest.max(value.abs());
     }
-    search(coefficients, measure, EXACT * largest, HALVINGS, least)
+    search(
+        coefficients,
+        measure,
+        BOUND_TOLERANCE * largest,
+        HALVINGS,
+        least,
+    )
 }
 
 fn search<T: Coefficient, const N: usize>(
@@ -211,7 +217,7 @@ mod tests {
             let segment = QuinticSegment::new(from, to, h);
             let [low, high] = segment.range();
             let [speed, acceleration] =
-                [segment.greatest_speed(0.0), segment.greatest_acceleration(0.0)];
+                [segment.max_speed(0.0), segment.max_acceleration(0.0)];
             let mut seen = [f64::INFINITY, f64::NEG_INFINITY, 0.0, 0.0];
             for look in 0..=LOOKS {
                 let [p, v, a] = quintic(from, to, h, h * f64::from(look) / f64::from(LOOKS));
@@ -224,7 +230,7 @@ mod tests {
                 prop_assert!(found >= seen - 1e-12 * scale, "{found} {seen}");
                 prop_assert!(found <= seen + 1e-5 * scale, "{found} {seen}");
             }
-            prop_assert_eq!(segment.greatest_speed(2.0 * speed), 2.0 * speed);
+            prop_assert_eq!(segment.max_speed(2.0 * speed), 2.0 * speed);
         }
 
         /// A vector's length is bounded, not that of its numbers.
@@ -247,8 +253,8 @@ mod tests {
                 acceleration = acceleration.max(order(2));
             }
             for (found, seen) in [
-                (segment.greatest_speed(0.0), speed),
-                (segment.greatest_acceleration(0.0), acceleration),
+                (segment.max_speed(0.0), speed),
+                (segment.max_acceleration(0.0), acceleration),
             ] {
                 prop_assert!((1.0 - 1e-9..1.0 + 1e-3).contains(&(found / seen)), "{found} {seen}");
             }
@@ -259,8 +265,8 @@ mod tests {
     fn numbers_that_overflow_are_bounded_by_infinity() {
         for big in [1e307, f64::MAX, f64::NAN] {
             let segment = QuinticSegment::new([0.0, -big, big], [big, big, -big], 1e-3);
-            assert_eq!(segment.greatest_speed(1.0), f64::INFINITY);
-            assert_eq!(segment.greatest_acceleration(1.0), f64::INFINITY);
+            assert_eq!(segment.max_speed(1.0), f64::INFINITY);
+            assert_eq!(segment.max_acceleration(1.0), f64::INFINITY);
         }
     }
 
@@ -268,7 +274,7 @@ mod tests {
     fn zero_duration_stays_at_its_start() {
         let segment = QuinticSegment::new([0.5, -2.0, 3.0], [9.0, 9.0, 9.0], 0.0);
         assert_eq!(segment.range(), [0.5, 0.5]);
-        assert_eq!(segment.greatest_speed(0.0), 2.0);
-        assert_eq!(segment.greatest_acceleration(0.0), 3.0);
+        assert_eq!(segment.max_speed(0.0), 2.0);
+        assert_eq!(segment.max_acceleration(0.0), 3.0);
     }
 }

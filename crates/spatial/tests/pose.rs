@@ -4,7 +4,9 @@ use std::f64::consts::PI;
 
 use nalgebra::{Isometry3, Unit, Vector3};
 use proptest::prelude::*;
-use spatial::{Object, Palm, Pose, Rest, Table, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
+use spatial::{
+    Object, Palm, Pose, RestingPose, Table, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw,
+};
 
 /// Any pose within `radius_m` of the origin.
 fn pose(radius_m: f64) -> impl Strategy<Value = Isometry3<f64>> {
@@ -44,6 +46,15 @@ proptest! {
     }
 
     #[test]
+    fn both_signs_of_a_half_turn_store_alike(axis in prop::array::uniform3(-1.0..1.0)) {
+        let axis = Vector3::from(axis);
+        prop_assume!(axis.norm() > 1e-3);
+        let [x, y, z]: [f64; 3] = axis.normalize().into();
+        let stored = [[x, y, z, 0.0], [-x, -y, -z, -0.0]].map(|numbers| xyzw(&quaternion_xyzw(numbers).unwrap()));
+        prop_assert_eq!(stored[0].map(f64::to_bits), stored[1].map(f64::to_bits));
+    }
+
+    #[test]
     fn two_columns_keep_a_rotation(isometry in pose(1.0)) {
         let rotation = rotation_from_rot6d(rot6d(&isometry.rotation)).unwrap();
         prop_assert!(rotation.angle_to(&isometry.rotation) < 1e-6);
@@ -53,12 +64,12 @@ proptest! {
     fn up_points_up_on_the_table(direction in prop::array::uniform3(-1.0..1.0)) {
         let direction = Vector3::from(direction);
         prop_assume!(direction.norm() > 1e-3);
-        let rest = Rest { up_in_object: Unit::new_normalize(direction), height_m: 0.1 };
+        let rest = RestingPose { up_in_object: Unit::new_normalize(direction), height_m: 0.1 };
         let table_from_object: Pose<Table, Object> = rest.table_from_object();
         let up = table_from_object * rest.up_in_object.into_inner();
         prop_assert!((up - Vector3::z()).norm() < 1e-9);
         prop_assert!((table_from_object.translation.z - 0.1).abs() < 1e-12);
-        let again = Rest::of(&table_from_object);
+        let again = RestingPose::of(&table_from_object);
         prop_assert!((again.up_in_object.into_inner() - rest.up_in_object.into_inner()).norm() < 1e-9);
         prop_assert!((again.height_m - 0.1).abs() < 1e-12);
     }

@@ -17,7 +17,7 @@ const ROUNDING: f64 = 1e-12;
 
 /// The mean of the objects' shares with its 95 % interval.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct OverObjects {
+pub struct MeanInterval {
     /// The mean; 0 of none.
     pub mean: f64,
     /// The interval's lower end.
@@ -45,15 +45,15 @@ pub struct OverObjects {
 /// # Examples
 ///
 /// ```
-/// use statistics::over_objects;
+/// use statistics::bootstrap_mean;
 ///
-/// let objects = over_objects(&[0.9, 0.8, 0.8, 0.7, 0.1, 0.6]);
+/// let objects = bootstrap_mean(&[0.9, 0.8, 0.8, 0.7, 0.1, 0.6]);
 /// assert!((objects.mean - 0.65).abs() < 1e-12);
 /// assert!(objects.low < 0.45 && objects.high < 0.85);
 /// // Nothing holds: another 20 objects may be easier.
-/// assert!(over_objects(&[0.0; 20]).high > 0.15);
+/// assert!(bootstrap_mean(&[0.0; 20]).high > 0.15);
 /// ```
-pub fn over_objects(shares: &[f64]) -> OverObjects {
+pub fn bootstrap_mean(shares: &[f64]) -> MeanInterval {
     let n = shares.len() as f64;
     let mean = shares.iter().sum::<f64>() / n.max(1.0);
     let deviations: Vec<f64> = shares.iter().map(|share| share - mean).collect();
@@ -65,7 +65,7 @@ pub fn over_objects(shares: &[f64]) -> OverObjects {
         let acceleration = cubes / (6.0 * squares.powf(1.5));
         accelerated(&resampled(shares), mean, acceleration, expanded(n))
     };
-    OverObjects { mean, low, high }
+    MeanInterval { mean, low, high }
 }
 
 /// Returns the means of the resamples, in ascending order.
@@ -143,7 +143,7 @@ mod tests {
             (&[0.1, 0.2, 0.4, 0.8, 0.9, 0.95][..], [0.1667, 0.9083]),
             (&[0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.9], [0.1875, 0.6625]),
         ] {
-            let found = over_objects(shares);
+            let found = bootstrap_mean(shares);
             near(found.low, expected[0], 0.02);
             near(found.high, expected[1], 0.02);
         }
@@ -153,11 +153,11 @@ mod tests {
     fn ends_mirror_and_do_not_depend_on_the_number_of_motions() {
         let shares = [0.2, 0.35, 0.5, 0.65, 0.7, 0.9, 0.95, 1.0];
         let mirrored = shares.map(|share| 1.0 - share);
-        let (found, mirrored) = (over_objects(&shares), over_objects(&mirrored));
+        let (found, mirrored) = (bootstrap_mean(&shares), bootstrap_mean(&mirrored));
         near(found.mean, 0.65625, 1e-12);
         near(found.low, 1.0 - mirrored.high, 0.01);
         near(found.high, 1.0 - mirrored.low, 0.01);
-        assert_eq!(found, over_objects(&shares));
+        assert_eq!(found, bootstrap_mean(&shares));
         assert!(0.0 < found.low && found.low < found.mean);
         assert!(found.mean < found.high && found.high < 1.0);
     }
@@ -165,7 +165,7 @@ mod tests {
     #[test]
     fn few_objects_and_equal_ones_are_trials() {
         let ends = |shares: &[f64]| {
-            let found = over_objects(shares);
+            let found = bootstrap_mean(shares);
             [found.low, found.high]
         };
         assert_eq!(ends(&[]), [0.0, 1.0]);

@@ -1,19 +1,19 @@
 //! Columns of an object's resting pose.
 
-use spatial::Rest;
+use spatial::RestingPose;
 
 use super::{Flatten, columns};
 use crate::SchemaError;
 
 columns! {
-    /// The columns of a [`Rest`].
+    /// The columns of a [`RestingPose`].
     pub(crate) struct Flat {
         rest_up: [f64; 3] ["1"] => "unit vector against gravity, object frame",
         rest_height_m: f64 ["m"] => "height of the object's origin above the table",
     }
 }
 
-impl Flatten for Rest {
+impl Flatten for RestingPose {
     type Flat = Flat;
 
     fn flat(&self) -> Flat {

@@ -6,7 +6,7 @@
 
 mod scene;
 
-pub use scene::{Scene, SceneStep, fixed_links, moving_links};
+pub use scene::{RecordingScene, SceneStep, fixed_links, moving_links};
 
 use nalgebra::Point3;
 

@@ -6,7 +6,7 @@ use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin, Refusal, RefusedDraw},
+    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin, Refusal, RefusedDraw},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
     executions::{self, Execution},
@@ -23,7 +23,7 @@ use schemas::{
     trajectories::{self, Trajectory},
     trials::Trials,
 };
-use spatial::{Pose, Rest, Twist};
+use spatial::{Pose, RestingPose, Twist};
 
 /// What is done with a table of each kind.
 pub(crate) trait EachTable {
@@ -51,8 +51,8 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("all", &trials());
 }
 
-fn rest() -> Rest {
-    Rest {
+fn rest() -> RestingPose {
+    RestingPose {
         up_in_object: Unit::new_normalize(Vector3::new(0.0, 0.6, 0.8)),
         height_m: 0.07,
     }
@@ -149,7 +149,7 @@ pub(crate) fn trajectory() -> Trajectory {
         time_s,
         frame_from_palm: pose(0.1),
         q_rad: vec![0.3, time_s],
-        rates: trajectories::Rates {
+        rates: trajectories::TrajectoryRates {
             palm_velocity: Twist::from_array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
             joints: JointRates {
                 velocity: vec![1.0, 2.0],
@@ -226,8 +226,8 @@ pub(crate) fn candidates() -> Candidates {
     }
 }
 
-fn lineage(draw_n: u32) -> Lineage {
-    Lineage {
+fn lineage(draw_n: u32) -> DrawSource {
+    DrawSource {
         draw_n,
         origin: Origin::Posterior,
         demonstration: "a".to_owned(),

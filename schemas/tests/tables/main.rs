@@ -11,7 +11,7 @@ use arrow_array::{
 use arrow_schema::{Field, Schema};
 use schemas::{
     SchemaError, Table,
-    candidates::{Candidates, Lineage},
+    candidates::{Candidates, DrawSource},
     latents::{self, Latents},
     reconstruction::{self, Reconstruction},
     rollouts::{Rollouts, Verdict},
@@ -58,7 +58,7 @@ fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
     // A generator without training says nothing of the object.
     let mut untrained = candidates;
     for candidate in &mut untrained.candidates {
-        candidate.lineage = Lineage {
+        candidate.lineage = DrawSource {
             object_split: None,
             ..candidate.lineage.clone()
         };

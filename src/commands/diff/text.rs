@@ -7,8 +7,8 @@ use serde_json::Value;
 
 use super::{
     Difference,
-    figures::{FigureChange, OutputChange},
     inputs::{InputChange, Source},
+    outputs::{MetricChange, OutputChange},
     values::Asked,
 };
 use crate::{
@@ -38,7 +38,7 @@ pub(super) fn text(difference: &Difference) -> String {
     section(&mut text, "inputs", inputs(&difference.inputs), &[]);
     section(
         &mut text,
-        "figures",
+        "metrics",
         outputs(&difference.outputs),
         &[2, 4, 5],
     );
@@ -170,16 +170,16 @@ fn outputs(outputs: &[OutputChange]) -> Vec<Vec<String>> {
                 list.len().to_string(),
             ]);
         }
-        rows.extend(output.figures.iter().map(|change| figure(output, change)));
+        rows.extend(output.metrics.iter().map(|change| metric(output, change)));
     }
     rows
 }
 
-fn figure(output: &OutputChange, change: &FigureChange) -> Vec<String> {
+fn metric(output: &OutputChange, change: &MetricChange) -> Vec<String> {
     let shown = |value: Option<f64>| value.map_or_else(|| NONE.to_owned(), number);
     let mut row = vec![
         output.output.clone(),
-        change.figure.clone(),
+        change.metric.clone(),
         shown(change.old),
         ARROW.to_owned(),
         shown(change.new),

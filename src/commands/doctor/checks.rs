@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Advise, Failure, Outside, Pipeline, StageEntry, outside};
+use dataflow::{Advise, Failure, Pipeline, Readiness, StageEntry, outside};
 use stage_dispatch::{Dispatch, DispatchConfig};
 
 use super::{Check, State};
@@ -45,9 +45,9 @@ pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
     stages.collect()
 }
 
-fn found(outside: Outside) -> String {
+fn found(outside: Readiness) -> String {
     let Some((n_units, per)) = outside.units else {
-        return "its options and what it reads outside the lake can be used".to_owned();
+        return "options and external files are usable".to_owned();
     };
     format!(
         "{n_units} partitions to make, one per {per}, from {} files",

@@ -10,17 +10,17 @@ use std::{
 };
 
 use dataflow::missing;
-use robot::{Bodies, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
+use posture::HandTable;
+use robot::{DynamicsModel, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
 use robot_meshes::LoadError;
-use stage_retarget::HandTable;
 
 use crate::{
-    outcome::{CommandError, Outcome},
+    outcome::{CommandError, CommandOutcome},
     report,
 };
 
 /// Checks a robot's URDF.
-pub(super) fn check(path: &Path) -> Result<Outcome, CommandError> {
+pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
     let shown = path.display();
     let bytes = read(path).map_err(|err| {
         CommandError::failed(
@@ -71,7 +71,7 @@ pub(super) fn check(path: &Path) -> Result<Outcome, CommandError> {
         such.count()
     };
     let trouble = match (count(Severity::Missing), count(Severity::Wrong)) {
-        (0, 0) => return Ok(Outcome::Done),
+        (0, 0) => return Ok(CommandOutcome::Done),
         (0, n) => {
             let values = if n == 1 { "value" } else { "values" };
             format!("`{shown}`: {n} physically impossible {values}")
@@ -126,7 +126,7 @@ fn summary(model: &RobotModel) -> Vec<Vec<String>> {
                 "{} in {} moving bodies, {:.3} kg together",
                 model.links().len(),
                 n_moving + 1,
-                Bodies::new(model).mass_kg()
+                DynamicsModel::new(model).mass_kg()
             ),
         ),
     ];

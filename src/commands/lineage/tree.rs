@@ -3,7 +3,7 @@
 use crate::report;
 
 /// Maximum children shown per group.
-const SHOWN: usize = 3;
+const URDF_FORM: usize = 3;
 
 /// A node of the tree.
 pub(super) struct TreeNode {
@@ -100,10 +100,10 @@ fn cut<'a, T>(
     of: impl Fn(&'a T) -> Below<'a>,
 ) {
     // Replacing a single line by a count saves nothing.
-    let n_shown = if list.len() == SHOWN + 1 {
-        SHOWN + 1
+    let n_shown = if list.len() == URDF_FORM + 1 {
+        URDF_FORM + 1
     } else {
-        SHOWN
+        URDF_FORM
     };
     below.extend(list.iter().take(n_shown).map(of));
     if list.len() > n_shown {

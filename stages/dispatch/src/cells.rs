@@ -6,8 +6,8 @@ use std::{
 };
 
 use cell::{
-    Capabilities, Carrier, CellArm, CellClient, Gap, Goal, Offer, Service, SimulatedCell,
-    SimulatedCellConfig,
+    Capabilities, CellArm, CellClient, ControllerInfo, Goal, ModelMismatch, PalmTrajectory,
+    ServiceConfig, SimulatedCell, SimulatedCellConfig,
 };
 use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
@@ -113,8 +113,8 @@ fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchErr
     };
     let none = Vec::new();
     let moved = match &goal.carrier {
-        Carrier::Palm(_) => ("palm", &none),
-        Carrier::Arm(arm) => ("arm", &arm.joints),
+        PalmTrajectory::Palm(_) => ("palm", &none),
+        PalmTrajectory::Arm(arm) => ("arm", &arm.joints),
     };
     for (offer, (controller, joints)) in [(carrier, moved), (hand, ("hand", &goal.hand.joints))] {
         check_controller(offer, controller, joints).map_err(wrong)?;
@@ -122,8 +122,12 @@ fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchErr
     Ok(())
 }
 
-fn check_controller(offer: &Offer, controller: &str, joints: &[String]) -> Result<(), String> {
-    let Offer {
+fn check_controller(
+    offer: &ControllerInfo,
+    controller: &str,
+    joints: &[String],
+) -> Result<(), String> {
+    let ControllerInfo {
         controller: found,
         joints: offered,
         rate_hz,
@@ -192,12 +196,12 @@ fn setup(
         listen,
         scene: config.scene,
         arm,
-        gap: Gap {
+        mismatch: ModelMismatch {
             errors: Some(config.errors),
             latency_s: config.latency_s,
             encoder_noise_rad: config.encoder_noise_rad,
         },
-        service: Service::default(),
+        service: ServiceConfig::default(),
     }
 }
 

@@ -4,10 +4,10 @@ use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
 use cell::{Access, Capabilities, CellError, Keys, with_causes};
 use dataflow::{Advise, OptionFault, OptionFaults};
-use planning::{ArmConfig, LimitsConfig, RatesConfig};
+use planning::{ArmConfig, CommandRatesConfig, LimitsConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, SceneConfig, SceneErrors};
+use simulation::{Protocol, SceneConfig, SceneRandomization};
 
 use crate::DispatchError;
 
@@ -88,13 +88,13 @@ pub struct DispatchConfig {
     pub joint_names: BTreeMap<String, String>,
     /// Command rates of the controllers: their own rates, so that none has to interpolate.
     #[serde(default)]
-    pub rates: RatesConfig,
+    pub rates: CommandRatesConfig,
     /// Limits on the speeds of palm and joints.
     #[serde(default)]
     pub limits: LimitsConfig,
     /// Execution and success criteria of a motion; a path slowed down by limits gets the time that
     /// it needs.
-    pub grasp: Protocol,
+    pub protocol: Protocol,
     /// The simulated cell's physics.
     pub simulated: SimulatedConfig,
 }
@@ -119,7 +119,7 @@ pub struct SimulatedConfig {
     /// Errors of the object's pose, of friction, of its mass and of the fingers' delay, drawn for each
     /// goal.
     #[serde(default)]
-    pub errors: SceneErrors,
+    pub errors: SceneRandomization,
     /// Delay until a command takes effect (s): a cycle of the hand's controller.
     #[serde(default = "defaults::latency_s")]
     pub latency_s: f64,
@@ -147,13 +147,13 @@ impl DispatchConfig {
                 }
             }
         }
-        let why = "they are sent one after the other";
+        let why = "each motion takes seconds of a robot's time";
         faults.within("per_object", self.per_object, 0..=MAX_MOTIONS, why);
-        let why = "it is an angle by which a joint may be off";
+        let why = "it is a joint angle in radians";
         let tolerance_rad = self.start_tolerance_rad;
         faults.within("start_tolerance_rad", tolerance_rad, 0.0..=MAX_ERROR, why);
-        faults.of_table("grasp", self.grasp.faults(&self.simulated.scene));
-        if let Some(fault) = self.grasp.cell_fault() {
+        faults.of_table("protocol", self.protocol.faults(&self.simulated.scene));
+        if let Some(fault) = self.protocol.cell_fault() {
             faults.note(fault.key, fault.problem);
         }
         self.simulated.check(&mut faults);
@@ -215,14 +215,14 @@ impl DispatchConfig {
 
 impl SimulatedConfig {
     fn check(&self, faults: &mut OptionFaults) {
-        let why = "a later command does not arrive in time";
+        let why = "a longer latency exceeds the duration of a motion";
         faults.within("simulated.latency_s", self.latency_s, 0.0..=LATEST_S, why);
         let (key, noise_rad) = ("simulated.encoder_noise_rad", self.encoder_noise_rad);
         faults.within(
             key,
             noise_rad,
             0.0..=MAX_ERROR,
-            "it is the size of an error",
+            "it is a standard deviation in radians",
         );
         faults.of_table("simulated.errors", self.errors.faults(&self.scene));
         faults.of_table("simulated.scene", self.scene.faults());

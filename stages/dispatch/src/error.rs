@@ -44,7 +44,7 @@ pub enum DispatchError {
     },
     /// A motion's outcome is unknown: the cell does not answer, or its answer fails its checks.
     #[error(
-        "what came of motion `{candidate_id}` at cell `{cell}` is unknown, the robot may have moved: {message} (goal {goal_id})"
+        "outcome of motion `{candidate_id}` at cell `{cell}` is unknown; the robot may have moved: {message} (goal {goal_id})"
     )]
     Unknown {
         /// The cell's name.
@@ -71,9 +71,7 @@ pub enum DispatchError {
         message: String,
     },
     /// The cell accepts no goals now.
-    #[error(
-        "cell `{cell}` does not take motion `{candidate_id}` now, nothing of it has moved: {reason}"
-    )]
+    #[error("cell `{cell}` refuses motion `{candidate_id}` for now; nothing moved: {reason}")]
     NotNow {
         /// The cell's name.
         cell: String,
@@ -130,8 +128,8 @@ impl Advise for DispatchError {
                 "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
             ),
             Self::Unknown { .. } => Some(
-                "look at the robot; when its cell is up again, the same command asks it what came of \
-                 this motion before it sends another; `attempt` makes another goal of it"
+                "look at the robot; when its cell is up again, the same command asks it for the \
+                 outcome of this motion before it sends another; `attempt` makes another goal of it"
                     .to_owned(),
             ),
             Self::Stopped { .. } => Some(
@@ -143,7 +141,9 @@ impl Advise for DispatchError {
                 "set `arm` and `joint_names` to what the cell has, or have its drivers changed".to_owned(),
             ),
             Self::NotNow { .. } => Some(
-                "see to the cell; the same command then goes on with this motion".to_owned(),
+                "clear the cause at the cell, then run the same command: it continues with this \
+                 motion"
+                    .to_owned(),
             ),
             Self::NoCandidate { .. } => {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())

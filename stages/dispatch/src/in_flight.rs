@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{CellClient, Halt, with_causes};
+use cell::{CellClient, ControlReply, with_causes};
 
 /// Pause before canceling again at a cell that has not accepted the motion yet.
 const PAUSE: Duration = Duration::from_millis(50);
@@ -38,7 +38,7 @@ pub struct MotionInFlight {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Cancellation {
     /// The cell has confirmed that the motion has stopped.
-    Stands,
+    Stopped,
     /// The motion had already ended.
     Over,
     /// Unknown for this reason: the robot may be moving.
@@ -110,16 +110,16 @@ impl MotionInFlight {
             let left = deadline.saturating_duration_since(Instant::now());
             let halt = self.client.cancel(&self.goal_id, left);
             match halt {
-                Ok(Halt::Done) => {
+                Ok(ControlReply::Done) => {
                     self.wait(deadline);
-                    return Cancellation::Stands;
+                    return Cancellation::Stopped;
                 }
-                Ok(Halt::Over) => {
+                Ok(ControlReply::AlreadyEnded) => {
                     self.wait(deadline);
                     return Cancellation::Over;
                 }
                 // The goal may be in transit, and the cell may refuse it.
-                Ok(Halt::NeverTaken) => {
+                Ok(ControlReply::UnknownGoal) => {
                     if self.wait(Instant::now() + PAUSE) {
                         return Cancellation::Over;
                     }
@@ -128,7 +128,7 @@ impl MotionInFlight {
                         return Cancellation::Unknown(message);
                     }
                 }
-                Ok(Halt::NoAnswer) => {
+                Ok(ControlReply::NoAnswer) => {
                     let message = format!("no answer within {:.1?}", self.answer);
                     return Cancellation::Unknown(message);
                 }

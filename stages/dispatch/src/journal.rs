@@ -37,7 +37,7 @@ impl Journal {
     /// Looks a goal up, for a robot with these joints. An unreadable or contradictory report is
     /// ignored: the cell has it.
     pub(crate) fn past(&self, goal: &Goal, robot: &[Joint]) -> Past {
-        let goal_id = goal.seal().goal_id;
+        let goal_id = goal.encode().goal_id;
         let report = fs::read(self.file(&goal_id, "report")).ok();
         let report = report
             .and_then(|bytes| UncheckedReport::from_bytes(&bytes).ok())
@@ -56,7 +56,7 @@ impl Journal {
     /// Records that a goal is about to be sent to the cell with this journal.
     pub(crate) fn send(&self, goal_id: &str, journal: &str) -> Result<(), DispatchError> {
         let file = self.file(goal_id, "sent");
-        Ok(lake::write_whole(&file, journal.as_bytes())?)
+        Ok(lake::write_atomic(&file, journal.as_bytes())?)
     }
 
     /// Records that a cell refused a goal: it may be sent to any other.
@@ -75,7 +75,7 @@ impl Journal {
     /// Records a goal's report.
     pub(crate) fn conclude(&self, report: &Report) -> Result<(), DispatchError> {
         let file = self.file(&report.goal_id, "report");
-        Ok(lake::write_whole(&file, &report.to_bytes())?)
+        Ok(lake::write_atomic(&file, &report.to_bytes())?)
     }
 
     /// Ids are hexadecimal digits.

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use cell::{Carrier, Goal};
+use cell::{Goal, PalmTrajectory};
 use robot::{Joint, RobotModel};
 
 use crate::DispatchError;
@@ -51,7 +51,7 @@ impl JointNames {
     pub(crate) fn to_wire(&self, goal: &mut Goal) {
         let names = goal.hand.joints.iter_mut();
         rename(&self.on_wire, names.chain(&mut goal.grasp.flexion_joints));
-        if let Carrier::Arm(arm) = &mut goal.carrier {
+        if let PalmTrajectory::Arm(arm) = &mut goal.carrier {
             rename(&self.on_wire, &mut arm.joints);
         }
     }

@@ -143,7 +143,7 @@ fn order_of(robustness: Option<f64>) -> f64 {
 mod tests {
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::{candidates::Lineage, robustness::TrialVerdict};
+    use schemas::{candidates::DrawSource, robustness::TrialVerdict};
     use spatial::Pose;
 
     use super::*;
@@ -153,7 +153,7 @@ mod tests {
         let candidate = |(idx, x_m): (usize, &f64)| Candidate {
             candidate_id: idx.to_string(),
             generator: String::new(),
-            lineage: Lineage::replayed("a"),
+            lineage: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
@@ -165,7 +165,7 @@ mod tests {
                     time_s: 0.0,
                     frame_from_palm: Pose::new(Isometry3::translation(*x_m, 0.0, 0.1)),
                     q_rad: vec![0.0],
-                    rates: HandRates::still(1),
+                    rates: HandRates::zero(1),
                 }],
             )
             .unwrap(),

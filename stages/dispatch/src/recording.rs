@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use cell::{Carrier, Goal, JointTrack, Report, Sample};
+use cell::{Goal, JointTrack, PalmTrajectory, Report, Sample};
 use lake::recording::Recording;
 use robot::{JointOrder, WrongDof};
 use schemas::{
@@ -12,8 +12,8 @@ use schemas::{
     ros2::{
         JointTrajectory,
         motion::{
-            self, ARM_TRAJECTORY, GRASP_POSE, JOINT_TRAJECTORY, OBJECT, START_NS, Scene, SceneStep,
-            TrajectoryPoint,
+            self, ARM_TRAJECTORY, GRASP_POSE, JOINT_TRAJECTORY, OBJECT, RecordingScene, START_NS,
+            SceneStep, TrajectoryPoint,
         },
     },
 };
@@ -64,7 +64,7 @@ pub(crate) fn record(
         .map_err(|_short| wrong())?;
     let link_poses = |q: &[f64]| robot.forward_kinematics(q).map_err(|_short| wrong());
     let first = samples.first().ok_or_else(wrong)?;
-    let scene = Scene {
+    let scene = RecordingScene {
         urdf: &robot::plain_urdf(setting.robots.urdf()),
         joints: &joints,
         robot,
@@ -77,7 +77,7 @@ pub(crate) fn record(
     recording.write_scene(&scene)?;
     // Under the names on the wire: the cell's commands.
     recording.write_latched(JOINT_TRAJECTORY, START_NS, &trajectory(&goal.hand))?;
-    if let Carrier::Arm(arm) = &goal.carrier {
+    if let PalmTrajectory::Arm(arm) = &goal.carrier {
         recording.write_latched(ARM_TRAJECTORY, START_NS, &trajectory(arm))?;
     }
     let grasp = motion::pose_stamped(START_NS, OBJECT, setting.object_from_grasp);

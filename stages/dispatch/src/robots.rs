@@ -68,7 +68,7 @@ impl Robots {
                 config,
                 robot: &arm.model,
             }),
-            protocol: &config.grasp,
+            protocol: &config.protocol,
             limits: &config.limits,
             rates: config.rates,
         })?)

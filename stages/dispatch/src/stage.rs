@@ -5,7 +5,9 @@ use std::{
     sync::Arc,
 };
 
-use cell::{CellClient, Executed, Goal, Recovered, Rejection, RejectionCode, Report, with_causes};
+use cell::{
+    CellClient, Goal, GoalResult, Recovered, Rejection, RejectionCode, Report, with_causes,
+};
 use dataflow::{
     Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
     Unit,
@@ -125,12 +127,12 @@ impl Output for Dispatch {
                     .reading(Object::NAME, [&rollouts.key])
                     .with_file_of_form(
                         SourceFile::named("hand", &config.hand),
-                        robot_meshes::SHOWN,
+                        robot_meshes::URDF_FORM,
                     );
                 let unit = match &config.arm {
                     Some(arm) => {
                         let robot = SourceFile::named("arm.robot", &arm.robot);
-                        unit.with_file_of_form(robot, robot_meshes::SHOWN)
+                        unit.with_file_of_form(robot, robot_meshes::URDF_FORM)
                     }
                     None => unit,
                 };
@@ -283,7 +285,7 @@ fn send(
                 continue;
             }
         };
-        let bytes = goal.seal().bytes.len();
+        let bytes = goal.encode().bytes.len();
         if bytes > capabilities.max_goal_bytes {
             let most = capabilities.max_goal_bytes;
             let refusal = Refusal::Long { bytes, most };
@@ -360,7 +362,7 @@ impl Sender<'_> {
     /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
     /// this robot until a person has looked, and the next run queries the cell again.
     fn carry_out(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
-        let id = goal.seal().goal_id;
+        let id = goal.encode().goal_id;
         if let Past::Over(report) = self.journal.past(goal, self.joints) {
             return Ok((*report, Moved::Earlier));
         }
@@ -371,7 +373,7 @@ impl Sender<'_> {
 
     fn send_or_recover(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
         let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
-        let id = goal.seal().goal_id;
+        let id = goal.encode().goal_id;
         let unknown = |message: String| unknown(self.cell, goal, message);
         match self.journal.past(goal, self.joints) {
             Past::Over(report) => return Ok((*report, Moved::Earlier)),
@@ -403,9 +405,9 @@ impl Sender<'_> {
             }
         }
         let done = match self.client.execute(goal, self.joints, answer, result)? {
-            Executed::Now(report) => (report, Moved::Now),
-            Executed::Before(report) => (report, Moved::Before),
-            Executed::Unknown(message) => return Err(unknown(message)),
+            GoalResult::Report(report) => (report, Moved::Now),
+            GoalResult::EarlierReport(report) => (report, Moved::Before),
+            GoalResult::Unknown(message) => return Err(unknown(message)),
         };
         let (report, moved) = done;
         if report.outcome != executions::Outcome::Rejected {
@@ -429,7 +431,7 @@ fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
     DispatchError::Unknown {
         cell: cell.to_owned(),
         candidate_id: goal.candidate_id.clone(),
-        goal_id: goal.seal().goal_id,
+        goal_id: goal.encode().goal_id,
         message,
     }
 }

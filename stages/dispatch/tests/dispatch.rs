@@ -8,7 +8,7 @@ use nalgebra::{Isometry3, Vector3};
 use report_dispatch::DispatchReport;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Lineage},
+    candidates::{Candidate, Candidates, DrawSource},
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
     robustness::{Robustness, Robustnesses, TrialVerdict},
@@ -18,7 +18,7 @@ use schemas::{
         motion::{GRASP_POSE, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
     },
 };
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics, Order};
 
 const OBJECT: &str = "cube";
@@ -67,8 +67,8 @@ fn cube() -> Object {
     }
 }
 
-fn rest() -> Rest {
-    Rest {
+fn rest() -> RestingPose {
+    RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: HALF_EDGE_M,
     }
@@ -80,12 +80,12 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         time_s,
         frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, above_m)),
         q_rad: vec![q, q],
-        rates: HandRates::still(2),
+        rates: HandRates::zero(2),
     };
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
-        lineage: Lineage::replayed("a"),
+        lineage: DrawSource::replayed("a"),
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,

@@ -71,12 +71,12 @@ pub(crate) fn write(
         recording.write_latched(MARKERS, START_NS, &markers([shape]))?;
     }
     let table_from_object = demonstration.rest.table_from_object();
-    let reach = demonstration.steps.iter().map(|step| Scene {
+    let reach = demonstration.steps.iter().map(|step| RecordedScene {
         time_s: step.time_s,
         table_from_object,
         keypoints_in_object: Some(step.keypoints_m.map(Point3::from)),
     });
-    let after = after.iter().map(|after| Scene {
+    let after = after.iter().map(|after| RecordedScene {
         time_s: after.time_s,
         table_from_object: table_from_object * after.rest_from_object,
         keypoints_in_object: after.keypoints_in_object,
@@ -124,7 +124,7 @@ pub(crate) fn write(
 }
 
 /// What is shown at one time.
-struct Scene {
+struct RecordedScene {
     time_s: f64,
     table_from_object: Pose<Table, Object>,
     keypoints_in_object: Option<[Point3<f64>; KEYPOINTS]>,

@@ -217,7 +217,6 @@ fn median(values: impl Iterator<Item = f64>) -> Option<f64> {
 
 #[cfg(test)]
 mod tests {
-    use std::io::Write as _;
 
     use nalgebra::{Isometry3, Translation3};
     use rand_chacha::{
@@ -336,15 +335,7 @@ mod tests {
     /// each axis of rotation noise of 10 mrad.
     #[test]
     fn two_millimeters_of_noise_move_the_grasp_by_an_image_at_most() {
-        let root = std::env::var_os("PIPELINE_REAL_DATA")
-            .map(|root| std::path::PathBuf::from(root).join("dexycb-right"))
-            .filter(|root| root.is_dir());
-        let Some(root) = root else {
-            writeln!(
-                std::io::stderr().lock(),
-                "skipped: `PIPELINE_REAL_DATA` holds no `dexycb-right`; see `tests/README.md`"
-            )
-            .unwrap();
+        let Some(root) = measured_data::folder("dexycb-right") else {
             return;
         };
         let mut rng = ChaCha8Rng::seed_from_u64(1);

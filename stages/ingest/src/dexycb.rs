@@ -19,11 +19,11 @@ pub(crate) use self::hand_model::{MAX_MODEL_BYTES, model_file};
 use self::{calibration::Calibration, layout::SequenceFiles};
 use crate::{
     config::{IngestConfig, Landmarks, TableRule},
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     fuse,
     labels::LabelReader,
     reader::{About, Listed, Reader, read},
-    recording::{Ground, Observation, Recording, Standing},
+    recording::{Observation, Recording, StillObject, TableSource},
     selection::Cameras,
     stage::Agreement,
     yaml::{self, Meta},
@@ -69,7 +69,7 @@ impl Reader for DexYcb<'_> {
         self.listed()
     }
 
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
+    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError> {
         layout::files_of(listed, cameras)
     }
 
@@ -77,12 +77,12 @@ impl Reader for DexYcb<'_> {
         layout::META
     }
 
-    fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
+    fn about(&self, files: &[SourceFile]) -> Result<About, RecordingError> {
         let files = SequenceFiles::sort(files);
         about(&meta(&files)?, &files)
     }
 
-    fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
+    fn read(&self, files: &[SourceFile]) -> Result<Recording, RecordingError> {
         let files = SequenceFiles::sort(files);
         let meta = meta(&files)?;
         let about = about(&meta, &files)?;
@@ -93,8 +93,8 @@ impl Reader for DexYcb<'_> {
             subject: about.subject,
             hand: about.hand,
             ground: match (self.table, calibration.world_from_tag()?) {
-                (TableRule::Tag, Some(tag)) => Ground::Tag(tag),
-                _ => Ground::Standing {
+                (TableRule::Tag, Some(tag)) => TableSource::Tag(tag),
+                _ => TableSource::StillObject {
                     others: Vec::new(),
                     above: calibration.middle_of_cameras(&meta.serials)?,
                 },
@@ -140,16 +140,16 @@ impl DexYcb<'_> {
         meta: &Meta,
         files: &SequenceFiles<'_>,
         calibration: &Calibration<'_>,
-    ) -> Result<Seen, Unusable> {
+    ) -> Result<Seen, RecordingError> {
         let cameras = meta
             .serials
             .iter()
             .filter_map(|serial| Some((serial, files.labels.get(serial.as_str())?)))
             .map(|(serial, labels)| Ok((calibration.world_from_camera(serial)?, labels)))
-            .collect::<Result<Vec<_>, Unusable>>()?;
+            .collect::<Result<Vec<_>, RecordingError>>()?;
         let is_posed = files.hand_model.is_some() && self.landmarks != Landmarks::Labels;
         if cameras.is_empty() && !is_posed {
-            return Err(Unusable::NoLabels);
+            return Err(RecordingError::NoLabels);
         }
         let n_images = usize::try_from(meta.num_frames).unwrap_or(usize::MAX);
         let mut reader = LabelReader::default();
@@ -200,7 +200,7 @@ fn add_poses(
     meta: &Meta,
     file: &SourceFile,
     bytes: &[u8],
-) -> Result<(), Unusable> {
+) -> Result<(), RecordingError> {
     let poses = poses::objects(file, bytes, recording.images.len(), meta.ycb_ids.len())?;
     let Some(grasped) = poses.get(meta.ycb_grasp_ind) else {
         return Ok(());
@@ -209,14 +209,14 @@ fn add_poses(
     for (image, pose) in recording.images.iter_mut().zip(grasped) {
         image.world_from_object = image.world_from_object.or(*pose);
     }
-    if let Ground::Standing { others, .. } = &mut recording.ground {
+    if let TableSource::StillObject { others, .. } = &mut recording.ground {
         let scene = poses.into_iter().enumerate().zip(&meta.ycb_ids);
         others.extend(
             scene
                 .filter(|((number, _), _)| *number != meta.ycb_grasp_ind)
                 .filter_map(|((_, poses), &id)| {
                     let object = crate::ycb::name(id)?.to_owned();
-                    Some(Standing { object, poses })
+                    Some(StillObject { object, poses })
                 }),
         );
     }
@@ -229,7 +229,7 @@ fn check_agreement(
     recording: &mut Recording,
     grasped: &[Option<Pose<World, Object>>],
     file: &SourceFile,
-) -> Result<(), Unusable> {
+) -> Result<(), RecordingError> {
     let both = recording.images.iter().zip(grasped);
     let mut distances: Vec<f64> = both
         .filter_map(|(image, pose)| Some((image.world_from_object?, (*pose)?)))
@@ -240,7 +240,7 @@ fn check_agreement(
         return Ok(());
     };
     if median_m > MAX_DISAGREEMENT_M {
-        return Err(Unusable::Value {
+        return Err(RecordingError::Value {
             what: format!(
                 "`pose_y` of the labels is {median_m:.2} m (or ten times as many radians) from that"
             ),
@@ -252,13 +252,13 @@ fn check_agreement(
 }
 
 /// Reads `meta.yml`.
-fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
-    let file = files.meta.ok_or_else(|| Unusable::Missing {
+fn meta(files: &SequenceFiles<'_>) -> Result<Meta, RecordingError> {
+    let file = files.meta.ok_or_else(|| RecordingError::Missing {
         file: layout::META.to_owned(),
     })?;
     let meta: Meta = read_yaml(file)?;
     let refuse = |what: String| {
-        Err(Unusable::Value {
+        Err(RecordingError::Value {
             what,
             file: file.name.clone(),
         })
@@ -281,8 +281,8 @@ fn meta(files: &SequenceFiles<'_>) -> Result<Meta, Unusable> {
 }
 
 /// Returns what `meta.yml` says, or what is wrong with it.
-fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, Unusable> {
-    let value = |what: String| Unusable::Value {
+fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, RecordingError> {
+    let value = |what: String| RecordingError::Value {
         what,
         file: files.meta.map(|file| file.name.clone()).unwrap_or_default(),
     };
@@ -302,8 +302,8 @@ fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, Unusable> {
     layout::about(&files.subject, meta).ok_or_else(|| value(format!("object {number} has no name")))
 }
 
-fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, Unusable> {
-    yaml::parse(&read(file, MAX_YAML_BYTES)?).map_err(|source| Unusable::Yaml {
+fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, RecordingError> {
+    yaml::parse(&read(file, MAX_YAML_BYTES)?).map_err(|source| RecordingError::Yaml {
         file: file.name.clone(),
         source,
     })

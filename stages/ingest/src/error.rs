@@ -74,7 +74,7 @@ pub enum IngestError {
         /// Recordings that there are.
         found: usize,
         /// What is wrong with the first one.
-        source: Unusable,
+        source: RecordingError,
     },
     /// Landmarks are asked of hand models, but no folder of them is named.
     #[error("`landmarks` asks for hand models, but `mano_models` names no folder of them")]
@@ -87,7 +87,7 @@ pub enum IngestError {
     },
     /// A hand model cannot be read.
     #[error("the hand model cannot be used")]
-    HandModel(#[source] Unusable),
+    HandModel(#[source] RecordingError),
     /// An object of the pipeline file has a name that no partition can have.
     #[error(
         "`{name}` below `meshes` is not a name for an object: letters, digits, `_` and `-` only"
@@ -110,7 +110,7 @@ pub enum IngestError {
         /// The object's name.
         object: String,
         /// What is wrong with the file named.
-        source: Unusable,
+        source: RecordingError,
     },
     /// A directory of the dataset could not be listed.
     #[error("cannot list the folder `{}`", path.display())]
@@ -230,7 +230,7 @@ fn remedy(source: &io::Error) -> &'static str {
 /// Why one recording or one object could not be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Unusable {
+pub enum RecordingError {
     /// A file is not there.
     #[error("no `{file}`")]
     Missing {

@@ -8,7 +8,7 @@ use std::{
     path::{Component, Path, PathBuf},
 };
 
-use crate::error::{IngestError, Unusable};
+use crate::error::{IngestError, RecordingError};
 
 /// Folders that are listed at most in search of the dataset's root.
 const SEARCHED: usize = 2000;
@@ -25,7 +25,7 @@ pub(crate) struct RecordingFolder {
     /// Its path.
     pub(crate) path: PathBuf,
     /// Why its name or its folder makes it unreadable, if so.
-    pub(crate) fault: Option<Unusable>,
+    pub(crate) fault: Option<RecordingError>,
 }
 
 /// Lists the folders `SUBJECT/SEQUENCE` that hold one of these files, or something in its place, ordered
@@ -47,8 +47,8 @@ pub(crate) fn recordings(root: &Path, files: &[&str]) -> Result<Vec<RecordingFol
             let fault = match holds_one(&path, files) {
                 Ok(false) => continue,
                 Ok(true) if is_named => None,
-                Ok(true) => Some(Unusable::NotUtf8 { name: name.clone() }),
-                Err(source) => Some(Unusable::Unreadable {
+                Ok(true) => Some(RecordingError::NotUtf8 { name: name.clone() }),
+                Err(source) => Some(RecordingError::Unreadable {
                     file: name.clone(),
                     source,
                 }),

@@ -14,7 +14,7 @@ use schemas::demonstrations::KEYPOINTS;
 use spatial::{Camera, Object, Pose};
 
 use crate::{
-    error::Unusable,
+    error::RecordingError,
     npz::{self, Arrays, NpzError, Unpacker},
     recording::Keypoints,
     yaml,
@@ -78,10 +78,10 @@ impl LabelReader {
         file: &SourceFile,
         n_objects: usize,
         grasped: usize,
-    ) -> Result<Labels, Unusable> {
+    ) -> Result<Labels, RecordingError> {
         let len = self.fill(file)?;
         let bytes = self.file.get(..len).unwrap_or_default();
-        let npz = |source| Unusable::Npz {
+        let npz = |source| RecordingError::Npz {
             file: file.name.clone(),
             source,
         };
@@ -89,7 +89,7 @@ impl LabelReader {
         let numbers = &mut self.numbers;
         let keypoints_in_camera = keypoints(&mut arrays, numbers).map_err(npz)?;
         let camera_from_object = match pose_rows(&mut arrays, numbers, n_objects, grasped) {
-            Ok(Some(rows)) => Some(yaml::pose(&rows).ok_or_else(|| Unusable::Value {
+            Ok(Some(rows)) => Some(yaml::pose(&rows).ok_or_else(|| RecordingError::Value {
                 what: "`pose_y` is not a rotation and a translation".to_owned(),
                 file: file.name.clone(),
             })?),
@@ -106,8 +106,8 @@ impl LabelReader {
     ///
     /// Neither its length is asked for nor its end, as long as what was read ends as an archive
     /// does: each costs as much as reading.
-    fn fill(&mut self, file: &SourceFile) -> Result<usize, Unusable> {
-        let unreadable = |source| Unusable::Unreadable {
+    fn fill(&mut self, file: &SourceFile) -> Result<usize, RecordingError> {
+        let unreadable = |source| RecordingError::Unreadable {
             file: file.name.clone(),
             source,
         };
@@ -126,7 +126,7 @@ impl LabelReader {
                 Err(err) => return Err(unreadable(err)),
             }
             if len > MAX_LABEL_LEN {
-                return Err(Unusable::TooLarge {
+                return Err(RecordingError::TooLarge {
                     file: file.name.clone(),
                     found: opened.metadata().map_err(unreadable)?.len(),
                     limit: MAX_LABEL_BYTES,

@@ -45,7 +45,7 @@ mod yaml;
 mod ycb;
 
 pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
-pub use error::{IngestError, Unusable};
+pub use error::{IngestError, RecordingError};
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
 pub use selection::Split;

@@ -51,7 +51,7 @@ pub(crate) fn mirror(demonstration: &mut Demonstration, plane: &MirrorPlane, han
 mod tests {
     use nalgebra::Vector3;
     use schemas::demonstrations::{KEYPOINTS, Step};
-    use spatial::Rest;
+    use spatial::RestingPose;
 
     use super::*;
 
@@ -64,7 +64,7 @@ mod tests {
             mirrored: false,
             start_reason: String::new(),
             end_reason: String::new(),
-            rest: Rest {
+            rest: RestingPose {
                 up_in_object: Unit::new_normalize(Vector3::new(0.6, 0.0, 0.8)),
                 height_m: 0.04,
             },

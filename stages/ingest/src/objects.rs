@@ -1,10 +1,10 @@
 //! From an object's mesh to what grasping and physics need to know of it.
 
-use geometry::{StableRest, TriMesh};
+use geometry::{StablePose, TriMesh};
 use nalgebra::Point3;
 use schemas::objects::{Mirror, Object, RestingOrientation};
 
-use crate::error::Unusable;
+use crate::error::RecordingError;
 
 /// What a shape is made from.
 pub(crate) struct Source<'a> {
@@ -30,8 +30,8 @@ pub(crate) struct Source<'a> {
 /// # Errors
 ///
 /// Fails if the mesh cannot be read or spans no volume.
-pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> {
-    let unusable = |reason: String| Unusable::Mesh {
+pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), RecordingError> {
+    let unusable = |reason: String| RecordingError::Mesh {
         file: source.mesh_file.to_owned(),
         reason,
     };
@@ -70,7 +70,7 @@ pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), Unusable> 
     Ok((object, mesh))
 }
 
-fn unseen(stable: &StableRest) -> RestingOrientation {
+fn unseen(stable: &StablePose) -> RestingOrientation {
     RestingOrientation {
         rest: stable.rest,
         seen_n: 0,

@@ -11,7 +11,7 @@ use std::{
 
 use dataflow::SourceFile;
 
-use crate::error::Unusable;
+use crate::error::RecordingError;
 
 /// The right to read of owner, group and others.
 const READABLE: u32 = 0o444;
@@ -21,12 +21,12 @@ const READABLE: u32 = 0o444;
 /// # Errors
 ///
 /// Fails if it is not a regular file, has more than `limit` bytes or is not readable.
-pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, Unusable> {
-    let unreadable = |source| Unusable::Unreadable {
+pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, RecordingError> {
+    let unreadable = |source| RecordingError::Unreadable {
         file: file.name.clone(),
         source,
     };
-    let other = |found| Unusable::NotAFile {
+    let other = |found| RecordingError::NotAFile {
         file: file.name.clone(),
         found,
     };
@@ -44,7 +44,7 @@ pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, Unusable> 
         return Err(other(kind(metadata.file_type())));
     }
     if metadata.len() > limit {
-        return Err(Unusable::TooLarge {
+        return Err(RecordingError::TooLarge {
             file: file.name.clone(),
             found: metadata.len(),
             limit,

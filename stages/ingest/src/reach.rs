@@ -2,12 +2,12 @@
 
 use nalgebra::Point3;
 use schemas::demonstrations::{Demonstration, Step};
-use spatial::{Object, Pose, Rest, World};
+use spatial::{Object, Pose, RestingPose, World};
 
 use crate::{
     config::{IngestConfig, ReachRule},
     departure::{self, Departure, Rule},
-    error::Unusable,
+    error::RecordingError,
     recording::{Keypoints, Recording},
 };
 
@@ -19,16 +19,16 @@ use crate::{
 pub(crate) fn departure(
     recording: &Recording,
     config: &IngestConfig,
-) -> Result<Departure, Unusable> {
+) -> Result<Departure, RecordingError> {
     let poses = object_poses(recording);
     if poses.iter().all(Option::is_none) {
-        return Err(Unusable::NoObject);
+        return Err(RecordingError::NoObject);
     }
     match config.reach {
         ReachRule::Robust => departure::find(&poses, &Rule::from(config)),
         ReachRule::Released => departure::released(&poses, config.move_threshold_m),
     }
-    .ok_or(Unusable::NeverMoves)
+    .ok_or(RecordingError::NeverMoves)
 }
 
 fn object_poses(recording: &Recording) -> Vec<Option<Pose<World, Object>>> {
@@ -46,9 +46,9 @@ pub(crate) fn reach(
     sequence: &str,
     recording: &Recording,
     departure: &Departure,
-    rest: Rest,
+    rest: RestingPose,
     config: &IngestConfig,
-) -> Result<Demonstration, Unusable> {
+) -> Result<Demonstration, RecordingError> {
     let hands: Vec<Option<Keypoints>> = recording
         .images
         .iter()
@@ -57,12 +57,12 @@ pub(crate) fn reach(
     let first = hands
         .iter()
         .position(Option::is_some)
-        .ok_or(Unusable::NoHand)?;
+        .ok_or(RecordingError::NoHand)?;
     let n_steps = departure
         .last
         .map_or(0, |last| (last + 1).saturating_sub(first));
     if n_steps < config.min_steps_n {
-        return Err(Unusable::TooShort {
+        return Err(RecordingError::TooShort {
             found: n_steps,
             min: config.min_steps_n,
         });
@@ -121,7 +121,7 @@ fn bridged(
     hands: &[Option<Keypoints>],
     image: usize,
     max_gap_n: usize,
-) -> Result<Keypoints, Unusable> {
+) -> Result<Keypoints, RecordingError> {
     let seen = |idx: usize| hands.get(idx).copied().flatten();
     if let Some(hand) = seen(image) {
         return Ok(hand);
@@ -132,7 +132,7 @@ fn bridged(
     let end = after.map_or(hands.len(), |(idx, _)| idx);
     let (Some((_, before)), Some((_, after)), true) = (before, after, end - start <= max_gap_n)
     else {
-        return Err(Unusable::Gap {
+        return Err(RecordingError::Gap {
             image: start,
             found: end - start,
             max: max_gap_n,
@@ -154,7 +154,7 @@ mod tests {
     use super::*;
     use crate::{
         fixture,
-        recording::{Ground, Observation, Tag},
+        recording::{Observation, TableSource, Tag},
         stage::Agreement,
         table,
     };
@@ -178,7 +178,7 @@ mod tests {
             object: "025_mug".to_owned(),
             subject: "a".to_owned(),
             hand: Side::Right,
-            ground: Ground::Tag(world_from_tag()),
+            ground: TableSource::Tag(world_from_tag()),
             images,
             agreement: Agreement::default(),
         }
@@ -188,7 +188,7 @@ mod tests {
         Pose::new(Isometry3::translation(0.0, 0.0, 0.9))
     }
 
-    fn reach_with(recording: &Recording, rule: ReachRule) -> Result<Demonstration, Unusable> {
+    fn reach_with(recording: &Recording, rule: ReachRule) -> Result<Demonstration, RecordingError> {
         let config = IngestConfig {
             reach: rule,
             ..fixture::config()
@@ -198,7 +198,7 @@ mod tests {
         reach("a-b", recording, &departure, rest, &config)
     }
 
-    fn reach_of(recording: &Recording) -> Result<Demonstration, Unusable> {
+    fn reach_of(recording: &Recording) -> Result<Demonstration, RecordingError> {
         reach_with(recording, ReachRule::Robust)
     }
 

@@ -15,7 +15,7 @@ use schemas::demonstrations::Side;
 use crate::{
     config::{Format, IngestConfig},
     dexycb::DexYcb,
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     folders::RecordingFolder,
     place,
     recording::Recording,
@@ -37,7 +37,7 @@ pub(crate) trait Reader {
     /// # Errors
     ///
     /// Fails if a folder cannot be listed, or if something else than such a file lies in a file's place.
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable>;
+    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError>;
 
     /// Returns the name of a recording's metadata file.
     fn description(&self) -> &'static str;
@@ -47,14 +47,14 @@ pub(crate) trait Reader {
     /// # Errors
     ///
     /// Fails if the metadata file is damaged or missing.
-    fn about(&self, files: &[SourceFile]) -> Result<About, Unusable>;
+    fn about(&self, files: &[SourceFile]) -> Result<About, RecordingError>;
 
     /// Parses a recording from its files.
     ///
     /// # Errors
     ///
     /// Fails if a file is damaged, or one without which there is no recording is missing.
-    fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable>;
+    fn read(&self, files: &[SourceFile]) -> Result<Recording, RecordingError>;
 }
 
 /// Returns the reader of the configured dataset.
@@ -75,7 +75,7 @@ pub(crate) struct Listed {
     /// Its folder.
     pub(crate) path: PathBuf,
     /// Why it is unreadable, as detected while listing.
-    pub(crate) fault: Option<Unusable>,
+    pub(crate) fault: Option<RecordingError>,
     /// Its metadata; `None` if the metadata file is unusable, which is reported when the recording is
     /// read.
     pub(crate) about: Option<About>,
@@ -132,7 +132,7 @@ pub(crate) struct About {
 /// Fails with the first that is no such file.
 pub(crate) fn those_there(
     files: impl IntoIterator<Item = (SourceFile, u64)>,
-) -> Result<Vec<SourceFile>, Unusable> {
+) -> Result<Vec<SourceFile>, RecordingError> {
     let mut there = Vec::new();
     for (file, limit) in files {
         if place::is_there(&file, limit)? {
@@ -168,15 +168,15 @@ pub(crate) fn glance(path: &Path, limit: u64) -> Vec<u8> {
 }
 
 /// Reads a file of at most `limit` bytes.
-pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, Unusable> {
-    let unreadable = |source| Unusable::Unreadable {
+pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, RecordingError> {
+    let unreadable = |source| RecordingError::Unreadable {
         file: file.name.clone(),
         source,
     };
     let mut opened = File::open(&file.path).map_err(unreadable)?;
     let found = opened.metadata().map_err(unreadable)?.len();
     if found > limit {
-        return Err(Unusable::TooLarge {
+        return Err(RecordingError::TooLarge {
             file: file.name.clone(),
             found,
             limit,

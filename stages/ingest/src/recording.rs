@@ -22,7 +22,7 @@ pub(crate) struct Recording {
     /// The hand that grasps.
     pub(crate) hand: Side,
     /// The source of the table's pose.
-    pub(crate) ground: Ground,
+    pub(crate) ground: TableSource,
     /// The content of each image, by the image's number.
     pub(crate) images: Vec<Observation>,
     /// How well the sources agree.
@@ -31,13 +31,13 @@ pub(crate) struct Recording {
 
 /// What says where the table is.
 #[derive(Debug, Clone)]
-pub(crate) enum Ground {
+pub(crate) enum TableSource {
     /// A tag lies on it.
     Tag(Pose<World, Tag>),
     /// Nothing marks it, but still objects stood on it.
-    Standing {
+    StillObject {
         /// The objects of the scene but the grasped one.
-        others: Vec<Standing>,
+        others: Vec<StillObject>,
         /// A place above the table, such as the middle of the cameras, in the world.
         above: Option<Point3<f64>>,
     },
@@ -45,7 +45,7 @@ pub(crate) enum Ground {
 
 /// An untouched object of the scene.
 #[derive(Debug, Clone)]
-pub(crate) struct Standing {
+pub(crate) struct StillObject {
     /// Its name.
     pub(crate) object: String,
     /// Its pose in each image, where it is seen.

@@ -3,7 +3,7 @@
 
 use nalgebra::{Unit, Vector3};
 use schemas::objects::{Object, RestingOrientation};
-use spatial::Rest;
+use spatial::RestingPose;
 
 /// Orientations closer than this are merged: 20 degrees, in radians.
 const SAME_RAD: f64 = 20.0 * std::f64::consts::PI / 180.0;
@@ -96,13 +96,13 @@ fn clusters(directions: &[Unit<Vector3<f64>>]) -> Vec<(Unit<Vector3<f64>>, u32)>
 }
 
 /// Returns the rest in which the mesh's lowest point touches the table.
-fn lying(object: &Object, up_in_object: Unit<Vector3<f64>>) -> Rest {
+fn lying(object: &Object, up_in_object: Unit<Vector3<f64>>) -> RestingPose {
     let lowest_m = object
         .vertices_m
         .iter()
         .map(|&vertex| Vector3::from(vertex).dot(&up_in_object))
         .fold(f64::INFINITY, f64::min);
-    Rest {
+    RestingPose {
         up_in_object,
         height_m: if lowest_m.is_finite() { -lowest_m } else { 0.0 },
     }

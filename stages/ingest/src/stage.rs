@@ -6,7 +6,7 @@ mod metrics;
 mod units;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Unit,
+    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
 };
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
@@ -58,7 +58,7 @@ impl Output for Shapes {
     const ARTIFACT: &'static str = "shapes";
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
-    const OPTIONS: Options = Options::Only(&["points_n", "max_convex_parts_n"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Only(&["points_n", "max_convex_parts_n"]);
 
     fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, IngestError> {
         units::shapes(config)
@@ -85,7 +85,7 @@ impl Output for Demonstrations {
     const SCHEMA: &'static str = Demonstration::VERSION;
     const PARTITION: &'static str = Demonstration::PARTITION;
     /// The others choose units and files, or decide shapes.
-    const OPTIONS: Options = Options::Except(&[
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&[
         "subjects",
         "objects",
         "split",
@@ -120,7 +120,7 @@ impl Output for Objects {
     const ARTIFACT: &'static str = Object::NAME;
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = Object::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
 
     fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
         Ok(units::objects(scope))

@@ -1,20 +1,20 @@
 //! Pose of the table, and resting orientation of the grasped object on it.
 
-use geometry::{StableRest, Standing, TablePlane, TriMesh};
+use geometry::{StablePose, StillObject, TablePlane, TriMesh};
 use nalgebra::{Point3, Unit, Vector3};
 use schemas::objects;
-use spatial::{Object, Pose, Rest, World};
+use spatial::{Object, Pose, RestingPose, World};
 
 use crate::{
     departure,
-    error::Unusable,
-    recording::{Ground, Recording, Tag},
+    error::RecordingError,
+    recording::{Recording, TableSource, Tag},
 };
 
 /// Resting orientation of the grasped object on the table, and its source.
-pub(crate) struct Lying {
+pub(crate) struct TablePose {
     /// The resting orientation.
-    pub(crate) rest: Rest,
+    pub(crate) rest: RestingPose,
     /// The table's plane, if estimated from still objects.
     pub(crate) plane: Option<TablePlane>,
 }
@@ -29,13 +29,13 @@ pub(crate) fn lying(
     world_from_object: &Pose<World, Object>,
     shapes: &[objects::Object],
     min_objects_n: usize,
-) -> Result<Lying, Unusable> {
+) -> Result<TablePose, RecordingError> {
     match &recording.ground {
-        Ground::Tag(world_from_tag) => Ok(Lying {
+        TableSource::Tag(world_from_tag) => Ok(TablePose {
             rest: on_tag(world_from_tag, world_from_object),
             plane: None,
         }),
-        Ground::Standing { others, above } => {
+        TableSource::StillObject { others, above } => {
             let others = others.iter().filter_map(|other| {
                 Some((other.object.as_str(), departure::middle(&other.poses)?))
             });
@@ -46,9 +46,9 @@ pub(crate) fn lying(
                     Some((pose, Shape::of(shapes.iter().find(|s| s.name == name)?)))
                 })
                 .collect();
-            let standing: Vec<Standing<'_>> = scene
+            let standing: Vec<StillObject<'_>> = scene
                 .iter()
-                .map(|(world_from_object, shape)| Standing {
+                .map(|(world_from_object, shape)| StillObject {
                     world_from_object: *world_from_object,
                     rests: &shape.rests,
                     vertices_m: &shape.vertices_m,
@@ -56,14 +56,14 @@ pub(crate) fn lying(
                 .collect();
             let origin = world_from_object.translation.vector;
             let toward = above.map(|above| above.coords - origin);
-            let plane = geometry::table_plane(&standing, toward).ok_or(Unusable::NoTable)?;
+            let plane = geometry::table_plane(&standing, toward).ok_or(RecordingError::NoTable)?;
             if plane.agreeing_n < min_objects_n {
-                return Err(Unusable::FewOnTable {
+                return Err(RecordingError::FewOnTable {
                     found: plane.agreeing_n,
                     min: min_objects_n,
                 });
             }
-            Ok(Lying {
+            Ok(TablePose {
                 rest: on_plane(&plane, world_from_object),
                 plane: Some(plane),
             })
@@ -73,13 +73,13 @@ pub(crate) fn lying(
 
 /// What a shape says about how it can stand.
 struct Shape {
-    rests: Vec<StableRest>,
+    rests: Vec<StablePose>,
     vertices_m: Vec<Point3<f64>>,
 }
 
 impl Shape {
     fn of(shape: &objects::Object) -> Self {
-        let rests = shape.rests.iter().map(|rest| StableRest {
+        let rests = shape.rests.iter().map(|rest| StablePose {
             rest: rest.rest,
             probability: rest.probability,
         });
@@ -91,10 +91,10 @@ impl Shape {
 }
 
 /// Returns the resting orientation of an object on a plane.
-fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest {
+fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> RestingPose {
     let up_in_object = world_from_object.inverse() * *plane.up;
     let origin = world_from_object.translation.vector;
-    Rest {
+    RestingPose {
         up_in_object: Unit::new_normalize(up_in_object),
         height_m: plane.up.dot(&origin) - plane.height_m,
     }
@@ -104,17 +104,17 @@ fn on_plane(plane: &TablePlane, world_from_object: &Pose<World, Object>) -> Rest
 pub(crate) fn on_tag(
     world_from_tag: &Pose<World, Tag>,
     world_from_object: &Pose<World, Object>,
-) -> Rest {
+) -> RestingPose {
     let tag_from_object = world_from_tag.inverse() * *world_from_object;
     let up_in_object = tag_from_object.inverse() * Vector3::z();
-    Rest {
+    RestingPose {
         up_in_object: Unit::new_normalize(up_in_object),
         height_m: tag_from_object.translation.z,
     }
 }
 
 /// Returns the height of a mesh's lowest point above the table, in meters; `None` without vertices.
-pub(crate) fn lowest_m(mesh: &TriMesh, rest: &Rest) -> Option<f64> {
+pub(crate) fn lowest_m(mesh: &TriMesh, rest: &RestingPose) -> Option<f64> {
     let heights = mesh
         .vertices_m
         .iter()

@@ -19,11 +19,11 @@ use spatial::Pose;
 
 use crate::{
     config::{IngestConfig, TableRule},
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
     npz::Arrays,
     reader::{self, About, Listed, Reader, glance, those_there},
-    recording::{Ground, Observation, Recording},
+    recording::{Observation, Recording, TableSource},
     selection::Cameras,
     stage::Agreement,
     yaml,
@@ -92,7 +92,7 @@ impl Reader for Tracks<'_> {
         Ok(listed)
     }
 
-    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
+    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError> {
         let files = [(ABOUT, MAX_ABOUT_BYTES), (TRACK, MAX_TRACK_BYTES)];
         those_there(files.map(|(name, limit)| (listed.file(name), limit)))
     }
@@ -101,22 +101,24 @@ impl Reader for Tracks<'_> {
         ABOUT
     }
 
-    fn about(&self, files: &[SourceFile]) -> Result<About, Unusable> {
+    fn about(&self, files: &[SourceFile]) -> Result<About, RecordingError> {
         let (file, description) = describe(files)?;
         Ok(description.about(subject(file)))
     }
 
-    fn read(&self, files: &[SourceFile]) -> Result<Recording, Unusable> {
+    fn read(&self, files: &[SourceFile]) -> Result<Recording, RecordingError> {
         let (file, description) = describe(files)?;
         let ground = match self.table_of(&description) {
-            None => Ground::Standing {
+            None => TableSource::StillObject {
                 others: Vec::new(),
                 above: None,
             },
-            Some(rows) => Ground::Tag(yaml::pose(rows).ok_or_else(|| Unusable::Value {
-                what: "`table` is not a rotation and a translation".to_owned(),
-                file: file.name.clone(),
-            })?),
+            Some(rows) => {
+                TableSource::Tag(yaml::pose(rows).ok_or_else(|| RecordingError::Value {
+                    what: "`table` is not a rotation and a translation".to_owned(),
+                    file: file.name.clone(),
+                })?)
+            }
         };
         let About {
             subject,
@@ -167,15 +169,15 @@ fn subject(file: &SourceFile) -> &str {
 }
 
 /// Finds and reads `track.yml`.
-fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Unusable> {
+fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), RecordingError> {
     let file = find(files, ABOUT)?;
     let bytes = reader::read(file, MAX_ABOUT_BYTES)?;
-    let description: Description = yaml::parse(&bytes).map_err(|source| Unusable::Yaml {
+    let description: Description = yaml::parse(&bytes).map_err(|source| RecordingError::Yaml {
         file: file.name.clone(),
         source,
     })?;
     if !description.names_an_object() {
-        return Err(Unusable::Value {
+        return Err(RecordingError::Value {
             what: format!(
                 "`object` is `{}`: a name has letters, digits, `_` and `-` only",
                 description.object.escape_debug()
@@ -184,7 +186,7 @@ fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Unusable
         });
     }
     if description.images > MAX_IMAGES {
-        return Err(Unusable::Value {
+        return Err(RecordingError::Value {
             what: format!("`images` is {}, more than {MAX_IMAGES}", description.images),
             file: file.name.clone(),
         });
@@ -192,20 +194,20 @@ fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Unusable
     Ok((file, description))
 }
 
-fn find<'a>(files: &'a [SourceFile], name: &str) -> Result<&'a SourceFile, Unusable> {
+fn find<'a>(files: &'a [SourceFile], name: &str) -> Result<&'a SourceFile, RecordingError> {
     files
         .iter()
         .find(|file| file.name.ends_with(&format!("/{name}")))
-        .ok_or_else(|| Unusable::Missing {
+        .ok_or_else(|| RecordingError::Missing {
             file: name.to_owned(),
         })
 }
 
 /// Reads `track.npz`.
-fn images(files: &[SourceFile], n_images: u64) -> Result<Vec<Observation>, Unusable> {
+fn images(files: &[SourceFile], n_images: u64) -> Result<Vec<Observation>, RecordingError> {
     let file = find(files, TRACK)?;
     let bytes = reader::read(file, MAX_TRACK_BYTES)?;
-    let npz = |source| Unusable::Npz {
+    let npz = |source| RecordingError::Npz {
         file: file.name.clone(),
         source,
     };
@@ -227,7 +229,7 @@ fn images(files: &[SourceFile], n_images: u64) -> Result<Vec<Observation>, Unusa
             Ok(Observation {
                 keypoints_in_world: keypoints(hand),
                 cameras_n: 0,
-                world_from_object: pose.map_err(|err| Unusable::Value {
+                world_from_object: pose.map_err(|err| RecordingError::Value {
                     what: format!("`world_from_object`: {err}"),
                     file: file.name.clone(),
                 })?,

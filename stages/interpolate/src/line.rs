@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
-use schemas::candidates::{Candidate, Lineage, Origin};
+use schemas::candidates::{Candidate, DrawSource, Origin};
 use spatial::{Object, Pose, Twist};
 
 /// What the candidates say drew them.
@@ -27,7 +27,7 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
         }
         only => {
             let at_rest = |step: &Step<Object>| Step {
-                rates: HandRates::still(step.q_rad.len()),
+                rates: HandRates::zero(step.q_rad.len()),
                 ..step.clone()
             };
             only.iter().map(at_rest).collect()
@@ -36,7 +36,7 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
-        lineage: Lineage {
+        lineage: DrawSource {
             draw_n: 1,
             origin: Origin::Line,
             ..given.lineage.clone()
@@ -77,9 +77,9 @@ impl<'a> Line<'a> {
             palm_velocity: Twist::new(way / duration_s, turn / duration_s),
             joints: JointRates {
                 velocity: q_velocity.collect(),
-                ..JointRates::still(dof)
+                ..JointRates::zero(dof)
             },
-            ..HandRates::still(dof)
+            ..HandRates::zero(dof)
         };
         Self {
             first,
@@ -145,7 +145,7 @@ mod tests {
         Candidate {
             candidate_id: "can-00007".to_owned(),
             generator: "cgf".to_owned(),
-            lineage: Lineage {
+            lineage: DrawSource {
                 draw_n: 3,
                 origin: Origin::Posterior,
                 demonstration: "a".to_owned(),
@@ -184,7 +184,7 @@ mod tests {
         let line = line(&motion).unwrap();
         assert_eq!(line.candidate_id, "can-00007-line");
         assert_eq!(line.generator, "interpolate");
-        let expected = Lineage {
+        let expected = DrawSource {
             draw_n: 1,
             origin: Origin::Line,
             ..motion.lineage.clone()
@@ -270,6 +270,6 @@ mod tests {
         let (found, given) = (line.motion.first(), short.motion.first());
         assert_eq!(found.frame_from_palm, given.frame_from_palm);
         assert_eq!((&found.q_rad, found.time_s), (&given.q_rad, given.time_s));
-        assert_eq!(found.rates, HandRates::still(2));
+        assert_eq!(found.rates, HandRates::zero(2));
     }
 }

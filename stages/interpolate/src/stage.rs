@@ -1,7 +1,7 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Code, Context, Inputs, Line, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
@@ -12,7 +12,7 @@ use crate::{InterpolateConfig, InterpolateError, line::line};
 pub struct Interpolate;
 
 dataflow::metrics! {
-    /// What is said of an object's lines.
+    /// Metrics of an object's lines.
     pub struct InterpolateMetrics {
         /// How many there are.
         candidates: Sum,
@@ -43,7 +43,7 @@ impl Output for Interpolate {
         format!("{} objects → {candidates} straight lines", summary.n_made)
     });
     /// `objects` only chooses units.
-    const OPTIONS: Options = Options::Except(&["objects"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
         let given = scope.partitions(Candidates::NAME).iter();
@@ -108,7 +108,7 @@ mod tests {
     use dataflow::{Advise, Artifact, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::{Candidate, Lineage};
+    use schemas::candidates::{Candidate, DrawSource};
     use spatial::Pose;
 
     use super::*;
@@ -119,12 +119,12 @@ mod tests {
             time_s: between_s * f64::from(number),
             frame_from_palm: Pose::new(Isometry3::translation(f64::from(number), 0.0, 0.0)),
             q_rad: vec![f64::from(number).powi(2)],
-            rates: HandRates::still(1),
+            rates: HandRates::zero(1),
         };
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
-            lineage: Lineage::replayed("a"),
+            lineage: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,

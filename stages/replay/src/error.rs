@@ -30,7 +30,7 @@ pub enum ReplayError {
         second: String,
     },
     /// A trajectory changes too fast for its rates to be numbers.
-    #[error("a trajectory has no accelerations")]
+    #[error("the palm's acceleration in a trajectory overflows")]
     Motion(#[from] MotionError),
     /// An artifact cannot be read or written.
     #[error(transparent)]

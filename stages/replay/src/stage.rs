@@ -7,8 +7,8 @@ use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Motion, MotionError};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Lineage},
-    trajectories::{Rates, Trajectory},
+    candidates::{Candidate, Candidates, DrawSource},
+    trajectories::{Trajectory, TrajectoryRates},
 };
 use spatial::{Object, Twist};
 
@@ -18,7 +18,7 @@ use crate::{ReplayConfig, ReplayError};
 pub struct Replay;
 
 dataflow::metrics! {
-    /// What is said of an object's candidates.
+    /// Metrics of an object's candidates.
     pub struct ReplayMetrics {
         /// How many there are.
         candidates: Sum,
@@ -127,7 +127,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
-        lineage: Lineage::replayed(&trajectory.sequence),
+        lineage: DrawSource::replayed(&trajectory.sequence),
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
@@ -146,7 +146,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
 
 /// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
 /// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(motion: &Motion<Object, Rates>, idx: usize) -> Twist<Object> {
+fn palm_acceleration(motion: &Motion<Object, TrajectoryRates>, idx: usize) -> Twist<Object> {
     let steps = motion.steps();
     let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
     if before == after {
@@ -165,7 +165,7 @@ mod tests {
     use motion::Step;
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use schemas::trajectories::Tracking;
-    use spatial::{Pose, Rest};
+    use spatial::{Pose, RestingPose};
 
     use super::*;
 
@@ -174,9 +174,9 @@ mod tests {
             time_s,
             frame_from_palm: Pose::new(Isometry3::translation(time_s, 0.0, 0.1)),
             q_rad: joints.iter().map(|_| time_s).collect(),
-            rates: Rates {
+            rates: TrajectoryRates {
                 palm_velocity: Twist::from_array([time_s, 0.0, 0.0, 0.0, 0.0, -3.0 * time_s]),
-                ..Rates::still(joints.len())
+                ..TrajectoryRates::zero(joints.len())
             },
         };
         Trajectory {
@@ -184,7 +184,7 @@ mod tests {
             object: "can".to_owned(),
             keypoints: Vec::new(),
             tips: Vec::new(),
-            rest: Rest {
+            rest: RestingPose {
                 up_in_object: UnitVector::new_normalize(Vector3::x()),
                 height_m: 0.03,
             },
@@ -240,7 +240,7 @@ mod tests {
             .collect();
         assert_eq!(ids, ["can-a", "can-b"]);
         for (candidate, shown) in read.candidates.iter().zip(&shown) {
-            assert_eq!(candidate.lineage, Lineage::replayed(&shown.sequence));
+            assert_eq!(candidate.lineage, DrawSource::replayed(&shown.sequence));
             assert_eq!(candidate.table_from_object, shown.rest.table_from_object());
             let (found, expected) = (&candidate.motion, &shown.motion);
             for (found, expected) in found.steps().iter().zip(expected.steps()) {

@@ -134,10 +134,10 @@ impl RetargetConfig {
             ("contact_position_factor", self.contact_position_factor),
             ("max_keypoint_error_m", self.max_keypoint_error_m),
         ] {
-            let why = "squares of it are still exact enough to add up";
+            let why = "squares of larger values lose precision in a sum";
             faults.within(key, number, 0.0..=MAX_VALUE, why);
         }
-        let why = "coordinates differ by this much before they count less";
+        let why = "it is the length up to which the loss is quadratic";
         faults.above(
             "smooth_l1_beta_m",
             self.smooth_l1_beta_m,
@@ -145,11 +145,11 @@ impl RetargetConfig {
             MAX_VALUE,
             why,
         );
-        let why = "coarser distances know nothing of a thing that a hand holds, and finer ones are \
-                   more of them than can be held";
+        let why = "a coarser grid misses objects of a hand's size, and a finer one of a mug has \
+                   more than 2²⁶ points";
         let spacing_m = self.field_spacing_m;
         faults.within("field_spacing_m", spacing_m, FINEST_M..=COARSEST_M, why);
-        let why = "nothing is searched with 0, and a search that has not ended by then will not";
+        let why = "0 solves nothing, and a solver that needs more does not converge";
         let iterations = self.max_iterations;
         faults.within("max_iterations", iterations, 1..=MAX_ITERATIONS, why);
         faults.found()

@@ -5,10 +5,9 @@ use std::{io, path::PathBuf};
 use dataflow::{Advise, missing};
 use lake::LakeError;
 use motion::MotionError;
-use robot::{RobotError, WrongDof};
+use posture::{PostureError, SolverError};
+use robot::WrongDof;
 use robot_meshes::LoadError;
-
-use crate::solver::SolverError;
 
 /// Why demonstrations could not be retargeted.
 #[derive(Debug, thiserror::Error)]
@@ -23,18 +22,15 @@ pub enum RetargetError {
         source: io::Error,
     },
     /// The hand's URDF cannot be used, or lacks a link that its table names.
-    #[error("cannot use the hand's URDF `{}`: {source}", path.display())]
+    #[error("cannot use the hand's URDF `{}`", path.display())]
     Hand {
         /// The file.
         path: PathBuf,
         /// What is wrong with it.
         source: Box<Self>,
     },
-    /// The robot is not what is needed.
-    #[error(transparent)]
-    Robot(#[from] RobotError),
     /// A trajectory has another number of joints than the hand.
-    #[error("a trajectory cannot be recorded: {0}")]
+    #[error("a trajectory cannot be recorded")]
     Dof(#[from] WrongDof),
     /// The robot cannot be loaded.
     #[error(transparent)]
@@ -42,24 +38,9 @@ pub enum RetargetError {
     /// The steps of a demonstration make no motion.
     #[error(transparent)]
     Motion(#[from] MotionError),
-    /// Nothing of the robot moves.
-    #[error("the robot has no joint that moves")]
-    NoJoint,
-    /// A joint's name cannot be written in a list with commas.
-    #[error("joint `{joint}` has a name that is empty or has a comma")]
-    JointName {
-        /// Its name.
-        joint: String,
-    },
-    /// The collision shapes are far larger than a hand's.
-    #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
-    LargeShapes {
-        /// The link at which they became too large.
-        link: String,
-    },
-    /// The solver cannot work on the robot.
+    /// The hand or its table cannot be used.
     #[error(transparent)]
-    Solver(#[from] SolverError),
+    Posture(#[from] PostureError),
     /// The wrist is to be fixed, but too few points say where it is.
     #[error(
         "`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's table has {found}"
@@ -77,22 +58,8 @@ pub enum RetargetError {
         /// How many there are.
         found: usize,
     },
-    /// The text is not a hand's table.
-    #[error("this is not a hand's table: {problem}")]
-    NotAHandTable {
-        /// Where and what is wrong.
-        problem: String,
-    },
-    /// A value of a hand's table makes no sense.
-    #[error("`{key}` cannot be used: {problem}")]
-    BadHandTable {
-        /// The key.
-        key: String,
-        /// What is wrong.
-        problem: String,
-    },
     /// The hand's table cannot be used, or not with this hand.
-    #[error("cannot use the hand's table `{}`: {source}", path.display())]
+    #[error("cannot use the hand's table `{}`", path.display())]
     InHandTable {
         /// The file.
         path: PathBuf,
@@ -110,6 +77,12 @@ pub enum RetargetError {
     Lake(#[from] LakeError),
 }
 
+impl From<SolverError> for RetargetError {
+    fn from(err: SolverError) -> Self {
+        Self::Posture(err.into())
+    }
+}
+
 impl Advise for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
@@ -117,38 +90,22 @@ impl Advise for RetargetError {
                 "set `hand_table` to the table of a robot hand; {}",
                 missing(path)
             )),
-            Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
-                "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
-                    .to_owned(),
-            ),
             Self::InHandTable { source, .. } => source.hint(),
             Self::Hand { source, .. } => source.hint().or_else(|| {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
-            Self::Robot(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
-            Self::NoJoint => Some(
-                "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
-            ),
-            Self::JointName { .. } => Some("give it another name in the URDF".to_owned()),
-            Self::LargeShapes { .. } => Some(
-                "write lengths in meters, and leave out what is not part of the hand, e.g. a table"
-                    .to_owned(),
-            ),
+            Self::Posture(err) => err.hint(),
             Self::TooFewPalmPoints { .. } => Some(
                 "add points on the root link to the hand's table, e.g. where the fingers begin, \
                  for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
                     .to_owned(),
             ),
-            Self::PalmPointsInLine { .. } => Some(
-                "add a point on the root link beside that line, e.g. for `wrist`".to_owned(),
-            ),
+            Self::PalmPointsInLine { .. } => {
+                Some("add a point on the root link beside that line, e.g. for `wrist`".to_owned())
+            }
             Self::Lake(err) => err.hint(),
-            Self::NoDemonstrations
-            | Self::NoObjects
-            | Self::Motion(_)
-            | Self::Solver(_)
-            | Self::Dof(_) => None,
+            Self::NoDemonstrations | Self::NoObjects | Self::Motion(_) | Self::Dof(_) => None,
         }
     }
 

@@ -4,19 +4,15 @@ use std::sync::OnceLock;
 
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Point3, Vector3};
+use posture::{Environment, Hand, HandTable, NoTerms, Posture, Solver, Task};
 use robot::RobotModel;
 use schemas::{
     demonstrations::{Demonstration, KEYPOINTS, Side, Step},
     distance_fields::FieldInfo,
 };
-use spatial::Rest;
+use spatial::RestingPose;
 
-use crate::{
-    HandTable, Loss, RetargetConfig, Wrist,
-    hand::Hand,
-    scene::{Scene, survey},
-    solver::{self, NoTerms, Posture, Solver, Task},
-};
+use crate::{Loss, RetargetConfig, Wrist, settle::put_down, survey::survey};
 
 /// Half of the box's sides, in meters.
 pub(crate) const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
@@ -92,18 +88,18 @@ pub(crate) fn mesh() -> TriMesh {
 }
 
 /// Returns how the box stands.
-pub(crate) fn rest() -> Rest {
-    Rest {
+pub(crate) fn rest() -> RestingPose {
+    RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: BOX_HALF_M[2],
     }
 }
 
 /// Returns the box on its table.
-pub(crate) fn scene() -> Scene {
+pub(crate) fn environment() -> Environment {
     static SURVEYED: OnceLock<(DistanceField, FieldInfo)> = OnceLock::new();
     let (field, info) = SURVEYED.get_or_init(|| survey(&mesh(), 0.0025).unwrap().unwrap());
-    Scene::new(field.clone(), info, &rest())
+    put_down(field.clone(), info, &rest())
 }
 
 /// Returns what a person's landmarks would be if the person had the robot's hand at a posture.
@@ -111,7 +107,7 @@ pub(crate) fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS
     let mut solver = Solver::new(&hand.compiled);
     let nothing = Task {
         targets: &[],
-        loss: solver::Loss::Squared,
+        loss: posture::Loss::Squared,
         smoothness: None,
         rest: None,
     };

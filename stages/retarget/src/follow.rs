@@ -1,16 +1,16 @@
 //! One step of a demonstration: from what it asks to the posture that answers.
 
 use nalgebra::Point3;
+use posture::{
+    Contact, Environment, Hand, KeepOut, NoTerms, Posture, PosturePrior, SearchOptions, Smoothness,
+    Solver, Surroundings, Target, Task,
+};
 use schemas::trajectories::Tracking;
 use spatial::Pose;
 
 use crate::{
     Loss, RetargetConfig, RetargetError, Wrist,
-    goal::Goal,
-    hand::Hand,
-    scene::Scene,
-    solver::{self, NoTerms, Options, Posture, Rest, Smoothness, Solver, Target, Task},
-    terms::Surroundings,
+    goal::{Goal, PointGoal},
 };
 
 /// Iterations at the grasp relative to other steps: it starts from nothing.
@@ -67,17 +67,21 @@ enum Fingers {
 #[derive(Clone, Copy)]
 struct Asks<'a> {
     hand: &'a Hand,
-    scene: &'a Scene,
+    environment: &'a Environment,
     config: &'a RetargetConfig,
 }
 
 impl<'a> Follower<'a> {
     /// Returns a follower for a hand among these things.
-    pub(crate) fn new(hand: &'a Hand, scene: &'a Scene, config: &'a RetargetConfig) -> Self {
+    pub(crate) fn new(
+        hand: &'a Hand,
+        environment: &'a Environment,
+        config: &'a RetargetConfig,
+    ) -> Self {
         Self {
             asks: Asks {
                 hand,
-                scene,
+                environment,
                 config,
             },
             solver: Solver::new(&hand.compiled),
@@ -220,7 +224,7 @@ impl<'a> Follower<'a> {
             if let Some(radius_m) = point.tip_radius_m {
                 tracking.tip_errors_m.push(distance);
                 if goal.contact.is_some() {
-                    let gap = self.asks.scene.gap(found).distance_m - radius_m;
+                    let gap = self.asks.environment.signed_distance(found).distance_m - radius_m;
                     tracking.contact_gaps_m.push(gap);
                 }
             }
@@ -247,7 +251,7 @@ impl<'a> Follower<'a> {
         }
         let task = Task {
             targets: &targets,
-            loss: solver::Loss::Squared,
+            loss: posture::Loss::Squared,
             smoothness: None,
             rest: None,
         };
@@ -284,8 +288,8 @@ impl<'a> Asks<'a> {
         Task {
             targets,
             loss: match config.loss {
-                Loss::Squared => solver::Loss::Squared,
-                Loss::SmoothL1 => solver::Loss::SmoothL1 {
+                Loss::Squared => posture::Loss::Squared,
+                Loss::SmoothL1 => posture::Loss::SmoothL1 {
                     beta_m: config.smooth_l1_beta_m,
                 },
             },
@@ -296,7 +300,7 @@ impl<'a> Asks<'a> {
                 joint_weight,
                 root_weight: 0.0,
             }),
-            rest: (before.is_none() || joint_weight == 0.0).then_some(Rest {
+            rest: (before.is_none() || joint_weight == 0.0).then_some(PosturePrior {
                 q: &self.hand.mid_range,
                 weight: TIE_BREAK_WEIGHT.powi(2),
             }),
@@ -319,23 +323,36 @@ impl<'a> Asks<'a> {
     where
         'a: 't,
     {
+        let config = self.config;
+        let contact = |(point, goal): (usize, &PointGoal)| {
+            let contact = goal.contact.filter(|_| config.contact_weight > 0.0)?;
+            Some(Contact {
+                point,
+                distance_m: contact.distance_m,
+                weight: contact.weight,
+            })
+        };
         Surroundings {
             hand: self.hand,
-            scene: self.scene,
-            config: self.config,
-            goal,
-            firmness,
+            environment: self.environment,
+            keep_out: KeepOut {
+                object_weight: firmness * config.object_weight,
+                clearance_m: goal.clearance_m,
+                table_weight: config.table_weight,
+                table_margin_m: config.table_margin_m,
+            },
+            contacts: goal.points.iter().enumerate().filter_map(contact).collect(),
         }
     }
 
-    fn options(self, max_iterations: usize) -> Options {
-        Options {
+    fn options(self, max_iterations: usize) -> SearchOptions {
+        SearchOptions {
             tolerance: TOLERANCE,
             least_decrease: LEAST_DECREASE_M2,
             max_iterations,
             wrist: match self.config.wrist {
-                Wrist::Free => solver::Wrist::Moves,
-                Wrist::Fixed => solver::Wrist::Held,
+                Wrist::Free => posture::Wrist::Moves,
+                Wrist::Fixed => posture::Wrist::Held,
             },
         }
     }

@@ -3,7 +3,9 @@
 use nalgebra::Point3;
 use schemas::demonstrations::KEYPOINTS;
 
-use crate::{RetargetConfig, hand::Hand, scene::Scene};
+use posture::{Environment, Hand};
+
+use crate::RetargetConfig;
 
 /// A person's tip counts as touching in full up to the configured distance and not at all at this
 /// multiple of it, so that contacts come and go smoothly.
@@ -45,7 +47,7 @@ pub(crate) struct ContactGoal {
 /// landmarks as they were shown, `keypoints_m` those that are followed.
 pub(crate) fn goal(
     hand: &Hand,
-    scene: &Scene,
+    environment: &Environment,
     config: &RetargetConfig,
     shown_m: &[[f64; 3]; KEYPOINTS],
     keypoints_m: &[[f64; 3]; KEYPOINTS],
@@ -71,7 +73,10 @@ pub(crate) fn goal(
             };
             if let Some(radius_m) = point.tip_radius_m {
                 // The person's tip tells, at the person's own scale.
-                let share = touch(scene.gap(&keypoint).distance_m, config.contact_distance_m);
+                let share = touch(
+                    environment.signed_distance(&keypoint).distance_m,
+                    config.contact_distance_m,
+                );
                 if share > 0.0 {
                     if config.contact_weight > 0.0 {
                         goal.weight *= 1.0 - share * (1.0 - config.contact_position_factor);

@@ -20,23 +20,16 @@ mod error;
 mod fixture;
 mod follow;
 mod goal;
-mod hand;
-mod hand_table;
 #[cfg(test)]
 mod other_hands;
-mod propose;
-mod rates;
 mod recording;
-mod scene;
 mod settle;
 mod smoothing;
-pub mod solver;
 mod stage;
-mod terms;
+mod survey;
 mod track;
 
 pub use config::{Loss, RetargetConfig, Wrist};
 pub use error::RetargetError;
-pub use hand_table::{FollowedPoint, HandTable};
 pub use stage::{DistanceFields, FieldMetrics, Retarget, Trajectories};
 pub use track::TrajectoryMetrics;

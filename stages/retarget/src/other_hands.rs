@@ -1,13 +1,12 @@
 //! Hands that are not among the project's own: a URDF and a TOML table are all they need.
 
 use nalgebra::{Isometry3, Vector3};
+use posture::{Hand, HandTable, Posture};
 use proptest::prelude::*;
 use robot::RobotModel;
 
 use crate::{
-    HandTable, fixture,
-    hand::Hand,
-    solver::Posture,
+    fixture,
     track::{Tracked, track},
 };
 
@@ -136,7 +135,12 @@ fn shown_itself(posture: &Posture) -> (Hand, Tracked) {
     let hand = Hand::new(six_motors(), &table).unwrap();
     let keypoints = fixture::own_points(&hand, posture);
     let shown = fixture::demonstration(vec![keypoints; 3]);
-    let tracked = track(&hand, &fixture::scene(), &fixture::following_only(), &shown);
+    let tracked = track(
+        &hand,
+        &fixture::environment(),
+        &fixture::following_only(),
+        &shown,
+    );
     (hand, tracked.unwrap().unwrap())
 }
 

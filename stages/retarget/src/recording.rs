@@ -7,7 +7,7 @@ use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
     Table,
-    ros2::motion::{self, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint},
+    ros2::motion::{self, JOINT_TRAJECTORY, RecordingScene, START_NS, SceneStep, TrajectoryPoint},
     trajectories::Trajectory,
 };
 
@@ -25,7 +25,7 @@ pub(crate) fn record(
     folder: &Path,
 ) -> Result<(), RetargetError> {
     let vertices_m: Vec<[f64; 3]> = mesh.vertices_m.iter().map(|&p| p.into()).collect();
-    let scene = Scene {
+    let scene = RecordingScene {
         urdf,
         joints: trajectory.motion.joints(),
         robot: model,

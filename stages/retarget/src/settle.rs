@@ -1,7 +1,10 @@
 //! How an object really lay: the recorded orientation, freed of the camera's error.
 
+use geometry::DistanceField;
 use nalgebra::{Point3, Unit, Vector3};
-use spatial::Rest;
+use posture::Environment;
+use schemas::distance_fields::FieldInfo;
+use spatial::RestingPose;
 
 /// Largest tilt that is taken for an error of measurement, in radians: 15 degrees. What is recorded
 /// farther from any stable orientation was leaning on something, and is left as it is.
@@ -13,6 +16,17 @@ const SHRINK: f64 = 0.99;
 /// Number of steps: the last one is 10 µrad.
 const STEPS: i32 = 650;
 
+/// Puts an object down as it lay, but for errors of the recording.
+pub(crate) fn put_down(
+    field: DistanceField,
+    info: &FieldInfo,
+    recorded: &RestingPose,
+) -> Environment {
+    let hull: Vec<Point3<f64>> = info.hull_m.iter().map(|&v| Point3::from(v)).collect();
+    let rest = settled(&hull, &Point3::from(info.center_of_mass_m), recorded);
+    Environment::new(field, rest)
+}
+
 /// Returns the stable orientation into which an object tips from the recorded one, with its lowest
 /// point on the table.
 ///
@@ -20,11 +34,11 @@ const STEPS: i32 = 650;
 /// vertex is smallest. From the recorded orientation this follows the way down, by subgradients
 /// with geometrically shrinking steps (Shor, *Minimization Methods for Non-Differentiable Functions*,
 /// 1985, §2.3).
-pub(crate) fn settled(
+fn settled(
     vertices: &[Point3<f64>],
     center_of_mass: &Point3<f64>,
-    recorded: &Rest,
-) -> Rest {
+    recorded: &RestingPose,
+) -> RestingPose {
     let mut up = recorded.up_in_object;
     for step in 0..STEPS {
         let step_rad = FIRST_STEP_RAD * SHRINK.powi(step);
@@ -41,7 +55,7 @@ pub(crate) fn settled(
     if up.angle(&recorded.up_in_object) > MAX_TILT_RAD {
         up = recorded.up_in_object;
     }
-    Rest {
+    RestingPose {
         up_in_object: up,
         height_m: lowest(vertices, &up).map_or(recorded.height_m, |vertex| -up.dot(&vertex.coords)),
     }
@@ -60,9 +74,9 @@ mod tests {
     use crate::fixture;
 
     /// Settles the box from an orientation tilted about x and y.
-    fn settle(about_x: f64, about_y: f64) -> Rest {
+    fn settle(about_x: f64, about_y: f64) -> RestingPose {
         let vertices = fixture::mesh().vertices_m;
-        let recorded = Rest {
+        let recorded = RestingPose {
             up_in_object: Unit::new_normalize(Vector3::new(-about_y, about_x, 1.0)),
             height_m: 0.06,
         };

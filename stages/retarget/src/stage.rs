@@ -6,9 +6,10 @@ mod retargeted;
 use std::{fs, path::Path};
 
 use dataflow::{
-    Code, Context, Form, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Unit,
+    Code, Context, Form, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Unit,
 };
+use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
 use schemas::{
     Table,
@@ -19,11 +20,7 @@ use schemas::{
 };
 
 pub use self::fields::FieldMetrics;
-use crate::{
-    HandTable, RetargetConfig, RetargetError, Wrist,
-    hand::{self, Hand},
-    track::TrajectoryMetrics,
-};
+use crate::{RetargetConfig, RetargetError, Wrist, track::TrajectoryMetrics};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -70,7 +67,7 @@ impl Output for DistanceFields {
     const ARTIFACT: &'static str = FieldInfo::NAME;
     const SCHEMA: &'static str = FieldInfo::VERSION;
     const PARTITION: &'static str = FieldInfo::PARTITION;
-    const OPTIONS: Options = Options::Only(&["field_spacing_m"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Only(&["field_spacing_m"]);
 
     fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
         let objects = scope.partitions(Object::NAME);
@@ -109,7 +106,7 @@ impl Output for Trajectories {
     const ARTIFACT: &'static str = Trajectory::NAME;
     const SCHEMA: &'static str = Trajectory::VERSION;
     const PARTITION: &'static str = Trajectory::PARTITION;
-    const OPTIONS: Options = Options::Except(&["field_spacing_m"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["field_spacing_m"]);
 
     fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
         let demonstrations = scope.partitions(Demonstration::NAME);
@@ -135,7 +132,10 @@ impl Output for Trajectories {
                     .reading(Object::NAME, among(objects))
                     .reading(FieldInfo::NAME, among(fields))
                     .only_files(Object::NAME, [objects::MESH])
-                    .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::SHOWN)
+                    .with_file_of_form(
+                        SourceFile::named("hand", &config.hand),
+                        robot_meshes::URDF_FORM,
+                    )
                     .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
@@ -161,11 +161,11 @@ struct LoadedHand {
 /// Reads a hand and its table, and finds every link that the table names.
 fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, RetargetError> {
     let LoadedRobot { urdf, model } = robot_meshes::load(urdf_path)?;
-    let of_urdf = |err: RetargetError| RetargetError::Hand {
+    let of_urdf = |err: PostureError| RetargetError::Hand {
         path: urdf_path.to_owned(),
-        source: Box::new(err),
+        source: Box::new(err.into()),
     };
-    hand::check(&model).map_err(of_urdf)?;
+    Hand::check(&model).map_err(of_urdf)?;
     let in_table = |err: RetargetError| RetargetError::InHandTable {
         path: table_path.to_owned(),
         source: Box::new(err),
@@ -174,7 +174,9 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         path: table_path.to_owned(),
         source,
     })?;
-    let table: HandTable = table.parse().map_err(in_table)?;
+    let table: HandTable = table
+        .parse()
+        .map_err(|err: PostureError| in_table(err.into()))?;
     let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
     let urdf = robot::plain_urdf(&urdf);
     Ok(LoadedHand { urdf, hand, table })

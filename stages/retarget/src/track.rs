@@ -1,10 +1,11 @@
 //! A whole demonstration, step by step, backward from the grasp.
 
 use dataflow::{Max, Mean, Sum};
-use motion::{Motion, Step};
+use motion::{HandRates, Motion, Step};
+use posture::{Environment, Hand};
 use schemas::{
     demonstrations::Demonstration,
-    trajectories::{Rates, Tracking},
+    trajectories::{Tracking, TrajectoryRates},
 };
 use spatial::Object;
 
@@ -12,9 +13,6 @@ use crate::{
     RetargetConfig, RetargetError,
     follow::{Follower, Solved},
     goal::{Goal, goal},
-    hand::Hand,
-    rates::differentiated,
-    scene::Scene,
     smoothing::smoothed,
 };
 
@@ -28,7 +26,7 @@ const WORTH_A_JUMP: f64 = 0.7;
 /// What a demonstration became.
 pub(crate) struct Tracked {
     /// The hand in the object's frame.
-    pub(crate) motion: Motion<Object, Rates>,
+    pub(crate) motion: Motion<Object, TrajectoryRates>,
     /// How well it follows at each step.
     pub(crate) tracking: Vec<Tracking>,
     /// Keypoint error at the grasp, in meters.
@@ -65,7 +63,7 @@ impl Tracked {
 }
 
 dataflow::metrics! {
-    /// What is said of a trajectory.
+    /// Metrics of a trajectory.
     pub struct TrajectoryMetrics {
         /// Number of steps.
         steps_n: Sum,
@@ -94,7 +92,7 @@ dataflow::metrics! {
 /// increase.
 pub(crate) fn track(
     hand: &Hand,
-    scene: &Scene,
+    environment: &Environment,
     config: &RetargetConfig,
     demonstration: &Demonstration,
 ) -> Result<Option<Tracked>, RetargetError> {
@@ -109,7 +107,7 @@ pub(crate) fn track(
             let to_grasp_s = end.time_s - step.time_s;
             goal(
                 hand,
-                scene,
+                environment,
                 config,
                 &step.keypoints_m,
                 &keypoints_m,
@@ -117,7 +115,7 @@ pub(crate) fn track(
             )
         })
         .collect();
-    let mut follower = Follower::new(hand, scene, config);
+    let mut follower = Follower::new(hand, environment, config);
     let Some(grasp) = follower.grasp(&goals)? else {
         return Ok(None);
     };
@@ -150,9 +148,20 @@ pub(crate) fn track(
         });
         tracking.push(solved.tracking);
     }
-    let motion = Motion::new(&hand.model.joint_names(), steps)?;
+    let motion = Motion::new(&hand.model.joint_names(), steps)?.differentiated()?;
+    let rates = |idx: usize| {
+        let HandRates {
+            palm_velocity,
+            joints,
+            ..
+        } = motion.steps()[idx].rates.clone();
+        TrajectoryRates {
+            palm_velocity,
+            joints,
+        }
+    };
     Ok(Some(Tracked {
-        motion: differentiated(&motion)?,
+        motion: motion.with_rates(rates)?,
         tracking,
         grasp_keypoint_error_m: grasp_error_m,
         restarts_n,
@@ -163,21 +172,19 @@ pub(crate) fn track(
 #[cfg(test)]
 mod tests {
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+    use posture::{Posture, RootPose};
     use proptest::prelude::*;
     use schemas::demonstrations::KEYPOINTS;
     use spatial::{Palm, Pose};
 
     use super::*;
-    use crate::{
-        Wrist, fixture,
-        solver::{Posture, RootPose},
-    };
+    use crate::{Wrist, fixture};
 
     fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
         let hand = fixture::hand();
         let tracked = track(
             &hand,
-            &fixture::scene(),
+            &fixture::environment(),
             config,
             &fixture::demonstration(keypoints),
         )
@@ -292,9 +299,9 @@ mod tests {
         // The palm rests against a side of the box.
         let grasp = fixture::own_points(&hand, &reaching(-0.042, 0.2));
         let (hand, tracked) = run(&config, vec![grasp; 31]);
-        let scene = fixture::scene();
+        let environment = fixture::environment();
         let gap = |idx: usize| {
-            let step: &Step<Object, Rates> = &tracked.motion.steps()[idx];
+            let step: &Step<Object, TrajectoryRates> = &tracked.motion.steps()[idx];
             let links = hand.model.forward_kinematics::<Palm>(&step.q_rad).unwrap();
             let object_from_palm = step.frame_from_palm;
             let balls = hand
@@ -307,7 +314,12 @@ mod tests {
                     balls.map(move |ball| (pose * ball.center_in_link, ball.radius_m))
                 });
             balls
-                .map(|(center, radius)| scene.gap(&(object_from_palm * center)).distance_m - radius)
+                .map(|(center, radius)| {
+                    environment
+                        .signed_distance(&(object_from_palm * center))
+                        .distance_m
+                        - radius
+                })
                 .fold(f64::MAX, f64::min)
         };
         assert!(gap(10) > 0.004, "{} m", gap(10));

@@ -33,7 +33,7 @@ pub struct SampleConfig {
     /// Which of the checkpoint's weights are used: the last, because the held-out loss hardly rises
     /// when the learning rate falls to zero
     #[serde(default)]
-    pub epoch: Epoch,
+    pub epoch: CheckpointWeights,
     /// Objects to draw motions for, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
@@ -71,7 +71,7 @@ pub struct SampleConfig {
     pub path: Vec<String>,
     /// Which resting orientations the object is put in: those that people grasp it in
     #[serde(default)]
-    pub rests: Rests,
+    pub rests: RestingPoses,
     /// Unit vector against gravity, object frame, for `rests = "given"`
     #[serde(default)]
     pub rest_up: Option<[f64; 3]>,
@@ -87,7 +87,7 @@ pub struct SampleConfig {
 /// Which resting orientations an object is put in.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Rests {
+pub enum RestingPoses {
     /// Those of its demonstrations, as often as they were seen; of an object that the function was not
     /// trained on, those that are `stable`.
     #[default]
@@ -108,10 +108,9 @@ impl SampleConfig {
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let least = if self.path.is_empty() { 1 } else { 2 };
-        let why = "a table of more motions of one object is read by nobody whole, and a path has two \
-                   ends";
+        let why = "each motion costs time and disk space, and a path needs its two ends";
         faults.within("per_object", self.per_object, least..=MAX_MOTIONS, why);
-        let why = "a motion has a beginning and an end, and controllers are told no more than this";
+        let why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz";
         faults.within("steps", self.steps, 2..=MAX_STEPS, why);
         let steps = self.per_object.saturating_mul(self.steps);
         if self.per_object <= MAX_MOTIONS && self.steps <= MAX_STEPS && steps > MAX_STEPS_HELD {
@@ -124,17 +123,17 @@ impl SampleConfig {
         }
         let why = "reaching for an object takes seconds";
         faults.above("duration_s", self.duration_s, 0.0, MAX_DURATION_S, why);
-        let why = "it multiplies a standard deviation of 1, and codes farther out mean nothing";
+        let why = "it scales a standard deviation of 1, and no training code is farther out";
         faults.within("spread", self.spread, 0.0..=MAX_FACTOR, why);
         let why = "it is a share of the object's extent";
         faults.within("point_noise", self.point_noise, 0.0..=MAX_FACTOR, why);
         let share = self.demonstrated_share;
         faults.within("demonstrated_share", share, 0.0..=1.0, "it is a share");
-        let why = "every draw is decoded and measured, and more find no better ones";
+        let why = "each draw is decoded and checked for penetration";
         faults.within("draws", self.draws, 1..=MAX_DRAWS, why);
-        let why = "it is a depth in an object that a hand can hold";
+        let why = "no object that a hand can hold is deeper";
         faults.within("max_depth_m", self.max_depth_m, 0.0..=MAX_DEPTH_M, why);
-        let why = "they stand side by side in one scene";
+        let why = "they are shown side by side in one recording";
         let recorded = self.recorded_per_object;
         faults.within("recorded_per_object", recorded, 0..=MAX_RECORDED, why);
         if !matches!(self.path.len(), 0 | 2) {
@@ -142,11 +141,11 @@ impl SampleConfig {
             faults.note("path", problem);
         }
         match (self.rests, self.rest_up) {
-            (Rests::Given, None) => {
+            (RestingPoses::Given, None) => {
                 let problem = "is missing, and `rests = \"given\"` asks for a unit vector";
                 faults.note("rest_up", problem);
             }
-            (Rests::Given, Some([x, y, z])) => {
+            (RestingPoses::Given, Some([x, y, z])) => {
                 let length = (x * x + y * y + z * z).sqrt();
                 // A length that is no number is not near 1 either.
                 let is_unit = (length - 1.0).abs() < 1e-3;
@@ -155,11 +154,11 @@ impl SampleConfig {
                     faults.note("rest_up", problem);
                 }
             }
-            (Rests::Seen | Rests::Stable, Some(_)) => {
+            (RestingPoses::Seen | RestingPoses::Stable, Some(_)) => {
                 let problem = "is to be left out without `rests = \"given\"`";
                 faults.note("rest_up", problem);
             }
-            (Rests::Seen | Rests::Stable, None) => {}
+            (RestingPoses::Seen | RestingPoses::Stable, None) => {}
         }
         faults.found()
     }
@@ -168,7 +167,7 @@ impl SampleConfig {
 /// Which of a checkpoint's weights are used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
-pub enum Epoch {
+pub enum CheckpointWeights {
     /// Those with the least loss on held-out motions.
     Best,
     /// Those after the last epoch.

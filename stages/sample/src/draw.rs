@@ -1,17 +1,17 @@
 //! Which orientation and which latent code each motion gets.
 
-use cgf::{Cgf, Demonstration, Random};
+use cgf::{Cgf, EncodedDemonstration, Random};
 use nalgebra::{Unit, Vector3};
 use schemas::{
-    candidates::{Lineage, ObjectSplit, Origin},
+    candidates::{DrawSource, ObjectSplit, Origin},
     objects::Object,
     training::Split,
 };
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::{
     SampleError,
-    config::{Rests, SampleConfig},
+    config::{RestingPoses, SampleConfig},
 };
 
 /// What one motion is decoded from.
@@ -22,7 +22,7 @@ pub(crate) struct Draw {
     /// The latent code.
     pub(crate) latent: Vec<f64>,
     /// Where the code comes from.
-    pub(crate) lineage: Lineage,
+    pub(crate) lineage: DrawSource,
 }
 
 /// The ways of drawing motions for one object.
@@ -31,9 +31,9 @@ pub(crate) struct Source<'a> {
     latent_dim: usize,
     /// Demonstrations about which codes are drawn, each with the orientation in which it lay; none for
     /// one of another object.
-    demonstrations: Vec<(Option<usize>, &'a Demonstration)>,
+    demonstrations: Vec<(Option<usize>, &'a EncodedDemonstration)>,
     /// The two between which codes go, if they are not drawn.
-    path: Option<[(Option<usize>, &'a Demonstration); 2]>,
+    path: Option<[(Option<usize>, &'a EncodedDemonstration); 2]>,
     /// Weight of each orientation.
     weights: Vec<f64>,
     object_split: ObjectSplit,
@@ -49,11 +49,11 @@ impl<'a> Source<'a> {
         config: &'a SampleConfig,
         cgf: &'a Cgf,
         object: &Object,
-        rests: &[Rest],
+        rests: &[RestingPose],
     ) -> Result<Self, SampleError> {
         let description = cgf.description();
         let all = &description.demonstrations;
-        let with_rest = |demonstration: &'a Demonstration| {
+        let with_rest = |demonstration: &'a EncodedDemonstration| {
             let is_own = demonstration.object == object.name;
             let rest = is_own.then(|| nearest(rests, &demonstration.rest()));
             (rest, demonstration)
@@ -75,8 +75,9 @@ impl<'a> Source<'a> {
             let wanted = config.demonstrations.iter();
             wanted.map(named).collect::<Result<_, _>>()?
         };
-        let is_learned =
-            |known: &Demonstration| known.split == Split::Training && known.object == object.name;
+        let is_learned = |known: &EncodedDemonstration| {
+            known.split == Split::Training && known.object == object.name
+        };
         let path = match config.path.as_slice() {
             [from, to] => Some([named(from)?, named(to)?]),
             _ => None,
@@ -88,7 +89,7 @@ impl<'a> Source<'a> {
         };
         let orientations = match (config.rests, object_split) {
             // Nothing is known of the recordings of an unseen object.
-            (Rests::Seen, ObjectSplit::Unseen) => Rests::Stable,
+            (RestingPoses::Seen, ObjectSplit::Unseen) => RestingPoses::Stable,
             (chosen, _) => chosen,
         };
         Ok(Self {
@@ -103,7 +104,7 @@ impl<'a> Source<'a> {
 
     /// Draws motion `number` of the object for the `draw_n`th time, from 1.
     pub(crate) fn draw(&self, number: usize, draw_n: u32, random: &mut Random) -> Draw {
-        let lineage = |origin: Origin, demonstration: &str| Lineage {
+        let lineage = |origin: Origin, demonstration: &str| DrawSource {
             draw_n,
             origin,
             demonstration: demonstration.to_owned(),
@@ -150,7 +151,7 @@ impl<'a> Source<'a> {
     /// often if that is of another object.
     fn along(
         &self,
-        path: &[(Option<usize>, &Demonstration); 2],
+        path: &[(Option<usize>, &EncodedDemonstration); 2],
         number: usize,
     ) -> (usize, Vec<f64>) {
         let [(rest, from), (_, to)] = path;
@@ -165,8 +166,8 @@ impl<'a> Source<'a> {
 
 /// Returns the object's resting orientations: the one that is given; else its own, or upright on its
 /// lowest point if it has none.
-pub(crate) fn rests(config: &SampleConfig, object: &Object) -> Vec<Rest> {
-    if let (Rests::Given, Some(up)) = (config.rests, config.rest_up) {
+pub(crate) fn rests(config: &SampleConfig, object: &Object) -> Vec<RestingPose> {
+    if let (RestingPoses::Given, Some(up)) = (config.rests, config.rest_up) {
         return vec![on_lowest_point(object, Unit::new_normalize(up.into()))];
     }
     if object.rests.is_empty() {
@@ -180,18 +181,18 @@ pub(crate) fn rests(config: &SampleConfig, object: &Object) -> Vec<Rest> {
 }
 
 /// Puts the mesh's lowest point on the table.
-fn on_lowest_point(object: &Object, up_in_object: Unit<Vector3<f64>>) -> Rest {
+fn on_lowest_point(object: &Object, up_in_object: Unit<Vector3<f64>>) -> RestingPose {
     let vertices = object.vertices_m.iter();
     let heights = vertices.map(|&vertex| up_in_object.dot(&Vector3::from(vertex)));
     let lowest = heights.min_by(f64::total_cmp).unwrap_or(0.0);
-    Rest {
+    RestingPose {
         up_in_object,
         height_m: -lowest,
     }
 }
 
-fn weights(rests: Rests, object: &Object, n: usize) -> Vec<f64> {
-    if rests == Rests::Given || object.rests.is_empty() {
+fn weights(rests: RestingPoses, object: &Object, n: usize) -> Vec<f64> {
+    if rests == RestingPoses::Given || object.rests.is_empty() {
         return vec![1.0; n];
     }
     let seen: Vec<f64> = object
@@ -201,10 +202,10 @@ fn weights(rests: Rests, object: &Object, n: usize) -> Vec<f64> {
         .collect();
     let stable: Vec<f64> = object.rests.iter().map(|rest| rest.probability).collect();
     let usable = |weights: &[f64]| weights.iter().sum::<f64>() > 0.0;
-    if rests == Rests::Seen && usable(&seen) {
+    if rests == RestingPoses::Seen && usable(&seen) {
         return seen;
     }
-    if rests == Rests::Stable && usable(&stable) {
+    if rests == RestingPoses::Stable && usable(&stable) {
         return stable;
     }
     let mut weights = vec![0.0; n];
@@ -241,8 +242,8 @@ fn choose(weights: &[f64], uniform: f64) -> usize {
     chosen
 }
 
-fn nearest(rests: &[Rest], recorded: &Rest) -> usize {
-    let agreement = |rest: &Rest| rest.up_in_object.dot(&recorded.up_in_object);
+fn nearest(rests: &[RestingPose], recorded: &RestingPose) -> usize {
+    let agreement = |rest: &RestingPose| rest.up_in_object.dot(&recorded.up_in_object);
     rests
         .iter()
         .enumerate()

@@ -4,7 +4,7 @@ use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
 use motion::MotionError;
-use robot::{JointMismatch, WrongDof};
+use robot::{JointMismatch, WrongDof, balls};
 use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
@@ -31,7 +31,7 @@ pub enum SampleError {
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
     /// Motions are of another hand.
-    #[error("the {what} is not of the hand")]
+    #[error("the {what} was made for another hand")]
     AnotherHand {
         /// What they are of, e.g. `grasping function`.
         what: String,
@@ -39,13 +39,16 @@ pub enum SampleError {
         source: JointMismatch,
     },
     /// A motion has another number of joints than the hand.
-    #[error("a motion does not fit the hand: {0}")]
+    #[error("a motion does not fit the hand")]
     Dof(#[from] WrongDof),
     /// The grasping function's outputs are no motion.
-    #[error("the grasping function gives no motion")]
+    #[error("the decoded steps do not form a motion")]
     Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
-    #[error("the collision shapes up to those of link `{link}` are far larger than a hand")]
+    #[error(
+        "the collision shapes up to link `{link}` need more than {} spheres",
+        balls::MAX_BALLS
+    )]
     LargeShapes {
         /// The link at which they became too large.
         link: String,
@@ -80,7 +83,7 @@ impl Advise for SampleError {
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)
-                | CgfError::Rest { .. }
+                | CgfError::RestingPose { .. }
                 | CgfError::Tensor { .. }
                 | CgfError::Version { .. },
             ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),

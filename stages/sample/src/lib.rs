@@ -16,6 +16,6 @@ pub mod penetration;
 mod recording;
 mod stage;
 
-pub use config::{Epoch, Rests, SampleConfig};
+pub use config::{CheckpointWeights, RestingPoses, SampleConfig};
 pub use error::SampleError;
 pub use stage::{Sample, SampleMetrics};

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use cgf::{Cgf, HandRate, JointRange, MovingGrasp, ObjectFeature, Random, Scene};
+use cgf::{Cgf, HandDerivative, HandMotionState, JointRange, ObjectFeature, Random, RestingObject};
 use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::Point3;
 use rayon::prelude::*;
@@ -11,7 +11,7 @@ use schemas::{
     candidates::{Candidate, RefusedDraw},
     objects::Object,
 };
-use spatial::{Object as InObject, Pose, Rest, Table, Twist};
+use spatial::{Object as InObject, Pose, RestingPose, Table, Twist};
 
 use crate::{
     SampleConfig, SampleError,
@@ -124,7 +124,7 @@ struct Decoder<'a> {
     object: &'a Object,
     joints: Arc<[String]>,
     /// How the object can lie, and what the function knows of it then.
-    rests: Vec<(&'a Rest, ObjectFeature)>,
+    rests: Vec<(&'a RestingPose, ObjectFeature)>,
     times: Vec<f64>,
 }
 
@@ -133,12 +133,12 @@ impl<'a> Decoder<'a> {
         config: &'a SampleConfig,
         cgf: &'a Cgf,
         object: &'a Object,
-        rests: &'a [Rest],
+        rests: &'a [RestingPose],
         seed: u64,
     ) -> Result<Self, SampleError> {
         let points = seen_points(object, config.point_noise, seed);
-        let with_feature = |rest: &'a Rest| {
-            let feature = cgf.feature(&Scene {
+        let with_feature = |rest: &'a RestingPose| {
+            let feature = cgf.feature(&RestingObject {
                 object: object.name.clone(),
                 rest: *rest,
                 points_in_object: points.clone(),
@@ -219,7 +219,7 @@ struct Placed<'a> {
 }
 
 impl<'a> Placed<'a> {
-    fn new(rest: &Rest, ranges: &'a [JointRange], duration_s: f64) -> Self {
+    fn new(rest: &RestingPose, ranges: &'a [JointRange], duration_s: f64) -> Self {
         Self {
             object_from_table: rest.table_from_object().inverse(),
             ranges,
@@ -229,7 +229,7 @@ impl<'a> Placed<'a> {
 
     /// Puts a motion into the object's frame, its joints within their limits, its time into seconds;
     /// says how far outside its limits a joint was at most.
-    fn steps(&self, motion: Vec<MovingGrasp>, times: &[f64]) -> (Vec<Step<InObject>>, f64) {
+    fn steps(&self, motion: Vec<HandMotionState>, times: &[f64]) -> (Vec<Step<InObject>>, f64) {
         let mut excess = 0.0_f64;
         let steps = motion.into_iter().zip(times).map(|(moving, t)| {
             let mut q_rad = moving.grasp.q_rad;
@@ -256,13 +256,17 @@ impl<'a> Placed<'a> {
 
     /// Takes rates per unit of t, which falls from 1 to 0 in `duration_s`, to rates per second along
     /// the object's axes.
-    fn rates(&self, velocity: &HandRate, acceleration: &HandRate) -> HandRates<InObject> {
+    fn rates(
+        &self,
+        velocity: &HandDerivative,
+        acceleration: &HandDerivative,
+    ) -> HandRates<InObject> {
         let by_second = -1.0 / self.duration_s;
-        let palm = |rate: &HandRate, factor: f64| {
+        let palm = |rate: &HandDerivative, factor: f64| {
             let palm = rate.palm.expressed_in(&self.object_from_table);
             Twist::new(palm.linear * factor, palm.angular * factor)
         };
-        let joints = |rate: &HandRate, factor: f64| -> Vec<f64> {
+        let joints = |rate: &HandDerivative, factor: f64| -> Vec<f64> {
             rate.q.iter().map(|rate| rate * factor).collect()
         };
         HandRates {

@@ -31,7 +31,7 @@ const BESIDE_M: f64 = 0.4;
 const TRAIL_M: f64 = 0.004;
 
 /// What is the same for all motions of a recording.
-pub(crate) struct Stage<'a> {
+pub(crate) struct RecordingContext<'a> {
     /// The hand's URDF.
     pub(crate) urdf: &'a str,
     /// The hand.
@@ -53,7 +53,7 @@ pub(crate) fn chosen(n: usize, total: usize) -> Vec<usize> {
 
 /// Writes the recording of motions with equal times into `folder`.
 pub(crate) fn record(
-    stage: &Stage<'_>,
+    stage: &RecordingContext<'_>,
     motions: &[&Candidate],
     folder: &Path,
 ) -> Result<(), SampleError> {
@@ -100,7 +100,7 @@ pub(crate) fn record(
 
 /// One motion among several.
 struct Shown<'a> {
-    stage: &'a Stage<'a>,
+    stage: &'a RecordingContext<'a>,
     candidate: &'a Candidate,
     /// The frame of its own table.
     frame: String,
@@ -110,7 +110,12 @@ struct Shown<'a> {
 }
 
 impl<'a> Shown<'a> {
-    fn new(stage: &'a Stage<'a>, candidate: &'a Candidate, number: usize, total: usize) -> Self {
+    fn new(
+        stage: &'a RecordingContext<'a>,
+        candidate: &'a Candidate,
+        number: usize,
+        total: usize,
+    ) -> Self {
         let frame = format!("motion_{number}");
         let share = number as f64 / total.saturating_sub(1).max(1) as f64;
         Self {

@@ -3,7 +3,8 @@
 mod candidates;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
@@ -16,7 +17,7 @@ use crate::{SampleConfig, SampleError};
 pub struct Sample;
 
 dataflow::metrics! {
-    /// What is said of an object's candidates.
+    /// Metrics of an object's candidates.
     pub struct SampleMetrics {
         /// How many there are.
         candidates: Sum,
@@ -59,7 +60,7 @@ impl Output for Sample {
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = Candidates::PARTITION;
     /// `objects` only redraws units.
-    const OPTIONS: Options = Options::Except(&["objects"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         candidates::units(config, scope)

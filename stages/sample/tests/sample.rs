@@ -14,9 +14,9 @@ use std::{
 
 use ::motion::{Motion, Step};
 use cgf::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Scene, Schedule,
-    Times, Track, TrainingConfig, TrainingDevice, TrainingSet,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, RestingObject,
+    Schedule, Times, TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
@@ -26,7 +26,7 @@ use report_sample::{SamplingMetrics, SamplingReport};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
-    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin, Refusal},
+    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin, Refusal},
     checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
@@ -35,8 +35,10 @@ use schemas::{
     trajectories,
     trajectories::Trajectory,
 };
-use spatial::{Object as InObject, Pose, Rest};
-use stage_sample::{Epoch, Rests, Sample, SampleConfig, SampleError, SampleMetrics};
+use spatial::{Object as InObject, Pose, RestingPose};
+use stage_sample::{
+    CheckpointWeights, RestingPoses, Sample, SampleConfig, SampleError, SampleMetrics,
+};
 use tempfile::TempDir;
 
 /// A palm, and a ball that two joints move: one within a narrow range, one that is hardly limited.
@@ -51,8 +53,8 @@ const HAND: &str = r#"<robot name="h">
 /// Half of the sides of the object, a box.
 const HALF_M: [f64; 3] = [0.03, 0.02, 0.05];
 
-fn rest(up: Vector3<f64>, height_m: f64) -> Rest {
-    Rest {
+fn rest(up: Vector3<f64>, height_m: f64) -> RestingPose {
+    RestingPose {
         up_in_object: nalgebra::Unit::new_normalize(up),
         height_m,
     }
@@ -108,7 +110,7 @@ fn object() -> Object {
 /// Writes a checkpoint of two motions onto the standing can.
 fn write_checkpoint(folder: &Path) {
     let object = object();
-    let scene = Scene {
+    let scene = RestingObject {
         object: "can".to_owned(),
         rest: object.rests[0].rest,
         points_in_object: object
@@ -117,7 +119,7 @@ fn write_checkpoint(folder: &Path) {
             .map(|&point| Point3::from(point))
             .collect(),
     };
-    let track = |name: &str, x: f64| Track {
+    let track = |name: &str, x: f64| TrainingMotion {
         name: name.to_owned(),
         scene: 0,
         split: Split::Training,
@@ -152,7 +154,7 @@ fn write_checkpoint(folder: &Path) {
         latent_dim: 3,
         decoder_widths: vec![16, 16],
         activation: Activation::Silu,
-        frame: Frame::Resting,
+        frame: InputFrame::Resting,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
@@ -251,7 +253,7 @@ fn trajectory(name: &str, x: f64) -> Trajectory {
         time_s: 1.0,
         frame_from_palm: Pose::new(Isometry3::translation(x, 0.0, 0.07)),
         q_rad: vec![-0.15, 0.25],
-        rates: trajectories::Rates::still(2),
+        rates: trajectories::TrajectoryRates::zero(2),
     };
     Trajectory {
         sequence: name.to_owned(),
@@ -268,7 +270,7 @@ fn trajectory(name: &str, x: f64) -> Trajectory {
 fn config() -> SampleConfig {
     SampleConfig {
         hand: "hand.urdf".into(),
-        epoch: Epoch::Best,
+        epoch: CheckpointWeights::Best,
         objects: Vec::new(),
         per_object: 40,
         steps: 11,
@@ -279,7 +281,7 @@ fn config() -> SampleConfig {
         max_depth_m: 0.004,
         spread: 1.0,
         path: Vec::new(),
-        rests: Rests::Seen,
+        rests: RestingPoses::Seen,
         rest_up: None,
         point_noise: 0.0,
         recorded_per_object: 0,
@@ -547,7 +549,7 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
     let given = |up: [f64; 3]| SampleConfig {
-        rests: Rests::Given,
+        rests: RestingPoses::Given,
         rest_up: Some(up),
         demonstrated_share: 0.5,
         ..config()
@@ -578,7 +580,7 @@ fn a_given_orientation_puts_the_mesh_on_the_table() {
     });
     assert!(err.contains("`rest_up` is missing"), "{err}");
     let without = SampleConfig {
-        rests: Rests::Seen,
+        rests: RestingPoses::Seen,
         ..given([0.0, 0.0, 1.0])
     };
     assert!(faults(&without).contains("left out"));
@@ -595,7 +597,7 @@ fn orientations_of_an_unseen_object_are_those_that_are_stable() {
     }
     lake::table::write(&folder.path().join("object"), &object).unwrap();
     let (recorded, stable) = (object.rests[0].rest, object.rests[2].rest);
-    let lies_so = |name: &str, expected: &Rest| {
+    let lies_so = |name: &str, expected: &RestingPose| {
         let artifacts = |input: &&str| {
             let mut artifacts = inputs.artifacts(input).to_vec();
             if *input == "objects" {
@@ -886,7 +888,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
 fn every_draw_says_where_its_code_comes_from() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
-    let lineages = |inputs: &Inputs, config: &SampleConfig| -> Vec<Lineage> {
+    let lineages = |inputs: &Inputs, config: &SampleConfig| -> Vec<DrawSource> {
         let drawn = sample(config, inputs, 7).candidates.into_iter();
         drawn
             .flat_map(|candidate| {
@@ -911,7 +913,7 @@ fn every_draw_says_where_its_code_comes_from() {
         .map(|lineage| lineage.demonstration.as_str())
         .collect();
     assert_eq!(named.into_iter().collect::<Vec<_>>(), ["a", "b"]);
-    let split = |lineage: &Lineage| lineage.object_split;
+    let split = |lineage: &DrawSource| lineage.object_split;
     assert!(
         drawn
             .iter()
@@ -922,7 +924,7 @@ fn every_draw_says_where_its_code_comes_from() {
         path: vec!["b".to_owned(), "a".to_owned()],
         ..config()
     };
-    let expected = Lineage {
+    let expected = DrawSource {
         draw_n: 1,
         origin: Origin::Path,
         demonstration: "b".to_owned(),

@@ -1,6 +1,6 @@
 //! Counts by verdict, as figures.
 
-use dataflow::{Figures, Gather, MissingFigure, Sum};
+use dataflow::{Gather, MetricValues, MissingMetric, Sum};
 use schemas::{rollouts::Verdict, tally::Tally};
 
 /// A [`Tally`] by verdict, e.g. `held_n`.
@@ -10,11 +10,11 @@ pub enum ByVerdict {}
 impl Gather for ByVerdict {
     type Value = Tally<Verdict>;
 
-    fn write(_field: &str, tally: &Self::Value, figures: &mut Figures) {
+    fn write(_field: &str, tally: &Self::Value, figures: &mut MetricValues) {
         figures.extend(tally.iter().map(|(verdict, n)| (name(verdict), n as f64)));
     }
 
-    fn read(_field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure> {
+    fn read(_field: &str, figures: &MetricValues) -> Result<Self::Value, MissingMetric> {
         let count = |verdict: Verdict| {
             let n = <Sum as Gather>::read(&name(verdict), figures)?;
             #[expect(clippy::cast_possible_truncation, reason = "it was a count")]

@@ -6,7 +6,7 @@ use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use schemas::rollouts::Verdict;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, Rollout, SceneConfig, SceneErrors};
+use simulation::{Protocol, Rollout, SceneConfig, SceneRandomization};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MAX_RECORDED: usize = 10_000;
@@ -64,7 +64,7 @@ pub struct RobustnessConfig {
     /// `trials` candidates.
     pub per_object: usize,
     /// Bounds of the drawn errors.
-    pub errors: SceneErrors,
+    pub errors: SceneRandomization,
 }
 
 impl Default for RobustnessConfig {
@@ -72,7 +72,7 @@ impl Default for RobustnessConfig {
         Self {
             trials: 16,
             per_object: 16,
-            errors: SceneErrors::default(),
+            errors: SceneRandomization::default(),
         }
     }
 }
@@ -88,9 +88,9 @@ impl ScreenConfig {
 
     /// Returns the options for which the protocol's name stands: a published one judges no depth.
     #[must_use]
-    pub fn by_name(&self) -> Self {
-        let (scene, protocol) = self.protocol.by_name(&self.scene);
-        let max_penetration_m = if self.protocol.name.is_own() {
+    pub fn resolved(&self) -> Self {
+        let (scene, protocol) = self.protocol.resolved(&self.scene);
+        let max_penetration_m = if self.protocol.name.is_table_lift() {
             self.max_penetration_m
         } else {
             f64::INFINITY
@@ -113,12 +113,12 @@ impl ScreenConfig {
                 self.recorded_failures_per_object,
             ),
         ] {
-            let why = "a recording has about 1 MB";
+            let why = "each recording takes about 1 MB";
             faults.within(key, recorded, 0..=MAX_RECORDED, why);
         }
         let why = "it is a share of the object's extent";
         faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
-        let why = "it is a depth in an object of a hand's size";
+        let why = "no object of a hand's size is deeper";
         let depth_m = self.max_penetration_m;
         faults.within("max_penetration_m", depth_m, 0.0..=MAX_PENETRATION_M, why);
         let RobustnessConfig {
@@ -126,17 +126,17 @@ impl ScreenConfig {
             per_object,
             errors,
         } = &self.robustness;
-        let why = "each is a simulation of every tried motion";
+        let why = "each simulates every tried motion once more";
         faults.within("robustness.trials", *trials, 0..=MAX_TRIALS, why);
-        let why = "each is simulated many times";
+        let why = "each is simulated `robustness.trials` times";
         faults.within("robustness.per_object", *per_object, 0..=MAX_TRIED, why);
         faults.of_table("robustness.errors", errors.faults(&self.scene));
         faults.of_table("scene", self.scene.faults());
         faults.of_table("protocol", self.protocol.faults(&self.scene));
-        if !self.protocol.name.is_own() {
+        if !self.protocol.name.is_table_lift() {
             let Self {
                 scene, protocol, ..
-            } = self.by_name();
+            } = self.resolved();
             faults.of_table("scene", scene.faults());
             faults.of_table("protocol", protocol.faults(&scene));
         }

@@ -55,7 +55,7 @@ pub enum ScreenError {
         candidate: String,
     },
     /// A rollout has another number of joints than the hand.
-    #[error("a rollout cannot be recorded: {0}")]
+    #[error("a rollout cannot be recorded")]
     Dof(#[from] WrongDof),
     /// An artifact cannot be read or written.
     #[error(transparent)]

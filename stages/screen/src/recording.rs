@@ -8,7 +8,7 @@ use schemas::{
     Table,
     objects::Object,
     rollouts::{Rollout as Row, Rollouts},
-    ros2::motion::{self, JOINT_TRAJECTORY, START_NS, Scene, SceneStep, TrajectoryPoint},
+    ros2::motion::{self, JOINT_TRAJECTORY, RecordingScene, START_NS, SceneStep, TrajectoryPoint},
 };
 use simulation::{Rollout, Trace};
 use spatial::{Palm, Pose};
@@ -16,7 +16,7 @@ use spatial::{Palm, Pose};
 use crate::ScreenError;
 
 /// What is the same in all recordings of an object.
-pub(crate) struct Stage<'a> {
+pub(crate) struct RecordingContext<'a> {
     /// The hand's URDF.
     pub(crate) urdf: &'a str,
     /// The hand.
@@ -28,7 +28,7 @@ pub(crate) struct Stage<'a> {
 /// Writes `<candidate_id>.mcap` into `folder`, with the reason of its `row`; a rollout without a trace has
 /// no recording.
 pub(crate) fn record(
-    stage: &Stage<'_>,
+    stage: &RecordingContext<'_>,
     row: &Row,
     rollout: &Rollout,
     folder: &Path,
@@ -37,7 +37,7 @@ pub(crate) fn record(
         return Ok(());
     };
     let joints = stage.model.joint_names();
-    let scene = Scene {
+    let scene = RecordingScene {
         urdf: stage.urdf,
         joints: &joints,
         robot: stage.model,

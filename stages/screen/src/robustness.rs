@@ -1,6 +1,6 @@
 //! Trials of accepted motions under drawn errors.
 
-use dataflow::{Context, Inputs, Options, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -23,7 +23,7 @@ use crate::{
 pub struct RobustnessTrials;
 
 dataflow::metrics! {
-    /// What is said of the trials of an object's motions.
+    /// Metrics of the trials of an object's motions.
     pub struct RobustnessMetrics {
         /// Number of motions that were tried.
         motions_n: Sum,
@@ -46,8 +46,8 @@ impl Output for RobustnessTrials {
     const ARTIFACT: &'static str = Robustnesses::NAME;
     const SCHEMA: &'static str = Robustnesses::VERSION;
     const PARTITION: &'static str = Robustnesses::PARTITION;
-    const OPTIONS: Options =
-        Options::Except(&["recorded_per_object", "recorded_failures_per_object"]);
+    const OPTIONS: OptionsUsed =
+        OptionsUsed::Except(&["recorded_per_object", "recorded_failures_per_object"]);
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         let rollouts = scope.partitions(Rollouts::NAME);
@@ -68,7 +68,7 @@ impl Output for RobustnessTrials {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        let config = &config.by_name();
+        let config = &config.resolved();
         let RobustnessConfig { trials, .. } = config.robustness;
         let motions = tried(&rollouts, &screened, config.robustness.per_object)?;
         let rows = if motions.is_empty() || trials == 0 {

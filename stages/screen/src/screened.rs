@@ -39,7 +39,10 @@ pub(crate) fn units(
             .with_label("object", &partition.key)
             .reading(Candidates::NAME, [&partition.key])
             .reading(Object::NAME, object.map(|object| &object.key))
-            .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::SHOWN);
+            .with_file_of_form(
+                SourceFile::named("hand", &config.hand),
+                robot_meshes::URDF_FORM,
+            );
         meshes.iter().cloned().fold(unit, Unit::with_file)
     };
     Ok(partitions.iter().map(unit).collect())

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, Options, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use lake::WriteArtifact;
 use schemas::{
@@ -13,7 +14,7 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     tally::Tally,
 };
-use simulation::{Flexion, Record, check_hand};
+use simulation::{Flexion, TraceMode, check_hand};
 
 use crate::{
     ScreenConfig, ScreenError,
@@ -27,7 +28,7 @@ use crate::{
 pub struct Screen;
 
 dataflow::metrics! {
-    /// What is said of an object's rollouts.
+    /// Metrics of an object's rollouts.
     pub struct ScreenMetrics {
         /// Number of candidates.
         candidates_n: Sum,
@@ -56,7 +57,7 @@ impl Stage for Screen {
 
     /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
-        let config = config.by_name();
+        let config = config.resolved();
         let hand = robot_meshes::load(&config.hand)?.model;
         check_hand(&config.scene, &hand)
             .and_then(|()| Flexion::new(&config.protocol, &hand).map(drop))
@@ -76,7 +77,7 @@ impl Output for Screen {
     const SCHEMA: &'static str = Rollouts::VERSION;
     const PARTITION: &'static str = Rollouts::PARTITION;
 
-    const OPTIONS: Options = Options::Except(&["robustness"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["robustness"]);
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
         let candidates = scope.partitions(Candidates::NAME);
@@ -94,7 +95,7 @@ impl Output for Screen {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("it is not among the objects"));
         };
-        let config = &config.by_name();
+        let config = &config.resolved();
         let screening = screened.screening(config, cx.seed());
         let scenes = match screening.planned() {
             Ok(scenes) => scenes,
@@ -106,7 +107,7 @@ impl Output for Screen {
         };
 
         cx.write(&rollouts)?;
-        let stage = recording::Stage {
+        let stage = recording::RecordingContext {
             urdf: &screened.xml,
             model: &screened.hand,
             object: &screened.object,
@@ -116,7 +117,7 @@ impl Output for Screen {
         let failed_n = config.recorded_failures_per_object;
         for idx in shown.chain(failures(&verdicts).into_iter().take(failed_n)) {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
-            match screening.rollout(&scenes, idx, Record::Trace) {
+            match screening.rollout(&scenes, idx, TraceMode::Trace) {
                 Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
                 Err(err) => return screened.failed(err),
             }

@@ -15,8 +15,8 @@ use schemas::{
     objects::Object,
     rollouts::{self, Verdict},
 };
-use simulation::{ObjectShape, Record, Rollout, SceneConfig, SimulationError, Template};
-use spatial::{Object as InObject, Pose, Rest, Table};
+use simulation::{ObjectShape, Rollout, SceneConfig, SettledScene, SimulationError, TraceMode};
+use spatial::{Object as InObject, Pose, RestingPose, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
 
@@ -37,7 +37,7 @@ pub(crate) struct Screening<'a> {
 
 /// One settled scene per resting pose of the object; nothing for a pose that no candidate needs, or in which the
 /// object does not come to rest.
-pub(crate) struct Scenes(Vec<Option<Template>>);
+pub(crate) struct Scenes(Vec<Option<SettledScene>>);
 
 impl<'a> Screening<'a> {
     /// Takes an object and its candidates; `seed` draws the pose noise.
@@ -92,11 +92,11 @@ impl<'a> Screening<'a> {
             if !needed.contains(&idx) {
                 return Ok(None);
             }
-            feasible(Template::new(
+            feasible(SettledScene::new(
                 scene,
                 self.model,
                 &self.shape,
-                &Rest::of(pose),
+                &RestingPose::of(pose),
             ))
         });
         templates.collect::<Result<_, _>>().map(Scenes)
@@ -114,7 +114,7 @@ impl<'a> Screening<'a> {
             .into_par_iter()
             .map(|idx| {
                 let candidate = self.candidate(idx);
-                let rollout = self.rollout(scenes, idx, Record::Nothing);
+                let rollout = self.rollout(scenes, idx, TraceMode::Nothing);
                 let row = feasible(rollout.and_then(|rollout| self.row(candidate, &rollout)))?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
@@ -130,7 +130,7 @@ impl<'a> Screening<'a> {
         candidates: &[usize],
     ) -> Result<Vec<(Verdict, u32)>, SimulationError> {
         let verdicts = candidates.par_iter().map(|&idx| {
-            let rollout = feasible(self.rollout(scenes, idx, Record::Nothing))?;
+            let rollout = feasible(self.rollout(scenes, idx, TraceMode::Nothing))?;
             Ok(rollout.map_or((Verdict::Infeasible, 0), |rollout| {
                 (self.config.verdict(&rollout), rollout.cost_n)
             }))
@@ -148,12 +148,12 @@ impl<'a> Screening<'a> {
         &self,
         scenes: &Scenes,
         idx: usize,
-        record: Record,
+        record: TraceMode,
     ) -> Result<Rollout, SimulationError> {
-        let template = scenes.0[self.pose_of[idx]].as_ref();
-        let template = template.ok_or(SimulationError::Unsettled)?;
+        let settled = scenes.0[self.pose_of[idx]].as_ref();
+        let settled = settled.ok_or(SimulationError::Unsettled)?;
         let motion = self.motion(idx, self.candidate(idx))?;
-        template.rollout(&motion, &self.config.protocol, record)
+        settled.rollout(&motion, &self.config.protocol, record)
     }
 
     /// Returns a candidate's motion with the joints in the hand's order.
@@ -231,7 +231,7 @@ fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
 mod tests {
     use motion::{HandRates, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::Lineage;
+    use schemas::candidates::DrawSource;
 
     use super::*;
     use crate::config;
@@ -272,12 +272,12 @@ mod tests {
             time_s,
             frame_from_palm: Pose::new(Isometry3::translation(0.3, 0.0, 0.1)),
             q_rad: vec![0.0],
-            rates: HandRates::still(1),
+            rates: HandRates::zero(1),
         };
         Candidate {
             candidate_id: name.to_owned(),
             generator: "test".to_owned(),
-            lineage: Lineage::replayed(name),
+            lineage: DrawSource::replayed(name),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.02)),
             limit_excess_rad: 0.0,

@@ -10,13 +10,10 @@ with
         union all
         select run as noise_run, 'screen_pose' as screen, number as s from settings
         where stage = 'screen_pose' and key = 'pose_noise' and run in (select run from runs)),
-    unseen as (
-        select distinct object as name, 1 as is_unseen from all_reconstruction
-        where split = 'unseen' and run in (select run from runs)),
     by_object as (
-        select screen, s, coalesce(is_unseen, 0) as is_unseen, candidates_n, successes_n, control_steps_n
-        from all_success join noise on all_success.run = noise.noise_run and all_success.stage = noise.screen
-            left join unseen on all_success.object = unseen.name),
+        select screen, s, case when object_split = 'unseen' then 1 else 0 end as is_unseen,
+            candidates_n, successes_n, control_steps_n
+        from all_success join noise on all_success.run = noise.noise_run and all_success.stage = noise.screen),
     sums as (
         select replace(screen, 'screen_', '') as noise_on, s,
             1.0 * sum((1 - is_unseen) * candidates_n) as seen_n, sum((1 - is_unseen) * successes_n) as seen_held,

@@ -14,7 +14,8 @@ with
         from all_executions where run in (select run from runs) and goal_id <> '' group by object),
     ends as (
         select count(*) as objects_n, sum(n) as n, sum(others) as others, avg(robust) as robust, avg(accepted) as accepted,
-            avg(robust - accepted) as gain, 2.093 * stddev(robust - accepted) / sqrt(1.0 * count(*)) as reach,
+            avg(robust - accepted) as gain,
+            case when count(*) = 20 then 2.093 * stddev(robust - accepted) / sqrt(20.0) end as reach,
             sum(case when robust > accepted then 1 else 0 end) as more,
             sum(case when robust < accepted then 1 else 0 end) as fewer
         from by_object)

@@ -1,6 +1,6 @@
 -- Demonstrations carried out unchanged, and motions sampled by functions that have seen the object, and that
 -- have not (four folds of the objects), by the origin of their latent codes. The 95 % interval is that of the
--- objects' mean, Student's over the objects' own rates (19 degrees of freedom). The paper's share is derived:
+-- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived:
 -- 65 control steps of a trial over its cost (Ye et al., RA-L 2023, table V).
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
@@ -14,7 +14,8 @@ with
     groups as (
         select origin, object_split, count(share) as objects_n, sum(d) as draws, sum(c) as motions,
             100 * sum(s) / sum(c) as by_motion, 100 * sum(s) / sum(d) as by_draw,
-            100 * avg(share) as middle, 209.3 * stddev(share) / sqrt(1.0 * count(share)) as reach
+            100 * avg(share) as middle,
+            case when count(share) = 20 then 209.3 * stddev(share) / sqrt(20.0) end as reach
         from shares group by origin, object_split),
     names as (
         select * from (values

@@ -11,18 +11,18 @@ use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use report_screen::{RatesReport, SuccessReport};
 use robot::RobotModel;
 use schemas::{
-    candidates::{Candidate, Candidates, Lineage},
+    candidates::{Candidate, Candidates, DrawSource},
     objects::{self, RestingOrientation},
-    rates::Rates,
+    rates::SuccessRates,
     robustness::Robustnesses,
     rollouts::{Rollout, Rollouts, Verdict},
     success::Successes,
 };
 use simulation::{
     Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, PullConfig, SceneConfig,
-    SceneErrors, Shortcuts, StrictConfig, Support, Trial,
+    SceneRandomization, Shortcuts, StrictConfig, Support, Trial,
 };
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 use stage_screen::{
     RobustnessConfig, RobustnessTrials, Screen, ScreenConfig, ScreenError, ScreenMetrics,
 };
@@ -99,8 +99,8 @@ fn config() -> ScreenConfig {
     }
 }
 
-fn upright() -> Rest {
-    Rest {
+fn upright() -> RestingPose {
+    RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: HEIGHT_M / 2.0,
     }
@@ -161,14 +161,14 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         Step {
             time_s: 0.1 * f64::from(step),
             frame_from_palm: Pose::from_parts(place, turn),
-            rates: HandRates::still(q_rad.len()),
+            rates: HandRates::zero(q_rad.len()),
             q_rad: q_rad.clone(),
         }
     });
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
-        lineage: Lineage::replayed("a"),
+        lineage: DrawSource::replayed("a"),
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,
@@ -283,7 +283,7 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
 }
 
 /// Writes the rollouts of a can's candidates, and tries those that hold under these errors.
-fn robustness(trials: usize, errors: SceneErrors) -> (Robustnesses, Rollouts) {
+fn robustness(trials: usize, errors: SceneRandomization) -> (Robustnesses, Rollouts) {
     let folder = tempfile::tempdir().unwrap();
     let mut config = config();
     config.robustness = RobustnessConfig {
@@ -310,7 +310,7 @@ fn robustness(trials: usize, errors: SceneErrors) -> (Robustnesses, Rollouts) {
 
 #[test]
 fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
-    let none = SceneErrors::NONE;
+    let none = SceneRandomization::NONE;
     // Without errors, every trial is the rollout again.
     let (tried, rollouts) = robustness(3, none);
     assert_eq!(tried.len(), 1);
@@ -321,7 +321,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
 
     // On ice, a heavy can is not lifted.
     let friction_scale = [0.02, 0.05];
-    let errors = SceneErrors {
+    let errors = SceneRandomization {
         friction_scale,
         ..none
     };
@@ -329,7 +329,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
 
     // Where it is a little elsewhere, it is held in some trials; more of them do not change the first.
     let position_m = 0.02;
-    let errors = SceneErrors { position_m, ..none };
+    let errors = SceneRandomization { position_m, ..none };
     let verdicts = |trials: usize| robustness(trials, errors).0.remove(0).trials;
     let (few, many) = (verdicts(6), verdicts(12));
     assert_eq!(few, verdicts(6));
@@ -384,7 +384,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let Outcome::Made(made) = outcome else {
         panic!("nothing was made");
     };
-    let table: Rates = lake::table::read(&artifact(&rates)).unwrap();
+    let table: SuccessRates = lake::table::read(&artifact(&rates)).unwrap();
     let origins: Vec<&str> = table.iter().map(|rate| rate.origin.as_str()).collect();
     assert_eq!(origins, ["all", "demonstration"]);
     // One object is one trial of 1/3: next to nothing is known.
@@ -445,7 +445,7 @@ fn candidates_for_another_hand_are_an_error_with_a_hint() {
             let mut steps = candidate.motion.steps().to_vec();
             for step in &mut steps {
                 step.q_rad.truncate(joints.len());
-                step.rates = HandRates::still(joints.len());
+                step.rates = HandRates::zero(joints.len());
             }
             candidate.motion = Motion::new(joints, steps).unwrap();
         }
@@ -544,7 +544,7 @@ fn options_that_do_not_go_with_the_hand_are_refused_before_anything_runs() {
         (cause, err.hint().unwrap_or_default())
     };
     let with = |described: &str| {
-        lake::write_whole(&urdf, described.as_bytes()).unwrap();
+        lake::write_atomic(&urdf, described.as_bytes()).unwrap();
         ScreenConfig {
             hand: urdf.clone(),
             ..config()
@@ -588,7 +588,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
     let folder = tempfile::tempdir().unwrap();
     let put = |name: &str, text: &str| {
         let path = folder.path().join(name);
-        lake::write_whole(&path, text.as_bytes()).unwrap();
+        lake::write_atomic(&path, text.as_bytes()).unwrap();
         path
     };
     put("tip.obj", "");

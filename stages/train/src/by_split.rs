@@ -2,7 +2,7 @@
 
 use std::ops::Index;
 
-use dataflow::{Figure, Figures, Gather, MissingFigure};
+use dataflow::{Figure, Gather, MetricValues, MissingMetric};
 use schemas::training::Split;
 
 /// A value of each [`Split`].
@@ -28,13 +28,13 @@ impl<T> Index<Split> for BySplit<T> {
 impl<F: Figure> Gather for BySplit<F> {
     type Value = BySplit<Option<f64>>;
 
-    fn write(field: &str, values: &Self::Value, figures: &mut Figures) {
+    fn write(field: &str, values: &Self::Value, figures: &mut MetricValues) {
         for split in Split::ALL {
             figures.extend(values[split].map(|value| (name(field, split), value)));
         }
     }
 
-    fn read(field: &str, figures: &Figures) -> Result<Self::Value, MissingFigure> {
+    fn read(field: &str, figures: &MetricValues) -> Result<Self::Value, MissingMetric> {
         let figure = |split| figures.get(&name(field, split)).copied();
         Ok(BySplit::of(figure))
     }

@@ -53,7 +53,7 @@ pub enum TrainError {
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
     /// A trajectory belongs to another hand.
-    #[error("trajectory `{sequence}` is not of the hand")]
+    #[error("trajectory `{sequence}` was made for another hand")]
     AnotherHand {
         /// The trajectory's sequence.
         sequence: String,

@@ -52,7 +52,7 @@ impl Saver {
         for epoch in trainer.curve() {
             lines.extend(line(epoch).map_err(|err| saver.unwritten(err))?);
         }
-        lake::write_whole(&saver.curve, &lines)?;
+        lake::write_atomic(&saver.curve, &lines)?;
         Ok((saver, found))
     }
 
@@ -68,7 +68,7 @@ impl Saver {
         }
         if self.saved.elapsed() >= self.pause {
             let started = Instant::now();
-            lake::write_whole(&self.state, &trainer.state()?)?;
+            lake::write_atomic(&self.state, &trainer.state()?)?;
             self.saved = Instant::now();
             self.pause = MIN_INTERVAL.max(started.elapsed() * SHARE);
         }

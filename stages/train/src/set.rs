@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use cgf::{Random, Scene, Track, TrainingSet};
+use cgf::{Random, RestingObject, TrainingMotion, TrainingSet};
 use dataflow::Inputs;
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
@@ -15,7 +15,7 @@ use schemas::{
     training::Split,
     trajectories::Trajectory,
 };
-use spatial::Rest;
+use spatial::RestingPose;
 
 use crate::{TrainConfig, TrainError, unseen::unseen};
 
@@ -102,8 +102,11 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
 }
 
 /// Returns the object's resting orientation whose up direction is nearest to the recorded one.
-fn nearest_rest(object: &Object, recorded: &Rest) -> Result<(usize, Rest), TrainError> {
-    let agreement = |rest: &Rest| rest.up_in_object.dot(&recorded.up_in_object);
+fn nearest_rest(
+    object: &Object,
+    recorded: &RestingPose,
+) -> Result<(usize, RestingPose), TrainError> {
+    let agreement = |rest: &RestingPose| rest.up_in_object.dot(&recorded.up_in_object);
     object
         .rests
         .iter()
@@ -115,8 +118,8 @@ fn nearest_rest(object: &Object, recorded: &Rest) -> Result<(usize, Rest), Train
         })
 }
 
-fn scene(object: &Object, rest: Rest) -> Scene {
-    Scene {
+fn scene(object: &Object, rest: RestingPose) -> RestingObject {
+    RestingObject {
         object: object.name.clone(),
         rest,
         points_in_object: object
@@ -129,15 +132,15 @@ fn scene(object: &Object, rest: Rest) -> Scene {
 
 fn track(
     trajectory: &Trajectory,
-    rest: Rest,
+    rest: RestingPose,
     scene: usize,
     joints: &[String],
-) -> Result<Track, TrainError> {
+) -> Result<TrainingMotion, TrainError> {
     let table_from_object = rest.table_from_object();
     let motion = trajectory.motion.with_rates(|_| ());
-    let motion = motion.and_then(|one| one.seen_from(&table_from_object).reordered(joints));
+    let motion = motion.and_then(|one| one.expressed_in(&table_from_object).reordered(joints));
     let sequence = || trajectory.sequence.clone();
-    Ok(Track {
+    Ok(TrainingMotion {
         name: sequence(),
         scene,
         split: Split::Training,

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
-use cgf::{GraspError, Trained, Trainer, TrainingSet};
+use cgf::{HandDistance, Trained, Trainer, TrainingSet};
 use dataflow::{
     Code, Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit,
@@ -24,7 +24,7 @@ use crate::{
 pub struct Train;
 
 dataflow::metrics! {
-    /// What is said of a trained function.
+    /// Metrics of a trained function.
     pub struct TrainMetrics {
         /// Number of epochs.
         epochs: Max,
@@ -124,7 +124,10 @@ impl Output for Train {
             .only_files(Trajectory::NAME, [lake::table::FILE])
             .reading(Object::NAME, objects)
             .reading(FieldInfo::NAME, fields)
-            .with_file_of_form(SourceFile::named("hand", &config.hand), robot_meshes::READ);
+            .with_file_of_form(
+                SourceFile::named("hand", &config.hand),
+                robot_meshes::MODEL_FORM,
+            );
         Ok(vec![
             robot_meshes::sources(&config.hand)?
                 .into_iter()
@@ -199,7 +202,7 @@ fn train(
 impl TrainMetrics {
     fn of(trained: &Trained) -> Self {
         let description = trained.last.description();
-        let mean = |error: fn(&GraspError) -> f64| {
+        let mean = |error: fn(&HandDistance) -> f64| {
             BySplit::of(|split| {
                 let n = description.of_split(split).count();
                 let errors = description

@@ -9,13 +9,10 @@ with
             max(case when key = 'training.augmentation' then replace(value, '"', '`') end) as augmentation,
             max(case when key = 'scene.object_offset.x_m' then number end) as offset_m
         from settings where stage in ('train', 'screen') and run in (select run from runs) group by run),
-    unseen as (
-        select distinct object as name, 1 as is_unseen from all_reconstruction
-        where split = 'unseen' and run in (select run from runs)),
     by_object as (
-        select frame, augmentation, offset_m, coalesce(is_unseen, 0) as is_unseen, candidates_n, successes_n
-        from all_success join variants on all_success.run = variants.variant
-            left join unseen on all_success.object = unseen.name),
+        select frame, augmentation, offset_m, case when object_split = 'unseen' then 1 else 0 end as is_unseen,
+            candidates_n, successes_n
+        from all_success join variants on all_success.run = variants.variant),
     shares as (
         select frame, augmentation, offset_m,
             100.0 * sum((1 - is_unseen) * successes_n) / sum((1 - is_unseen) * candidates_n) as seen,

@@ -1,22 +1,22 @@
 //! Our solver on the peer's problems and on the paper's objective.
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use rand::Rng;
-use stage_retarget::solver::{
-    NoTerms, Options, Outcome, Posture, RootPose, Smoothness, Solver, Task, Wrist,
+use posture::{
+    NoTerms, Posture, RootPose, SearchOptions, SearchOutcome, Smoothness, Solver, Task, Wrist,
 };
+use rand::Rng;
 
 use crate::problem::{MOTION_WEIGHT, Problem};
 
 /// As the race is run: what is left to gain is a thousandth.
-pub(crate) const FAST: Options = Options {
+pub(crate) const FAST: SearchOptions = SearchOptions {
     tolerance: 1e-3,
     least_decrease: 1e-9,
     max_iterations: 60,
     wrist: Wrist::Moves,
 };
 /// Full convergence.
-pub(crate) const TIGHT: Options = Options {
+pub(crate) const TIGHT: SearchOptions = SearchOptions {
     tolerance: 1e-12,
     least_decrease: 1e-18,
     max_iterations: 500,
@@ -45,7 +45,7 @@ impl Objective {
     ) -> Task<'a> {
         let (loss, point_weight, motion_weight) = match self {
             Self::Peer => (Problem::loss(), 0.0, MOTION_WEIGHT),
-            Self::Paper(lambda) => (stage_retarget::solver::Loss::Squared, lambda, 0.0),
+            Self::Paper(lambda) => (posture::Loss::Squared, lambda, 0.0),
         };
         Task {
             targets: &problem.targets[frame],
@@ -110,8 +110,8 @@ pub(crate) fn best_of(
     solver: &mut Solver<'_>,
     task: &Task<'_>,
     starts: Vec<Posture>,
-    options: &Options,
-) -> (Posture, Outcome) {
+    options: &SearchOptions,
+) -> (Posture, SearchOutcome) {
     let found = starts.into_iter().map(|mut posture| {
         let outcome = solver.minimize(task, &mut posture, options, &mut NoTerms);
         (posture, outcome.unwrap())

@@ -1,7 +1,7 @@
 //! The peer, `dex_retargeting`, in a Python process that is asked chunk by chunk.
 
+use posture::{Posture, Target};
 use serde_json::{Value, json};
-use stage_retarget::solver::{Posture, Target};
 
 use crate::{
     problem::{Problem, posture},

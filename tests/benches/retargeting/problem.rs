@@ -9,8 +9,8 @@ use std::{
 };
 
 use nalgebra::{Point3, Vector3};
+use posture::{CompiledHand, Loss, Posture, Root, RootPose, Target};
 use robot::RobotModel;
-use stage_retarget::solver::{CompiledHand, Loss, Posture, Root, RootPose, Target};
 
 /// The peer's loss turns from a parabola to a line here, in meters.
 pub(crate) const BETA_M: f64 = 0.02;

@@ -3,8 +3,8 @@
 use std::{cell::RefCell, f64::consts::TAU};
 
 use nalgebra::{Point3, Vector3};
+use posture::{NoTerms, Posture, RootPose, Smoothness, Solver, Task};
 use slsqp::{StopTols, minimize};
-use stage_retarget::solver::{NoTerms, Posture, RootPose, Smoothness, Solver, Task};
 
 use crate::problem::{MOTION_WEIGHT, Problem};
 

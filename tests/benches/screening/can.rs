@@ -4,7 +4,7 @@ use std::f64::consts::TAU;
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use simulation::ObjectShape;
-use spatial::Rest;
+use spatial::RestingPose;
 
 const RADIUS_M: f64 = 0.034;
 const HEIGHT_M: f64 = 0.102;
@@ -31,8 +31,8 @@ pub(crate) fn can() -> ObjectShape {
 }
 
 /// The can stands.
-pub(crate) fn upright() -> Rest {
-    Rest {
+pub(crate) fn upright() -> RestingPose {
+    RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: HEIGHT_M / 2.0,
     }

@@ -4,7 +4,7 @@ use geometry::SurfaceDistance;
 use nalgebra::{Isometry3, Matrix3, Point3};
 use robot::{JointKind, Link, RobotModel, Shape};
 use serde_json::{Value, json};
-use simulation::{ObjectMass, ObjectShape, Phase, Setpoint, Support, Template, Verdict};
+use simulation::{ObjectMass, ObjectShape, Phase, Setpoint, SettledScene, Support, Verdict};
 use spatial::{Object, Pose, Table};
 use stage_screen::ScreenConfig;
 
@@ -143,7 +143,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
 }
 
 /// Describes what is done in a rollout of a template, from where the object lies.
-pub(crate) fn rollout(template: &Template, setpoints: &[Setpoint]) -> Value {
+pub(crate) fn rollout(template: &SettledScene, setpoints: &[Setpoint]) -> Value {
     let setpoints: Vec<Value> = setpoints
         .iter()
         .map(|setpoint| {

@@ -14,5 +14,5 @@ pub(crate) fn screen() -> ScreenConfig {
     let text = include_str!("../../../pipelines/cgf.toml");
     let read = Pipeline::parse("cgf.toml".as_ref(), text, &pipeline::kinds(), None, &[]).unwrap();
     let screen = read.find("screen").unwrap();
-    screen.options::<Screen>().unwrap().by_name()
+    screen.options::<Screen>().unwrap().resolved()
 }

@@ -99,6 +99,6 @@ impl Readme {
         by: Vec<String>,
     ) -> Result<(), LakeError> {
         self.lines.splice(lines, by);
-        lake::write_whole(&self.path, (self.lines.join("\n") + "\n").as_bytes())
+        lake::write_atomic(&self.path, (self.lines.join("\n") + "\n").as_bytes())
     }
 }

@@ -3,14 +3,15 @@
 use std::{collections::BTreeMap, fs, sync::Arc};
 
 use cgf::{
-    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction, Scene,
-    Schedule, Times, Track, Trainer, TrainingConfig, TrainingDevice, TrainingSet,
+    Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
+    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction,
+    RestingObject, Schedule, Times, Trainer, TrainingConfig, TrainingDevice, TrainingMotion,
+    TrainingSet,
 };
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 
 use crate::{CLOUDS, HAND, POINTS, contender::Server};
 
@@ -38,7 +39,7 @@ pub(crate) fn serve() {
 }
 
 /// A box or a cylinder, an object of its own for each number.
-fn scene(number: usize) -> Scene {
+fn scene(number: usize) -> RestingObject {
     let mut random = Random::new(2, number as u64);
     let half: [f64; 3] = std::array::from_fn(|_| 0.02 + 0.08 * random.uniform());
     let points_in_object = (0..POINTS).map(|_| {
@@ -52,9 +53,9 @@ fn scene(number: usize) -> Scene {
         }
         Point3::from(std::array::from_fn::<_, 3, _>(|k| half[k] * unit[k]))
     });
-    Scene {
+    RestingObject {
         object: format!("object {number}"),
-        rest: Rest {
+        rest: RestingPose {
             up_in_object: Vector3::z_axis(),
             height_m: half[2],
         },
@@ -62,7 +63,7 @@ fn scene(number: usize) -> Scene {
     }
 }
 
-fn track(number: usize, dof: usize) -> Track {
+fn track(number: usize, dof: usize) -> TrainingMotion {
     let mut random = Random::new(3, number as u64);
     let mut vector = || Vector3::from_fn(|_, _| 0.2 * random.normal());
     let (from, to, turn) = (vector(), vector(), vector());
@@ -77,7 +78,7 @@ fn track(number: usize, dof: usize) -> Track {
         }
     });
     let joints: Vec<String> = (0..dof).map(|joint| format!("joint {joint}")).collect();
-    Track {
+    TrainingMotion {
         name: format!("motion {number}"),
         scene: number,
         split: schemas::training::Split::Training,
@@ -96,7 +97,7 @@ fn network() -> NetworkConfig {
         latent_dim: 256,
         decoder_widths: vec![256, 512, 256],
         activation: Activation::Relu,
-        frame: Frame::Object,
+        frame: InputFrame::Object,
         encoder_times: EncoderTimes::Recorded,
         encoder_rotation: EncoderRotation::AxisAngle,
         latent_variance: LatentVariance::Free,

@@ -95,7 +95,7 @@ class Dispatcher:
             self.session.put(self.base + "motion", message)
         report = self.report(goal)
         if report is None:
-            raise Unknown("the cell took it and says that it never did")
+            raise Unknown("the cell accepted the goal and now denies it")
         return report
 
     def report(self, goal):
@@ -166,7 +166,7 @@ def main():
         report = dispatcher.carry_out(goal, args.goal.with_suffix(".sent"))
         print(report["outcome"], report["message"])
     except Unknown as why:
-        sys.exit(f"what came of goal {goal.id} is unknown, look at the robot: {why}")
+        sys.exit(f"outcome of goal {goal.id} is unknown; look at the robot: {why}")
     finally:
         dispatcher.over.set()
 

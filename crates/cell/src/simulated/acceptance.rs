@@ -1,6 +1,6 @@
 //! Checks before a cell accepts a goal.
 
-use motion::{Carrier, JointTrack, PalmPoint, Timed};
+use motion::{JointTrack, PalmPoint, PalmTrajectory, Timed};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind};
 use simulation::Protocol;
@@ -77,16 +77,18 @@ pub(super) fn check(
         tolerance + ROUNDING_RAD,
     )?;
     match (&goal.carrier, &robot.arm) {
-        (Carrier::Palm(points), None) => {
+        (PalmTrajectory::Palm(points), None) => {
             check_times("palm", points)?;
             check_palm(points)?;
         }
-        (Carrier::Arm(track), Some(arm)) => check_track(track, "arm", arm.joints(), ROUNDING_RAD)?,
-        (Carrier::Palm(_), Some(_)) => {
-            let problem = "the goal has a palm fly that this cell has on an arm".to_owned();
+        (PalmTrajectory::Arm(track), Some(arm)) => {
+            check_track(track, "arm", arm.joints(), ROUNDING_RAD)?;
+        }
+        (PalmTrajectory::Palm(_), Some(_)) => {
+            let problem = "the goal commands a free-flying palm; this cell has an arm".to_owned();
             return refuse(RejectionCode::Joints, problem);
         }
-        (Carrier::Arm(_), None) => {
+        (PalmTrajectory::Arm(_), None) => {
             return refuse(RejectionCode::Joints, "this cell has no arm".to_owned());
         }
     }
@@ -202,7 +204,7 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
     for (from, to) in points.iter().zip(points.iter().skip(1)) {
         let between = || format!("between {} and {} s", from.time_s, to.time_s);
         let Some(segment) = from.segment(to) else {
-            let problem = format!("no palm can turn as this one would {}", between());
+            let problem = format!("the palm's rotation cannot be interpolated {}", between());
             return refuse(RejectionCode::Limits, problem);
         };
         let [least, most] = PALM.workspace_m.map(Vector3::from);
@@ -310,7 +312,7 @@ fn check_limits(track: &JointTrack, joints: &[&Joint], tolerance: f64) -> Result
                 );
             }
             let most = joint.velocity;
-            let speed = segment.greatest_speed(most);
+            let speed = segment.max_speed(most);
             if most > 0.0 && speed > most * (1.0 + ROUNDING) {
                 return refuse(
                     RejectionCode::Limits,

@@ -15,7 +15,7 @@ use super::{
 use crate::{
     Goal, PROTOCOL,
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
-    goal::{Rejection, RejectionCode, SealedGoal, now_unix_ms},
+    goal::{EncodedGoal, Rejection, RejectionCode, now_unix_ms},
     keys::goal_id_of,
     signature::Question,
     wire,
@@ -52,7 +52,7 @@ impl Shared {
             palm: self.robot.arm.is_none().then_some(PALM),
             table_from_base: self.robot.table_from_base(),
             max_goal_bytes: MAX_GOAL_BYTES,
-            gap: self.config.gap.description(scene),
+            gap: self.config.mismatch.description(scene),
             real_time: self.config.service.real_time,
             silence_s: (self.config.service.real_time).then_some(HEARTBEAT_TIMEOUT.as_secs_f64()),
         }
@@ -104,8 +104,8 @@ impl Shared {
     /// Accepts or refuses a goal; a goal accepted before stays known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
         let received = Instant::now();
-        let opened = acceptance::check_length(bytes).and_then(|()| SealedGoal::open(bytes));
-        match opened.and_then(|(sealed, goal)| self.admit(sealed, goal, received)) {
+        let opened = acceptance::check_length(bytes).and_then(|()| EncodedGoal::decode(bytes));
+        match opened.and_then(|(encoded, goal)| self.admit(encoded, goal, received)) {
             Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
             Ok(None) => (GoalAnswer::Accepted { known: true }, None),
             Err(rejection) => (GoalAnswer::Rejected(rejection), None),
@@ -115,11 +115,11 @@ impl Shared {
     /// Journals a goal; returns it if it is to be executed now.
     fn admit(
         &self,
-        sealed: SealedGoal,
+        encoded: EncodedGoal,
         goal: Goal,
         received: Instant,
     ) -> Result<Option<Job>, Rejection> {
-        if lock(&self.journal).knows(&sealed.goal_id) {
+        if lock(&self.journal).knows(&encoded.goal_id) {
             return Ok(None);
         }
         // Refuse before the checks, so that they cannot delay a motion.
@@ -141,17 +141,17 @@ impl Shared {
             let reason = "the cell was stopped and has not been resumed";
             return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
         }
-        if let Some(sending) = &sealed.sending {
+        if let Some(sending) = &encoded.sending {
             sending.check(now_unix_ms())?;
         }
-        if !journal.admit(&sealed)? {
+        if !journal.admit(&encoded)? {
             return Ok(None);
         }
-        let sending = sealed.sending.as_ref();
+        let sending = encoded.sending.as_ref();
         self.control
             .begin(sending.map(|sending| sending.dispatcher.as_str()));
         Ok(Some(Job {
-            sealed,
+            encoded,
             goal,
             received,
         }))

@@ -30,11 +30,11 @@ impl Abort {
 
 /// Requests concerning the current motion.
 pub(super) struct Control {
-    wish: Mutex<Wish>,
-    silence: Option<Duration>,
+    requests: Mutex<Requests>,
+    heartbeat_timeout: Option<Duration>,
 }
 
-struct Wish {
+struct Requests {
     /// The goal to cancel.
     cancel: Option<String>,
     /// Whether the cell is stopped until a person resumes it.
@@ -44,56 +44,56 @@ struct Wish {
     /// Time of its last heartbeat.
     heard: Instant,
     /// Queries to answer when nothing moves any more.
-    asking: Vec<Query>,
+    awaiting_stop: Vec<Query>,
 }
 
 impl Control {
     /// Creates a control with a heartbeat timeout, if any.
-    pub(super) fn new(silence: Option<Duration>) -> Self {
+    pub(super) fn new(heartbeat_timeout: Option<Duration>) -> Self {
         Self {
-            wish: Mutex::new(Wish {
+            requests: Mutex::new(Requests {
                 cancel: None,
                 stopped: false,
                 dispatcher: None,
                 heard: Instant::now(),
-                asking: Vec::new(),
+                awaiting_stop: Vec::new(),
             }),
-            silence,
+            heartbeat_timeout,
         }
     }
 
     /// Starts a goal's heartbeat timeout.
     pub(super) fn begin(&self, dispatcher: Option<&str>) {
-        let mut wish = self.wish();
-        wish.cancel = None;
-        wish.dispatcher = dispatcher.map(ToOwned::to_owned);
-        wish.heard = Instant::now();
+        let mut requests = self.requests();
+        requests.cancel = None;
+        requests.dispatcher = dispatcher.map(ToOwned::to_owned);
+        requests.heard = Instant::now();
     }
 
     /// Records a heartbeat.
     pub(super) fn beat(&self, dispatcher: &str) {
-        let mut wish = self.wish();
-        if wish.dispatcher.as_deref() == Some(dispatcher) {
-            wish.heard = Instant::now();
+        let mut requests = self.requests();
+        if requests.dispatcher.as_deref() == Some(dispatcher) {
+            requests.heard = Instant::now();
         }
     }
 
     /// Cancels a goal; `query` is answered when its motion has stopped.
     pub(super) fn cancel(&self, goal_id: &str, query: Query) {
-        let mut wish = self.wish();
-        wish.cancel = Some(goal_id.to_owned());
-        wish.asking.push(query);
+        let mut requests = self.requests();
+        requests.cancel = Some(goal_id.to_owned());
+        requests.awaiting_stop.push(query);
     }
 
     /// Aborts the current motion and refuses further goals; returns the query to be answered now if
     /// nothing moves.
     pub(super) fn stop(&self, query: Query, executing: Option<&str>) -> Option<Query> {
-        let mut wish = self.wish();
-        wish.stopped = true;
+        let mut requests = self.requests();
+        requests.stopped = true;
         if let Some(goal_id) = executing {
             // Holds even if a resume comes before the motion's next check.
-            wish.cancel = Some(goal_id.to_owned());
-            wish.asking.push(query);
+            requests.cancel = Some(goal_id.to_owned());
+            requests.awaiting_stop.push(query);
             return None;
         }
         Some(query)
@@ -101,26 +101,26 @@ impl Control {
 
     /// Accepts goals again.
     pub(super) fn resume(&self) {
-        self.wish().stopped = false;
+        self.requests().stopped = false;
     }
 
     /// Returns whether the cell is stopped.
     pub(super) fn is_stopped(&self) -> bool {
-        self.wish().stopped
+        self.requests().stopped
     }
 
     /// Returns why a goal must be aborted now, if it must.
     pub(super) fn reason(&self, goal_id: &str) -> Option<Abort> {
-        let wish = self.wish();
-        if wish.stopped {
+        let requests = self.requests();
+        if requests.stopped {
             return Some(Abort::by_a_person("stopped"));
         }
-        if wish.cancel.as_deref() == Some(goal_id) {
+        if requests.cancel.as_deref() == Some(goal_id) {
             return Some(Abort::by_a_person("canceled"));
         }
-        let silent = wish.heard.elapsed();
-        let longest = self.silence?;
-        (silent > longest).then(|| Abort {
+        let silent = requests.heard.elapsed();
+        let timeout = self.heartbeat_timeout?;
+        (silent > timeout).then(|| Abort {
             outcome: Outcome::Aborted,
             message: format!(
                 "no heartbeat of the dispatcher for {:.2} s",
@@ -130,11 +130,11 @@ impl Control {
     }
 
     /// Takes the queries to answer when nothing moves any more.
-    pub(super) fn asking(&self) -> Vec<Query> {
-        std::mem::take(&mut self.wish().asking)
+    pub(super) fn awaiting_stop(&self) -> Vec<Query> {
+        std::mem::take(&mut self.requests().awaiting_stop)
     }
 
-    fn wish(&self) -> MutexGuard<'_, Wish> {
-        lock(&self.wish)
+    fn requests(&self) -> MutexGuard<'_, Requests> {
+        lock(&self.requests)
     }
 }

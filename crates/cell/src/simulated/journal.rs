@@ -24,9 +24,9 @@ use zenoh::query::Query;
 
 use crate::{
     CellError, GoalOutcome,
-    goal::{Goal, Rejection, RejectionCode, SealedGoal, now},
+    goal::{EncodedGoal, Goal, Rejection, RejectionCode, now},
     outcome::{Outcomes, OutcomesHeader},
-    report::{Ending, Report},
+    report::{OutcomeClass, Report},
     signature::JournalKey,
 };
 
@@ -56,7 +56,7 @@ const NAME: usize = 16;
 
 /// An accepted goal that waits for the robot.
 pub(super) struct Job {
-    pub(super) sealed: SealedGoal,
+    pub(super) encoded: EncodedGoal,
     pub(super) goal: Goal,
     /// Time of arrival.
     pub(super) received: Instant,
@@ -137,7 +137,7 @@ impl Journal {
             if !file.with_extension(REPORT).try_exists().map_err(failed)? {
                 let message = "the cell went down during this motion; look at the robot";
                 let report = Report::unknown(id, message.to_owned()).to_bytes();
-                lake::write_whole(&file.with_extension(REPORT), &report)
+                lake::write_atomic(&file.with_extension(REPORT), &report)
                     .map_err(|err| failed(io::Error::other(err)))?;
             }
             entries.insert(id.to_owned(), Entry::Stored);
@@ -147,7 +147,7 @@ impl Journal {
         let taken = list_of(&list, &entries).map_err(failed)?;
         let mut text = format!("{}\n", key.name());
         text.extend(taken.iter().map(|id| format!("{id}\n")));
-        lake::write_whole(&list, text.as_bytes()).map_err(|err| failed(io::Error::other(err)))?;
+        lake::write_atomic(&list, text.as_bytes()).map_err(|err| failed(io::Error::other(err)))?;
         let continued = File::options().append(true).open(&list).map_err(failed)?;
         Ok(Self {
             key: Arc::new(key),
@@ -169,7 +169,7 @@ impl Journal {
     }
 
     /// Records a goal; returns whether it is to be executed now, being new.
-    pub(super) fn admit(&mut self, goal: &SealedGoal) -> Result<bool, Rejection> {
+    pub(super) fn admit(&mut self, goal: &EncodedGoal) -> Result<bool, Rejection> {
         if self.knows(&goal.goal_id) {
             return Ok(false);
         }
@@ -179,7 +179,7 @@ impl Journal {
             Rejection::new(RejectionCode::Storage, reason)
         };
         if let Some(path) = self.file(&goal.goal_id, GOAL) {
-            lake::write_whole(&path, &goal.bytes).map_err(|err| refused(err.to_string()))?;
+            lake::write_atomic(&path, &goal.bytes).map_err(|err| refused(err.to_string()))?;
             if let Err(err) = self.list(&goal.goal_id) {
                 // A refused goal was not accepted. If not even the removal succeeds, a restarted
                 // cell reports it as unknown.
@@ -242,7 +242,7 @@ impl Journal {
         // A report that cannot be written is kept in memory: this cell can answer, a restarted one
         // will say `unknown`.
         let path = self.file(goal_id, REPORT);
-        let stored = path.is_some_and(|path| lake::write_whole(&path, &report).is_ok());
+        let stored = path.is_some_and(|path| lake::write_atomic(&path, &report).is_ok());
         let entry = if stored {
             Entry::Stored
         } else {
@@ -282,13 +282,13 @@ impl Journal {
         }
         let ending = match self.entries.get(goal_id)? {
             Entry::Executing(_) => return None,
-            Entry::Done(report) => Ending::read(report),
+            Entry::Done(report) => OutcomeClass::read(report),
             Entry::Stored => self
                 .file(goal_id, REPORT)
                 .and_then(|file| first_line(&file).ok())
-                .and_then(|line| Ending::read(&line)),
+                .and_then(|line| OutcomeClass::read(&line)),
         };
-        let ending = ending.unwrap_or_else(Ending::lost);
+        let ending = ending.unwrap_or_else(OutcomeClass::lost);
         let outcome = GoalOutcome {
             journal: self.key.name().to_owned(),
             result_n: result_n as u64,
@@ -363,8 +363,8 @@ mod tests {
 
     use super::*;
 
-    fn sealed(id: &str) -> SealedGoal {
-        SealedGoal {
+    fn encoded(id: &str) -> EncodedGoal {
+        EncodedGoal {
             goal_id: id.to_owned(),
             digest: id.to_owned(),
             sending: None,
@@ -376,17 +376,17 @@ mod tests {
     fn goal_interrupted_by_a_crash_has_unknown_outcome() {
         let folder = tempfile::tempdir().unwrap();
         let mut journal = Journal::open(folder.path()).unwrap();
-        assert!(journal.admit(&sealed("00")).unwrap());
+        assert!(journal.admit(&encoded("00")).unwrap());
         journal.conclude("00", Report::aborted("00", "broken".to_owned()).to_bytes());
-        assert!(journal.admit(&sealed("01")).unwrap());
+        assert!(journal.admit(&encoded("01")).unwrap());
         drop(journal);
         let mut journal = Journal::open(folder.path()).unwrap();
         for id in ["00", "01"] {
-            assert!(!journal.admit(&sealed(id)).unwrap());
+            assert!(!journal.admit(&encoded(id)).unwrap());
         }
         let report = |id: &str| {
             let bytes = fs::read(folder.path().join(format!("{id}.report"))).unwrap();
-            Ending::read(&bytes).unwrap().outcome
+            OutcomeClass::read(&bytes).unwrap().outcome
         };
         assert_eq!(
             [report("00"), report("01")],
@@ -399,7 +399,7 @@ mod tests {
     fn outcome_numbers_survive_restarts() {
         let folder = tempfile::tempdir().unwrap();
         let over = |journal: &mut Journal, id: &str| {
-            assert!(journal.admit(&sealed(id)).unwrap());
+            assert!(journal.admit(&encoded(id)).unwrap());
             journal.conclude(id, Report::aborted(id, id.to_owned()).to_bytes());
         };
         let ids = |journal: &mut Journal, from: u64| -> Vec<(u64, String)> {
@@ -412,7 +412,7 @@ mod tests {
         // Not in the order of their names.
         over(&mut journal, "0b");
         over(&mut journal, "0a");
-        assert!(journal.admit(&sealed("0c")).unwrap());
+        assert!(journal.admit(&encoded("0c")).unwrap());
         assert_eq!(ids(&mut journal, 0), [named(0, "0b"), named(1, "0a")]);
         drop(journal);
         // One goal was listed and refused before it was taken, and the cell went down while it wrote
@@ -449,7 +449,7 @@ mod tests {
         // A folder stands where the goal's file would.
         fs::create_dir(folder.path().join("00.goal")).unwrap();
         fs::write(folder.path().join("00.goal/file"), b"").unwrap();
-        let refused = journal.admit(&sealed("00")).unwrap_err();
+        let refused = journal.admit(&encoded("00")).unwrap_err();
         assert_eq!(refused.code, RejectionCode::Storage);
         assert!(!journal.knows("00"));
     }

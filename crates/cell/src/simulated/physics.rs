@@ -4,10 +4,12 @@ use motion::JointTrack;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
-use simulation::{Flow, ObjectShape, SimulationError, Template, TraceStep, WatchedRollout};
-use spatial::{Object, Pose, Rest, Table};
+use simulation::{Flow, ObjectShape, SettledScene, SimulationError, TraceStep, WatchedRollout};
+use spatial::{Object, Pose, RestingPose, Table};
 
-use super::{Abort, Robot, SimulatedCellConfig, gap::EncoderNoise, journal::Job, playing};
+use super::{
+    Abort, Robot, SimulatedCellConfig, journal::Job, model_mismatch::EncoderNoise, playing,
+};
 use crate::report::{Report, Sample};
 
 /// Time for which a hand is simulated after its motion was aborted, in seconds.
@@ -25,11 +27,11 @@ pub(super) fn carry_out(
     see: &mut dyn FnMut(&Sample) -> Option<Abort>,
 ) -> Result<Report, SimulationError> {
     let goal = &job.goal;
-    let digest = &job.sealed.digest;
-    let scene = config.gap.drawn(&config.scene, digest);
-    let rest = Rest::of(&goal.table_from_object);
-    let template = Template::new(&scene, &robot.hand, object, &rest)?;
-    let scene_from_estimate = Pose::new(*template.table_from_estimate());
+    let digest = &job.encoded.digest;
+    let scene = config.mismatch.drawn(&config.scene, digest);
+    let rest = RestingPose::of(&goal.table_from_object);
+    let settled = SettledScene::new(&scene, &robot.hand, object, &rest)?;
+    let scene_from_estimate = Pose::new(*settled.table_from_estimate());
     let table_from_scene = level(&goal.table_from_object, &scene_from_estimate);
     // An object that settles into another pose, as a ball does, does not carry the palm along.
     let object_from_table = (table_from_scene * scene_from_estimate).inverse();
@@ -38,15 +40,15 @@ pub(super) fn carry_out(
         robot,
         &object_from_table,
         scene.control_step_s(),
-        config.gap.latency_s,
+        config.mismatch.latency_s,
     )?;
     let delay_n = scene.delay_control_n();
     let mut encoders = Encoders::new(
-        EncoderNoise::of(digest, config.gap.encoder_noise_rad),
+        EncoderNoise::of(digest, config.mismatch.encoder_noise_rad),
         [steps.len(), delay_n],
         robot.hand.dof(),
         playing::arm_of(goal, robot)?,
-        config.gap.latency_s,
+        config.mismatch.latency_s,
         table_from_scene,
     );
     for (step, noise) in steps.iter_mut().zip(&encoders.noise[delay_n..]) {
@@ -74,7 +76,7 @@ pub(super) fn carry_out(
         }
     };
     let WatchedRollout { rollout, aborted } =
-        template.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
+        settled.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
     let aborted = reason.filter(|_| aborted);
     let samples = match rollout.verdict {
         Verdict::Diverged => Vec::new(),
@@ -96,7 +98,7 @@ pub(super) fn carry_out(
     let samples = samples.into_iter().map(|sample| sample.in_order(&order));
     let samples = samples.collect::<Result<_, _>>();
     Ok(Report {
-        goal_id: job.sealed.goal_id.clone(),
+        goal_id: job.encoded.goal_id.clone(),
         rejection: None,
         outcome: end.outcome,
         message: end.message,
@@ -111,7 +113,7 @@ fn height_m(sample: &Sample) -> f64 {
 }
 
 /// The table's frame in the simulation, which places the object at its origin, with its own yaw.
-enum Scene {}
+enum SceneFrame {}
 
 /// Readings of the joints' encoders.
 struct Encoders {
@@ -125,7 +127,7 @@ struct Encoders {
     latency_s: f64,
     /// The time from which the robot holds still, and the index of the step whose command it holds.
     halt: Option<(f64, usize)>,
-    table_from_scene: Pose<Table, Scene>,
+    table_from_scene: Pose<Table, SceneFrame>,
 }
 
 impl Encoders {
@@ -135,7 +137,7 @@ impl Encoders {
         dof: usize,
         arm: Option<JointTrack>,
         latency_s: f64,
-        table_from_scene: Pose<Table, Scene>,
+        table_from_scene: Pose<Table, SceneFrame>,
     ) -> Self {
         Self {
             arm,
@@ -185,8 +187,8 @@ impl Encoders {
 /// its pose on the table.
 fn level(
     table_from_object: &Pose<Table, Object>,
-    scene_from_object: &Pose<Scene, Object>,
-) -> Pose<Table, Scene> {
+    scene_from_object: &Pose<SceneFrame, Object>,
+) -> Pose<Table, SceneFrame> {
     let turn = table_from_object.rotation * scene_from_object.rotation.inverse();
     // The quaternion's twist about z.
     let yaw = 2.0 * turn.coords.z.atan2(turn.coords.w);

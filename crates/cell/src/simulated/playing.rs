@@ -1,6 +1,6 @@
 //! A goal's commands to palm and fingers at each control step.
 
-use motion::{Carrier, JointTrack, PalmPoint};
+use motion::{JointTrack, PalmPoint, PalmTrajectory};
 use simulation::{Phase, PlayedStep, Protocol, SimulationError};
 use spatial::{Object, Palm, Pose, Table};
 
@@ -26,11 +26,11 @@ pub(super) fn steps(
     let broken = |message: &str| SimulationError::Motion(message.to_owned());
     let hand = in_order(&goal.hand, &robot.hand.joint_names())?;
     let arm = arm_of(goal, robot)?;
-    let phases = Phases::new(&goal.grasp);
+    let phases = Phases::new(&goal.grasp, control_s);
     let palm = |time_s: f64| {
         let table_from_palm = match &goal.carrier {
-            Carrier::Palm(points) => PalmPoint::between(points, time_s),
-            Carrier::Arm(_) => arm
+            PalmTrajectory::Palm(points) => PalmPoint::between(points, time_s),
+            PalmTrajectory::Arm(_) => arm
                 .as_ref()
                 .and_then(|arm| robot.palm(&arm.at(time_s)?.q_rad)),
         };
@@ -100,18 +100,19 @@ struct Phases {
 }
 
 impl Phases {
-    fn new(protocol: &Protocol) -> Self {
+    /// As in a script, lift and hold take a control step at least.
+    fn new(protocol: &Protocol, control_s: f64) -> Self {
         let closing_s = protocol.reach_s * protocol.close_fraction.clamp(0.0, 1.0);
         let grasp_s = protocol.reach_s;
         let squeezed_s = grasp_s + protocol.squeeze_s + protocol.pause_s;
-        let lifted_s = squeezed_s + protocol.lift_s;
+        let lifted_s = squeezed_s + protocol.lift_s.max(control_s);
         Self {
             reach_s: grasp_s - closing_s,
             arrival_s: protocol.path_s(),
             grasp_s,
             squeezed_s,
             lifted_s,
-            end_s: lifted_s + protocol.hold_s,
+            end_s: lifted_s + protocol.hold_s.max(control_s),
         }
     }
 
@@ -135,8 +136,8 @@ impl Phases {
 /// Returns the arm's track, if there is one, with its joints in its own order.
 pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, SimulationError> {
     match (&goal.carrier, &robot.arm) {
-        (Carrier::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
-        (Carrier::Arm(_), None) | (Carrier::Palm(_), _) => Ok(None),
+        (PalmTrajectory::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
+        (PalmTrajectory::Arm(_), None) | (PalmTrajectory::Palm(_), _) => Ok(None),
     }
 }
 
@@ -144,4 +145,30 @@ pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, S
 fn in_order(track: &JointTrack, joints: &[String]) -> Result<JointTrack, SimulationError> {
     let ordered = track.reordered(joints);
     ordered.map_err(|err| SimulationError::Motion(err.to_string()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A published protocol judges at the end of the lift; a script lifts and holds for a step all the same.
+    #[test]
+    fn lift_and_hold_take_a_step_at_least() {
+        let given = serde_json::from_str(include_str!("../../examples/grasp.json"));
+        let protocol = Protocol {
+            lift_s: 0.0,
+            hold_s: 0.0,
+            ..given.unwrap()
+        };
+        let control_s = 0.02;
+        let phases = Phases::new(&protocol, control_s);
+        let steps = whole(phases.end_s / control_s);
+        let played: Vec<Phase> = (0..=steps)
+            .map(|step| phases.at(step as f64 * control_s))
+            .collect();
+        assert!(
+            played.contains(&Phase::Lift) && played.contains(&Phase::Hold),
+            "{played:?}"
+        );
+    }
 }

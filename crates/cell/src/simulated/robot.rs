@@ -5,7 +5,7 @@ use simulation::check_hand;
 use spatial::{Base, Palm, Pose, Table};
 
 use super::SimulatedCellConfig;
-use crate::{CellError, Offer, wire};
+use crate::{CellError, ControllerInfo, wire};
 
 /// The arm of a simulated cell.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,8 +75,8 @@ impl Robot {
     }
 
     /// Returns its controllers, each commanded once per control step.
-    pub(super) fn controllers(&self, control_s: f64) -> Vec<Offer> {
-        let offer = |controller: &str, joints: Vec<String>| Offer {
+    pub(super) fn controllers(&self, control_s: f64) -> Vec<ControllerInfo> {
+        let offer = |controller: &str, joints: Vec<String>| ControllerInfo {
             controller: controller.to_owned(),
             joints,
             rate_hz: 1.0 / control_s,

@@ -85,7 +85,7 @@ impl<'a> MonitoredMotion<'a> {
         let reason = self.shared.control.reason(self.goal_id);
         if reason.is_some() && !self.halted {
             self.halted = true;
-            for query in self.shared.control.asking() {
+            for query in self.shared.control.awaiting_stop() {
                 self.shared.acknowledge(&query, Acknowledgment::Done);
             }
         }

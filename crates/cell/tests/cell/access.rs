@@ -9,8 +9,8 @@ use std::{
 };
 
 use cell::{
-    Access, CellClient, CellError, Gap, Halt, Keys, Router, Sending, Service, SimulatedCell,
-    SimulatedCellConfig, WatchEvent, Watcher,
+    Access, CellClient, CellError, ControlReply, Keys, ModelMismatch, Router, SendInfo,
+    ServiceConfig, SimulatedCell, SimulatedCellConfig, WatchEvent, Watcher,
 };
 use schemas::executions::Outcome;
 use zenoh::{Session, Wait};
@@ -48,14 +48,14 @@ impl People {
     }
 
     /// Starts a cell that connects to a router.
-    fn cell(&self, way: &str, router: &Router, service: Service) -> SimulatedCell {
+    fn cell(&self, way: &str, router: &Router, service: ServiceConfig) -> SimulatedCell {
         let config = SimulatedCellConfig {
             name: "simulated".to_owned(),
             listen: String::new(),
             scene: scene(),
             arm: None,
-            gap: Gap::default(),
-            service: Service {
+            mismatch: ModelMismatch::default(),
+            service: ServiceConfig {
                 router: Some(router.endpoint().to_owned()),
                 access: Some(self.file(way, "cell")),
                 ..service
@@ -91,14 +91,17 @@ fn authenticated_dispatcher_has_its_goal_executed() {
     let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
-        let cell = papers.cell(way, &router, Service::default());
+        let cell = papers.cell(way, &router, ServiceConfig::default());
         let client = papers.client(way, "dispatcher", &router);
         assert!(client.capabilities(SOON).unwrap().simulated);
         let report = execute(&client, &goal(0.04));
         assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
-        assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
-        assert_eq!(client.resume(SOON).unwrap(), Halt::Done);
-        assert_eq!(client.cancel("00", SOON).unwrap(), Halt::NeverTaken);
+        assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
+        assert_eq!(client.resume(SOON).unwrap(), ControlReply::Done);
+        assert_eq!(
+            client.cancel("00", SOON).unwrap(),
+            ControlReply::UnknownGoal
+        );
         assert_eq!(cell.executed_n(), 1);
     }
 }
@@ -111,10 +114,10 @@ fn listening_cell_authenticates_its_peers() {
         listen: "tls/localhost:0".to_owned(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
-        service: Service {
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig {
             access: Some(papers.file("certificates", "router")),
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     };
     let cell = SimulatedCell::start(config, GRIPPER).unwrap();
@@ -184,7 +187,7 @@ fn watcher_sees_everything_and_moves_nothing() {
     let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
-        let cell = papers.cell(way, &router, Service::default());
+        let cell = papers.cell(way, &router, ServiceConfig::default());
         let viewer = papers.client(way, "viewer", &router);
         let dispatcher = papers.client(way, "dispatcher", &router);
         let access = papers.access(way, "viewer");
@@ -203,17 +206,17 @@ fn watcher_sees_everything_and_moves_nothing() {
             matches!(unheard, Err(CellError::NoAnswer { .. })),
             "{unheard:?}"
         );
-        assert_eq!(viewer.stop(REFUSED).unwrap(), Halt::NoAnswer);
+        assert_eq!(viewer.stop(REFUSED).unwrap(), ControlReply::NoAnswer);
         assert_eq!(cell.executed_n(), 0);
         // The viewer's stop has stopped nothing, and its resume takes no stop back.
         let report = execute(&dispatcher, &goal(0.04));
         assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
         assert_eq!(
             viewer.cancel(&report.goal_id, REFUSED).unwrap(),
-            Halt::NoAnswer
+            ControlReply::NoAnswer
         );
-        assert_eq!(dispatcher.stop(SOON).unwrap(), Halt::Done);
-        assert_eq!(viewer.resume(REFUSED).unwrap(), Halt::NoAnswer);
+        assert_eq!(dispatcher.stop(SOON).unwrap(), ControlReply::Done);
+        assert_eq!(viewer.resume(REFUSED).unwrap(), ControlReply::NoAnswer);
         let mut other = goal(0.04);
         other.attempt = 2;
         let refused = execute(&dispatcher, &other);
@@ -253,9 +256,9 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
     let papers = People::new();
     let way = "certificates";
     let router = papers.router(way);
-    let service = Service {
+    let service = ServiceConfig {
         real_time: true,
-        ..Service::default()
+        ..ServiceConfig::default()
     };
     let _cell = papers.cell(way, &router, service);
     let keys = Keys::new("simulated").unwrap();
@@ -264,7 +267,7 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
         let dispatcher = papers.session(way, "dispatcher", &router);
         let mut goal = goal(0.04);
         goal.attempt = attempt;
-        let sealed = goal.seal().sent(Sending::now("me", SOON));
+        let sealed = goal.encode().sent(SendInfo::now("me", SOON));
         let ask = |key: String, payload: &[u8]| {
             let replies = dispatcher.get(key).payload(payload).timeout(SOON);
             let reply = replies.wait().unwrap().recv().unwrap();
@@ -306,7 +309,7 @@ fn a_message_that_is_too_long_does_not_reach_the_cell() {
     let papers = People::new();
     for way in WAYS {
         let router = papers.router(way);
-        let _cell = papers.cell(way, &router, Service::default());
+        let _cell = papers.cell(way, &router, ServiceConfig::default());
         let dispatcher = papers.session(way, "dispatcher", &router);
         let keys = Keys::new("simulated").unwrap();
         let answered = |key: String, bytes: usize, wait: Duration| {

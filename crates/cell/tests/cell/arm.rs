@@ -1,8 +1,8 @@
 //! A hand on an arm.
 
 use cell::{
-    Carrier, CellArm, Gap, Goal, JointPoint, JointRates, JointTrack, RejectionCode, Service,
-    SimulatedCell, SimulatedCellConfig, robot_digest,
+    CellArm, Goal, JointPoint, JointRates, JointTrack, ModelMismatch, PalmTrajectory,
+    RejectionCode, ServiceConfig, SimulatedCell, SimulatedCellConfig, robot_digest,
 };
 use nalgebra::{Isometry3, Vector3};
 use robot::RobotModel;
@@ -30,8 +30,8 @@ pub(crate) fn config() -> SimulatedCellConfig {
             palm: "base_link".to_owned(),
             table_from_base: table_from_base(),
         }),
-        gap: Gap::default(),
-        service: Service::default(),
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig::default(),
     }
 }
 
@@ -67,7 +67,7 @@ pub(crate) fn carried() -> Goal {
     let turned = Isometry3::new(Vector3::new(0.1, 0.05, 0.0), Vector3::z());
     let cube = turned * *asked.table_from_object;
     asked.table_from_object = Pose::new(cube);
-    asked.carrier = Carrier::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, beside)]));
+    asked.carrier = PalmTrajectory::Arm(still(arm, [(0.0, ABOVE.to_vec()), (0.5, beside)]));
     let open = hand.mid_range();
     asked.hand = still(hand.joint_names(), [(0.0, open.clone()), (0.8, open)]);
     asked
@@ -132,7 +132,7 @@ fn motion_beyond_the_arm_is_rejected_with_a_reason() {
     let client = connect(&cell);
     let check = |change: fn(&mut JointTrack), code: RejectionCode, reason: &str| {
         let mut goal = carried();
-        let Carrier::Arm(track) = &mut goal.carrier else {
+        let PalmTrajectory::Arm(track) = &mut goal.carrier else {
             panic!("an arm was given");
         };
         change(track);
@@ -174,7 +174,7 @@ fn motion_beyond_the_arm_is_rejected_with_a_reason() {
         .unwrap();
     assert_eq!(rejection.code, RejectionCode::Joints);
     assert!(
-        rejection.reason.contains("on an arm"),
+        rejection.reason.contains("has an arm"),
         "{}",
         rejection.reason
     );

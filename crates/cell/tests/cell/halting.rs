@@ -6,7 +6,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{Halt, Keys, RejectionCode, Report, Sending, Service, State, subscribe};
+use cell::{ControlReply, Keys, RejectionCode, Report, SendInfo, ServiceConfig, State, subscribe};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
@@ -17,10 +17,10 @@ const HOLD_S: f64 = 0.5;
 /// Seconds after which the gripper lifts, and after which it has lifted.
 const LIFT_S: [f64; 2] = [0.9, 1.3];
 
-fn in_real_time() -> Service {
-    Service {
+fn in_real_time() -> ServiceConfig {
+    ServiceConfig {
         real_time: true,
-        ..Service::default()
+        ..ServiceConfig::default()
     }
 }
 
@@ -54,7 +54,7 @@ fn canceled_motion_halts_and_fingers_keep_pressing() {
     let (client, watcher) = (connect(&cell), connect(&cell));
     assert!(client.capabilities(SOON).unwrap().silence_s.is_some());
     let goal = goal(0.04);
-    let id = goal.seal().goal_id;
+    let id = goal.encode().goal_id;
     let report = thread::scope(|scope| {
         let executing = scope.spawn(|| execute(&client, &goal));
         // In the middle of the lift.
@@ -65,7 +65,7 @@ fn canceled_motion_halts_and_fingers_keep_pressing() {
             }
         }
         let asked = Instant::now();
-        assert_eq!(watcher.cancel(&id, SOON).unwrap(), Halt::Done);
+        assert_eq!(watcher.cancel(&id, SOON).unwrap(), ControlReply::Done);
         println!(
             "the palm stood {:?} after it was asked for",
             asked.elapsed()
@@ -81,8 +81,14 @@ fn canceled_motion_halts_and_fingers_keep_pressing() {
         stopped_s > LIFT_S[0] && stopped_s < LIFT_S[1] + HOLD_S,
         "{stopped_s} s"
     );
-    assert_eq!(watcher.cancel(&id, SOON).unwrap(), Halt::Over);
-    assert_eq!(watcher.cancel("00", SOON).unwrap(), Halt::NeverTaken);
+    assert_eq!(
+        watcher.cancel(&id, SOON).unwrap(),
+        ControlReply::AlreadyEnded
+    );
+    assert_eq!(
+        watcher.cancel("00", SOON).unwrap(),
+        ControlReply::UnknownGoal
+    );
 }
 
 #[test]
@@ -92,7 +98,7 @@ fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
     // Somebody who sends a goal and is never heard again, and others who are.
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let goal = goal(0.04);
-    let sealed = goal.seal().sent(Sending::now("one", SOON));
+    let sealed = goal.encode().sent(SendInfo::now("one", SOON));
     let ask = |key: String, payload: &[u8]| {
         let replies = session
             .get(key)
@@ -144,11 +150,11 @@ fn heartbeats_let_a_real_time_motion_finish() {
 fn stopped_cell_rejects_goals_until_resumed() {
     let cell = start();
     let client = connect(&cell);
-    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
     let refused = execute(&client, &goal(0.04));
     assert_eq!(refused.rejection.unwrap().code, RejectionCode::Stopped);
     assert_eq!(cell.executed_n(), 0);
-    assert_eq!(client.resume(SOON).unwrap(), Halt::Done);
+    assert_eq!(client.resume(SOON).unwrap(), ControlReply::Done);
     let report = execute(&client, &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);
 }

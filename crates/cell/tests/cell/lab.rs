@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use cell::{
-    Carrier, CellClient, Executed, Gap, Goal, JointPoint, JointRates, JointTrack, PalmPoint,
-    Report, Service, SimulatedCell, SimulatedCellConfig, UncheckedReport, robot_digest,
+    CellClient, Goal, GoalResult, JointPoint, JointRates, JointTrack, ModelMismatch, PalmPoint,
+    PalmTrajectory, Report, ServiceConfig, SimulatedCell, SimulatedCellConfig, UncheckedReport,
+    robot_digest,
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
@@ -12,7 +13,7 @@ use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
     SceneConfig, Shortcuts, StrictConfig, Support, Trial,
 };
-use spatial::{Pose, Rest, Twist};
+use spatial::{Pose, RestingPose, Twist};
 
 pub(crate) const LISTEN: &str = "tcp/127.0.0.1:0";
 pub(crate) const SOON: Duration = Duration::from_secs(20);
@@ -107,7 +108,7 @@ pub(crate) fn cube() -> ObjectShape {
 
 /// Comes from above, closes the plates to `closed_m`, which touches the cube at 0.04, squeezes and lifts.
 pub(crate) fn goal(closed_m: f64) -> Goal {
-    let rest = Rest {
+    let rest = RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: HALF_EDGE_M,
     };
@@ -135,7 +136,7 @@ pub(crate) fn goal(closed_m: f64) -> Goal {
         table_from_object: rest.table_from_object(),
         start_tolerance_rad: 0.1,
         grasp: grasp(),
-        carrier: Carrier::Palm(vec![
+        carrier: PalmTrajectory::Palm(vec![
             palm(0.0, 0.15),
             palm(0.42, 0.02),
             palm(0.9, 0.02),
@@ -162,26 +163,26 @@ pub(crate) fn joints_of(urdf: &str) -> Vec<Joint> {
     RobotModel::from_urdf(urdf).unwrap().joints().to_vec()
 }
 
-pub(crate) fn config(service: Service) -> SimulatedCellConfig {
+pub(crate) fn config(service: ServiceConfig) -> SimulatedCellConfig {
     SimulatedCellConfig {
         name: "simulated".to_owned(),
         listen: LISTEN.to_owned(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
+        mismatch: ModelMismatch::default(),
         service,
     }
 }
 
 /// A cell that serves in this way.
-pub(crate) fn start_with(service: Service) -> SimulatedCell {
+pub(crate) fn start_with(service: ServiceConfig) -> SimulatedCell {
     let cell = SimulatedCell::start(config(service), GRIPPER).unwrap();
     cell.put_object("cube", cube());
     cell
 }
 
 pub(crate) fn start() -> SimulatedCell {
-    start_with(Service::default())
+    start_with(ServiceConfig::default())
 }
 
 /// Has a goal executed to its end.
@@ -192,8 +193,8 @@ pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
 /// As [`execute`], by a robot with these joints.
 pub(crate) fn execute_by(client: &CellClient, goal: &Goal, robot: &[Joint]) -> Report {
     match client.execute(goal, robot, SOON, SOON).unwrap() {
-        Executed::Now(report) | Executed::Before(report) => report,
-        Executed::Unknown(message) => panic!("{message}"),
+        GoalResult::Report(report) | GoalResult::EarlierReport(report) => report,
+        GoalResult::Unknown(message) => panic!("{message}"),
     }
 }
 

@@ -3,14 +3,14 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use cell::{
-    Abort, Contradiction, Executed, Gap, Goal, Keys, Recovered, Report, Router, Service,
-    SimulatedCellConfig, UncheckedReport, rehearse,
+    Abort, Contradiction, Goal, GoalResult, Keys, ModelMismatch, Recovered, Report, Router,
+    ServiceConfig, SimulatedCellConfig, UncheckedReport, execute_offline,
 };
 use proptest::prelude::*;
 use robot::Joint;
 use schemas::executions::Outcome;
 use serde_json::{Value, json};
-use simulation::SceneErrors;
+use simulation::SceneRandomization;
 
 use crate::{
     arm::{self, ARM},
@@ -67,10 +67,10 @@ fn refused(bytes: &[u8], goal: &Goal, robot: &[Joint]) -> Option<String> {
     }
 }
 
-fn config(gap: Gap) -> SimulatedCellConfig {
+fn config(mismatch: ModelMismatch) -> SimulatedCellConfig {
     SimulatedCellConfig {
-        gap,
-        ..lab::config(Service::default())
+        mismatch,
+        ..lab::config(ServiceConfig::default())
     }
 }
 
@@ -82,48 +82,48 @@ fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<Abort> {
     })
 }
 
-/// What a cell with this gap reports, broken off after so many seconds.
-fn reported(goal: &Goal, gap: Gap, until_s: f64) -> Report {
+/// What a cell with this mismatch reports, broken off after so many seconds.
+fn reported(goal: &Goal, mismatch: ModelMismatch, until_s: f64) -> Report {
     let mut see = |sample: &cell::Sample| broken_off_after(until_s, sample);
-    rehearse(&config(gap), GRIPPER, &cube(), goal, &mut see).unwrap()
+    execute_offline(&config(mismatch), GRIPPER, &cube(), goal, &mut see).unwrap()
 }
 
 fn success() -> Loose {
     static SUCCESS: OnceLock<Report> = OnceLock::new();
-    let report = SUCCESS.get_or_init(|| reported(&goal(0.04), Gap::default(), f64::MAX));
+    let report = SUCCESS.get_or_init(|| reported(&goal(0.04), ModelMismatch::default(), f64::MAX));
     assert_eq!(report.outcome, Outcome::Succeeded);
     Loose::of(report)
 }
 
 #[test]
 fn consistent_report_is_accepted() {
-    let gaps = [
-        Gap::default(),
-        Gap {
+    let mismatches = [
+        ModelMismatch::default(),
+        ModelMismatch {
             latency_s: 0.02,
-            ..Gap::default()
+            ..ModelMismatch::default()
         },
-        Gap {
+        ModelMismatch {
             latency_s: 0.1,
             encoder_noise_rad: 0.001,
-            errors: Some(SceneErrors {
+            errors: Some(SceneRandomization {
                 position_m: 0.004,
                 yaw_rad: 0.05,
-                ..SceneErrors::default()
+                ..SceneRandomization::default()
             }),
         },
     ];
     let mut seen = Vec::new();
-    for gap in gaps {
+    for mismatch in mismatches {
         // The second closes on nothing, the third does not come far enough, the fourth pushes the cube.
         for closed_m in [0.04, 0.0, 0.03, 0.045] {
             for until_s in [f64::MAX, 0.05, 0.5, 1.1, 1.6] {
                 let goal = goal(closed_m);
-                let report = reported(&goal, gap, until_s);
+                let report = reported(&goal, mismatch, until_s);
                 let why = refused(&report.to_bytes(), &goal, &robot());
                 assert_eq!(
                     why, None,
-                    "{gap:?} {closed_m} {until_s}: {}",
+                    "{mismatch:?} {closed_m} {until_s}: {}",
                     report.message
                 );
                 seen.push(report.outcome);
@@ -139,23 +139,23 @@ fn consistent_report_is_accepted() {
 fn arm_report_is_accepted_in_the_goal_s_joint_order() {
     let asked = arm::carried();
     let robot = joints_of(ARM);
-    for gap in [
-        Gap::default(),
-        Gap {
+    for mismatch in [
+        ModelMismatch::default(),
+        ModelMismatch {
             latency_s: 0.05,
             encoder_noise_rad: 0.01,
-            ..Gap::default()
+            ..ModelMismatch::default()
         },
     ] {
         for until_s in [f64::MAX, 0.2] {
             let config = SimulatedCellConfig {
-                gap,
+                mismatch,
                 ..arm::config()
             };
             let mut see = |sample: &cell::Sample| broken_off_after(until_s, sample);
-            let report = rehearse(&config, arm::HAND, &cube(), &asked, &mut see).unwrap();
+            let report = execute_offline(&config, arm::HAND, &cube(), &asked, &mut see).unwrap();
             let why = refused(&report.to_bytes(), &asked, &robot);
-            assert_eq!(why, None, "{gap:?} {until_s}: {}", report.message);
+            assert_eq!(why, None, "{mismatch:?} {until_s}: {}", report.message);
             assert_eq!(report.joints, asked.joint_names());
             assert_eq!(report.joints[0], "joint1");
         }
@@ -461,7 +461,7 @@ fn contradictory_report_is_refused() {
 fn unsuccessful_outcome_is_not_counted_as_success() {
     for (closed_m, until_s) in [(0.0, f64::MAX), (0.04, 0.5), (0.04, 1.1)] {
         let goal = goal(closed_m);
-        let report = reported(&goal, Gap::default(), until_s);
+        let report = reported(&goal, ModelMismatch::default(), until_s);
         assert_ne!(report.outcome, Outcome::Succeeded);
         let mut loose = Loose::of(&report);
         loose.header["outcome"] = json!("succeeded");
@@ -493,7 +493,7 @@ fn contradictory_outcome_is_never_recorded() {
         *said.lock().unwrap() = report.bytes();
         let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
         assert!(
-            matches!(&executed, Executed::Unknown(why) if why.contains(part)),
+            matches!(&executed, GoalResult::Unknown(why) if why.contains(part)),
             "{what}: {executed:?}"
         );
         // Asked again, it is a motion of which nobody will know.
@@ -506,7 +506,7 @@ fn contradictory_outcome_is_never_recorded() {
     *said.lock().unwrap() = success().bytes();
     let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
     assert!(
-        matches!(&executed, Executed::Now(report) if report.outcome == Outcome::Succeeded),
+        matches!(&executed, GoalResult::Report(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"
     );
 }

@@ -3,7 +3,8 @@
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use cell::{
-    CellError, Keys, Recovered, Sending, Service, SimulatedCell, SimulatedCellConfig, subscribe,
+    CellError, Keys, Recovered, SendInfo, ServiceConfig, SimulatedCell, SimulatedCellConfig,
+    subscribe,
 };
 use schemas::executions::Outcome;
 use zenoh::Wait;
@@ -13,9 +14,9 @@ use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, robot, scene, st
 #[test]
 fn restarted_cell_reports_past_goals_and_repeats_none() {
     let folder = tempfile::tempdir().unwrap();
-    let service = || Service {
+    let service = || ServiceConfig {
         journal: Some(folder.path().join("journal")),
-        ..Service::default()
+        ..ServiceConfig::default()
     };
     let cell = start_with(service());
     let report = execute(&connect(&cell), &goal(0.04));
@@ -48,13 +49,13 @@ fn expired_goal_is_refused_and_known_goal_is_answered() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
-    let sealed = goal(0.04).seal();
+    let sealed = goal(0.04).encode();
     // By a clock that is right, or hours behind or ahead of the cell's.
     let sending = |offset_s: i64| {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
         let now_ms = u64::try_from(since.as_millis()).unwrap();
         let sent_unix_ms = now_ms.saturating_add_signed(1000 * offset_s);
-        sealed.sent(Sending {
+        sealed.sent(SendInfo {
             dispatcher: "me".to_owned(),
             sent_unix_ms,
             valid_until_unix_ms: sent_unix_ms + 10_000,
@@ -91,10 +92,10 @@ fn known_goal_is_answered_after_its_object_is_removed() {
         listen: LISTEN.to_owned(),
         scene: scene(),
         arm: None,
-        gap: cell::Gap::default(),
-        service: Service {
+        mismatch: cell::ModelMismatch::default(),
+        service: ServiceConfig {
             journal: Some(folder.path().to_owned()),
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     };
     let cell = start_with(config().service);
@@ -116,10 +117,10 @@ fn a_journal_that_cannot_be_used_is_an_error_that_names_it() {
         listen: LISTEN.to_owned(),
         scene: scene(),
         arm: None,
-        gap: cell::Gap::default(),
-        service: Service {
+        mismatch: cell::ModelMismatch::default(),
+        service: ServiceConfig {
             journal: Some(file.join("journal")),
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     };
     let err = SimulatedCell::start(config, GRIPPER).map(drop).unwrap_err();

@@ -1,6 +1,6 @@
 //! What a ROS 2 machine on the same router sees.
 
-use cell::{Service, subscribe};
+use cell::{ServiceConfig, subscribe};
 use schemas::ros2::{CdrReader, JointState, JointTrajectory, Message};
 use zenoh::Wait;
 
@@ -15,9 +15,9 @@ fn decode<M: Message>(bytes: &[u8]) -> M {
 
 #[test]
 fn joints_are_topics_with_their_types_and_hashes() {
-    let cell = start_with(Service {
+    let cell = start_with(ServiceConfig {
         ros2_domain: Some(7),
-        ..Service::default()
+        ..ServiceConfig::default()
     });
     let (session, seen) = subscribe(cell.endpoint(), "7/**", SOON).unwrap();
     let tokens = session.liveliness().get("@ros2_lv/7/**").wait().unwrap();

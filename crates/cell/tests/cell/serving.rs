@@ -3,8 +3,9 @@
 use std::time::Duration;
 
 use cell::{
-    Carrier, CellClient, CellError, Gap, Goal, Keys, PalmPoint, RejectionCode, SealedGoal, Service,
-    SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest, subscribe,
+    CellClient, CellError, EncodedGoal, Goal, Keys, ModelMismatch, PalmPoint, PalmTrajectory,
+    RejectionCode, ServiceConfig, SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest,
+    subscribe,
 };
 use nalgebra::Isometry3;
 use robot::RobotModel;
@@ -99,7 +100,7 @@ fn motion_beyond_the_robot_is_rejected_with_a_reason() {
         "`slide_right` is missing",
     );
     check(
-        |g| g.carrier = Carrier::Arm(g.hand.clone()),
+        |g| g.carrier = PalmTrajectory::Arm(g.hand.clone()),
         RejectionCode::Joints,
         "no arm",
     );
@@ -138,7 +139,7 @@ fn motion_beyond_the_robot_is_rejected_with_a_reason() {
         "1 points of the hand",
     );
     check(
-        |g| g.carrier = Carrier::Palm(Vec::new()),
+        |g| g.carrier = PalmTrajectory::Palm(Vec::new()),
         RejectionCode::Times,
         "0 points of the palm",
     );
@@ -198,7 +199,7 @@ fn palm_keeps_the_limits_of_the_cell() {
     assert!(palm.speed_m_per_s > 1.0 && palm.speed_m_per_s < 10.0);
     let check = |change: fn(&mut Vec<PalmPoint>), reason: &str| {
         let mut goal = goal(0.04);
-        let Carrier::Palm(points) = &mut goal.carrier else {
+        let PalmTrajectory::Palm(points) = &mut goal.carrier else {
             panic!("a palm was given");
         };
         change(points);
@@ -252,7 +253,7 @@ fn malformed_goals_are_rejected_by_code() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
-    let mut damaged = goal(0.04).seal().bytes;
+    let mut damaged = goal(0.04).encode().bytes;
     *damaged.last_mut().unwrap() ^= 1;
     for (bytes, code) in [
         (Vec::new(), "malformed"),
@@ -292,7 +293,10 @@ fn a_second_subscriber_sees_motions_states_and_outcomes() {
         let line = bytes.split(|&byte| byte == b'\n').next().unwrap();
         let key = sample.key_expr().as_str();
         if key == keys.motion() {
-            assert_eq!(SealedGoal::open(&bytes).unwrap().0.goal_id, report.goal_id);
+            assert_eq!(
+                EncodedGoal::decode(&bytes).unwrap().0.goal_id,
+                report.goal_id
+            );
             motions += 1;
         } else if key == keys.state() {
             let header: StateHeader = serde_json::from_slice(line).unwrap();
@@ -346,8 +350,8 @@ fn hand_without_collision_shapes_is_refused() {
         listen: "tcp/127.0.0.1:0".to_owned(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
-        service: Service::default(),
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig::default(),
     };
     let err = SimulatedCell::start(config(), &of_mesh)
         .map(drop)
@@ -367,8 +371,8 @@ fn port_in_use_is_an_error_with_a_hint() {
         listen: cell.endpoint().to_owned(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
-        service: Service::default(),
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig::default(),
     };
     let err = SimulatedCell::start(config, GRIPPER).map(drop).unwrap_err();
     assert!(matches!(err, CellError::PortTaken { .. }), "{err}");

@@ -9,8 +9,8 @@ use std::{
 };
 
 use cell::{
-    CellClient, CellError, Executed, Gap, Halt, Keys, Router, Service, SimulatedCell,
-    SimulatedCellConfig, WatchEvent, Watcher, rehearse,
+    CellClient, CellError, ControlReply, GoalResult, Keys, ModelMismatch, Router, ServiceConfig,
+    SimulatedCell, SimulatedCellConfig, WatchEvent, Watcher, execute_offline,
 };
 use schemas::executions::Outcome;
 use serde_json::{Value, json};
@@ -37,8 +37,8 @@ fn client(router: &Router) -> CellClient {
 
 /// A report that says that a goal succeeded, as a cell gives it.
 fn success() -> Vec<u8> {
-    let service = Service::default();
-    let report = rehearse(&config(service), GRIPPER, &cube(), &goal(0.04), &mut |_| {
+    let service = ServiceConfig::default();
+    let report = execute_offline(&config(service), GRIPPER, &cube(), &goal(0.04), &mut |_| {
         None
     })
     .unwrap();
@@ -48,7 +48,7 @@ fn success() -> Vec<u8> {
 
 /// What answers a question of each kind, so that somebody would be glad to hear it.
 fn bodies() -> Vec<(String, Vec<u8>)> {
-    let id = goal(0.04).seal().goal_id;
+    let id = goal(0.04).encode().goal_id;
     let word = |word: &str| line(&json!({ "answer": word }));
     vec![
         (
@@ -64,8 +64,8 @@ fn bodies() -> Vec<(String, Vec<u8>)> {
 
 /// Asks a cell what this key is asked for; returns why its answer is not taken.
 fn refused(client: &CellClient, key: &str) -> Option<String> {
-    let id = goal(0.04).seal().goal_id;
-    let halted = |halt: Result<Halt, CellError>| halt.err().map(|err| err.to_string());
+    let id = goal(0.04).encode().goal_id;
+    let halted = |halt: Result<ControlReply, CellError>| halt.err().map(|err| err.to_string());
     if key.ends_with("/stop") {
         return halted(client.stop(SOON));
     }
@@ -76,8 +76,8 @@ fn refused(client: &CellClient, key: &str) -> Option<String> {
         return halted(client.cancel(&id, SOON));
     }
     match client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap() {
-        Executed::Unknown(why) => Some(why),
-        Executed::Now(_) | Executed::Before(_) => None,
+        GoalResult::Unknown(why) => Some(why),
+        GoalResult::Report(_) | GoalResult::EarlierReport(_) => None,
     }
 }
 
@@ -156,13 +156,13 @@ fn cell_that_follows_the_protocol_page_passes_every_check() {
     assert_eq!(client.capabilities(SOON).unwrap().journal, key.name());
     let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
     assert!(
-        matches!(&executed, Executed::Before(report) if report.outcome == Outcome::Succeeded),
+        matches!(&executed, GoalResult::EarlierReport(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"
     );
-    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
     assert_eq!(
-        client.cancel(&goal(0.04).seal().goal_id, SOON).unwrap(),
-        Halt::Over
+        client.cancel(&goal(0.04).encode().goal_id, SOON).unwrap(),
+        ControlReply::AlreadyEnded
     );
 }
 
@@ -262,7 +262,7 @@ fn replaced_cell_is_refused() {
     });
     let client = client(&router);
     client.capabilities(SOON).unwrap();
-    assert_eq!(client.stop(SOON).unwrap(), Halt::Done);
+    assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
     exchanged.store(true, Ordering::SeqCst);
     let err = client.capabilities(SOON).unwrap_err();
     assert!(matches!(err, CellError::OtherCell { .. }), "{err}");
@@ -279,10 +279,10 @@ fn a_second_cell_of_the_name_does_not_start() {
         listen: String::new(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
-        service: Service {
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig {
             router: Some(router.endpoint().to_owned()),
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     };
     let first = SimulatedCell::start(config("simulated"), GRIPPER).unwrap();
@@ -322,7 +322,7 @@ fn oversized_answer_is_refused() {
     assert!(err.to_string().contains("which were not read"), "{err}");
     let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
     assert!(
-        matches!(&executed, Executed::Unknown(why) if why.contains("no answer about the result")),
+        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result")),
         "{executed:?}"
     );
 }
@@ -353,11 +353,11 @@ fn unreadable_answers_leave_the_outcome_unknown() {
         cell.says(asked.clone(), &key, move || wrong.as_bytes().to_vec());
         let client = client(&router);
         let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
-        let Executed::Unknown(why) = executed else {
+        let GoalResult::Unknown(why) = executed else {
             panic!("{asked} {wrong}: {executed:?}");
         };
         assert!(
-            why.contains("cannot be read") || why.contains("says that it never did"),
+            why.contains("cannot be read") || why.contains("now denies it"),
             "{asked} {wrong}: {why}"
         );
     }
@@ -378,7 +378,7 @@ fn silent_cell_leaves_the_outcome_unknown() {
     let client = client(&router);
     let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
     assert!(
-        matches!(&executed, Executed::Unknown(why) if why.contains("no answer about the result")),
+        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result")),
         "{executed:?}"
     );
 }
@@ -421,7 +421,7 @@ fn watcher_refuses_two_cells_of_one_name() {
     assert!(outcomes.is_empty() && foreign_n > 0, "{outcomes:?}");
     made_up.store(false, Ordering::SeqCst);
     let (outcomes, _) = seen(Duration::from_secs(2));
-    assert_eq!(outcomes, [goal.seal().goal_id]);
+    assert_eq!(outcomes, [goal.encode().goal_id]);
     // What it answered is signed, and reads as the page says.
     let answer = stranger.ask(&format!("{}?from=0;nonce=1", keys().results()));
     assert!(body(&answer).starts_with(b"{\"journal\":"));

@@ -7,8 +7,8 @@ use std::{
 };
 
 use cell::{
-    Counts, Gap, GoalOutcome, Keys, Router, Service, SimulatedCell, SimulatedCellConfig, State,
-    WatchEvent, Watcher, subscribe,
+    Counts, GoalOutcome, Keys, ModelMismatch, Router, ServiceConfig, SimulatedCell,
+    SimulatedCellConfig, State, WatchEvent, Watcher, subscribe,
 };
 use schemas::executions::Outcome;
 use zenoh::Wait;
@@ -57,9 +57,9 @@ fn follow_each_other(states: &[State]) {
 
 #[test]
 fn late_subscriber_sees_past_outcomes() {
-    let cell = start_with(Service {
+    let cell = start_with(ServiceConfig {
         real_time: true,
-        ..Service::default()
+        ..ServiceConfig::default()
     });
     let mut first = watch(cell.endpoint());
     let seen = states(&mut first, 100);
@@ -85,9 +85,9 @@ fn late_subscriber_sees_past_outcomes() {
 #[test]
 fn outcomes_keep_their_order_across_a_restart() {
     let folder = tempfile::tempdir().unwrap();
-    let service = || Service {
+    let service = || ServiceConfig {
         journal: Some(folder.path().to_owned()),
-        ..Service::default()
+        ..ServiceConfig::default()
     };
     let cell = start_with(service());
     let mut seen_at_once = watch(cell.endpoint());
@@ -193,11 +193,11 @@ fn router_outage_loses_no_message() {
         listen: String::new(),
         scene: scene(),
         arm: None,
-        gap: Gap::default(),
-        service: Service {
+        mismatch: ModelMismatch::default(),
+        service: ServiceConfig {
             real_time: true,
             router: Some(endpoint.clone()),
-            ..Service::default()
+            ..ServiceConfig::default()
         },
     };
     let cell = SimulatedCell::start(config, GRIPPER).unwrap();

@@ -5,38 +5,38 @@ use spatial::{Pose, Table, Twist};
 
 use crate::{
     data::NetworkFrame,
-    grasp::{Grasp, ROOT},
+    hand_state::{HandState, PALM_WIDTH},
 };
 
 /// A hand at one time of a motion and how it moves there.
 #[derive(Debug, Clone, PartialEq)]
-pub struct MovingGrasp<F = Table> {
+pub struct HandMotionState<F = Table> {
     /// Where it is.
-    pub grasp: Grasp<F>,
+    pub grasp: HandState<F>,
     /// How fast it moves.
-    pub velocity: HandRate<F>,
+    pub velocity: HandDerivative<F>,
     /// How fast that changes.
-    pub acceleration: HandRate<F>,
+    pub acceleration: HandDerivative<F>,
 }
 
-/// A first or second derivative of a [`Grasp`] with respect to the network's time t, which runs from 1
+/// A first or second derivative of a [`HandState`] with respect to the network's time t, which runs from 1
 /// (far) to 0 (the grasp).
 #[derive(Debug, Clone, PartialEq)]
-pub struct HandRate<F = Table> {
+pub struct HandDerivative<F = Table> {
     /// Of the palm, in meters and radians per unit of t (or its square).
     pub palm: Twist<F>,
     /// Of the joint positions, in radians per unit of t (or its square).
     pub q: Vec<f64>,
 }
 
-impl<F> MovingGrasp<F> {
+impl<F> HandMotionState<F> {
     /// Returns the same hand in another frame, which does not move in the first.
-    pub(super) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> MovingGrasp<G> {
-        let along = |rate: HandRate<F>| HandRate {
+    pub(super) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> HandMotionState<G> {
+        let along = |rate: HandDerivative<F>| HandDerivative {
             palm: rate.palm.expressed_in(other_from_frame),
             q: rate.q,
         };
-        MovingGrasp {
+        HandMotionState {
             grasp: self.grasp.moved(other_from_frame),
             velocity: along(self.velocity),
             acceleration: along(self.acceleration),
@@ -48,7 +48,7 @@ impl<F> MovingGrasp<F> {
 type Moving = [Vector3<f64>; 3];
 
 /// Reads a hand's numbers, their first and their second derivatives; `None` if the rotation is none.
-pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp<NetworkFrame>> {
+pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<HandMotionState<NetworkFrame>> {
     let vector = |at: usize| -> Option<Moving> {
         let mut parts = [Vector3::zeros(); 3];
         for (part, numbers) in parts.iter_mut().zip(numbers) {
@@ -61,14 +61,14 @@ pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<MovingGrasp<Networ
     let [spin, spin_rate] = spin(&frame);
     let matrix = Matrix3::from_columns(&frame.map(|axis| axis[0]));
     let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    let q = |order: usize| numbers[order].get(ROOT..).map(<[f64]>::to_vec);
+    let q = |order: usize| numbers[order].get(PALM_WIDTH..).map(<[f64]>::to_vec);
     let rate = |linear: Vector3<f64>, angular: Vector3<f64>, order: usize| {
         let (palm, q) = (Twist::new(linear, angular), q(order)?);
         let is_finite = palm.is_finite() && q.iter().all(|x| x.is_finite());
-        is_finite.then_some(HandRate { palm, q })
+        is_finite.then_some(HandDerivative { palm, q })
     };
-    Some(MovingGrasp {
-        grasp: Grasp {
+    Some(HandMotionState {
+        grasp: HandState {
             frame_from_palm: Pose::from_parts(position, rotation),
             q_rad: q(0)?,
         },

@@ -5,7 +5,9 @@ use spatial::Pose;
 
 use super::*;
 use crate::{
-    config::{EncoderRotation, EncoderTimes, Frame, Initialization, JointOutputs, LatentVariance},
+    config::{
+        EncoderRotation, EncoderTimes, Initialization, InputFrame, JointOutputs, LatentVariance,
+    },
     limits::JointRange,
     network,
     network::{Network, constant},
@@ -25,7 +27,7 @@ fn config(activation: Activation) -> NetworkConfig {
         latent_dim: 12,
         decoder_widths: vec![64, 160, 96],
         activation,
-        frame: Frame::Object,
+        frame: InputFrame::Object,
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
@@ -106,16 +108,16 @@ fn equal_times(n: usize) -> Vec<f64> {
 }
 
 /// All numbers of a hand but its rotation.
-fn numbers(grasp: &Grasp) -> Vec<f64> {
+fn numbers(grasp: &HandState) -> Vec<f64> {
     let position = grasp.frame_from_palm.translation.vector;
     position.iter().chain(&grasp.q_rad).copied().collect()
 }
 
-fn rate_numbers(rate: &HandRate) -> Vec<f64> {
+fn rate_numbers(rate: &HandDerivative) -> Vec<f64> {
     rate.palm.linear.iter().chain(&rate.q).copied().collect()
 }
 
-fn rotation(grasp: &Grasp) -> UnitQuaternion<f64> {
+fn rotation(grasp: &HandState) -> UnitQuaternion<f64> {
     grasp.frame_from_palm.rotation
 }
 
@@ -229,7 +231,7 @@ fn interpolated_times_follow_the_network() {
         .unwrap();
     let mut bent = 0.0_f64;
     for (coarse, fine) in coarse.iter().zip(&fine) {
-        let every_other: Vec<Grasp> = fine.iter().step_by(2).cloned().collect();
+        let every_other: Vec<HandState> = fine.iter().step_by(2).cloned().collect();
         assert_eq!(coarse, &every_other);
         for (pair, between) in coarse.windows(2).zip(fine.iter().skip(1).step_by(2)) {
             let (a, b) = (numbers(&pair[0]), numbers(&pair[1]));

@@ -8,7 +8,7 @@ use robot::RobotModel;
 use spatial::{rot6d, rotation_from_rot6d};
 
 use super::{LinkParts, LinkPoses};
-use crate::{grasp::ROOT, precision::narrow, random::Random};
+use crate::{hand_state::PALM_WIDTH, precision::narrow, random::Random};
 
 /// A branching hand with a fixed tip, a joint off the axes, and a slide.
 const HAND: &str = r#"<robot name="h">
@@ -30,7 +30,7 @@ fn rows(n: usize, width: usize) -> Vec<f32> {
 #[test]
 fn poses_are_those_of_forward_kinematics() {
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
-    let width = ROOT + hand.dof();
+    let width = PALM_WIDTH + hand.dof();
     let row = rows(1, width);
     let tensor = Tensor::from_slice(&row, (1, width), &Device::Cpu).unwrap();
     let poses = tensor
@@ -40,7 +40,7 @@ fn poses_are_those_of_forward_kinematics() {
     let number = |k: usize| f64::from(row[k]);
     let rotation = rotation_from_rot6d([3, 4, 5, 6, 7, 8].map(number)).unwrap();
     let frame = Isometry3::from_parts(Translation3::new(number(0), number(1), number(2)), rotation);
-    let q: Vec<f64> = (ROOT..width).map(number).collect();
+    let q: Vec<f64> = (PALM_WIDTH..width).map(number).collect();
     let links = hand.forward_kinematics::<spatial::Palm>(&q).unwrap();
     assert_eq!(poses.len(), 9 * links.len());
     for (pose, link) in poses.chunks_exact(9).zip(links) {
@@ -55,7 +55,7 @@ fn poses_are_those_of_forward_kinematics() {
 #[test]
 fn gradient_equals_central_differences() {
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
-    let (n, width) = (4, ROOT + hand.dof());
+    let (n, width) = (4, PALM_WIDTH + hand.dof());
     let at = rows(n, width);
     let weights = Tensor::from_vec(
         rows(n, 9 * hand.links().len()),

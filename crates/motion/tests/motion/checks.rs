@@ -1,6 +1,6 @@
 //! What is not a motion, and what stays the same of one in another order or frame.
 
-use motion::{Course, HandRates, JointRates, Motion, MotionError, Step};
+use motion::{HandRates, JointRates, Motion, MotionError, MotionSpline, Step};
 use nalgebra::{Isometry3, Translation3, Vector3};
 use proptest::prelude::*;
 use spatial::{Object, Pose, Table};
@@ -22,7 +22,7 @@ fn step(time_s: f64) -> Step<Object> {
                 velocity: vec![0.0, 1.0],
                 acceleration: vec![0.0; 2],
             },
-            ..HandRates::still(2)
+            ..HandRates::zero(2)
         },
     }
 }
@@ -50,7 +50,7 @@ fn invalid_steps_are_refused_by_number() {
     }
     let (none, one) = (refused(&Vec::clear), Motion::new(&JOINTS, vec![step(0.0)]));
     assert!(matches!(none, MotionError::Steps { found: 0, .. }));
-    let err = Course::through(one.unwrap()).unwrap_err();
+    let err = MotionSpline::through(one.unwrap()).unwrap_err();
     assert!(matches!(err, MotionError::Steps { found: 1, .. }));
     for time_s in [0.0, -1.0] {
         let err = refused(&|steps| steps[1].time_s = time_s);
@@ -118,7 +118,7 @@ fn motion_is_equivariant_under_frame_changes() {
     let motion = Motion::new(&["a"], vec![positions(0.0), positions(1.0)]).unwrap();
     let table_from_object =
         Pose::<Table, Object>::new(Isometry3::new(Vector3::new(0.4, 0.0, 0.1), Vector3::z()));
-    let seen = motion.seen_from(&table_from_object);
+    let seen = motion.expressed_in(&table_from_object);
     let expected = table_from_object * motion.at(0.3).frame_from_palm;
     let off = expected.inverse() * seen.at(0.3).frame_from_palm;
     assert!(off.translation.vector.norm() < 1e-12);

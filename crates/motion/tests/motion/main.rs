@@ -1,5 +1,5 @@
 //! Motions whose rates are exact, and what is between their steps.
 
 mod checks;
-mod course;
+mod spline;
 mod swings;

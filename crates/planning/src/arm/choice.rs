@@ -2,7 +2,7 @@
 
 use std::{cmp::Ordering, f64::consts::TAU};
 
-use motion::{Course, Step};
+use motion::{MotionSpline, Step};
 use spatial::{Object, Pose, Table};
 
 use super::{
@@ -18,10 +18,10 @@ use crate::infeasible::{ArmFault, Infeasible, PathPoint};
 const REACH_N: usize = 120;
 /// Places of the lift.
 const LIFT_N: usize = 20;
-/// Times that differ by less than this share of the course are the same.
+/// Times that differ by less than this share of the motion are the same.
 const SAME_TIME: f64 = 0.01;
 
-/// The hand at evenly spaced times of a course, and how far it is lifted from its end, in meters.
+/// The hand at evenly spaced times of a motion, and how far it is lifted from its end, in meters.
 struct Hand {
     moving: Vec<(f64, Step<Object>)>,
     /// Its joint positions at the same times.
@@ -61,14 +61,14 @@ struct Failures {
 }
 
 impl Arm {
-    /// Finds the arm's joints over a course and straight up from its end by `lift_m`, with the object at
+    /// Finds the arm's joints over a motion and straight up from its end by `lift_m`, with the object at
     /// `arm.object_m` on the table, turned by each of `arm.turns` angles.
     ///
-    /// `fingers` gives the hand's joint positions at a time of the course; on the lift they are those of its
+    /// `fingers` gives the hand's joint positions at a time of the motion; on the lift they are those of its
     /// end. Of all directions and postures
     /// that keep the limits and are regular, that one is taken that keeps clear of the table, the arm
-    /// itself and the hand, and takes the least time at the joints' largest speeds and the course's own
-    /// pace; of equal ones, within 1 % of the course, the one in which the product of the distance from
+    /// itself and the hand, and takes the least time at the joints' largest speeds and the motion's own
+    /// pace; of equal ones, within 1 % of the motion, the one in which the product of the distance from
     /// the nearest joint limit and the least singular value is greatest; then the least turn.
     ///
     /// # Errors
@@ -77,14 +77,14 @@ impl Arm {
     /// for something it would meet, or part of the path, or to the grasp.
     pub(crate) fn follow<'a>(
         &'a self,
-        course: &'a Course<Object>,
+        spline: &'a MotionSpline<Object>,
         table_from_object: &Pose<Table, Object>,
         fingers: impl Fn(f64) -> Vec<f64>,
         lift_m: f64,
     ) -> Result<ArmPath<'a>, Infeasible> {
         let turns = self.config.turns;
         let lift_m = lift_m.max(0.0);
-        let hands = hands(course);
+        let hands = hands(spline);
         let fingers: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
         let hand = Hand {
             moving: hands,
@@ -95,7 +95,7 @@ impl Arm {
         let mut choices = Vec::new();
         for turn in 0..turns {
             let angle = TAU * turn as f64 / turns as f64;
-            let palm_path = PalmPath::new(self, course, table_from_object, angle);
+            let palm_path = PalmPath::new(self, spline, table_from_object, angle);
             self.gather(&palm_path, &hand, &mut choices, &mut failures);
         }
         choices.sort_by(Choice::compare);
@@ -114,7 +114,7 @@ impl Arm {
             }
         }
         Err(failures.infeasible(turns).unwrap_or_else(|| {
-            let palm_path = PalmPath::new(self, course, table_from_object, 0.0);
+            let palm_path = PalmPath::new(self, spline, table_from_object, 0.0);
             let grasp = palm_path.at(PathPoint::Lift { height_m: 0.0 });
             Infeasible::Reach {
                 palm_in_base_m: grasp.base_from_palm.translation.vector.into(),
@@ -149,9 +149,9 @@ impl Arm {
         let tracer = Tracer {
             arm: self,
             palm_path,
-            least: self.config.least_singular_value,
+            least: self.config.min_singular_value,
         };
-        for q in self.chain.solutions(&grasp.base_from_palm) {
+        for q in self.chain.ik_solutions(&grasp.base_from_palm) {
             failures.postures += 1;
             // Most that cannot be followed do not even stand free at the grasp.
             let found = tracer
@@ -244,7 +244,7 @@ impl Arm {
             .collect::<Result<_, ArmFault>>()?;
         let base_height_m = self.base_from_table.inverse().translation.z;
         self.clearance
-            .check(&link_poses, palm_path.up(), base_height_m)
+            .check(&link_poses, palm_path.up_in_base(), base_height_m)
     }
 }
 
@@ -274,12 +274,12 @@ impl Failures {
     }
 }
 
-/// Returns the hand at evenly spaced times of a course.
-fn hands(course: &Course<Object>) -> Vec<(f64, Step<Object>)> {
+/// Returns the hand at evenly spaced times of a motion.
+fn hands(spline: &MotionSpline<Object>) -> Vec<(f64, Step<Object>)> {
     (0..=REACH_N)
         .map(|k| {
-            let time_s = course.duration_s() * k as f64 / REACH_N as f64;
-            (time_s, course.at(time_s))
+            let time_s = spline.duration_s() * k as f64 / REACH_N as f64;
+            (time_s, spline.at(time_s))
         })
         .collect()
 }

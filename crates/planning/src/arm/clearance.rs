@@ -1,7 +1,7 @@
 //! How far the arm's links keep from the table, from each other and from the hand.
 
 use nalgebra::Vector3;
-use robot::{Link, RobotModel, Shape, gap};
+use robot::{Link, RobotModel, Shape, distance_bounds};
 use spatial::{Base, Pose};
 
 use super::hand::beyond;
@@ -78,7 +78,8 @@ impl Clearance {
                 let [of_a, of_b] = [a, b].map(|piece| body(piece.link));
                 let [under_a, under_b] = [of_a, of_b].map(below);
                 let touch = of_a == of_b || under_a == Some(of_b) || under_b == Some(of_a);
-                let overlap = || gap((at_a, &a.shape), (at_b, &b.shape)).at_least_m <= 0.0;
+                let overlap =
+                    || distance_bounds((at_a, &a.shape), (at_b, &b.shape)).at_least_m <= 0.0;
                 if touch || (is_hand(a) && is_hand(b)) || overlap() {
                     continue;
                 }
@@ -108,12 +109,12 @@ impl Clearance {
 
     /// Checks a path, given at points close to each other in their order.
     ///
-    /// `up` is the table's vertical in the frame of the arm's base, and `base_height_m` the height of that
+    /// `up_in_base` is the table's vertical in the frame of the arm's base, and `base_height_m` the height of that
     /// frame's origin above the table.
     pub(crate) fn check(
         &self,
         link_poses: &[LinkPoses],
-        up: &Vector3<f64>,
+        up_in_base: &Vector3<f64>,
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
         let poses: Vec<Vec<Pose<Base, Shape>>> = self
@@ -133,7 +134,7 @@ impl Clearance {
             .map(|(piece, poses)| Track::new(piece, poses))
             .collect();
         for &idx in &self.above {
-            self.check_table(&tracks[idx], link_poses, up, base_height_m)?;
+            self.check_table(&tracks[idx], link_poses, up_in_base, base_height_m)?;
         }
         for pair in &self.pairs {
             check_pair(
@@ -150,14 +151,12 @@ impl Clearance {
         &self,
         track: &Track<'_>,
         link_poses: &[LinkPoses],
-        up: &Vector3<f64>,
+        up_in_base: &Vector3<f64>,
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
         for (idx, (pose, links)) in track.poses.iter().zip(link_poses).enumerate() {
-            let down = pose.rotation.inverse_transform_vector(up);
-            let lowest =
-                base_height_m + pose.translation.vector.dot(up) - track.piece.shape.extent_m(&down);
-            let gap_m = lowest - 0.5 * track.moves(idx);
+            let lowest_m = base_height_m + track.piece.shape.lowest_m(pose, up_in_base);
+            let gap_m = lowest_m - 0.5 * track.moves(idx);
             // NaN is not clear.
             let is_clear = gap_m >= self.least_m;
             if !is_clear {
@@ -194,7 +193,7 @@ fn check_pair(
         if apart_m >= needed_m {
             continue;
         }
-        apart_m = gap((at_a, &a.piece.shape), (at_b, &b.piece.shape)).at_least_m;
+        apart_m = distance_bounds((at_a, &a.piece.shape), (at_b, &b.piece.shape)).at_least_m;
         // What moves both alike brings them no nearer.
         let slack_m = 0.5 * relative(a, b, idx);
         let is_clear = apart_m >= least_m + slack_m;

@@ -38,15 +38,15 @@ pub struct ArmConfig {
     #[serde(default = "defaults::acceleration_rad_per_s2")]
     pub acceleration_rad_per_s2: f64,
     /// Least clearance of the arm's links from the table, from each other and from the hand (m), by
-    /// the URDF's collision shapes; `grasp` sets the tolerances of the hand alone. Half a centimeter:
+    /// the URDF's collision shapes; `protocol` sets the tolerances of the hand alone. Half a centimeter:
     /// a typical calibration error.
     #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
     /// Least singular value of the arm's Jacobian, in mixed meters and radians: below it the arm is
     /// too near a singularity, where joints turn fast while the hand moves slowly. At 0.02 a joint
     /// turns at 3.14 rad/s for 6 cm/s of the hand.
-    #[serde(default = "defaults::least_singular_value")]
-    pub least_singular_value: f64,
+    #[serde(default = "defaults::min_singular_value")]
+    pub min_singular_value: f64,
 }
 
 impl ArmConfig {
@@ -72,7 +72,7 @@ impl ArmConfig {
         let positive = [
             ("arm.velocity_scale", self.velocity_scale),
             ("arm.acceleration_rad_per_s2", self.acceleration_rad_per_s2),
-            ("arm.least_singular_value", self.least_singular_value),
+            ("arm.min_singular_value", self.min_singular_value),
         ];
         for (key, value) in positive {
             if !(value.is_finite() && value > 0.0) {
@@ -109,5 +109,5 @@ mod defaults {
     pub(super) fn velocity_scale() -> f64 { 1.0 }
     pub(super) fn acceleration_rad_per_s2() -> f64 { 15.0 }
     pub(super) fn clearance_m() -> f64 { 0.005 }
-    pub(super) fn least_singular_value() -> f64 { 0.02 }
+    pub(super) fn min_singular_value() -> f64 { 0.02 }
 }

@@ -5,7 +5,7 @@ use simulation::SettingFault;
 use spatial::{Base, Palm, Pose};
 
 /// How far links may be from where the other description has them, in meters and radians.
-const SAME: f64 = 1e-9;
+const LINK_TOLERANCE: f64 = 1e-9;
 /// Shares of the joints' ranges at which two descriptions that are not of one hand differ.
 const SAMPLES: [f64; 3] = [0.1, 0.5, 0.9];
 
@@ -30,7 +30,7 @@ pub(crate) fn joints_of_hand(
             let found = robot.joint(&joint.name);
             let link = |idx: usize| robot.joints().get(idx).map(|joint| joint.link);
             let found = found.filter(|&idx| link(idx).is_some_and(is_carried));
-            found.ok_or_else(|| wrong(&format!("it has no joint `{}` there", joint.name)))
+            found.ok_or_else(|| wrong(&format!("there is no joint `{}`", joint.name)))
         })
         .collect::<Result<Vec<usize>, _>>()?;
     for (idx, joint) in robot.joints().iter().enumerate() {
@@ -52,10 +52,10 @@ pub(crate) fn joints_of_hand(
         for (link, palm_from_link) in hand.links().iter().zip(&palm_from_links).skip(1) {
             let ours = robot.link(&link.name).filter(|&idx| is_carried(idx));
             let Some(found) = ours.map(|idx| base_from_links[idx]) else {
-                return Err(wrong(&format!("it has no link `{}` there", link.name)));
+                return Err(wrong(&format!("there is no link `{}`", link.name)));
             };
             let off = off(&(base_from_palm.inverse() * found), palm_from_link);
-            if off > SAME {
+            if off > LINK_TOLERANCE {
                 let problem = format!(
                     "link `{}` is {off:.1e} (m or rad) from where the hand's own URDF has it",
                     link.name
@@ -96,6 +96,6 @@ fn off(a: &Pose<Palm, Link>, b: &Pose<Palm, Link>) -> f64 {
 }
 
 fn wrong(problem: &str) -> SettingFault {
-    let problem = format!("what its link `arm.palm` carries is not the hand of `hand`: {problem}");
+    let problem = format!("the links below `arm.palm` differ from the hand in `hand`: {problem}");
     SettingFault::new("arm.robot", problem)
 }

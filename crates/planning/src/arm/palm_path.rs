@@ -1,7 +1,7 @@
 //! The palm's path that an arm has to follow: to the grasp and straight up from it, in the frame of the
 //! arm's base.
 
-use motion::{Course, Step};
+use motion::{MotionSpline, Step};
 use nalgebra::{UnitQuaternion, Vector3};
 use spatial::{Base, Object, Palm, Pose, Table, Twist};
 
@@ -11,11 +11,11 @@ use crate::infeasible::PathPoint;
 /// The palm's path for one yaw of the object.
 #[derive(Debug, Clone)]
 pub(crate) struct PalmPath<'a> {
-    course: &'a Course<Object>,
+    spline: &'a MotionSpline<Object>,
     pub(crate) table_from_object: Pose<Table, Object>,
     base_from_object: Pose<Base, Object>,
     /// The table's vertical in the frame of the arm's base.
-    up: Vector3<f64>,
+    up_in_base: Vector3<f64>,
 }
 
 /// The palm at one point of its path, in the frame of the arm's base.
@@ -33,7 +33,7 @@ impl<'a> PalmPath<'a> {
     /// Puts the object where it stands, turned about the vertical by an angle in radians.
     pub(crate) fn new(
         arm: &Arm,
-        course: &'a Course<Object>,
+        spline: &'a MotionSpline<Object>,
         table_from_object: &Pose<Table, Object>,
         yaw_rad: f64,
     ) -> Self {
@@ -42,21 +42,21 @@ impl<'a> PalmPath<'a> {
         let place = [x, y, table_from_object.translation.z];
         let table_from_object = Pose::from_parts(place, yaw * table_from_object.rotation);
         Self {
-            course,
+            spline,
             table_from_object,
             base_from_object: arm.base_from_table * table_from_object,
-            up: arm.base_from_table * Vector3::z(),
+            up_in_base: arm.base_from_table * Vector3::z(),
         }
     }
 
     /// Returns where the palm is at a point, and how it moves.
     pub(crate) fn at(&self, at: PathPoint) -> Target {
         match at {
-            PathPoint::Reach { time_s } => self.of(at, &self.course.at(time_s)),
+            PathPoint::Reach { time_s } => self.of(at, &self.spline.at(time_s)),
             PathPoint::Lift { height_m } => {
-                let grasp = self.course.grasp();
+                let grasp = self.spline.grasp();
                 let base_from_palm = self.base_from_object * grasp.frame_from_palm;
-                let up = self.up;
+                let up = self.up_in_base;
                 Target {
                     at,
                     base_from_palm: base_from_palm.translated(&(up * height_m)),
@@ -67,7 +67,7 @@ impl<'a> PalmPath<'a> {
         }
     }
 
-    /// Returns where the palm is at a step of the course.
+    /// Returns where the palm is at a step of the motion.
     pub(crate) fn of(&self, at: PathPoint, hand: &Step<Object>) -> Target {
         let (base_from_object, rates) = (&self.base_from_object, &hand.rates);
         Target {
@@ -79,8 +79,8 @@ impl<'a> PalmPath<'a> {
     }
 
     /// The table's vertical in the frame of the arm's base.
-    pub(crate) fn up(&self) -> &Vector3<f64> {
-        &self.up
+    pub(crate) fn up_in_base(&self) -> &Vector3<f64> {
+        &self.up_in_base
     }
 }
 

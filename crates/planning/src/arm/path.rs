@@ -10,7 +10,7 @@ use super::{
 };
 use crate::infeasible::{ArmFault, Infeasible, PathPoint};
 
-/// The arm's joints over a course and the lift from its end.
+/// The arm's joints over a motion and the lift from its end.
 #[derive(Debug, Clone)]
 pub(crate) struct ArmPath<'a> {
     /// Where the object stands on the table for it.
@@ -28,7 +28,7 @@ pub(crate) struct ArmPath<'a> {
 pub(crate) struct ArmPoint {
     /// Positions in radians (meters if prismatic).
     pub(crate) q: Vec<f64>,
-    /// Derivatives by the course's time in seconds, or by the lift's height in meters.
+    /// Derivatives by the motion's time in seconds, or by the lift's height in meters.
     pub(crate) rates: JointRates,
 }
 
@@ -53,12 +53,12 @@ impl<'a> ArmPath<'a> {
         self.arm
     }
 
-    /// Returns the joints at a time of the course, in seconds after its first step; before that and after
+    /// Returns the joints at a time of the motion, in seconds after its first step; before that and after
     /// its last they are as there.
     ///
     /// They are those of inverse kinematics at that very time, within 10⁻¹⁰ m and rad.
-    pub(crate) fn at(&self, course_s: f64) -> Result<ArmPoint, Infeasible> {
-        let time_s = course_s.clamp(0.0, end(&self.to_grasp));
+    pub(crate) fn at(&self, motion_s: f64) -> Result<ArmPoint, Infeasible> {
+        let time_s = motion_s.clamp(0.0, end(&self.to_grasp));
         self.moving(&self.to_grasp, PathPoint::Reach { time_s })
     }
 

@@ -1,4 +1,4 @@
-use motion::{Carrier, Course};
+use motion::{MotionSpline, PalmTrajectory};
 use proptest::{
     strategy::{Strategy, ValueTree},
     test_runner::TestRunner,
@@ -9,7 +9,7 @@ use spatial::{Base, Object, Palm, Pose, Table};
 
 use super::*;
 use crate::{
-    ArmFault, ArmSetup, Infeasible, LimitsConfig, Planner, RatesConfig, Setup,
+    ArmFault, ArmSetup, CommandRatesConfig, Infeasible, LimitsConfig, Planner, Setup,
     testing::{Drawn, protocol},
 };
 
@@ -36,7 +36,7 @@ fn config() -> ArmConfig {
         velocity_scale: 1.0,
         acceleration_rad_per_s2: 20.0,
         clearance_m: 0.005,
-        least_singular_value: 0.02,
+        min_singular_value: 0.02,
     }
 }
 
@@ -56,12 +56,12 @@ fn cases() -> u32 {
 
 fn follow<'a>(
     arm: &'a Arm,
-    course: &'a Course<Object>,
+    spline: &'a MotionSpline<Object>,
     drawn: &Drawn,
     lift_m: f64,
 ) -> Result<ArmPath<'a>, Infeasible> {
-    let fingers = |time_s: f64| course.at(time_s).q_rad;
-    arm.follow(course, &drawn.table_from_object, fingers, lift_m)
+    let fingers = |time_s: f64| spline.at(time_s).q_rad;
+    arm.follow(spline, &drawn.table_from_object, fingers, lift_m)
 }
 
 /// With no links at all nothing would be near anything.
@@ -84,13 +84,13 @@ fn links_are_those_of_all_joints_or_an_error() {
     arm.clearance.check(&[links], &up, 1.0).unwrap_err();
 }
 
-fn course_of(drawn: &Drawn) -> Option<Course<Object>> {
-    Course::through(drawn.motion().ok()?).ok()
+fn spline_of(drawn: &Drawn) -> Option<MotionSpline<Object>> {
+    MotionSpline::through(drawn.motion().ok()?).ok()
 }
 
 fn refused(arm: &Arm, drawn: &Drawn) -> Infeasible {
-    let course = course_of(drawn).unwrap();
-    follow(arm, &course, drawn, 0.1).unwrap_err()
+    let spline = spline_of(drawn).unwrap();
+    follow(arm, &spline, drawn, 0.1).unwrap_err()
 }
 
 fn fault(arm: &Arm, drawn: &Drawn) -> ArmFault {
@@ -111,10 +111,10 @@ fn is_within_limits(arm: &Arm, q: &[f64]) -> bool {
 fn requested(
     arm: &Arm,
     path: &ArmPath<'_>,
-    course: &Course<Object>,
+    spline: &MotionSpline<Object>,
     time_s: f64,
 ) -> Pose<Base, Palm> {
-    let object_from_palm = course.at(time_s).frame_from_palm;
+    let object_from_palm = spline.at(time_s).frame_from_palm;
     arm.base_from_table * path.table_from_object * object_from_palm
 }
 
@@ -125,7 +125,7 @@ fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
 }
 
 /// Checks a path at the arm's rate and, for what it meets, at four times that.
-fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
+fn check(arm: &Arm, path: &ArmPath<'_>, spline: &MotionSpline<Object>, lift_m: f64) {
     let palm = arm.robot.link("base_link").unwrap();
     let max_velocity: Vec<f64> = arm
         .limits()
@@ -136,7 +136,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
     // As fast as the joints allow, but no faster than requested.
     let slower = (0..=1000)
         .map(|k| {
-            path.at(course.duration_s() * f64::from(k) / 1000.0)
+            path.at(spline.duration_s() * f64::from(k) / 1000.0)
                 .unwrap()
         })
         .flat_map(|at| {
@@ -144,19 +144,19 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
             speeds.map(|(v, max)| v.abs() / max).collect::<Vec<_>>()
         })
         .fold(1.0, f64::max);
-    let ticks = (course.duration_s() * slower * RATE_HZ).ceil();
+    let ticks = (spline.duration_s() * slower * RATE_HZ).ceil();
     let mut before: Option<Vec<f64>> = None;
     let mut tick = 0.0;
     while tick <= ticks {
-        let time_s = (tick / RATE_HZ / slower).min(course.duration_s());
+        let time_s = (tick / RATE_HZ / slower).min(spline.duration_s());
         tick += 1.0;
         let now = path.at(time_s).unwrap();
         assert!(is_within_limits(arm, &now.q), "{:?}", now.q);
-        let fingers = course.at(time_s).q_rad;
+        let fingers = spline.at(time_s).q_rad;
         let links = arm.links(&now.q, &fingers).unwrap();
         let far = off(
             &Pose::new(*links[palm]),
-            &requested(arm, path, course, time_s),
+            &requested(arm, path, spline, time_s),
         );
         assert!(far < 1e-6, "{far} at {time_s} s");
         if let Some(before) = before {
@@ -170,12 +170,12 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
         for part in 0..4 {
             let time_s = time_s + f64::from(part) / 4.0 / RATE_HZ;
             let q = path.at(time_s).unwrap().q;
-            let fingers = course.at(time_s).q_rad;
+            let fingers = spline.at(time_s).q_rad;
             clear.check(&arm.links(&q, &fingers).unwrap(), &arm.base_from_table);
         }
     }
-    let grasp = course.at(course.duration_s());
-    let end = path.at(course.duration_s()).unwrap().q;
+    let grasp = spline.at(spline.duration_s());
+    let end = path.at(spline.duration_s()).unwrap().q;
     let start = path.lifted(0.0).unwrap().q;
     assert!(end.iter().zip(&start).all(|(a, b)| (a - b).abs() < 1e-9));
     for part in 0..=200 {
@@ -196,9 +196,9 @@ fn check(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>, lift_m: f64) {
 }
 
 /// Rates are the derivatives of positions.
-fn check_rates(path: &ArmPath<'_>, course: &Course<Object>, share: f64) {
-    let h = 1e-4 * course.duration_s();
-    let time_s = (share * course.duration_s()).clamp(2.0 * h, course.duration_s() - 2.0 * h);
+fn check_rates(path: &ArmPath<'_>, spline: &MotionSpline<Object>, share: f64) {
+    let h = 1e-4 * spline.duration_s();
+    let time_s = (share * spline.duration_s()).clamp(2.0 * h, spline.duration_s() - 2.0 * h);
     let [before, now, after] = [-h, 0.0, h].map(|by| path.at(time_s + by).unwrap());
     for joint in 0..6 {
         let slope = (after.q[joint] - before.q[joint]) / (2.0 * h);
@@ -224,11 +224,11 @@ fn arm_follows_reachable_motions() {
     for case in 0..cases() {
         let made = joint_paths().new_tree(&mut runner).unwrap().current();
         let (drawn, given) = made.motion(&arm);
-        let course = course_of(&drawn).unwrap();
-        match follow(&arm, &course, &drawn, 0.05) {
+        let spline = spline_of(&drawn).unwrap();
+        match follow(&arm, &spline, &drawn, 0.05) {
             Ok(found) => {
-                check(&arm, &found, &course, 0.05);
-                check_rates(&found, &course, f64::from(case) / f64::from(cases()));
+                check(&arm, &found, &spline, 0.05);
+                check_rates(&found, &spline, f64::from(case) / f64::from(cases()));
                 followed += 1;
             }
             // The posture that made it is one of those tried: if it does well it must be taken.
@@ -268,7 +268,7 @@ fn commanded_arm_keeps_every_limit_between_points() {
         }),
         protocol: &protocol,
         limits: &limits,
-        rates: RatesConfig::default(),
+        rates: CommandRatesConfig::default(),
     });
     let planner = planner.unwrap();
     let arm = arm(&config);
@@ -281,7 +281,7 @@ fn commanded_arm_keeps_every_limit_between_points() {
             continue;
         };
         planned_n += 1;
-        let Carrier::Arm(track) = &goal.carrier else {
+        let PalmTrajectory::Arm(track) = &goal.carrier else {
             panic!("an arm was given");
         };
         for pair in track.points.windows(2) {
@@ -323,8 +323,8 @@ fn more_yaw_angles_never_lose_a_motion() {
             ..config()
         });
         let (drawn, _) = made.motion(&one);
-        let course = course_of(&drawn).unwrap();
-        let can = [&one, &twelve].map(|arm| follow(arm, &course, &drawn, 0.05).is_ok());
+        let spline = spline_of(&drawn).unwrap();
+        let can = [&one, &twelve].map(|arm| follow(arm, &spline, &drawn, 0.05).is_ok());
         assert!(can[1] || !can[0]);
         for (n, can) in followed.iter_mut().zip(can) {
             *n += usize::from(can);
@@ -341,8 +341,8 @@ fn the_object_is_turned_about_the_vertical_where_it_stands() {
         ..config()
     });
     let drawn = straight([0.0, 0.0, 0.5], [0.0, 0.0, 0.3], [0.3, -0.1, 0.04]);
-    let course = course_of(&drawn).unwrap();
-    let path = follow(&arm, &course, &drawn, 0.1).unwrap();
+    let spline = spline_of(&drawn).unwrap();
+    let path = follow(&arm, &spline, &drawn, 0.1).unwrap();
     let found = path.table_from_object;
     let place = found.translation.vector;
     assert!(
@@ -354,14 +354,14 @@ fn the_object_is_turned_about_the_vertical_where_it_stands() {
     assert!(x.abs() < 1e-12 && y.abs() < 1e-12);
     let eighths = z / (std::f64::consts::TAU / 8.0);
     assert!((eighths - eighths.round()).abs() < 1e-9, "{eighths}");
-    check(&arm, &path, &course, 0.1);
+    check(&arm, &path, &spline, 0.1);
 }
 
 /// Where the base stands changes where the arm is, and nothing else.
 #[test]
 fn the_table_may_be_anywhere_about_the_base() {
     let drawn = straight([0.0, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
-    let course = course_of(&drawn).unwrap();
+    let spline = spline_of(&drawn).unwrap();
     let (sin, cos) = 0.4_f64.sin_cos();
     let here = arm(&config());
     let there = arm(&ArmConfig {
@@ -380,10 +380,10 @@ fn the_table_may_be_anywhere_about_the_base() {
         ),
         ..drawn.clone()
     };
-    let found = follow(&here, &course, &drawn, 0.1).unwrap();
-    let other = follow(&there, &course, &turned, 0.1).unwrap();
+    let found = follow(&here, &spline, &drawn, 0.1).unwrap();
+    let other = follow(&there, &spline, &turned, 0.1).unwrap();
     for share in [0.0, 0.3, 1.0] {
-        let [a, b] = [&found, &other].map(|path| path.at(share * course.duration_s()).unwrap());
+        let [a, b] = [&found, &other].map(|path| path.at(share * spline.duration_s()).unwrap());
         for (a, b) in a.q.iter().zip(&b.q) {
             assert!((a - b).abs() < 1e-8, "{a} {b}");
         }
@@ -452,14 +452,14 @@ fn a_wrist_that_would_turn_too_far_is_refused() {
     assert!((lower + std::f64::consts::TAU).abs() < 1e-6, "{lower}");
     // Less than two turns are within its limits.
     let drawn = motions::wound(1.8);
-    let course = course_of(&drawn).unwrap();
+    let spline = spline_of(&drawn).unwrap();
     // It turns so fast that from one point to the next the thumb moves farther than it keeps away.
     let arm = arm(&ArmConfig {
         clearance_m: 0.001,
         ..config()
     });
-    let path = follow(&arm, &course, &drawn, 0.1).unwrap();
-    check(&arm, &path, &course, 0.1);
+    let path = follow(&arm, &spline, &drawn, 0.1).unwrap();
+    check(&arm, &path, &spline, 0.1);
 }
 
 #[test]
@@ -469,7 +469,7 @@ fn another_hand_on_the_arm_is_refused() {
         Arm::new(&config(), &robot, &hand).unwrap_err().to_string()
     };
     let message = other(XARM, &HAND.replace("joint_3.0", "joint_3.1"));
-    assert!(message.contains("has no joint `joint_3.1`"), "{message}");
+    assert!(message.contains("no joint `joint_3.1`"), "{message}");
     let message = other(
         XARM,
         &HAND.replace("xyz=\"0 0 0.0384\"", "xyz=\"0 0 0.0385\""),
@@ -500,7 +500,7 @@ fn invalid_arms_are_refused() {
     assert!(message(|c| c.turns = 0).contains("`arm.turns`"));
     assert!(message(|c| c.clearance_m = f64::NAN).contains("`arm.clearance_m`"));
     assert!(message(|c| c.velocity_scale = 1.5).contains("`arm.velocity_scale`"));
-    assert!(message(|c| c.least_singular_value = 0.0).contains("`arm.least_singular_value`"));
+    assert!(message(|c| c.min_singular_value = 0.0).contains("`arm.min_singular_value`"));
     assert!(message(|c| c.acceleration_rad_per_s2 = -1.0).contains("acceleration"));
     assert!(message(|c| c.table_from_base[6] = 3.0).contains("`arm.table_from_base`"));
     assert!(message(|c| c.object_m[0] = f64::INFINITY).contains("`arm.object_m`"));
@@ -545,11 +545,11 @@ fn joint_path_rates_are_its_derivatives() {
     let path: JointPath = joint_paths().new_tree(&mut runner).unwrap().current();
     let arm = arm(&config());
     let (drawn, _) = path.motion(&arm);
-    let course = course_of(&drawn).unwrap();
+    let spline = spline_of(&drawn).unwrap();
     for share in [0.2, 0.77] {
-        let time_s = share * course.duration_s();
+        let time_s = share * spline.duration_s();
         let expected = arm.chain.state(&path.q(time_s)).unwrap().base_from_palm;
-        let palm_path = PalmPath::new(&arm, &course, &drawn.table_from_object, 0.0);
+        let palm_path = PalmPath::new(&arm, &spline, &drawn.table_from_object, 0.0);
         let found = palm_path.at(crate::PathPoint::Reach { time_s });
         assert!(off(&found.base_from_palm, &expected) < 1e-5);
     }

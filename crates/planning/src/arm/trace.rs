@@ -15,7 +15,7 @@ use super::{
 use crate::infeasible::{ArmFault, PathPoint};
 
 /// How far joints may be found from where they are looked for, in radians (meters if prismatic).
-const NEAR: f64 = 0.05;
+const NEAR_Q: f64 = 0.05;
 /// Maximum number of halvings of a step.
 const HALVINGS: usize = 6;
 
@@ -45,9 +45,9 @@ impl Knot {
 
 /// Follows a path.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Tracer<'a, 'course> {
+pub(crate) struct Tracer<'a, 'spline> {
     pub(crate) arm: &'a Arm,
-    pub(crate) palm_path: &'a PalmPath<'course>,
+    pub(crate) palm_path: &'a PalmPath<'spline>,
     /// Least singular value that the arm's Jacobian may have.
     pub(crate) least: f64,
 }
@@ -100,10 +100,10 @@ impl Tracer<'_, '_> {
     fn halved(&self, from: &Knot, target: &Target, halvings: usize) -> Result<Knot, ArmFault> {
         let sought = from.ahead(target.at);
         let chain = &self.arm.chain;
-        let found = chain.solve(&target.base_from_palm, &sought);
+        let found = chain.inverse_kinematics(&target.base_from_palm, &sought);
         let is_near = |q: &[f64]| {
             let mut pairs = q.iter().zip(&sought);
-            pairs.all(|(q, sought)| (q - sought).abs() < NEAR)
+            pairs.all(|(q, sought)| (q - sought).abs() < NEAR_Q)
         };
         if let Some(q) = found.filter(|q| is_near(q)) {
             return self.knot(target, q);

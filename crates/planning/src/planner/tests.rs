@@ -29,7 +29,7 @@ fn hand() -> RobotModel {
 struct Config {
     grasp: Protocol,
     limits: LimitsConfig,
-    rates: RatesConfig,
+    rates: CommandRatesConfig,
 }
 
 impl Config {
@@ -55,7 +55,7 @@ fn config(approach: Approach) -> Config {
             max_slowdown: 1e3,
             ..LimitsConfig::default()
         },
-        rates: RatesConfig::default(),
+        rates: CommandRatesConfig::default(),
     }
 }
 
@@ -79,8 +79,8 @@ fn plan_high(config: &Config, motion: &Motion<Object>) -> Feasible {
 
 fn palm_of(planned: &Feasible) -> &[PalmPoint] {
     match &planned.carrier {
-        Carrier::Palm(points) => points,
-        Carrier::Arm(_) => panic!("no arm was given"),
+        PalmTrajectory::Palm(points) => points,
+        PalmTrajectory::Arm(_) => panic!("no arm was given"),
     }
 }
 
@@ -140,7 +140,7 @@ proptest! {
     ) {
         let approach = if open { Approach::Open } else { Approach::Follow };
         let mut config = config(approach);
-        config.rates = RatesConfig { palm_hz: rate_hz, hand_hz: 1.3 * rate_hz };
+        config.rates = CommandRatesConfig { palm_hz: rate_hz, hand_hz: 1.3 * rate_hz };
         config.grasp.open_rad = 0.3;
         config.grasp.squeeze_rad = 0.2;
         config.grasp.lift_m = 0.15;
@@ -233,7 +233,7 @@ proptest! {
         place in any::<prop::sample::Index>(),
     ) {
         let mut config = config(Approach::Follow);
-        config.rates = RatesConfig { palm_hz: 2000.0, hand_hz: 2000.0 };
+        config.rates = CommandRatesConfig { palm_hz: 2000.0, hand_hz: 2000.0 };
         config.grasp.squeeze_rad = 0.2;
         let planned = plan_high(&config, &motion);
         let palm = palm_of(&planned);
@@ -255,7 +255,7 @@ proptest! {
         }
     }
 
-    /// As a curve the goal is the course: each is within 1 mm and half a degree of the other, wherever
+    /// As a curve the goal is the motion: each is within 1 mm and half a degree of the other, wherever
     /// one is along it.
     #[test]
     fn the_goal_stays_on_the_course(motion in motions(&JOINTS), share in 0.0..=1.0_f64) {
@@ -264,17 +264,17 @@ proptest! {
         let object = high();
         let end_s = planned.grasp.reach_s;
         let followed = |time_s: f64| followed(&planned, &object, time_s);
-        let course = Course::through(motion).unwrap();
+        let spline = MotionSpline::through(motion).unwrap();
         let laid = |share: f64| {
-            let hand = course.at(share * course.duration_s());
+            let hand = spline.at(share * spline.duration_s());
             (hand.frame_from_palm, hand.q_rad)
         };
         let there = laid(share);
         let far = nearest(|share| off(&there, &followed(share * end_s)));
-        prop_assert!(far <= 1.0, "the course is {far} off the goal");
+        prop_assert!(far <= 1.0, "the spline is {far} off the goal");
         let there = followed(share * end_s);
         let far = nearest(|share| off(&there, &laid(share)));
-        prop_assert!(far <= 1.0, "the goal is {far} off the course");
+        prop_assert!(far <= 1.0, "the goal is {far} off the spline");
         prop_assert!(off(&laid(0.0), &followed(0.0)) < 1e-6);
         // The path ends between two points, on the polynomial between them.
         prop_assert!(off(&laid(1.0), &followed(end_s)) < 0.05);
@@ -313,7 +313,7 @@ fn straight() -> Drawn {
         q_rad: vec![0.5, 0.0, 0.0],
         rates: HandRates {
             palm_velocity: Twist::from_array([0.0, 0.0, -0.3, 0.0, 0.0, 0.0]),
-            ..HandRates::still(3)
+            ..HandRates::zero(3)
         },
     };
     Drawn {
@@ -354,9 +354,11 @@ fn straight_path_takes_the_time_of_a_trapezoidal_profile() {
 fn a_protocol_that_no_cell_can_execute_is_refused() {
     type Change = fn(&mut Protocol);
     let changes: [(&str, Change); 3] = [
-        ("grasp.name", |grasp| grasp.name = ProtocolName::Dro),
-        ("grasp.approach", |grasp| grasp.approach = Approach::Place),
-        ("grasp.trial", |grasp| grasp.trial = Trial::SixDirections),
+        ("protocol.name", |grasp| grasp.name = ProtocolName::Dro),
+        ("protocol.approach", |grasp| {
+            grasp.approach = Approach::AtGrasp;
+        }),
+        ("protocol.trial", |grasp| grasp.trial = Trial::SixDirections),
     ];
     for (key, change) in changes {
         let mut config = config(Approach::Follow);
@@ -415,7 +417,7 @@ fn infeasible_motions_name_their_reason() {
         given.joints.truncate(2);
         for step in &mut given.steps {
             step.q_rad.truncate(2);
-            step.rates.joints = JointRates::still(2);
+            step.rates.joints = JointRates::zero(2);
         }
     });
     assert!(missing.contains("`jc`"), "{missing}");
@@ -472,9 +474,9 @@ fn invalid_limits_are_named() {
     );
     named(
         &refused(|c| c.grasp.flexion_joints = vec!["jq".to_owned()]),
-        "grasp.flexion_joints",
+        "protocol.flexion_joints",
     );
-    named(&refused(|c| c.grasp.reach_s = 0.0), "grasp.reach_s");
+    named(&refused(|c| c.grasp.reach_s = 0.0), "protocol.reach_s");
     let silent = RobotModel::from_urdf(&HAND.replace("velocity=\"7\"", "velocity=\"0\"")).unwrap();
     let config = config(Approach::Follow);
     let err = Planner::new(&config.setup(&silent)).map(drop);
@@ -486,11 +488,10 @@ fn invalid_limits_are_named() {
 /// each is where the screen's straight lines between its steps are.
 #[test]
 fn candidates_of_a_lake_stay_where_they_were_screened() {
-    let Some(folder) = std::env::var_os("PIPELINE_CANDIDATES") else {
-        eprintln!("skipped: PIPELINE_CANDIDATES names no folder with a table of candidates");
+    let Some(folder) = measured_data::named_by("PIPELINE_CANDIDATES") else {
         return;
     };
-    let file = std::path::Path::new(&folder).join(lake::table::FILE);
+    let file = folder.join(lake::table::FILE);
     let artifact = dataflow::Artifact {
         key: "object".parse().unwrap(),
         labels: std::collections::BTreeMap::new(),

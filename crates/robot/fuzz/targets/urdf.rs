@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use robot::{Bodies, JointMotion, RobotModel, Root};
+use robot::{DynamicsModel, JointMotion, RobotModel, FreeRootState};
 use spatial::{Palm, Pose};
 
 fuzz_target!(|bytes: &[u8]| {
@@ -28,14 +28,14 @@ fuzz_target!(|bytes: &[u8]| {
     for finger in model.fingers() {
         assert!(!finger.links.is_empty() && finger.tip_link < model.links().len());
     }
-    let _found = (model.examine(), model.hand_shape());
-    let bodies = Bodies::new(&model);
+    let _found = (model.examine(), model.hand_layout());
+    let bodies = DynamicsModel::new(&model);
     let motion = JointMotion {
         q: &q,
         velocity: &q,
         acceleration: &q,
     };
-    let root = Root::still(Pose::new(*poses[0]));
+    let root = FreeRootState::still(Pose::new(*poses[0]));
     let down = [0.0, 0.0, -9.81].into();
     let efforts = bodies.inverse_dynamics(&root, &motion, &down);
     assert_eq!(efforts.expect("one number per joint").joints.len(), model.dof());

@@ -2,7 +2,7 @@
 
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
-use robot::{Bodies, JointMotion, RobotModel, Root};
+use robot::{DynamicsModel, FreeRootState, JointMotion, RobotModel};
 use spatial::{Object, Pose, Table};
 
 use super::{
@@ -176,7 +176,11 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
 }
 
 /// Linear and angular momentum about the origin, and the energy, of what moves freely.
-fn carried(hand: &Hand, world: &World, bodies: &Bodies) -> (Vector3<f64>, Vector3<f64>, f64) {
+fn carried(
+    hand: &Hand,
+    world: &World,
+    bodies: &DynamicsModel,
+) -> (Vector3<f64>, Vector3<f64>, f64) {
     let (multibody, _) = super::finger(&world.multibodies, hand.roots[0].body).unwrap();
     let q = hand.positions(world);
     let palm = hand.table_from_palm(world);
@@ -215,7 +219,7 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
     scene.drive.armature = 0.0;
     scene.drive.damping = 0.0;
     let model = RobotModel::from_urdf(FINGER).unwrap();
-    let bodies = Bodies::new(&model);
+    let bodies = DynamicsModel::new(&model);
     let mut world = World::empty(&scene);
     let hand = Hand::insert_on(&mut world, &scene, &model, PalmJoint::Free).unwrap();
     let start = Pose::from_parts([0.1, -0.2, 0.3], UnitQuaternion::identity());
@@ -347,7 +351,7 @@ fn pose_at_rest_needs_no_torque() {
     hand.follow(&mut world, &desired);
     assert!(hand.torques(&world)[0].abs() < 1e-6);
     let efforts = hand.dynamics.inverse_dynamics(
-        &Root::still(spatial::Pose::identity()),
+        &FreeRootState::still(spatial::Pose::identity()),
         &JointMotion {
             q: &[0.3],
             velocity: &[0.0],

@@ -1,7 +1,7 @@
 //! Fingers that are driven along a motion by the torque that it takes.
 
 use nalgebra::{UnitQuaternion, Vector3};
-use robot::{JointMotion, Root};
+use robot::{FreeRootState, JointMotion};
 use spatial::{Palm, Pose, Twist};
 
 use super::{Hand, finger_mut};
@@ -33,8 +33,8 @@ impl Hand {
             vector_in_meters(palm.linvel()),
             Vector3::from(palm.angvel().to_array().map(f64::from)),
         );
-        let world_from_palm: Pose<spatial::World, Palm> = pose_from_engine(palm.position());
-        let root = root(world_from_palm.rotation, &velocity_of_palm);
+        let engine_from_palm = pose_from_engine::<Palm>(palm.position());
+        let root = root(engine_from_palm.rotation, &velocity_of_palm);
         let torques = match self
             .dynamics
             .link_efforts(&root, &motion, &Vector3::zeros())
@@ -56,12 +56,12 @@ impl Hand {
 }
 
 /// Returns the palm as a root that keeps its velocity, along the world's axes, wherever it is.
-fn root(orientation: UnitQuaternion<f64>, velocity: &Twist<spatial::World>) -> Root {
+fn root(orientation: UnitQuaternion<f64>, velocity: &Twist<spatial::World>) -> FreeRootState {
     let world_from_palm = Pose::from_parts([0.0; 3], orientation);
     let velocity = velocity.expressed_in(&world_from_palm.inverse());
     // Along the turning axes of the palm, a constant velocity turns the other way.
     let turning = -velocity.angular.cross(&velocity.linear);
-    Root {
+    FreeRootState {
         world_from_palm,
         velocity,
         acceleration: Twist::new(turning, Vector3::zeros()),

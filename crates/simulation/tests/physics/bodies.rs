@@ -2,7 +2,7 @@
 
 use nalgebra::{Matrix3, Point3, Vector3};
 use simulation::ObjectShape;
-use spatial::Rest;
+use spatial::RestingPose;
 
 /// Name, sides (0: a box), half extents in meters, mass in kilograms.
 const BODIES: [(&str, u32, [f64; 3], f64); 7] = [
@@ -16,13 +16,14 @@ const BODIES: [(&str, u32, [f64; 3], f64); 7] = [
 ];
 
 /// The bodies, each standing, about its center.
-pub(crate) fn bodies() -> Vec<(&'static str, ObjectShape, Rest)> {
+pub(crate) fn bodies() -> Vec<(&'static str, ObjectShape, RestingPose)> {
     BODIES.map(body).to_vec()
 }
 
-fn body(
+/// A body that stands, about its center.
+pub(crate) fn body(
     (name, sides, half, mass_kg): (&'static str, u32, [f64; 3], f64),
-) -> (&'static str, ObjectShape, Rest) {
+) -> (&'static str, ObjectShape, RestingPose) {
     let outline: Vec<[f64; 2]> = if sides == 0 {
         let corners = [[1.0, 1.0], [-1.0, 1.0], [-1.0, -1.0], [1.0, -1.0]];
         corners.map(|[x, y]| [x * half[0], y * half[1]]).to_vec()
@@ -50,7 +51,7 @@ fn body(
         center_of_mass_m: Point3::origin(),
         inertia_kg_m2: Matrix3::from_diagonal(&Vector3::new(y + z, x + z, x + y)) * mass_kg,
     };
-    let rest = Rest {
+    let rest = RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: half[2],
     };

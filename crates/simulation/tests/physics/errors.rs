@@ -1,11 +1,11 @@
 use motion::Motion;
 use robot::RobotModel;
-use simulation::{ObjectShape, Record, SimulationError, Template};
+use simulation::{ObjectShape, SettledScene, SimulationError, TraceMode};
 
-use crate::scene::{can, hand, protocol, q, scene, side_grasp, template, upright, urdf};
+use crate::scene::{can, hand, protocol, q, scene, settled, side_grasp, upright, urdf};
 
 fn refuse(object: &ObjectShape) -> SimulationError {
-    Template::new(&scene(), &hand(), object, &upright())
+    SettledScene::new(&scene(), &hand(), object, &upright())
         .err()
         .unwrap()
 }
@@ -52,7 +52,7 @@ fn a_hand_without_inertia_is_refused_by_the_link_that_lacks_it() {
     let end = start + xml[start..].find("</inertial>").unwrap() + "</inertial>".len();
     let without = [&xml[..start], &xml[end..]].concat();
     let hand = RobotModel::from_urdf(&without).unwrap();
-    let error = Template::new(&scene(), &hand, &can(), &upright())
+    let error = SettledScene::new(&scene(), &hand, &can(), &upright())
         .err()
         .unwrap();
     assert_eq!(
@@ -68,15 +68,15 @@ fn a_protocol_that_names_an_unknown_joint_is_refused() {
     let mut protocol = protocol();
     protocol.flexion_joints.push("joint_16.0".to_owned());
     let motion = side_grasp([-0.015, -0.055, 0.02], &q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
-    let error = template(&scene())
-        .rollout(&motion, &protocol, Record::Nothing)
+    let error = settled(&scene())
+        .rollout(&motion, &protocol, TraceMode::Nothing)
         .unwrap_err();
     assert!(matches!(error, SimulationError::UnknownJoint { name, .. } if name == "joint_16.0"));
 }
 
 #[test]
 fn a_motion_that_does_not_fit_the_hand_is_refused() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let good = side_grasp([-0.015, -0.055, 0.02], &q([0.5; 3], [1.3, 0.5, 0.5, 0.5]));
     let mut other: Vec<String> = hand().joint_names();
     other.swap(0, 1);
@@ -84,7 +84,7 @@ fn a_motion_that_does_not_fit_the_hand_is_refused() {
     other[0] = "wrist".to_owned();
     let renamed = Motion::new(&other, good.steps().to_vec()).unwrap();
     for motion in [swapped, renamed] {
-        let result = template.rollout(&motion, &protocol(), Record::Nothing);
+        let result = settled.rollout(&motion, &protocol(), TraceMode::Nothing);
         assert!(matches!(result, Err(SimulationError::Motion(_))));
     }
 }
@@ -95,7 +95,7 @@ fn settings_out_of_range_are_refused() {
     for time_step_s in [0.0, 1.0] {
         let mut scene = scene();
         scene.time_step_s = time_step_s;
-        let error = Template::new(&scene, &hand(), &can(), &upright()).err();
+        let error = SettledScene::new(&scene, &hand(), &can(), &upright()).err();
         assert!(
             matches!(error, Some(SimulationError::Setting(fault)) if fault.key == "time_step_s")
         );

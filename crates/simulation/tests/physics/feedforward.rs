@@ -2,12 +2,12 @@
 
 use motion::{JointRates, Motion, Rates, Step};
 use simulation::{
-    Approach, ControllerKind, Offset, Protocol, Record, Rollout, SceneConfig, Template, TraceStep,
-    Verdict,
+    Approach, ControllerKind, Offset, Protocol, Rollout, SceneConfig, SettledScene, TraceMode,
+    TraceStep, Verdict,
 };
 use spatial::Object;
 
-use crate::scene::{hand, protocol, q, scene, side_grasp, template};
+use crate::scene::{hand, protocol, q, scene, settled, side_grasp};
 
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 
@@ -118,8 +118,8 @@ fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_wit
         let mut protocol = protocol();
         protocol.approach = Approach::Follow;
         protocol.reach_s = scene.control_step_s() * f64::from(reach_n);
-        let rollout = template(&scene)
-            .rollout(motion, &protocol, Record::Trace)
+        let rollout = settled(&scene)
+            .rollout(motion, &protocol, TraceMode::Trace)
             .unwrap();
         most_lag(&rollout.trace.unwrap().steps, reach_n as usize)
     }
@@ -147,13 +147,15 @@ fn a_good_grasp_holds_under_feedforward_too() {
     ] {
         let mut protocol = protocol();
         protocol.approach = approach;
-        let template = template(&with(ControllerKind::PdFeedforward));
-        let run = |template: &Template| -> Rollout {
-            template.rollout(&motion, &protocol, Record::Trace).unwrap()
+        let settled = settled(&with(ControllerKind::PdFeedforward));
+        let run = |settled: &SettledScene| -> Rollout {
+            settled
+                .rollout(&motion, &protocol, TraceMode::Trace)
+                .unwrap()
         };
-        let rollout = run(&template);
+        let rollout = run(&settled);
         assert_eq!(rollout.verdict, Verdict::Held, "{approach:?}: {rollout:?}");
-        assert_eq!(rollout, run(&template));
+        assert_eq!(rollout, run(&settled));
         // Nothing is in the way before the fingers close.
         let steps = rollout.trace.unwrap().steps;
         let before = steps
@@ -177,8 +179,8 @@ fn hand_mass_changes_the_motion() {
         scene.hand_mass_scale = hand_mass_scale;
         let mut protocol = protocol();
         protocol.approach = Approach::Follow;
-        let rollout = template(&scene)
-            .rollout(&waving(), &protocol, Record::Trace)
+        let rollout = settled(&scene)
+            .rollout(&waving(), &protocol, TraceMode::Trace)
             .unwrap();
         most_lag(&rollout.trace.unwrap().steps, 40)
     };
@@ -195,7 +197,7 @@ fn waved(controller: ControllerKind, steps_per_control: u32, delay_n: u32) -> Ve
         approach: Approach::Follow,
         ..protocol()
     };
-    let rollout = template(&scene).rollout(&waving(), &protocol, Record::Trace);
+    let rollout = settled(&scene).rollout(&waving(), &protocol, TraceMode::Trace);
     rollout.unwrap().trace.unwrap().steps
 }
 

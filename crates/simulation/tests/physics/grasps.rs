@@ -3,10 +3,10 @@ use std::convert::Infallible;
 use motion::Motion;
 use nalgebra::{Point3, Vector3};
 use robot::{ConvexBody, RobotModel};
-use simulation::{Approach, Offset, Record, Rollout, SimulationError, Template, Verdict};
+use simulation::{Approach, Offset, Rollout, SettledScene, SimulationError, TraceMode, Verdict};
 use spatial::{Object, Pose};
 
-use crate::scene::{can, hand, protocol, q, scene, side_grasp, template, upright, urdf};
+use crate::scene::{can, hand, protocol, q, scene, settled, side_grasp, upright, urdf};
 
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 
@@ -32,8 +32,8 @@ fn too_open() -> Motion<Object, ()> {
 }
 
 fn roll(motion: &Motion<Object, ()>) -> Rollout {
-    template(&scene())
-        .rollout(motion, &protocol(), Record::Nothing)
+    settled(&scene())
+        .rollout(motion, &protocol(), TraceMode::Nothing)
         .unwrap()
 }
 
@@ -56,8 +56,8 @@ fn palm_without_inertia_holds_the_same_grasp() {
     let without = [&urdf[..start], &urdf[end..]].concat();
     let hand = RobotModel::from_urdf(&without).unwrap();
     assert!(hand.links()[0].inertial.is_none());
-    let template = Template::new(&scene(), &hand, &can(), &upright()).unwrap();
-    let rollout = template.rollout(&good(), &protocol(), Record::Nothing);
+    let settled = SettledScene::new(&scene(), &hand, &can(), &upright()).unwrap();
+    let rollout = settled.rollout(&good(), &protocol(), TraceMode::Nothing);
     let rollout = rollout.unwrap();
     assert_eq!(rollout.verdict, Verdict::Held);
     let with = roll(&good());
@@ -99,16 +99,16 @@ fn cuboid(sides: &str) -> ConvexBody {
 #[test]
 fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
     let unread = hand_of_meshes();
-    let build = |hand: &RobotModel| Template::new(&scene(), hand, &can(), &upright());
+    let build = |hand: &RobotModel| SettledScene::new(&scene(), hand, &can(), &upright());
     let refused = build(&unread).err().unwrap();
     assert!(
         matches!(refused, SimulationError::MeshNotRead { .. }),
         "{refused}"
     );
     let read = unread.with_mesh_shapes(|_, mesh| Ok::<_, Infallible>(vec![cuboid(&mesh.file)]));
-    let template = build(&read.unwrap()).unwrap();
+    let settled = build(&read.unwrap()).unwrap();
     let roll = |motion: &Motion<Object, ()>| {
-        let rollout = template.rollout(motion, &protocol(), Record::Nothing);
+        let rollout = settled.rollout(motion, &protocol(), TraceMode::Nothing);
         rollout.unwrap()
     };
     let rollout = roll(&good());
@@ -136,8 +136,8 @@ fn an_open_hand_leaves_the_can_and_ends_early() {
 fn without_friction_nothing_is_held() {
     let mut scene = scene();
     scene.friction = 0.0;
-    let rollout = template(&scene)
-        .rollout(&good(), &protocol(), Record::Nothing)
+    let rollout = settled(&scene)
+        .rollout(&good(), &protocol(), TraceMode::Nothing)
         .unwrap();
     assert_ne!(rollout.verdict, Verdict::Held);
 }
@@ -146,18 +146,18 @@ fn without_friction_nothing_is_held() {
 fn a_can_of_twenty_kilograms_stays_on_the_table() {
     let mut scene = scene();
     scene.mass_scale = 60.0;
-    let rollout = template(&scene)
-        .rollout(&good(), &protocol(), Record::Nothing)
+    let rollout = settled(&scene)
+        .rollout(&good(), &protocol(), TraceMode::Nothing)
         .unwrap();
     assert_eq!(rollout.verdict, Verdict::NotGrasped);
 }
 
 #[test]
 fn geometry_alone_refuses_limits_table_and_early_contact() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let check = |motion: &Motion<Object, ()>, expected: Verdict| {
-        let rollout = template
-            .rollout(motion, &protocol(), Record::Trace)
+        let rollout = settled
+            .rollout(motion, &protocol(), TraceMode::Trace)
             .unwrap();
         assert_eq!(rollout.verdict, expected);
         assert_eq!((rollout.cost_n, &rollout.trace), (0, &None));
@@ -180,8 +180,8 @@ fn a_hand_that_pushes_the_can_knocks_it_over() {
     protocol.approach = Approach::Follow;
     let last = motion.steps().len() - 1;
     let motion = with_step_moved(&motion, last, 0.08 * Vector3::y());
-    let rollout = template(&scene())
-        .rollout(&motion, &protocol, Record::Nothing)
+    let rollout = settled(&scene())
+        .rollout(&motion, &protocol, TraceMode::Nothing)
         .unwrap();
     assert_eq!(rollout.verdict, Verdict::KnockedOver);
     assert!(rollout.displacement_m > 0.02, "{rollout:?}");
@@ -195,28 +195,28 @@ fn a_displaced_object_is_off_its_estimated_pose() {
         y_m: 0.1,
         yaw_rad: 0.5,
     };
-    let template = template(&scene);
-    let actual = template.table_from_object();
-    let estimate = template.table_from_estimate();
+    let settled = settled(&scene);
+    let actual = settled.table_from_object();
+    let estimate = settled.table_from_estimate();
     let apart = actual.translation.vector - estimate.translation.vector;
     assert!((apart.x - 0.3).abs() < 1e-6 && (apart.y - 0.1).abs() < 1e-6);
     assert!((actual.rotation.angle_to(&estimate.rotation) - 0.5).abs() < 1e-6);
-    let rollout = template
-        .rollout(&good(), &protocol(), Record::Nothing)
+    let rollout = settled
+        .rollout(&good(), &protocol(), TraceMode::Nothing)
         .unwrap();
     assert_eq!(rollout.verdict, Verdict::NotGrasped);
 }
 
 #[test]
 fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let motion = good();
-    let rollout = template
-        .rollout(&motion, &protocol(), Record::Trace)
+    let rollout = settled
+        .rollout(&motion, &protocol(), TraceMode::Trace)
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
     assert_eq!(steps.len(), 191);
-    let grasp = *(template.table_from_estimate() * motion.grasp().frame_from_palm);
+    let grasp = *(settled.table_from_estimate() * motion.grasp().frame_from_palm);
     for (step, rise) in [(40, 0.0), (190, 0.15)] {
         let palm = steps[step].table_from_palm;
         let error = palm.translation.vector - grasp.translation.vector;
@@ -230,10 +230,10 @@ fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
 
 #[test]
 fn fingers_stay_open_until_the_closing_and_squeeze_after_it() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let motion = good();
-    let rollout = template
-        .rollout(&motion, &protocol(), Record::Trace)
+    let rollout = settled
+        .rollout(&motion, &protocol(), TraceMode::Trace)
         .unwrap();
     let steps = rollout.trace.unwrap().steps;
     let grasp = &motion.grasp().q_rad;
@@ -261,17 +261,17 @@ fn fingers_stay_open_until_the_closing_and_squeeze_after_it() {
 
 #[test]
 fn the_same_rollout_has_the_same_bytes() {
-    let first = template(&scene());
-    let second = template(&scene());
-    let run = |template: &Template| {
-        template
-            .rollout(&good(), &protocol(), Record::Trace)
+    let first = settled(&scene());
+    let second = settled(&scene());
+    let run = |settled: &SettledScene| {
+        settled
+            .rollout(&good(), &protocol(), TraceMode::Trace)
             .unwrap()
     };
     let reference = run(&first);
-    // A rollout leaves nothing behind in its template, and neither does another one.
+    // A rollout leaves nothing behind in its settled scene, and neither does another one.
     first
-        .rollout(&too_open(), &protocol(), Record::Nothing)
+        .rollout(&too_open(), &protocol(), TraceMode::Nothing)
         .unwrap();
     for other in [run(&first), run(&second)] {
         let bits = |rollout: &Rollout| -> Vec<u64> {
@@ -296,8 +296,8 @@ fn exploding_simulation_is_a_divergence() {
     let check = |time_step_s: f64, motion: &Motion<Object, ()>| {
         let mut scene = scene();
         scene.time_step_s = time_step_s;
-        let rollout = template(&scene)
-            .rollout(motion, &protocol(), Record::Trace)
+        let rollout = settled(&scene)
+            .rollout(motion, &protocol(), TraceMode::Trace)
             .unwrap();
         assert_eq!(
             (rollout.verdict, &rollout.trace),

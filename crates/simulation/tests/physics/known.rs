@@ -1,6 +1,6 @@
 //! Grasps of six bodies that are known to hold or known not to, in both trials.
 
-use simulation::{PullConfig, Record, Rollout, SceneConfig, Template, Trial, Verdict};
+use simulation::{PullConfig, Rollout, SceneConfig, SettledScene, TraceMode, Trial, Verdict};
 
 use crate::{
     bodies::bodies,
@@ -20,18 +20,18 @@ const CLOSED: [(&str, f64); 6] = [
 /// Grasps a body from the side, the fingers closed by `closed`.
 fn roll(name: &str, closed: f64, scene: &SceneConfig, trial: Trial, pull: PullConfig) -> Rollout {
     let (_, object, rest) = bodies().into_iter().find(|body| body.0 == name).unwrap();
-    let template = Template::new(scene, &hand(), &object, &rest).unwrap();
+    let settled = SettledScene::new(scene, &hand(), &object, &rest).unwrap();
     let q = q(
         [closed, closed + 0.1, closed],
         [1.3, 0.5 * closed, 0.6 * closed, 0.8 * closed],
     );
     let mut protocol = protocol();
     (protocol.trial, protocol.pull) = (trial, pull);
-    template
+    settled
         .rollout(
             &side_grasp([-0.02, -0.054, 0.02], &q),
             &protocol,
-            Record::Nothing,
+            TraceMode::Nothing,
         )
         .unwrap()
 }

@@ -2,15 +2,15 @@
 //! sides of 5 cm. A plate that is commanded by `d` into the cube presses with its stiffness times `d`.
 
 use motion::{Motion, Step};
-use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
+use nalgebra::Isometry3;
 use robot::RobotModel;
 use simulation::{
-    Approach, DriveConfig, ObjectShape, Protocol, ProtocolName, Record, Rollout, SceneConfig,
-    Support, Template, Trial, Verdict,
+    Approach, DriveConfig, Protocol, ProtocolName, Rollout, SceneConfig, SettledScene, Support,
+    TraceMode, Trial, Verdict,
 };
-use spatial::{Object, Pose, Rest};
+use spatial::{Object, Pose};
 
-use crate::scene;
+use crate::{bodies::body, scene};
 
 /// Two plates that slide towards each other below a palm; at 0.035 m they touch the cube.
 const PLATES: &str = r#"<robot name="plates">
@@ -27,28 +27,13 @@ const PLATES: &str = r#"<robot name="plates">
   <joint name="slide_right" type="prismatic"><parent link="palm"/><child link="right"/>
     <origin xyz="0 -0.06 0"/><axis xyz="0 1 0"/><limit lower="0" upper="0.5" effort="50" velocity="1"/></joint>
 </robot>"#;
+/// The cube: a box, with its half extents in meters and its mass in kilograms.
+const CUBE: (&str, u32, [f64; 3], f64) = ("cube", 0, [0.025; 3], 0.3);
 /// Position of the plates in meters at which they touch the cube.
 const TOUCHING_M: f64 = 0.035;
-const HALF_EDGE_M: f64 = 0.025;
 
 fn plates() -> RobotModel {
     RobotModel::from_urdf(PLATES).unwrap()
-}
-
-fn cube() -> ObjectShape {
-    let ends = [-HALF_EDGE_M, HALF_EDGE_M];
-    let corners = ends.into_iter().flat_map(|x| {
-        ends.into_iter()
-            .flat_map(move |y| ends.map(|z| Point3::new(x, y, z)))
-    });
-    let mass_kg = 0.3;
-    ObjectShape {
-        parts_m: vec![corners.collect()],
-        surface: None,
-        mass_kg,
-        center_of_mass_m: Point3::origin(),
-        inertia_kg_m2: Matrix3::identity() * (mass_kg * (2.0 * HALF_EDGE_M).powi(2) / 6.0),
-    }
 }
 
 fn protocol(name: ProtocolName) -> Protocol {
@@ -76,12 +61,9 @@ fn motion(height_m: f64, [from, to]: [f64; 2]) -> Motion<Object, ()> {
 }
 
 /// The cube on a table beside the plates.
-fn template(scene: &SceneConfig) -> Template {
-    let rest = Rest {
-        up_in_object: Vector3::z_axis(),
-        height_m: HALF_EDGE_M,
-    };
-    Template::new(scene, &plates(), &cube(), &rest).unwrap()
+fn settled(scene: &SceneConfig) -> SettledScene {
+    let (_, cube, rest) = body(CUBE);
+    SettledScene::new(scene, &plates(), &cube, &rest).unwrap()
 }
 
 /// Carries out a motion as a protocol says.
@@ -90,9 +72,9 @@ fn carry_out(
     given_protocol: &Protocol,
     motion: &Motion<Object, ()>,
 ) -> Rollout {
-    let (scene, protocol) = given_protocol.by_name(given);
-    template(&scene)
-        .rollout(motion, &protocol, Record::Nothing)
+    let (scene, protocol) = given_protocol.resolved(given);
+    settled(&scene)
+        .rollout(motion, &protocol, TraceMode::Nothing)
         .unwrap()
 }
 
@@ -106,10 +88,40 @@ fn squeezed(name: ProtocolName, squeeze_m: f64) -> Rollout {
     carry_out(&scene::scene(), &protocol, &touching)
 }
 
+/// A continuous joint has no limit to open or close to by a share: it is commanded all the same.
+#[test]
+fn joints_without_limits_are_commanded_by_every_protocol() {
+    let limit = r#"<limit lower="0" upper="0.5" effort="50" velocity="1"/>"#;
+    let endless = PLATES.replace("prismatic", "continuous").replace(limit, "");
+    let endless = RobotModel::from_urdf(&endless).unwrap();
+    assert!(
+        endless
+            .joints()
+            .iter()
+            .all(|joint| joint.upper.is_infinite())
+    );
+    let (_, cube, rest) = body(CUBE);
+    for name in ProtocolName::ALL {
+        let (scene, resolved) = protocol(name).resolved(&scene::scene());
+        let settled = SettledScene::new(&scene, &endless, &cube, &rest).unwrap();
+        let grasp = motion(0.0, [0.0, 0.1]);
+        let setpoints = settled.setpoints(&grasp, &resolved).unwrap();
+        let finite = |q: &f64| q.is_finite();
+        assert!(
+            setpoints.iter().all(|step| step.q.iter().all(finite)),
+            "{name:?}"
+        );
+        let rollout = settled
+            .rollout(&grasp, &resolved, TraceMode::Nothing)
+            .unwrap();
+        assert_ne!(rollout.verdict, Verdict::Diverged, "{name:?}");
+    }
+}
+
 #[test]
 fn this_projects_own_protocol_is_as_the_options_say() {
     let (given, options) = (scene::scene(), scene::protocol());
-    assert_eq!(options.by_name(&given), (given, options));
+    assert_eq!(options.resolved(&given), (given, options));
 }
 
 #[test]
@@ -170,7 +182,7 @@ fn each_protocol_states_its_friction_mass_drive_and_steps() {
     let mut odd = scene::scene();
     (odd.mass_scale, odd.table_friction, odd.object_mass_kg) = (3.0, Some(0.1), Some(7.0));
     for (name, friction, mass_kg, density, drive, steps_n) in stated {
-        let (scene, _) = protocol(name).by_name(&odd);
+        let (scene, _) = protocol(name).resolved(&odd);
         let table = scene.table_friction.unwrap_or(scene.friction);
         assert_eq!([scene.friction, table], friction, "{name:?}");
         assert_eq!(
@@ -219,7 +231,7 @@ fn force_closure_pulls_with_one_newton_on_100_g() {
 #[test]
 fn pulls_of_force_closure_know_nothing_of_each_other() {
     let options = protocol(ProtocolName::DexgraspbenchForceClosure);
-    let (scene, mut apart) = options.by_name(&scene::scene());
+    let (scene, mut apart) = options.resolved(&scene::scene());
     // With stiff springs all six are held, each with the same displacement as its opposite.
     let mut stiff = scene;
     stiff.drive.stiffness = 50.0;
@@ -227,9 +239,11 @@ fn pulls_of_force_closure_know_nothing_of_each_other() {
     // Late fingers still close when the first pull begins, and do so in each.
     for delay_s in [0.0, 0.04] {
         stiff.drive.delay_s = delay_s;
-        let template = template(&stiff);
+        let settled = settled(&stiff);
         let touching = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
-        let rollout = template.rollout(&touching, &apart, Record::Trace).unwrap();
+        let rollout = settled
+            .rollout(&touching, &apart, TraceMode::Trace)
+            .unwrap();
         assert_eq!(rollout.verdict, Verdict::Held, "{rollout:?}");
         let steps = rollout.trace.unwrap().steps;
         let place = |idx: usize| steps[idx].table_from_object.translation.vector;
@@ -268,24 +282,24 @@ fn tabletop_lifts_100_g_by_10_cm() {
 /// 0.125 kg weigh 1.23 N. With plates at 200 N/m, `d` into the cube, friction of 2 · 2 · 200 N/m · d lifts them.
 #[test]
 fn the_papers_lift_needs_a_contact_and_four_centimeters() {
-    let (scene, by_name) = protocol(ProtocolName::Paper).by_name(&scene::scene());
+    let (scene, resolved) = protocol(ProtocolName::Paper).resolved(&scene::scene());
     let grasp = |into_m: f64, protocol: &Protocol| {
         let closing = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M + into_m]);
-        template(&scene)
-            .rollout(&closing, protocol, Record::Nothing)
+        settled(&scene)
+            .rollout(&closing, protocol, TraceMode::Nothing)
             .unwrap()
     };
-    // 2.4 N, and 1.2 N.
-    let held = grasp(0.003, &by_name);
+    // 3.2 N, and 1.2 N.
+    let held = grasp(0.004, &resolved);
     assert_eq!(held.verdict, Verdict::Held, "{held:?}");
     assert!((0.13..0.15).contains(&held.lift_m), "{held:?}");
-    let resting = grasp(0.0015, &by_name);
+    let resting = grasp(0.0015, &resolved);
     assert_eq!(resting.verdict, Verdict::NotGrasped, "{resting:?}");
     // A firm grasp has to rise by 4 cm.
     for (lift_m, verdict) in [(0.045, Verdict::Held), (0.035, Verdict::NotGrasped)] {
         let lower = Protocol {
             lift_m,
-            ..by_name.clone()
+            ..resolved.clone()
         };
         assert_eq!(grasp(0.006, &lower).verdict, verdict);
     }
@@ -302,35 +316,40 @@ fn least_m(mut between: [f64; 2], held: impl Fn(f64) -> bool) -> f64 {
 }
 
 /// The plates rise at an even speed v and are beyond the cube after 4 cm: friction of r times the weight brings the
-/// cube to that speed within v² / (2 (r - 1) g), so that r is 1.08 with 0.25 m/s and 1.32 with 0.5 m/s.
+/// cube to that speed within v² / (2 (r - 1) g), so that r is 1.08 with 0.25 m/s. Slowly it is 1.
 #[test]
 fn plates_lift_what_friction_brings_to_their_speed_before_they_leave_it() {
     let tabletop = least_m([0.1, 0.4], |squeeze_m| {
         squeezed(ProtocolName::DexgraspbenchTabletop, squeeze_m).verdict == Verdict::Held
     });
+    let (scene, resolved) = protocol(ProtocolName::Paper).resolved(&scene::scene());
     let paper = least_m([0.001, 0.006], |into_m| {
         let closing = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M + into_m]);
-        carry_out(&scene::scene(), &protocol(ProtocolName::Paper), &closing).verdict
-            == Verdict::Held
+        let slowly = Protocol {
+            lift_s: 20.0,
+            ..resolved.clone()
+        };
+        let rollout = settled(&scene).rollout(&closing, &slowly, TraceMode::Nothing);
+        rollout.unwrap().verdict == Verdict::Held
     });
     let tabletop = 2.0 * 0.6 * 5.0 * tabletop / (0.1 * 9.81);
     let paper = 2.0 * 2.0 * 200.0 * paper / (0.125 * 9.81);
     println!("least friction over weight: tabletop {tabletop:.2}, paper {paper:.2}");
-    assert!((1.06..1.15).contains(&tabletop) && (1.3..1.75).contains(&paper));
+    assert!((1.06..1.15).contains(&tabletop) && (0.98..1.05).contains(&paper));
 }
 
 /// Fingers begin a quarter of the way to their lower limits, 0, and close by 15 % of the way to their upper ones.
 #[test]
 fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
     let options = protocol(ProtocolName::Dro);
-    let (scene, by_name) = options.by_name(&scene::scene());
+    let (scene, resolved) = options.resolved(&scene::scene());
     assert_eq!(
-        (scene.support, by_name.approach, by_name.trial),
-        (Support::Nothing, Approach::Place, Trial::SixDirections)
+        (scene.support, resolved.approach, resolved.trial),
+        (Support::Nothing, Approach::AtGrasp, Trial::SixDirections)
     );
-    let template = template(&scene);
+    let settled = settled(&scene);
     let touching = motion(0.0, [0.0, TOUCHING_M]);
-    let setpoints = template.setpoints(&touching, &by_name).unwrap();
+    let setpoints = settled.setpoints(&touching, &resolved).unwrap();
     let close = |a: f64, b: f64| (a - b).abs() < 1e-12;
     assert!(close(setpoints[0].q[0], 0.75 * TOUCHING_M));
     assert!(close(
@@ -338,7 +357,7 @@ fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
         TOUCHING_M + 0.15 * (0.5 - TOUCHING_M)
     ));
     // Without a grip, a pull of 0.5 m/s² moves the cube by 2 cm in 0.28 s.
-    let away = template.rollout(&motion(0.3, [0.0, 0.0]), &by_name, Record::Nothing);
+    let away = settled.rollout(&motion(0.3, [0.0, 0.0]), &resolved, TraceMode::Nothing);
     let away = away.unwrap();
     assert_eq!((away.verdict, away.cost_n), (Verdict::Dropped, 50 + 15));
 }
@@ -362,10 +381,10 @@ fn get_a_grip_asks_for_three_links_and_shakes() {
         name: ProtocolName::GetAGrip,
         ..scene::protocol()
     };
-    let (scene, by_name) = options.by_name(&scene::scene());
+    let (scene, resolved) = options.resolved(&scene::scene());
     let q = scene::q([0.85, 0.95, 0.85], [1.3, 0.43, 0.51, 0.68]);
     let grasp = scene::side_grasp([-0.02, -0.054, 0.02], &q);
-    let rollout = scene::template(&scene).rollout(&grasp, &by_name, Record::Trace);
+    let rollout = scene::settled(&scene).rollout(&grasp, &resolved, TraceMode::Trace);
     let rollout = rollout.unwrap();
     assert_eq!(rollout.verdict, Verdict::Held, "{:?}", rollout.verdict);
     let steps = rollout.trace.unwrap().steps;
@@ -390,7 +409,8 @@ fn get_a_grip_asks_for_three_links_and_shakes() {
     }
 }
 
-/// Between two plates whose pressures cancel, the palm bears the cube's weight of 2.9 N by friction.
+/// Between two plates the palm bears the cube's weight of 2.9 N by friction. Their pressures of 6 N cancel at rest,
+/// while they come to rest only in part.
 #[test]
 fn palm_bears_what_friction_carries() {
     let mut scene = scene::scene();
@@ -407,7 +427,7 @@ fn palm_bears_what_friction_carries() {
         let closing = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
         carry_out(&scene, &options, &closing).verdict
     };
-    assert_eq!(bearing(3.3), Verdict::Held);
+    assert_eq!(bearing(6.0), Verdict::Held);
     assert_eq!(bearing(2.6), Verdict::Overloaded);
 }
 
@@ -424,7 +444,7 @@ fn fingers_that_touch_stop_each_other() {
             ..protocol(ProtocolName::TableLift)
         };
         let beside = motion(0.3, [0.05, 0.08]);
-        let rollout = template(&scene).rollout(&beside, &options, Record::Trace);
+        let rollout = settled(&scene).rollout(&beside, &options, TraceMode::Trace);
         let steps = rollout.unwrap().trace.unwrap().steps;
         steps.last().unwrap().q.clone()
     });
@@ -437,6 +457,6 @@ fn fingers_that_touch_stop_each_other() {
 fn a_published_protocol_has_to_be_resolved() {
     let options = protocol(ProtocolName::Paper);
     let rollout =
-        template(&scene::scene()).rollout(&motion(0.0, [0.0, 0.0]), &options, Record::Nothing);
+        settled(&scene::scene()).rollout(&motion(0.0, [0.0, 0.0]), &options, TraceMode::Nothing);
     assert!(rollout.unwrap_err().to_string().contains("`name`"));
 }

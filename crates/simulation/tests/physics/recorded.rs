@@ -3,16 +3,15 @@
 //! `PIPELINE_MUJOCO_GRASPS` names a folder with `scene.xml`, the scene as `MuJoCo` reads it, and
 //! `grasps.json`, for each grasp where the hand stands, how far it closes, and whether it held.
 
-use std::io::Write as _;
-use std::{env, fs, path::PathBuf};
+use std::fs;
 
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use serde_json::Value;
 use simulation::{
-    Approach, ObjectShape, Protocol, Record, Rollout, SceneConfig, Template, Verdict,
+    Approach, ObjectShape, Protocol, Rollout, SceneConfig, SettledScene, TraceMode, Verdict,
 };
-use spatial::{Object, Pose, Rest};
+use spatial::{Object, Pose, RestingPose};
 
 use crate::scene::{hand, protocol, scene};
 
@@ -32,18 +31,11 @@ struct Grasp {
 }
 
 /// The can and its grasps; `None` where they are not at hand, which is said.
-fn recorded() -> Option<(ObjectShape, Rest, Vec<Grasp>)> {
-    let Some(folder) = env::var_os("PIPELINE_MUJOCO_GRASPS").map(PathBuf::from) else {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: PIPELINE_MUJOCO_GRASPS names no folder of recorded grasps; see `tests/README.md`"
-        )
-        .unwrap();
-        return None;
-    };
+fn recorded() -> Option<(ObjectShape, RestingPose, Vec<Grasp>)> {
+    let folder = measured_data::named_by("PIPELINE_MUJOCO_GRASPS")?;
     let xml = fs::read_to_string(folder.join("scene.xml")).unwrap();
     let (can, height_m) = can(&xml);
-    let rest = Rest {
+    let rest = RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m,
     };
@@ -157,10 +149,10 @@ fn verdicts_on_scripted_grasps_agree_with_mujoco() {
     let Some((can, rest, grasps)) = recorded() else {
         return;
     };
-    let template = Template::new(&recorded_scene(), &hand(), &can, &rest).unwrap();
+    let settled = SettledScene::new(&recorded_scene(), &hand(), &can, &rest).unwrap();
     let protocol = recorded_protocol();
     let verdicts = grasps.iter().map(|grasp| {
-        let rollout = template.rollout(&grasp.motion, &protocol, Record::Nothing);
+        let rollout = settled.rollout(&grasp.motion, &protocol, TraceMode::Nothing);
         (held(&rollout.unwrap()), grasp.held)
     });
     let verdicts: Vec<_> = verdicts.collect();
@@ -185,11 +177,11 @@ fn a_held_can_does_not_jitter() {
     // Every physics step is seen, so that no vibration hides between two control steps.
     let mut scene = recorded_scene();
     scene.steps_per_control = 1;
-    let template = Template::new(&scene, &hand(), &can, &rest).unwrap();
+    let settled = SettledScene::new(&scene, &hand(), &can, &rest).unwrap();
     let protocol = recorded_protocol();
     let spins = grasps.iter().filter_map(|grasp| {
-        let rollout = template
-            .rollout(&grasp.motion, &protocol, Record::Trace)
+        let rollout = settled
+            .rollout(&grasp.motion, &protocol, TraceMode::Trace)
             .unwrap();
         held(&rollout).then(|| {
             let steps = rollout.trace.unwrap().steps;

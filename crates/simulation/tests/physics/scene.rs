@@ -7,9 +7,9 @@ use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuatern
 use robot::RobotModel;
 use simulation::{
     Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
-    SceneConfig, Shortcuts, StrictConfig, Support, Template, Trial,
+    SceneConfig, SettledScene, Shortcuts, StrictConfig, Support, Trial,
 };
-use spatial::{Object, Pose, Rest};
+use spatial::{Object, Pose, RestingPose};
 
 pub(crate) const RADIUS_M: f64 = 0.034;
 pub(crate) const HEIGHT_M: f64 = 0.102;
@@ -110,15 +110,15 @@ pub(crate) fn can() -> ObjectShape {
     }
 }
 
-pub(crate) fn upright() -> Rest {
-    Rest {
+pub(crate) fn upright() -> RestingPose {
+    RestingPose {
         up_in_object: Vector3::z_axis(),
         height_m: HEIGHT_M / 2.0,
     }
 }
 
-pub(crate) fn template(scene: &SceneConfig) -> Template {
-    Template::new(scene, &hand(), &can(), &upright()).unwrap()
+pub(crate) fn settled(scene: &SceneConfig) -> SettledScene {
+    SettledScene::new(scene, &hand(), &can(), &upright()).unwrap()
 }
 
 /// Joint positions by name, the others at 0.

@@ -2,7 +2,7 @@
 //! of rollouts.
 
 use motion::Motion;
-use simulation::{Record, Rollout, Shortcuts, Template, Verdict};
+use simulation::{Rollout, SettledScene, Shortcuts, TraceMode, Verdict};
 use spatial::Object;
 
 use crate::{
@@ -32,12 +32,12 @@ fn roll(shortcuts: Shortcuts, delay_s: f64) -> Vec<Rollout> {
     scene.shortcuts = shortcuts;
     let templates = bodies()
         .into_iter()
-        .map(|(_, object, rest)| Template::new(&scene, &hand(), &object, &rest).unwrap());
-    let roll = |template: Template| {
+        .map(|(_, object, rest)| SettledScene::new(&scene, &hand(), &object, &rest).unwrap());
+    let roll = |settled: SettledScene| {
         let motions = motions();
         let rollouts = motions
             .iter()
-            .map(|motion| template.rollout(motion, &protocol(), Record::Nothing));
+            .map(|motion| settled.rollout(motion, &protocol(), TraceMode::Nothing));
         rollouts.collect::<Result<Vec<_>, _>>().unwrap()
     };
     templates.flat_map(roll).collect()
@@ -95,13 +95,13 @@ fn recorded_rollout_runs_to_its_end() {
     let mut scene = scene();
     scene.shortcuts = Shortcuts::ALL;
     let (_, can, rest) = bodies().remove(0);
-    let template = Template::new(&scene, &hand(), &can, &rest).unwrap();
+    let settled = SettledScene::new(&scene, &hand(), &can, &rest).unwrap();
     let motion = side_grasp(
         [-0.015, -0.055, 0.02],
         &q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]),
     );
-    let roll = |record| template.rollout(&motion, &protocol(), record).unwrap();
-    let (short, whole) = (roll(Record::Nothing), roll(Record::Trace));
+    let roll = |record| settled.rollout(&motion, &protocol(), record).unwrap();
+    let (short, whole) = (roll(TraceMode::Nothing), roll(TraceMode::Trace));
     assert_eq!(
         (short.verdict, whole.verdict),
         (Verdict::Held, Verdict::Held)

@@ -1,10 +1,10 @@
 //! Conditions of a success that many benchmarks leave out.
 
 use motion::Motion;
-use simulation::{KnockedUntil, Protocol, Record, Rollout, StrictConfig, Template, Verdict};
+use simulation::{KnockedUntil, Protocol, Rollout, SettledScene, StrictConfig, TraceMode, Verdict};
 use spatial::{Object, Pose};
 
-use crate::scene::{protocol, q, scene, side_grasp, template};
+use crate::scene::{protocol, q, scene, settled, side_grasp};
 
 const BESIDE: [f64; 3] = [-0.015, -0.055, 0.02];
 /// Step of a search along an axis, in meters.
@@ -20,23 +20,23 @@ fn strict(change: impl Fn(&mut StrictConfig)) -> Protocol {
     protocol
 }
 
-fn roll(template: &Template, protocol: &Protocol) -> Rollout {
+fn roll(settled: &SettledScene, protocol: &Protocol) -> Rollout {
     let motion = side_grasp(BESIDE, &closed());
-    template
-        .rollout(&motion, protocol, Record::Nothing)
+    settled
+        .rollout(&motion, protocol, TraceMode::Nothing)
         .unwrap()
 }
 
 /// The least distance, in steps of the search, for which a motion is refused for this reason.
 fn first_refused(
-    template: &Template,
+    settled: &SettledScene,
     protocol: &Protocol,
     verdict: Verdict,
     motion: impl Fn(f64) -> Motion<Object, ()>,
 ) -> f64 {
     let distances = (0..400).map(|step| f64::from(step) * SEARCH_M);
     let is_refused = |&distance_m: &f64| {
-        let refusal = template.refusal(&motion(distance_m), protocol).unwrap();
+        let refusal = settled.refusal(&motion(distance_m), protocol).unwrap();
         refusal == Some(verdict)
     };
     { distances }.find(is_refused).unwrap()
@@ -44,13 +44,13 @@ fn first_refused(
 
 #[test]
 fn a_palm_may_be_less_deep_in_the_table_than_fingers() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let lowered = |down_m| side_grasp([BESIDE[0], BESIDE[1], BESIDE[2] - down_m], &closed());
     let refused_from_m = |palm_m: f64| {
         let mut protocol = strict(|strict| strict.palm_table_tolerance_m = palm_m);
         // Fingers may be anywhere.
         protocol.table_tolerance_m = 1.0;
-        first_refused(&template, &protocol, Verdict::Table, lowered)
+        first_refused(&settled, &protocol, Verdict::Table, lowered)
     };
     let later_m =
         refused_from_m(0.01) - refused_from_m(StrictConfig::default().palm_table_tolerance_m);
@@ -59,7 +59,7 @@ fn a_palm_may_be_less_deep_in_the_table_than_fingers() {
 
 #[test]
 fn a_hand_that_starts_inside_the_object_is_refused() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     // The palm starts so far beyond its final place beside the can.
     let started = |beyond_m| {
         let motion = side_grasp(BESIDE, &closed());
@@ -72,7 +72,7 @@ fn a_hand_that_starts_inside_the_object_is_refused() {
     let refused_from_m = |start_m: f64| {
         let mut protocol = strict(|strict| strict.start_tolerance_m = start_m);
         protocol.early_tolerance_m = 1.0;
-        first_refused(&template, &protocol, Verdict::EarlyContact, started)
+        first_refused(&settled, &protocol, Verdict::EarlyContact, started)
     };
     let later_m = refused_from_m(0.012) - refused_from_m(StrictConfig::default().start_tolerance_m);
     assert!((later_m - 0.01).abs() < 3.0 * SEARCH_M, "{later_m}");
@@ -80,13 +80,10 @@ fn a_hand_that_starts_inside_the_object_is_refused() {
 
 #[test]
 fn contact_is_counted_by_fingers() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     // Three fingers and a thumb, and the palm.
     for (min_fingers, expected) in [(2, Verdict::Held), (6, Verdict::Dropped)] {
-        let rollout = roll(
-            &template,
-            &strict(|strict| strict.min_fingers = min_fingers),
-        );
+        let rollout = roll(&settled, &strict(|strict| strict.min_fingers = min_fingers));
         assert_eq!(rollout.verdict, expected, "{rollout:?}");
         assert!(rollout.contacts_n > 2, "{rollout:?}");
     }
@@ -95,11 +92,13 @@ fn contact_is_counted_by_fingers() {
 #[test]
 fn an_object_that_turns_in_the_hand_slips() {
     // The limit is on either side of the spin that the trace shows.
-    let template = template(&scene());
+    let settled = settled(&scene());
     let rollout = |max_spin_rad_per_s| {
         let protocol = strict(|strict| strict.max_spin_rad_per_s = max_spin_rad_per_s);
         let motion = side_grasp(BESIDE, &closed());
-        template.rollout(&motion, &protocol, Record::Trace).unwrap()
+        settled
+            .rollout(&motion, &protocol, TraceMode::Trace)
+            .unwrap()
     };
     let held = rollout(StrictConfig::default().max_spin_rad_per_s);
     assert_eq!(held.verdict, Verdict::Held);
@@ -118,12 +117,12 @@ fn an_object_that_turns_in_the_hand_slips() {
 
 #[test]
 fn an_object_displaced_by_the_squeeze_is_knocked_over() {
-    let template = template(&scene());
-    let reach_m = roll(&template, &protocol()).displacement_m;
+    let settled = settled(&scene());
+    let reach_m = roll(&settled, &protocol()).displacement_m;
     let until = |knocked_until| {
         let mut protocol = strict(|strict| strict.knocked_until = knocked_until);
         protocol.knocked_m = reach_m + 1e-4;
-        roll(&template, &protocol).verdict
+        roll(&settled, &protocol).verdict
     };
     assert_eq!(until(KnockedUntil::Squeeze), Verdict::Held);
     assert_eq!(until(KnockedUntil::Lift), Verdict::KnockedOver);
@@ -131,13 +130,13 @@ fn an_object_displaced_by_the_squeeze_is_knocked_over() {
 
 #[test]
 fn hand_that_bears_more_than_an_arm_does_is_overloaded() {
-    let template = template(&scene());
+    let settled = settled(&scene());
     let verdict = |newtons: Option<f64>, newton_meters: Option<f64>| {
         let protocol = strict(|strict| {
             strict.max_palm_force_n = newtons;
             strict.max_palm_torque_nm = newton_meters;
         });
-        roll(&template, &protocol).verdict
+        roll(&settled, &protocol).verdict
     };
     assert_eq!(verdict(None, None), Verdict::Held);
     assert_eq!(verdict(Some(100.0), Some(10.0)), Verdict::Held);

@@ -9,7 +9,7 @@ use crate::ros2::{JointState, MarkerArray, Text, TfMessage, TransformStamped};
 /// The static part of a scene; `Root` is the frame of the robot's root link: a hand's palm or an arm's
 /// base.
 #[derive(Debug, Clone, Copy)]
-pub struct Scene<'a, Root> {
+pub struct RecordingScene<'a, Root> {
     /// The robot's URDF.
     pub urdf: &'a str,
     /// The robot.
@@ -35,7 +35,7 @@ pub struct SceneStep<'a, Root> {
     pub table_from_object: Pose<Table, Object>,
     /// Pose of each of the robot's links.
     pub root_from_links: &'a [Pose<Root, Link>],
-    /// Joint positions in radians, in the order of [`Scene::joints`].
+    /// Joint positions in radians, in the order of [`RecordingScene::joints`].
     pub q_rad: &'a [f64],
     /// Joint velocities in rad/s; empty if not known.
     pub q_velocity_rad_per_s: &'a [f64],
@@ -48,7 +48,7 @@ impl<Root> SceneStep<'_, Root> {
     }
 }
 
-impl<Root> Scene<'_, Root> {
+impl<Root> RecordingScene<'_, Root> {
     /// Returns the robot's URDF, for [`super::ROBOT_DESCRIPTION`].
     pub fn description(&self) -> Text {
         super::robot_description(self.urdf)

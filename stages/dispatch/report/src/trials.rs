@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
+use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -16,7 +16,7 @@ use stage_dispatch::{Dispatch, DispatchConfig, DispatchError};
 const ALL: &str = "all";
 
 dataflow::metrics! {
-    /// What is said of all trials together.
+    /// Metrics of all trials together.
     pub struct TrialsMetrics {
         /// Number of objects.
         objects_n: Sum,
@@ -49,7 +49,7 @@ impl Output for TrialsReport {
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
     const PARTITION: &'static str = AllTrials::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
     /// One unit, of all objects of which motions were to be sent.

@@ -6,7 +6,7 @@ use spatial::{Camera, Pose, World};
 
 use super::{layout::SequenceFiles, read_yaml};
 use crate::{
-    error::Unusable,
+    error::RecordingError,
     recording::Tag,
     yaml::{self, Extrinsics, Meta},
 };
@@ -26,8 +26,8 @@ pub(super) struct Calibration<'a> {
 }
 
 impl<'a> Calibration<'a> {
-    pub(super) fn read(meta: &Meta, files: &SequenceFiles<'a>) -> Result<Self, Unusable> {
-        let file = files.extrinsics.ok_or_else(|| Unusable::Missing {
+    pub(super) fn read(meta: &Meta, files: &SequenceFiles<'a>) -> Result<Self, RecordingError> {
+        let file = files.extrinsics.ok_or_else(|| RecordingError::Missing {
             file: extrinsics_name(&meta.extrinsics),
         })?;
         Ok(Self {
@@ -41,7 +41,10 @@ impl<'a> Calibration<'a> {
     /// # Errors
     ///
     /// Fails if it is not there, or is not a rotation and translation.
-    pub(super) fn world_from_camera(&self, serial: &str) -> Result<Pose<World, Camera>, Unusable> {
+    pub(super) fn world_from_camera(
+        &self,
+        serial: &str,
+    ) -> Result<Pose<World, Camera>, RecordingError> {
         let rows = self
             .extrinsics
             .extrinsics
@@ -55,7 +58,7 @@ impl<'a> Calibration<'a> {
     /// # Errors
     ///
     /// Fails if it is not a rotation and translation.
-    pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, Unusable> {
+    pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, RecordingError> {
         let rows = self.extrinsics.extrinsics.get(TAG);
         rows.map(|rows| self.pose(TAG, rows)).transpose()
     }
@@ -68,7 +71,7 @@ impl<'a> Calibration<'a> {
     pub(super) fn middle_of_cameras(
         &self,
         serials: &[String],
-    ) -> Result<Option<Point3<f64>>, Unusable> {
+    ) -> Result<Option<Point3<f64>>, RecordingError> {
         let mut sum = Vector3::zeros();
         for serial in serials {
             sum += self.world_from_camera(serial)?.translation.vector;
@@ -77,13 +80,17 @@ impl<'a> Calibration<'a> {
         Ok((!serials.is_empty()).then_some(middle))
     }
 
-    fn pose<From>(&self, name: &str, rows: &[f64; 12]) -> Result<Pose<World, From>, Unusable> {
+    fn pose<From>(
+        &self,
+        name: &str,
+        rows: &[f64; 12],
+    ) -> Result<Pose<World, From>, RecordingError> {
         yaml::pose(rows)
             .ok_or_else(|| self.value(format!("`{name}` is not a rotation and a translation")))
     }
 
-    fn value(&self, what: String) -> Unusable {
-        Unusable::Value {
+    fn value(&self, what: String) -> RecordingError {
+        RecordingError::Value {
             what,
             file: self.file.name.clone(),
         }

@@ -6,7 +6,7 @@ use schemas::demonstrations::Side;
 use super::{layout::SequenceFiles, read_yaml};
 use crate::{
     config::Landmarks,
-    error::Unusable,
+    error::RecordingError,
     mano::ManoModel,
     npz::Arrays,
     reader::read,
@@ -37,8 +37,8 @@ pub(super) fn shape_name(id: &str) -> String {
 /// # Errors
 ///
 /// Fails with the name of the one that is missing.
-pub(super) fn check_files(files: &SequenceFiles<'_>, meta: &Meta) -> Result<(), Unusable> {
-    let missing = |file: String| Err(Unusable::Missing { file });
+pub(super) fn check_files(files: &SequenceFiles<'_>, meta: &Meta) -> Result<(), RecordingError> {
+    let missing = |file: String| Err(RecordingError::Missing { file });
     match (files.hand_model, files.hand_shape, files.poses) {
         (Some(_), None, _) => {
             let id = meta.mano_calib.first();
@@ -61,7 +61,7 @@ pub(super) fn keypoints(
     hand: Side,
     poses: Option<(&SourceFile, &[u8])>,
     n_images: usize,
-) -> Result<Option<Vec<Option<Keypoints>>>, Unusable> {
+) -> Result<Option<Vec<Option<Keypoints>>>, RecordingError> {
     let (Some(model_file), Some(shape_file), Some((file, bytes))) =
         (files.hand_model, files.hand_shape, poses)
     else {
@@ -69,7 +69,7 @@ pub(super) fn keypoints(
     };
     let model = model(model_file)?;
     if model.side() != hand {
-        return Err(Unusable::HandModel {
+        return Err(RecordingError::HandModel {
             file: model_file.name.clone(),
             reason: format!("the model of a {} hand", model.side().as_str()),
         });
@@ -78,7 +78,7 @@ pub(super) fn keypoints(
     let shaped = model.shaped(&shape.betas);
     let numbers = Arrays::open(bytes)
         .and_then(|mut arrays| arrays.numbers("pose_m", &[n_images as u64, 1, HAND as u64]))
-        .map_err(|source| Unusable::Npz {
+        .map_err(|source| RecordingError::Npz {
             file: file.name.clone(),
             source,
         })?;
@@ -100,10 +100,10 @@ pub(super) fn combine(
     recording: &mut Recording,
     posed: Option<Vec<Option<Keypoints>>>,
     landmarks: Landmarks,
-) -> Result<(), Unusable> {
+) -> Result<(), RecordingError> {
     let Some(posed) = posed else {
         return match landmarks {
-            Landmarks::Mano => Err(Unusable::NoHandModel),
+            Landmarks::Mano => Err(RecordingError::NoHandModel),
             Landmarks::Either | Landmarks::Labels => Ok(()),
         };
     };
@@ -135,8 +135,8 @@ pub(super) fn combine(
     Ok(())
 }
 
-fn model(file: &SourceFile) -> Result<ManoModel, Unusable> {
-    ManoModel::from_pickle(&read(file, MAX_MODEL_BYTES)?).map_err(|err| Unusable::HandModel {
+fn model(file: &SourceFile) -> Result<ManoModel, RecordingError> {
+    ManoModel::from_pickle(&read(file, MAX_MODEL_BYTES)?).map_err(|err| RecordingError::HandModel {
         file: file.name.clone(),
         reason: err.to_string(),
     })

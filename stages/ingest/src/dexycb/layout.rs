@@ -17,7 +17,7 @@ use crate::{
         calibration::{self, TAG},
         hand_model,
     },
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     folders::{RecordingFolder, names, plain, recordings, root_near},
     labels::MAX_LABEL_BYTES,
     reader::{About, Listed, glance, those_there},
@@ -109,7 +109,10 @@ impl DexYcb<'_> {
 ///
 /// Fails if something else than such a file lies in a file's place, or a camera's folder cannot be
 /// listed.
-pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, Unusable> {
+pub(super) fn files_of(
+    listed: &Listed,
+    cameras: Cameras,
+) -> Result<Vec<SourceFile>, RecordingError> {
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];
     let own = own.map(|(name, limit)| (listed.file(name), limit));
     let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
@@ -126,9 +129,9 @@ pub(super) fn files_of(listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFi
 }
 
 /// Lists what has the name of a label in a camera's folder.
-fn labels_of(listed: &Listed, serial: &str) -> Result<Vec<(SourceFile, u64)>, Unusable> {
+fn labels_of(listed: &Listed, serial: &str) -> Result<Vec<(SourceFile, u64)>, RecordingError> {
     let folder = listed.file(serial);
-    let names = names(&folder.path).map_err(|source| Unusable::Unreadable {
+    let names = names(&folder.path).map_err(|source| RecordingError::Unreadable {
         file: folder.name.clone(),
         source,
     })?;
@@ -139,7 +142,7 @@ fn labels_of(listed: &Listed, serial: &str) -> Result<Vec<(SourceFile, u64)>, Un
                 labels.push((listed.file(&format!("{serial}/{label}")), MAX_LABEL_BYTES));
             }
             None if is_like_a_label(name.as_encoded_bytes()) => {
-                return Err(Unusable::NotUtf8 {
+                return Err(RecordingError::NotUtf8 {
                     name: format!("{}/{}", folder.name, name.to_string_lossy()),
                 });
             }

@@ -3,7 +3,7 @@
 use dataflow::SourceFile;
 use spatial::{Object, Pose, World, quaternion_xyzw};
 
-use crate::{error::Unusable, npz::Arrays};
+use crate::{error::RecordingError, npz::Arrays};
 
 /// Poses of the scene's objects, by object and image.
 pub(super) type Poses = Vec<Vec<Option<Pose<World, Object>>>>;
@@ -14,17 +14,17 @@ pub(super) fn objects(
     bytes: &[u8],
     n_images: usize,
     n_objects: usize,
-) -> Result<Poses, Unusable> {
+) -> Result<Poses, RecordingError> {
     let numbers = Arrays::open(bytes)
         .and_then(|mut arrays| arrays.numbers("pose_y", &[n_images as u64, n_objects as u64, 7]))
-        .map_err(|source| Unusable::Npz {
+        .map_err(|source| RecordingError::Npz {
             file: file.name.clone(),
             source,
         })?;
     let (flat, _) = numbers.as_chunks::<7>();
     let mut poses = vec![Vec::with_capacity(n_images); n_objects];
     for (numbers, object) in flat.iter().zip((0..n_objects).cycle()) {
-        let pose = pose(numbers).map_err(|what| Unusable::Value {
+        let pose = pose(numbers).map_err(|what| RecordingError::Value {
             what: format!("`pose_y`: {what}"),
             file: file.name.clone(),
         })?;

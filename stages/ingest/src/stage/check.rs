@@ -35,7 +35,7 @@ const MAX_SETTING: f64 = 1e6;
 /// Returns what is wrong with the options beyond their types.
 pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
     let mut faults = OptionFaults::default();
-    let why = "cameras are not faster";
+    let why = "no camera that films a whole hand is faster";
     faults.above("rate_hz", config.rate_hz, 0.0, MAX_HZ, why);
     for (key, number) in [
         ("max_mirror_error_m", config.max_mirror_error_m),
@@ -45,7 +45,7 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
         ("jitter_factor", config.jitter_factor),
         ("max_table_error_m", config.max_table_error_m),
     ] {
-        let why = "with 0 nothing is good enough, and no hand's scene is larger";
+        let why = "0 tolerates no noise, and a larger value exceeds any scene";
         faults.above(key, number, 0.0, MAX_SETTING, why);
     }
     for (key, number, least) in [
@@ -53,15 +53,15 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
         ("max_gap_n", config.max_gap_n, 0),
         ("min_steps_n", config.min_steps_n, 1),
     ] {
-        let why = "it is a number of a recording's images";
+        let why = "it counts images of a recording";
         faults.within(key, number, least..=MAX_IMAGES, why);
     }
     let objects = config.min_table_objects_n;
-    let why = "the grasped object is one of them, and a table holds no more";
+    let why = "the grasped object counts, and no table holds more";
     faults.within("min_table_objects_n", objects, 1..=MAX_OBJECTS, why);
-    let why = "they are drawn and held in memory for every object";
+    let why = "they are sampled and held in memory for each object";
     faults.within("points_n", config.points_n, 1..=MAX_SURFACE_POINTS, why);
-    let why = "each is a body's shape in every step of physics";
+    let why = "each is a collision shape in every physics step";
     let parts = config.max_convex_parts_n;
     faults.within("max_convex_parts_n", parts, 1..=MAX_PARTS, why);
     let masses = config.masses_kg.iter();
@@ -69,7 +69,8 @@ pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
     let meshes = config.meshes.iter();
     let added = meshes.map(|(object, mesh)| (format!("meshes.{object}.mass_kg"), mesh.mass_kg));
     for (key, kg) in masses.chain(added) {
-        faults.above(&key, kg, 0.0, MAX_SETTING, "a hand lifts it");
+        let why = "it is the mass of an object that a hand lifts";
+        faults.above(&key, kg, 0.0, MAX_SETTING, why);
     }
     faults.found()
 }

@@ -15,7 +15,7 @@ use crate::{
     after_grasp::{self, After},
     config::IngestConfig,
     demonstration_recording,
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     mirror, objects, reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
@@ -37,7 +37,7 @@ pub(super) fn shape(
     let name = cx.partition().as_str();
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
-        let missing = Unusable::Missing {
+        let missing = RecordingError::Missing {
             file: reader::mesh_name(name),
         };
         return Ok(Outcome::skipped(missing.to_string()));
@@ -106,7 +106,7 @@ fn parts(
     mesh: Option<&TriMesh>,
     shapes: &[Object],
     cx: &Context,
-) -> Result<(Demonstration, Vec<After>), Unusable> {
+) -> Result<(Demonstration, Vec<After>), RecordingError> {
     let departure = reach::departure(recording, config)?;
     let lying = table::lying(
         recording,
@@ -126,7 +126,7 @@ fn parts(
     if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
         && found_m.abs() > config.max_table_error_m
     {
-        return Err(Unusable::OffTable { found_m });
+        return Err(RecordingError::OffTable { found_m });
     }
     let mut demonstration = reach::reach(
         cx.partition().as_str(),
@@ -139,7 +139,7 @@ fn parts(
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);
         let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {
-            Unusable::NotMirrored {
+            RecordingError::NotMirrored {
                 hand: recording.hand.as_str(),
                 reason,
             }
@@ -171,7 +171,7 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetri
         })
         .collect::<Result<Vec<_>, LakeError>>()?;
     let Some(shape) = inputs.artifacts(Shapes::ARTIFACT).first() else {
-        let missing = Unusable::Missing {
+        let missing = RecordingError::Missing {
             file: format!("shape of {}", cx.partition()),
         };
         return Ok(Outcome::skipped(missing.to_string()));

@@ -3,7 +3,7 @@
 use dataflow::{Max, Mean, Sum, With};
 
 dataflow::metrics! {
-    /// What is said of an object's shape.
+    /// Metrics of an object's shape.
     pub struct ShapeMetrics {
         /// Number of its convex parts.
         convex_parts_n: Sum,
@@ -15,7 +15,7 @@ dataflow::metrics! {
 }
 
 dataflow::metrics! {
-    /// What is said of a demonstration.
+    /// Metrics of a demonstration.
     pub struct DemonstrationMetrics {
         /// Number of its steps.
         steps_n: Sum,

@@ -7,7 +7,7 @@ use dataflow::{Output, Scope, SourceFile, Unit};
 use super::{ADDED, Demonstrations, LEFT_OUT, MASS, MESHES, Shapes, UNREADABLE};
 use crate::{
     config::IngestConfig,
-    error::{IngestError, Unusable},
+    error::{IngestError, RecordingError},
     place,
     reader::{self, Listed, MAX_MESH_BYTES, Reader},
     selection::{self, Choice},
@@ -66,7 +66,7 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
 /// # Errors
 ///
 /// Fails if something else lies in its place.
-fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, Unusable> {
+fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, RecordingError> {
     if let Some(added) = config.meshes.get(object) {
         // It was looked at before anything was planned.
         return Ok(Some(SourceFile {
@@ -149,7 +149,7 @@ fn recording(listed: &Listed) -> Unit {
 }
 
 /// Returns a unit that only says why its recording cannot be read.
-fn unreadable(key: &str, why: &Unusable) -> Unit {
+fn unreadable(key: &str, why: &RecordingError) -> Unit {
     Unit::new(key)
         .with_fact(UNREADABLE, why.to_string())
         .labeled_by_data()

@@ -7,7 +7,7 @@ use std::{
 };
 
 use dataflow::{
-    Artifact, Context, Figures, Inputs, Labels, Outcome, Output, Partition, Scope, Stage, Unit,
+    Artifact, Context, Inputs, Labels, MetricValues, Outcome, Output, Partition, Scope, Stage, Unit,
 };
 use schemas::{
     demonstrations::{Demonstration, Side},
@@ -153,7 +153,7 @@ impl Bench {
     }
 
     /// The metrics and labels of a partition; panics if it was not made.
-    pub(crate) fn made(&self, output: &'static str, key: &str) -> (&Figures, &Labels) {
+    pub(crate) fn made(&self, output: &'static str, key: &str) -> (&MetricValues, &Labels) {
         match &self.outcomes[&(output, key.to_owned())] {
             Outcome::Labeled(metrics, labels) => (metrics, labels),
             other => panic!("{output} {key}: {other:?}"),

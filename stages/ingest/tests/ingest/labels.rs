@@ -5,11 +5,11 @@ use std::{fs, path::Path};
 use dataflow::SourceFile;
 use npyz::npz::NpzArchive;
 use stage_ingest::{
-    Unusable,
+    RecordingError,
     read::{LabelReader, Labels},
 };
 
-use crate::{real::real, rig};
+use crate::rig;
 
 /// A label file's numbers: landmarks, then poses of two objects.
 fn write(path: &Path, joints: &[f32; 63], poses: &[f32; 24]) -> SourceFile {
@@ -30,7 +30,7 @@ fn source(path: &Path) -> SourceFile {
     }
 }
 
-fn read(file: &SourceFile, grasped: usize) -> Result<Labels, Unusable> {
+fn read(file: &SourceFile, grasped: usize) -> Result<Labels, RecordingError> {
     LabelReader::new().read(file, 2, grasped)
 }
 
@@ -122,7 +122,9 @@ fn reader_keeps_no_state_between_files() {
 #[test]
 fn landmarks_are_those_of_an_independent_reader() {
     for name in ["dexycb-right", "dexmv-mustard"] {
-        let Some(root) = real(name) else { continue };
+        let Some(root) = measured_data::folder(name) else {
+            continue;
+        };
         let mut reader = LabelReader::new();
         let mut n_files = 0;
         let mut folders = vec![root];

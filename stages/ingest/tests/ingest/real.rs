@@ -1,6 +1,5 @@
 //! On real recordings, if `PIPELINE_REAL_DATA` names the folder that holds them.
 
-use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     fs,
@@ -18,23 +17,9 @@ use stage_ingest::TableRule;
 
 use crate::bench::{Bench, config};
 
-/// Returns a real dataset's folder; says so and returns `None` where there is none.
-pub(crate) fn real(name: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("PIPELINE_REAL_DATA").map(|root| PathBuf::from(root).join(name));
-    let folder = folder.filter(|folder| folder.is_dir());
-    if folder.is_none() {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `PIPELINE_REAL_DATA` holds no `{name}`; see `tests/README.md`"
-        )
-        .unwrap();
-    }
-    folder
-}
-
 /// All that is made of the right hands, made once.
 static RIGHT: LazyLock<Option<Bench>> =
-    LazyLock::new(|| real("dexycb-right").map(|root| Bench::new(config(&root))));
+    LazyLock::new(|| measured_data::folder("dexycb-right").map(|root| Bench::new(config(&root))));
 
 impl Bench {
     /// The recordings that became demonstrations.
@@ -267,7 +252,7 @@ fn every_object_lies_as_its_demonstrations_saw_it() {
 
 #[test]
 fn left_hands_become_right_ones() {
-    let Some(root) = real("dexycb-right") else {
+    let Some(root) = measured_data::folder("dexycb-right") else {
         return;
     };
     let mut config = config(&root);
@@ -300,7 +285,7 @@ fn left_hands_become_right_ones() {
 #[test]
 fn a_tracked_bottle_that_jitters_gives_a_plausible_grasp() {
     // Its rest jitters by several millimeters and its rotation is unreliable.
-    let Some(root) = real("dexmv-mustard") else {
+    let Some(root) = measured_data::folder("dexmv-mustard") else {
         return;
     };
     let mut config = config(&root);

@@ -2,7 +2,6 @@
 //! `PIPELINE_MANO` names the folder with `MANO_RIGHT.pkl` and `PIPELINE_REAL_DATA` the one that
 //! holds `dexycb-right`.
 
-use std::io::Write as _;
 use std::{
     collections::BTreeMap,
     fs,
@@ -17,19 +16,6 @@ use stage_ingest::ManoModel;
 /// Largest accepted distance from a published landmark, in meters: they were computed in single
 /// precision.
 const AGREES_M: f64 = 5e-4;
-
-fn folder(variable: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os(variable).map(PathBuf::from);
-    let folder = folder.filter(|folder| folder.is_dir());
-    if folder.is_none() {
-        writeln!(
-            std::io::stderr().lock(),
-            "skipped: `{variable}` names no folder; see `tests/README.md`"
-        )
-        .unwrap();
-    }
-    folder
-}
 
 fn folders(parent: &Path) -> Vec<PathBuf> {
     let mut all: Vec<PathBuf> = fs::read_dir(parent)
@@ -67,10 +53,10 @@ fn betas(root: &Path, calibration: &str) -> [f64; 10] {
 
 #[test]
 fn the_licensed_model_gives_the_published_landmarks() {
-    let (Some(models), Some(real)) = (folder("PIPELINE_MANO"), folder("PIPELINE_REAL_DATA")) else {
+    let models = measured_data::named_by("PIPELINE_MANO");
+    let (Some(models), Some(root)) = (models, measured_data::folder("dexycb-right")) else {
         return;
     };
-    let root = real.join("dexycb-right");
     let model = ManoModel::from_pickle(&fs::read(models.join("MANO_RIGHT.pkl")).unwrap()).unwrap();
     assert_eq!(model.side(), Side::Right);
     let (mut n_images, mut worst) = (0, 0.0_f64);

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError};
@@ -11,7 +11,7 @@ use stage_retarget::{Retarget, RetargetConfig, RetargetError};
 const BELOW_TABLE_M: f64 = 0.003;
 
 dataflow::metrics! {
-    /// What is said of an object's trajectories.
+    /// Metrics of an object's trajectories.
     pub struct TrackingMetrics {
         /// How many there are.
         trajectories_n: Sum,
@@ -33,7 +33,7 @@ impl Output for Tracking {
     const ARTIFACT: &'static str = TrackingReport::NAME;
     const SCHEMA: &'static str = TrackingReport::VERSION;
     const PARTITION: &'static str = TrackingReport::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     /// Says how far finger tips are from their landmarks, of whichever object.
     const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
         let all = &summary.metrics;
@@ -170,8 +170,8 @@ impl Spread {
 mod tests {
     use motion::{JointRates, Motion, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::trajectories::{Rates, Tracking};
-    use spatial::{Pose, Rest};
+    use schemas::trajectories::{Tracking, TrajectoryRates};
+    use spatial::{Pose, RestingPose};
 
     use super::*;
 
@@ -181,12 +181,12 @@ mod tests {
             time_s,
             frame_from_palm: Pose::new(Isometry3::identity()),
             q_rad: vec![0.0],
-            rates: Rates {
+            rates: TrajectoryRates {
                 joints: JointRates {
                     velocity: vec![-speed],
                     acceleration: vec![0.0],
                 },
-                ..Rates::still(1)
+                ..TrajectoryRates::zero(1)
             },
         };
         let tracking = |tip: f64, depth: f64| Tracking {
@@ -202,7 +202,7 @@ mod tests {
             object: "box".to_owned(),
             keypoints: Vec::new(),
             tips: Vec::new(),
-            rest: Rest {
+            rest: RestingPose {
                 up_in_object: Vector3::z_axis(),
                 height_m: 0.0,
             },

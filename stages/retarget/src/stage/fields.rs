@@ -8,10 +8,10 @@ use schemas::{
     objects::{self, Object},
 };
 
-use crate::{RetargetConfig, RetargetError, scene::survey};
+use crate::{RetargetConfig, RetargetError, survey::survey};
 
 dataflow::metrics! {
-    /// What is said of an object's distances.
+    /// Metrics of an object's distances.
     pub struct FieldMetrics {
         /// Number of the vertices of its convex hull.
         hull_vertices_n: Sum,

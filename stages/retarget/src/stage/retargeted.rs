@@ -3,6 +3,7 @@
 use dataflow::{Artifact, Context, Inputs, Outcome};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use posture::{Environment, HandTable};
 use schemas::{
     Table,
     demonstrations::{self, Demonstration},
@@ -14,7 +15,7 @@ use schemas::{
 use super::{LoadedHand, fields::read_mesh, load_hand};
 use crate::{
     RetargetConfig, RetargetError, recording,
-    scene::Scene,
+    settle::put_down,
     track::{TrajectoryMetrics, track},
 };
 
@@ -47,8 +48,8 @@ pub(super) fn make(
         Ok(mesh) => mesh,
         Err(reason) => return Ok(Outcome::skipped(reason)),
     };
-    let scene = read_scene(field, &demonstration)?;
-    let tracked = match track(&hand, &scene, config, &demonstration) {
+    let environment = read_scene(field, &demonstration)?;
+    let tracked = match track(&hand, &environment, config, &demonstration) {
         Ok(Some(tracked)) => tracked,
         Ok(None) => return Ok(Outcome::skipped("it has no step")),
         Err(RetargetError::Motion(err)) => return Ok(Outcome::skipped(err.to_string())),
@@ -75,7 +76,7 @@ pub(super) fn make(
         object: demonstration.object,
         keypoints: of_tips(false),
         tips: of_tips(true),
-        rest: scene.rest(),
+        rest: environment.rest(),
         motion: tracked.motion,
         tracking: tracked.tracking,
     };
@@ -85,7 +86,7 @@ pub(super) fn make(
 }
 
 /// Returns why a demonstration cannot be retargeted to this hand, if it cannot.
-pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) -> Option<String> {
+pub(super) fn unusable(demonstration: &Demonstration, table: &HandTable) -> Option<String> {
     if demonstration.hand != table.side {
         return Some(format!(
             "a {} hand's reach, but the hand's table says that the robot's is a {} hand",
@@ -107,8 +108,11 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &crate::HandTable) 
     ))
 }
 
-fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Scene, RetargetError> {
+fn read_scene(
+    field: &Artifact,
+    demonstration: &Demonstration,
+) -> Result<Environment, RetargetError> {
     let info = lake::table::read(field)?;
     let grid = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-    Ok(Scene::new(grid, &info, &demonstration.rest))
+    Ok(put_down(grid, &info, &demonstration.rest))
 }

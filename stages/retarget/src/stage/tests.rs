@@ -1,6 +1,6 @@
 //! The stage from the outside: what it makes, skips and refuses.
 
-use std::{collections::BTreeMap, io::Write, path::PathBuf};
+use std::{collections::BTreeMap, error::Error, io::Write, path::PathBuf};
 
 use dataflow::{Advise, Artifact, Partition};
 use schemas::{
@@ -189,13 +189,24 @@ fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
     path
 }
 
+/// An error with its causes.
+fn whole(err: &RetargetError) -> String {
+    let mut text = err.to_string();
+    let mut cause = err.source();
+    while let Some(err) = cause {
+        text = format!("{text}: {err}");
+        cause = err.source();
+    }
+    text
+}
+
 #[test]
 fn a_missing_link_is_named_with_the_files_and_near_names() {
     let folder = tempfile::tempdir().unwrap();
     let mut config = fixture::config();
     config.hand_table = with_table(folder.path(), "link_15.0_tip", "link_15.0_top");
     let err = Retarget::prepare(&config).unwrap_err();
-    let message = err.to_string();
+    let message = whole(&err);
     for part in ["allegro_right.urdf", "hand.toml", "`link_15.0_top`"] {
         assert!(message.contains(part), "{message}");
     }
@@ -215,14 +226,14 @@ fn value_in_place_of_a_table_is_refused_with_its_line() {
     let mut config = fixture::config();
     config.hand_table = with_table(folder.path(), "scale =", "size =");
     let err = Retarget::prepare(&config).unwrap_err();
-    let message = err.to_string();
+    let message = whole(&err);
     assert!(
         message.contains("hand.toml") && message.contains("`size`"),
         "{message}"
     );
     assert!(err.hint().unwrap().contains("doctor --robot"));
     config.hand_table = with_table(folder.path(), "thumb_tip", "thumb_top");
-    let message = Retarget::prepare(&config).unwrap_err().to_string();
+    let message = whole(&Retarget::prepare(&config).unwrap_err());
     assert!(
         message.contains("`thumb_top`") && message.contains("thumb_tip"),
         "{message}"

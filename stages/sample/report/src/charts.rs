@@ -2,14 +2,14 @@
 
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
-use diversity::{Diversity, Motion};
+use diversity::{ComparedMotion, Diversity};
 use lake::{LakeError, WriteArtifact};
 use motion::Step;
 use schemas::{
     sampling::Sampled,
-    trajectories::{Rates, Trajectory},
+    trajectories::{Trajectory, TrajectoryRates},
 };
-use spatial::{Object, Pose, Rest, Table};
+use spatial::{Object, Pose, RestingPose, Table};
 
 /// Motions of which each is a dot of its own; more would make pictures of megabytes.
 const DOTS: usize = 1000;
@@ -33,10 +33,10 @@ pub(crate) struct Charts<'a> {
 
 /// Measures how different an object's demonstrations are, of those in which it lies as in one of the
 /// motions that were drawn.
-pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[Motion]) -> Diversity {
+pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[ComparedMotion]) -> Diversity {
     let n_steps = drawn.iter().map(|motion| motion.steps.len()).min();
     let motions = shown.iter().filter_map(|shown| {
-        Some(Motion {
+        Some(ComparedMotion {
             table_from_object: alike(drawn, &shown.rest)?,
             steps: at_equal_times(&shown.motion, n_steps?),
         })
@@ -45,20 +45,23 @@ pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[Motion]) -> Diversity {
 }
 
 /// How the object lies in the motion in which it lies most like this.
-fn alike(drawn: &[Motion], rest: &Rest) -> Option<Pose<Table, Object>> {
-    let up = |motion: &Motion| (motion.table_from_object * *rest.up_in_object).z;
+fn alike(drawn: &[ComparedMotion], rest: &RestingPose) -> Option<Pose<Table, Object>> {
+    let up = |motion: &ComparedMotion| (motion.table_from_object * *rest.up_in_object).z;
     let nearest = drawn.iter().max_by(|a, b| up(a).total_cmp(&up(b)));
     let alike = nearest.filter(|motion| up(motion) > LIES_ALIKE)?;
     Some(alike.table_from_object)
 }
 
 /// The recorded steps nearest to `n` equal times from the first to the grasp.
-fn at_equal_times(shown: &::motion::Motion<Object, Rates>, n: usize) -> Vec<&Step<Object, Rates>> {
+fn at_equal_times(
+    shown: &motion::Motion<Object, TrajectoryRates>,
+    n: usize,
+) -> Vec<&Step<Object, TrajectoryRates>> {
     let (first_s, duration_s) = (shown.first().time_s, shown.duration_s());
     let last = n.saturating_sub(1).max(1) as f64;
     let nearest = |number: usize| {
         let time_s = first_s + duration_s * number as f64 / last;
-        let off = |step: &&Step<Object, Rates>| (step.time_s - time_s).abs();
+        let off = |step: &&Step<Object, TrajectoryRates>| (step.time_s - time_s).abs();
         shown
             .steps()
             .iter()
@@ -200,8 +203,8 @@ mod tests {
         }
     }
 
-    fn rest(tilt_rad: f64) -> Rest {
-        Rest {
+    fn rest(tilt_rad: f64) -> RestingPose {
+        RestingPose {
             up_in_object: Unit::new_normalize(Vector3::new(tilt_rad.sin(), 0.0, tilt_rad.cos())),
             height_m: 0.1,
         }
@@ -210,22 +213,22 @@ mod tests {
     /// Comes from `x` in three steps, the second of them late.
     fn shown(tilt_rad: f64, x: f64) -> Trajectory {
         let steps = [(0.5, x), (2.0, 0.5 * x), (2.5, 0.1 * x)];
-        let steps = steps.map(|(time_s, x)| step(time_s, x, Rates::still(1)));
+        let steps = steps.map(|(time_s, x)| step(time_s, x, TrajectoryRates::zero(1)));
         Trajectory {
             sequence: String::new(),
             object: "can".to_owned(),
             keypoints: Vec::new(),
             tips: Vec::new(),
             rest: rest(tilt_rad),
-            motion: ::motion::Motion::new(&["j"], steps.into()).unwrap(),
+            motion: motion::Motion::new(&["j"], steps.into()).unwrap(),
             tracking: vec![Tracking::default(); 3],
         }
     }
 
     #[test]
     fn demonstrations_are_compared_in_the_orientation_of_the_draw() {
-        let grasp = step(1.0, 0.0, HandRates::still(1));
-        let drawn = [0.0, 1.5].map(|tilt_rad| Motion {
+        let grasp = step(1.0, 0.0, HandRates::zero(1));
+        let drawn = [0.0, 1.5].map(|tilt_rad| ComparedMotion {
             table_from_object: rest(tilt_rad).table_from_object(),
             steps: vec![&grasp; 5],
         });

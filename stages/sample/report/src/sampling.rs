@@ -1,9 +1,9 @@
 //! How plausible and different the motions of one object are.
 
 use dataflow::{
-    Artifact, Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit,
+    Artifact, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
 };
-use diversity::{Diversity, Motion};
+use diversity::{ComparedMotion, Diversity};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use motion::MotionError;
@@ -26,7 +26,7 @@ use crate::{charts, measure::Measure};
 const CLEAR_M: f64 = 0.005;
 
 dataflow::metrics! {
-    /// What is said of the motions of an object.
+    /// Metrics of the motions of an object.
     pub struct SamplingMetrics {
         /// How many there are.
         candidates_n: Sum,
@@ -62,7 +62,7 @@ impl Output for SamplingReport {
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
     const PARTITION: &'static str = Sampling::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
     /// One unit per object that has candidates.
@@ -87,7 +87,7 @@ impl Output for SamplingReport {
                     shown.map(|trajectory| trajectory.key.as_str()),
                 )
                 .only_files(Trajectory::NAME, [lake::table::FILE])
-                .with_file_of_form(hand_file(config), robot_meshes::READ);
+                .with_file_of_form(hand_file(config), robot_meshes::MODEL_FORM);
             meshes.iter().cloned().fold(unit, Unit::with_file)
         });
         Ok(units.collect())
@@ -120,7 +120,8 @@ impl Output for SamplingReport {
             },
             shown: &shown,
         };
-        let motions: Vec<Motion> = drawn.candidates.iter().map(Motion::from).collect();
+        let motions: Vec<ComparedMotion> =
+            drawn.candidates.iter().map(ComparedMotion::from).collect();
         let diversity = Diversity::of(&motions);
         let sampled = measure.all(&drawn.candidates, &diversity)?;
         cx.write(&sampled)?;

@@ -14,7 +14,7 @@ use schemas::{
 
 use super::SampleMetrics;
 use crate::{
-    Epoch, SampleConfig, SampleError,
+    CheckpointWeights, SampleConfig, SampleError,
     inputs::{hand_file, order},
     motions::sample,
     penetration::{CollisionModel, PenetrationProbe},
@@ -62,9 +62,9 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
                 unit
             };
             let form = if config.recorded_per_object > 0 {
-                robot_meshes::SHOWN
+                robot_meshes::URDF_FORM
             } else if config.redraws() {
-                robot_meshes::READ
+                robot_meshes::MODEL_FORM
             } else {
                 return unit;
             };
@@ -123,7 +123,7 @@ pub(super) fn make(
             .into_iter()
             .filter_map(|number| drawn.candidates.get(number))
             .collect();
-        let stage = recording::Stage {
+        let stage = recording::RecordingContext {
             urdf: &robot::plain_urdf(&hand.urdf),
             model: &hand.model,
             object: &object,
@@ -139,10 +139,10 @@ pub(super) fn make(
     Ok(Outcome::Made(metrics))
 }
 
-fn read_checkpoint(epoch: Epoch, artifact: &Artifact) -> Result<Cgf, SampleError> {
+fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, SampleError> {
     let files = match epoch {
-        Epoch::Best => checkpoint::BEST,
-        Epoch::Last => checkpoint::LAST,
+        CheckpointWeights::Best => checkpoint::BEST,
+        CheckpointWeights::Last => checkpoint::LAST,
     };
     let weights = artifact.path(files.weights)?;
     Ok(Cgf::load(weights, artifact.path(files.description)?)?)

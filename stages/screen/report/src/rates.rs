@@ -4,21 +4,21 @@ use std::collections::BTreeMap;
 
 use charts::{Captions, Estimate, Estimates, intervals};
 use dataflow::{
-    Context, Inputs, Line, Mean, Options, Outcome, Output, Partition, Scope, Sum, Summary, Unit,
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Partition, Scope, Sum, Summary, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table,
     candidates::ObjectSplit,
-    rates::{ALL_ORIGINS, Rate, Rates},
+    rates::{ALL_ORIGINS, Rate, SuccessRates},
     success::{Success, Successes},
 };
 use simulation::{Approach, ObjectMass, Protocol, ProtocolName, SceneConfig};
 use stage_screen::{Screen, ScreenConfig, ScreenError};
-use statistics::{OverObjects, over_objects};
+use statistics::{MeanInterval, bootstrap_mean};
 
 dataflow::metrics! {
-    /// What is said of all objects together.
+    /// Metrics of all objects together.
     pub struct RatesMetrics {
         /// Number of objects.
         objects_n: Sum,
@@ -34,7 +34,7 @@ dataflow::metrics! {
         draw_rate_low: Mean,
         /// Upper end of its 95 % interval.
         draw_rate_high: Mean,
-        /// The approach, by its place among all: 0 follow, 1 open, 2 place.
+        /// The approach, by its place among all: 0 follow, 1 open, 2 at the grasp.
         approach_n: Mean,
         /// How far the joints squeeze beyond their final positions, in radians.
         squeeze_rad: Mean,
@@ -51,10 +51,10 @@ impl Output for RatesReport {
     type Metrics = RatesMetrics;
     type Error = ScreenError;
 
-    const ARTIFACT: &'static str = Rates::NAME;
-    const SCHEMA: &'static str = Rates::VERSION;
-    const PARTITION: &'static str = Rates::PARTITION;
-    const OPTIONS: Options = Options::Only(&["protocol", "scene"]);
+    const ARTIFACT: &'static str = SuccessRates::NAME;
+    const SCHEMA: &'static str = SuccessRates::VERSION;
+    const PARTITION: &'static str = SuccessRates::PARTITION;
+    const OPTIONS: OptionsUsed = OptionsUsed::Only(&["protocol", "scene"]);
     const LINE: Option<Line<RatesMetrics>> = Some(line);
 
     fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
@@ -68,7 +68,7 @@ impl Output for RatesReport {
         cx: &Context,
     ) -> Result<Outcome<RatesMetrics>, ScreenError> {
         let successes: Successes = inputs.one()?;
-        let config = &config.by_name();
+        let config = &config.resolved();
         let rates = rates(&successes, config);
         cx.write(&rates)?;
         cx.write_chart("objects_mean", chart(&rates))?;
@@ -115,7 +115,7 @@ impl<'a> ByObject<'a> {
     }
 
     /// Returns the means over the objects of the shares of candidates and of draws that hold.
-    fn means(&self) -> [OverObjects; 2] {
+    fn means(&self) -> [MeanInterval; 2] {
         [
             self.mean(|counts| counts.candidates),
             self.mean(|counts| counts.draws),
@@ -124,15 +124,15 @@ impl<'a> ByObject<'a> {
 
     /// Returns the mean over the objects of the share that holds of what is counted; objects with
     /// nothing of it are left out.
-    fn mean(&self, of: fn(&Counts) -> i64) -> OverObjects {
+    fn mean(&self, of: fn(&Counts) -> i64) -> MeanInterval {
         let counted = self.0.values().filter(|counts| of(counts) > 0);
         let shares = counted.map(|counts| counts.successes as f64 / of(counts) as f64);
-        over_objects(&shares.collect::<Vec<f64>>())
+        bootstrap_mean(&shares.collect::<Vec<f64>>())
     }
 }
 
 /// Returns one row for each generator, origin and split, and one for all origins together.
-fn rates(successes: &[Success], config: &ScreenConfig) -> Rates {
+fn rates(successes: &[Success], config: &ScreenConfig) -> SuccessRates {
     let ScreenConfig {
         scene, protocol, ..
     } = config;
@@ -221,7 +221,7 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
     };
     let published = ProtocolName::ALL
         .into_iter()
-        .find(|name| !name.is_own() && is(*name as u8, all.protocol_n));
+        .find(|name| !name.is_table_lift() && is(*name as u8, all.protocol_n));
     format!(
         "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}",
         percent(all.candidate_rate_mean),
@@ -352,7 +352,7 @@ mod tests {
         let by_draw = (7.0 / 24.0 + 0.25) / 3.0;
         assert!((all.draw_rate_mean - by_draw).abs() < 1e-12);
         let ends = [all.candidate_rate_low, all.candidate_rate_high];
-        let expected = over_objects(&[0.7, 0.5]);
+        let expected = bootstrap_mean(&[0.7, 0.5]);
         assert_eq!(ends, [expected.low, expected.high]);
         let prior = &rates[3];
         assert_eq!((prior.objects_n, prior.candidate_rate_mean), (2, 0.25));
@@ -391,10 +391,10 @@ mod tests {
             said(&open)
         );
         let placed = Protocol {
-            approach: Approach::Place,
+            approach: Approach::AtGrasp,
             ..protocol()
         };
-        assert!(said(&placed).ends_with("; place, squeeze 0.15"));
+        assert!(said(&placed).ends_with("; at_grasp, squeeze 0.15"));
         let published = Protocol {
             name: ProtocolName::DexgraspbenchForceClosure,
             ..protocol()
@@ -412,8 +412,8 @@ mod tests {
         let said = |name: ProtocolName| {
             let mut config = config();
             config.protocol.name = name;
-            let rate = rates(&successes, &config.by_name()).remove(0);
-            let place = rate.approach == "place";
+            let rate = rates(&successes, &config.resolved()).remove(0);
+            let place = rate.approach == "at_grasp";
             (rate.friction, rate.torque_limit_nm, rate.object_mass, place)
         };
         let own = said(ProtocolName::TableLift);

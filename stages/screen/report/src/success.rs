@@ -3,12 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use charts::{Captions, Estimate, Estimates, intervals};
-use dataflow::{Context, Inputs, Line, Options, Outcome, Output, Scope, Sum, Summary, Unit};
-use diversity::{Diversity, Motion};
+use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit};
+use diversity::{ComparedMotion, Diversity};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Lineage, ObjectSplit, Origin},
+    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
     rollouts::{Rollout, Rollouts, Verdict},
     success::{Success, Successes},
 };
@@ -18,7 +18,7 @@ use stage_screen::{Screen, ScreenConfig, ScreenError};
 const ALL: &str = "all";
 
 dataflow::metrics! {
-    /// What is said of all candidates together.
+    /// Metrics of all candidates together.
     pub struct SuccessMetrics {
         /// Number of objects.
         objects_n: Sum,
@@ -56,7 +56,7 @@ impl Output for SuccessReport {
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
     const PARTITION: &'static str = Successes::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
     fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
@@ -163,7 +163,7 @@ struct Group<'a> {
 
 /// Returns one row for each generator and origin of an object's draws, in the order of their names.
 fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
-    let by_name: BTreeMap<&str, &Candidate> = given
+    let resolved: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
         .map(|candidate| (candidate.candidate_id.as_str(), candidate))
@@ -171,13 +171,13 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
     let mut groups: BTreeMap<Key, Group> = BTreeMap::new();
     for rollout in rollouts {
         let name = rollout.candidate_id.as_str();
-        let candidate = *by_name
+        let candidate = *resolved
             .get(name)
             .ok_or_else(|| ScreenError::UnknownCandidate {
                 partition: given.object.clone(),
                 candidate: name.to_owned(),
             })?;
-        let key = |draw: &Lineage| (rollout.generator.as_str(), draw.origin, draw.object_split);
+        let key = |draw: &DrawSource| (rollout.generator.as_str(), draw.origin, draw.object_split);
         let kept = groups.entry(key(&candidate.lineage)).or_default();
         kept.draws_n += 1;
         kept.rollouts.push((rollout, candidate));
@@ -196,7 +196,7 @@ impl Group<'_> {
             .rollouts
             .iter()
             .filter(|(r, _)| r.verdict == Verdict::Held);
-        let grasps: Vec<Motion> = held.map(|(_, candidate)| grasp(candidate)).collect();
+        let grasps: Vec<ComparedMotion> = held.map(|(_, candidate)| grasp(candidate)).collect();
         let diversity = Diversity::of(&grasps);
         Success {
             object: object.to_owned(),
@@ -216,8 +216,8 @@ impl Group<'_> {
 }
 
 /// The last step of a motion, without the others.
-fn grasp(candidate: &Candidate) -> Motion<'_> {
-    Motion {
+fn grasp(candidate: &Candidate) -> ComparedMotion<'_> {
+    ComparedMotion {
         table_from_object: candidate.table_from_object,
         steps: vec![candidate.motion.grasp()],
     }
@@ -296,10 +296,7 @@ mod tests {
     use dataflow::{Metrics, Partition};
     use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::{
-        candidates::{Refusal, RefusedDraw},
-        rollouts::Smoothness,
-    };
+    use schemas::candidates::{Refusal, RefusedDraw};
     use spatial::Pose;
 
     use super::*;
@@ -313,36 +310,27 @@ mod tests {
                 Vector3::z() * angle,
             )),
             q_rad: vec![q, q],
-            rates: HandRates::still(2),
+            rates: HandRates::zero(2),
         };
         Candidate {
             candidate_id: name.to_owned(),
             generator: "whatever".to_owned(),
-            lineage: Lineage::replayed("a"),
+            lineage: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
             refused: Vec::new(),
-            motion: ::motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
+            motion: motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
                 .unwrap(),
         }
     }
 
     fn rollout(name: &str, generator: &str, verdict: Verdict) -> Rollout {
         Rollout {
-            candidate_id: name.to_owned(),
             generator: generator.to_owned(),
-            lineage: Lineage::replayed("a"),
-            verdict,
             cost_n: 100,
-            saved_n: 0,
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
-            smoothness: Smoothness::default(),
+            ..Rollout::unsimulated(&motion(name, 0.05, 0.0, 0.0, 0.0), verdict)
         }
     }
 
@@ -394,7 +382,7 @@ mod tests {
         assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));
         assert_eq!(metrics.objects_n, 1.0);
         assert_eq!((metrics.accepted_n, metrics.candidates_n), (3.0, 5.0));
-        let figures = metrics.figures();
+        let figures = metrics.metric_values();
         assert_eq!(
             (figures["candidate_rate"], figures["draw_rate"]),
             (0.6, 0.6)
@@ -407,11 +395,11 @@ mod tests {
 
     #[test]
     fn every_draw_counts_for_the_origin_of_its_own_code() {
-        let lineage = |origin: Origin, draw_n: u32| Lineage {
+        let lineage = |origin: Origin, draw_n: u32| DrawSource {
             draw_n,
             origin,
             object_split: Some(ObjectSplit::Seen),
-            ..Lineage::replayed("a")
+            ..DrawSource::replayed("a")
         };
         let refused = |origin: Origin, draw_n: u32| RefusedDraw {
             lineage: lineage(origin, draw_n),

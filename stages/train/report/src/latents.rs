@@ -1,8 +1,10 @@
 //! What is used of the latent code.
 
-use cgf::{Demonstration, Description};
+use cgf::{Description, EncodedDemonstration};
 use charts::{Captions, Scale, Series, lines, scatter};
-use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+};
 use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
@@ -18,7 +20,7 @@ use crate::report::{description, mean, of_description, shown_split};
 const ACTIVE: f64 = 0.01;
 
 dataflow::metrics! {
-    /// What is said of a function's latent code.
+    /// Metrics of a function's latent code.
     pub struct LatentMetrics {
         /// Number of its dimensions.
         latents_n: Sum,
@@ -40,7 +42,7 @@ impl Output for LatentsReport {
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
     const PARTITION: &'static str = Latents::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<LatentMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
@@ -98,7 +100,7 @@ fn rows(description: &Description) -> Vec<Row> {
 }
 
 /// Mean and standard deviation of a motion's code in one dimension.
-fn code(demonstration: &Demonstration, dimension: usize) -> Option<(f64, f64)> {
+fn code(demonstration: &EncodedDemonstration, dimension: usize) -> Option<(f64, f64)> {
     let mean = demonstration.latent_mean.get(dimension)?;
     let deviation = demonstration.latent_deviation.get(dimension)?;
     Some((*mean, *deviation))

@@ -5,9 +5,11 @@ use std::{
     sync::Arc,
 };
 
-use cgf::{Cgf, CgfError, Demonstration, Description, Grasp, Track};
+use cgf::{Cgf, CgfError, Description, EncodedDemonstration, HandState, TrainingMotion};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
-use dataflow::{Context, Inputs, Line, Mean, Options, Outcome, Output, Scope, Sum, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+};
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
 use robot::RobotModel;
@@ -26,7 +28,7 @@ const PARTS: usize = 20;
 
 /// What one motion became.
 struct Rebuilt<'a> {
-    demonstration: &'a Demonstration,
+    demonstration: &'a EncodedDemonstration,
     row: Row,
     /// At each step: the part of the motion's time that has passed, in 0..=1, and the mean distance of
     /// the finger tips in meters.
@@ -49,7 +51,7 @@ struct StepError {
 type Tip = (usize, Point3<f64>);
 
 dataflow::metrics! {
-    /// What is said of the motions of the mean codes: means over the motions of each set.
+    /// Metrics of the motions of the mean codes: means over the motions of each set.
     pub struct ReconstructionMetrics {
         /// Number of motions.
         trajectories_n: BySplit<Sum>,
@@ -83,7 +85,7 @@ impl Output for ReconstructionReport {
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;
     const PARTITION: &'static str = Reconstruction::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<ReconstructionMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
@@ -103,7 +105,7 @@ impl Output for ReconstructionReport {
         cgf.check_hand(&hand.joint_names())?;
         let tips = tips(description, &hand)?;
         let set = set::read(inputs, &hand.joint_names())?;
-        let known: BTreeMap<&str, &Demonstration> = description
+        let known: BTreeMap<&str, &EncodedDemonstration> = description
             .demonstrations
             .iter()
             .map(|demonstration| (demonstration.name.as_str(), demonstration))
@@ -177,15 +179,15 @@ fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainE
 
 /// Compares a motion with what became of it at its own steps.
 fn rebuilt<'a>(
-    demonstration: &'a Demonstration,
-    track: &Track,
-    decoded: &[Grasp],
+    demonstration: &'a EncodedDemonstration,
+    track: &TrainingMotion,
+    decoded: &[HandState],
     hand: &RobotModel,
     tips: &[Tip],
 ) -> Result<Rebuilt<'a>, TrainError> {
     let steps = track.motion.steps().iter().zip(decoded);
     let errors = steps
-        .map(|(step, grasp)| step_error(&Grasp::from(step), grasp, hand, tips))
+        .map(|(step, grasp)| step_error(&HandState::from(step), grasp, hand, tips))
         .collect::<Result<Vec<_>, _>>()?;
     let of_steps = |number: fn(&StepError) -> f64| mean(errors.iter().map(number));
     let at_grasp = |number: fn(&StepError) -> f64| errors.last().map_or(0.0, number);
@@ -214,12 +216,12 @@ fn rebuilt<'a>(
 }
 
 fn step_error(
-    shown: &Grasp,
-    decoded: &Grasp,
+    shown: &HandState,
+    decoded: &HandState,
     hand: &RobotModel,
     tips: &[Tip],
 ) -> Result<StepError, TrainError> {
-    let points = |grasp: &Grasp| -> Result<Vec<Point3<f64>>, TrainError> {
+    let points = |grasp: &HandState| -> Result<Vec<Point3<f64>>, TrainError> {
         let palm_from_links = hand.forward_kinematics::<Palm>(&grasp.q_rad)?;
         let tips = tips.iter();
         Ok(tips

@@ -2,7 +2,9 @@
 
 use cgf::{Description, Epoch, Losses, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
-use dataflow::{Context, Inputs, Line, Max, Mean, Options, Outcome, Output, Scope, Summary, Unit};
+use dataflow::{
+    Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Scope, Summary, Unit,
+};
 use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
@@ -51,7 +53,7 @@ const TERMS: [Term; 7] = [
 ];
 
 dataflow::metrics! {
-    /// What is said of a training's losses.
+    /// Metrics of a training's losses.
     pub struct TrainingMetrics {
         /// Number of epochs.
         epochs: Max,
@@ -81,7 +83,7 @@ impl Output for TrainingReport {
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
     const PARTITION: &'static str = Training::PARTITION;
-    const OPTIONS: Options = Options::NONE;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {

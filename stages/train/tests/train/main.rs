@@ -5,9 +5,9 @@ mod report;
 use std::{collections::BTreeMap, path::Path};
 
 use cgf::{
-    Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Frame, Initialization,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
-    TrainingConfig, TrainingDevice,
+    Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Initialization,
+    InputFrame, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction,
+    Schedule, Times, TrainingConfig, TrainingDevice,
 };
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
 use motion::{Motion, Step};
@@ -16,9 +16,9 @@ use schemas::{
     Table, checkpoint, distance_fields,
     objects::{Object, RestingOrientation},
     training::Split,
-    trajectories::{Rates, Tracking, Trajectory},
+    trajectories::{Tracking, Trajectory, TrajectoryRates},
 };
-use spatial::{Pose, Rest};
+use spatial::{Pose, RestingPose};
 use stage_train::{Train, TrainConfig, TrainError};
 
 const JOINTS: usize = 16;
@@ -39,7 +39,7 @@ fn config() -> TrainConfig {
             latent_dim: 3,
             decoder_widths: vec![16, 16],
             activation: Activation::Silu,
-            frame: Frame::Resting,
+            frame: InputFrame::Resting,
             encoder_times: EncoderTimes::Equal,
             encoder_rotation: EncoderRotation::Columns,
             latent_variance: LatentVariance::Free,
@@ -78,8 +78,8 @@ fn config() -> TrainConfig {
     }
 }
 
-fn rest(up: Vector3<f64>) -> Rest {
-    Rest {
+fn rest(up: Vector3<f64>) -> RestingPose {
+    RestingPose {
         up_in_object: nalgebra::Unit::new_normalize(up),
         height_m: 0.05,
     }
@@ -124,7 +124,7 @@ fn trajectory(sequence: &str, object: &str, up: Vector3<f64>) -> Trajectory {
         time_s: f64::from(k) / 30.0,
         frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - f64::from(k) * 0.01)),
         q_rad: vec![0.3; JOINTS],
-        rates: Rates::still(JOINTS),
+        rates: TrajectoryRates::zero(JOINTS),
     });
     // The order of the URDF turned around: positions are found by name.
     let joints: Vec<String> = (0..JOINTS).rev().map(|k| format!("joint_{k}.0")).collect();

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use motion::{HandRates, Step};
 use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
-use robot::{Link, gap};
+use robot::{Link, distance_bounds};
 use spatial::{Base, Object, Pose, Table, Twist};
 
 use super::{Arm, hand};
@@ -93,7 +93,7 @@ impl JointPath {
             let time_s = DURATION_S * idx as f64 / (STEPS - 1) as f64;
             let state = arm.chain.state(&self.q(time_s)).unwrap();
             let velocity = self.order(1, time_s);
-            let bend = state.twist(&self.order(2, time_s)) + state.bias(&velocity);
+            let bend = state.twist(&self.order(2, time_s)) + state.bias_acceleration(&velocity);
             let turn = |twist: Twist<Base>| twist.expressed_in(&object_from_base);
             Step {
                 time_s,
@@ -102,7 +102,7 @@ impl JointPath {
                 rates: HandRates {
                     palm_velocity: turn(state.twist(&velocity)),
                     palm_acceleration: turn(bend),
-                    ..HandRates::still(16)
+                    ..HandRates::zero(16)
                 },
             }
         };
@@ -131,7 +131,7 @@ impl JointPath {
         let grasp = arm.chain.state(&q).unwrap().base_from_palm;
         for k in 0..=20 {
             let up = Translation3::new(0.0, 0.0, 0.05 * f64::from(k) / 20.0);
-            let found = arm.chain.solve(&Pose::new(up * *grasp), &q);
+            let found = arm.chain.inverse_kinematics(&Pose::new(up * *grasp), &q);
             match found.filter(|q| super::is_within_limits(arm, q)) {
                 Some(found) => q = found,
                 None => given.is_free = false,
@@ -148,7 +148,7 @@ impl JointPath {
                 .zip(&q)
                 .all(|(joint, q)| *q > joint.lower + 0.02 && *q < joint.upper - 0.02);
             let singular = arm.chain.state(&q).unwrap().min_singular_value();
-            given.is_free &= inside && singular > 1.5 * arm.config.least_singular_value;
+            given.is_free &= inside && singular > 1.5 * arm.config.min_singular_value;
             let links = arm.links(&q, fingers).unwrap();
             given.is_clear &= arm.clearance.is_clear(&links, SLACK_M);
         }
@@ -163,13 +163,12 @@ impl super::Clearance {
         let at = |idx: usize| self.shape_at(idx, links);
         let pairs = self.pairs().iter().all(|pair| {
             let ((at_a, a), (at_b, b)) = (at(pair.first), at(pair.second));
-            gap((&at_a, &a), (&at_b, &b)).at_least_m >= pair.least_m + slack_m
+            distance_bounds((&at_a, &a), (&at_b, &b)).at_least_m >= pair.least_m + slack_m
         });
         pairs
             && self.above().iter().all(|&idx| {
                 let (at, shape) = at(idx);
-                let down = at.rotation.inverse_transform_vector(&Vector3::z());
-                at.translation.z - shape.extent_m(&down) >= 0.005 + slack_m
+                shape.lowest_m(&at, &Vector3::z()) >= 0.005 + slack_m
             })
     }
 }
@@ -183,7 +182,7 @@ fn through(poses: &[Isometry3<f64>]) -> Drawn {
         time_s: 0.1 * idx as f64,
         frame_from_palm: Pose::new(table_from_object.inverse() * pose),
         q_rad: fingers.clone(),
-        rates: HandRates::still(16),
+        rates: HandRates::zero(16),
     };
     Drawn {
         joints: hand().joint_names(),

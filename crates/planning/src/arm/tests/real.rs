@@ -1,6 +1,6 @@
 //! Accepted motions of a lake, where `PIPELINE_LAKE` names one.
 
-use std::{collections::BTreeMap, path::PathBuf, time::Instant};
+use std::{collections::BTreeMap, time::Instant};
 
 use schemas::{
     candidates::Candidates,
@@ -30,8 +30,7 @@ struct Tally {
 /// Says how many of them the arm can follow, what keeps it from the others, and what that takes.
 #[test]
 fn accepted_motions_are_followed_or_refused_with_a_reason() {
-    let Some(lake) = std::env::var_os("PIPELINE_LAKE").map(PathBuf::from) else {
-        println!("skipped: PIPELINE_LAKE names no lake with candidates and rollouts");
+    let Some(lake) = measured_data::named_by("PIPELINE_LAKE") else {
         return;
     };
     let accepted = accepted(&lake::Lake::open(&lake));
@@ -93,19 +92,19 @@ fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
 impl Tally {
     fn add(&mut self, arm: &Arm, drawn: &Drawn, is_checked: bool) {
         const LIFT_M: f64 = 0.15;
-        let course = course_of(drawn).unwrap();
+        let spline = spline_of(drawn).unwrap();
         let before = Instant::now();
-        let found = follow(arm, &course, drawn, LIFT_M);
+        let found = follow(arm, &spline, drawn, LIFT_M);
         self.times_ms.push(before.elapsed().as_secs_f64() * 1e3);
         match found {
             Ok(path) => {
                 self.followed += 1;
                 let before = Instant::now();
-                self.speeds.push(fastest(arm, &path, &course));
+                self.speeds.push(fastest(arm, &path, &spline));
                 self.places.0 += before.elapsed().as_secs_f64();
                 self.places.1 += f64::from(PLACES + 1);
                 if is_checked {
-                    check(arm, &path, &course, LIFT_M);
+                    check(arm, &path, &spline, LIFT_M);
                 }
             }
             Err(err) => *self.reasons.entry(reason(&err)).or_default() += 1,
@@ -141,9 +140,9 @@ impl Tally {
 }
 
 /// Returns the greatest speed of a joint over its limit.
-fn fastest(arm: &Arm, path: &ArmPath<'_>, course: &Course<Object>) -> f64 {
+fn fastest(arm: &Arm, path: &ArmPath<'_>, spline: &MotionSpline<Object>) -> f64 {
     let limits = arm.limits();
-    let places = (0..=PLACES).map(|k| course.duration_s() * f64::from(k) / f64::from(PLACES));
+    let places = (0..=PLACES).map(|k| spline.duration_s() * f64::from(k) / f64::from(PLACES));
     places
         .map(|time_s| {
             let velocity = path.at(time_s).unwrap().rates.velocity;

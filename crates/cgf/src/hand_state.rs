@@ -1,0 +1,130 @@
+//! A hand's state as the network speaks of it, and the units in which it does.
+
+use motion::Step;
+use serde::{Deserialize, Serialize};
+use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
+
+use crate::{config::Outputs, precision::narrow};
+
+/// Numbers before the joint positions: translation and two matrix columns.
+pub(crate) const PALM_WIDTH: usize = 9;
+
+/// A hand at one time of a motion.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandState<F = Table> {
+    /// Pose of the palm: above the table on which the object lies, or where the network sees it.
+    pub frame_from_palm: Pose<F, Palm>,
+    /// Joint positions in radians, in the order of the hand's joints.
+    pub q_rad: Vec<f64>,
+}
+
+impl<F, R> From<&Step<F, R>> for HandState<F> {
+    fn from(step: &Step<F, R>) -> Self {
+        Self {
+            frame_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad.clone(),
+        }
+    }
+}
+
+impl<F> HandState<F> {
+    /// Returns the same hand in another frame.
+    pub(crate) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> HandState<G> {
+        HandState {
+            frame_from_palm: *other_from_frame * self.frame_from_palm,
+            q_rad: self.q_rad,
+        }
+    }
+
+    /// Returns translation in meters, the rotation's first two columns, joint positions in radians.
+    pub(crate) fn to_numbers(&self) -> Vec<f64> {
+        let t = &self.frame_from_palm.translation.vector;
+        let mut numbers = vec![t.x, t.y, t.z];
+        numbers.extend(rot6d(&self.frame_from_palm.rotation));
+        numbers.extend(&self.q_rad);
+        numbers
+    }
+
+    /// Returns translation in meters, rotation axis times angle in radians, joint positions in radians.
+    pub(crate) fn to_axis_angle_numbers(&self) -> Vec<f64> {
+        let pose = &self.frame_from_palm;
+        let turn = pose.rotation.scaled_axis();
+        let root = pose.translation.vector.iter().chain(turn.iter());
+        root.chain(&self.q_rad).copied().collect()
+    }
+
+    /// Reads what [`HandState::to_numbers`] returns, with any two columns that are not parallel;
+    /// `None` otherwise.
+    pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<PALM_WIDTH>()?;
+        let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
+        Some(Self {
+            frame_from_palm: Pose::from_parts([x, y, z], rotation),
+            q_rad: q.to_vec(),
+        })
+    }
+}
+
+/// Takes numbers in meters, matrix entries and radians to the network's units and back.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Normalization {
+    /// What is subtracted, per output.
+    pub mean: Vec<f64>,
+    /// What is then divided by, per output: one number for the translation, one for the rotation, one
+    /// for the joints, so that errors of one kind keep their proportions.
+    pub scale: Vec<f64>,
+}
+
+impl Normalization {
+    /// Measures the mean and spread of `samples`, each of equal length.
+    pub(crate) fn measure(outputs: Outputs, samples: &[Vec<f64>]) -> Self {
+        let width = samples.first().map_or(PALM_WIDTH, Vec::len);
+        let (mut mean, mut scale) = (vec![0.0; width], vec![1.0; width]);
+        if outputs == Outputs::Standardized {
+            let n = samples.len() as f64;
+            for sample in samples {
+                for (mean, x) in mean.iter_mut().zip(sample) {
+                    *mean += x / n;
+                }
+            }
+            for group in [0..3, 3..PALM_WIDTH, PALM_WIDTH..width] {
+                let count = n * group.len() as f64;
+                let squares: f64 = samples
+                    .iter()
+                    .flat_map(|sample| group.clone().map(|k| (sample[k] - mean[k]).powi(2)))
+                    .sum();
+                // A group that hardly moves is not blown up.
+                let deviation = (squares / count.max(1.0)).sqrt().max(1e-3);
+                scale[group].fill(deviation);
+            }
+        }
+        Self { mean, scale }
+    }
+
+    pub(crate) fn normalize(&self, numbers: &[f64]) -> Vec<f32> {
+        numbers
+            .iter()
+            .zip(self.mean.iter().zip(&self.scale))
+            .map(|(x, (mean, scale))| narrow((x - mean) / scale))
+            .collect()
+    }
+
+    /// Brings what [`HandState::to_axis_angle_numbers`] returns to the network's units; the rotation stays in
+    /// radians.
+    pub(crate) fn normalize_axis_angle(&self, numbers: &[f64]) -> Vec<f32> {
+        // The axis has three numbers where the columns have six.
+        let (mean, scale) = (&self.mean, &self.scale);
+        let unit = |k: usize| match k {
+            0..3 => (mean[k], scale[k]),
+            3..6 => (0.0, 1.0),
+            _ => (mean[k + 3], scale[k + 3]),
+        };
+        let numbers = numbers.iter().enumerate();
+        numbers
+            .map(|(k, x)| {
+                let (mean, scale) = unit(k);
+                narrow((x - mean) / scale)
+            })
+            .collect()
+    }
+}

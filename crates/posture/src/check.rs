@@ -1,0 +1,84 @@
+//! Refuses tasks and postures that do not fit a hand.
+
+use crate::{SolverError, compiled::CompiledHand, posture::Posture, task::Task};
+
+impl Task<'_> {
+    /// Checks that the task fits a hand.
+    pub(crate) fn check(&self, hand: &CompiledHand) -> Result<(), SolverError> {
+        for (idx, target) in self.targets.iter().enumerate() {
+            if target.point >= hand.n_points() {
+                return Err(SolverError::NoPoint {
+                    point: target.point,
+                    found: hand.n_points(),
+                });
+            }
+            let sum = target.at.x + target.at.y + target.at.z;
+            if !sum.is_finite() {
+                return bad(format!("target {idx}"));
+            }
+            weight("a target's weight", target.weight)?;
+        }
+        if let Some(smoothness) = &self.smoothness {
+            length("points before", smoothness.points.len(), self.targets.len())?;
+            weight("`point_weight`", smoothness.point_weight)?;
+            weight("`joint_weight`", smoothness.joint_weight)?;
+            weight("`root_weight`", smoothness.root_weight)?;
+            smoothness.posture.check(hand.dof())?;
+            if smoothness
+                .points
+                .iter()
+                .any(|p| !(p.x + p.y + p.z).is_finite())
+            {
+                return bad("a point before".to_owned());
+            }
+        }
+        if let Some(rest) = &self.rest {
+            length("joint positions at rest", rest.q.len(), hand.dof())?;
+            weight("the weight of rest", rest.weight)?;
+            finite("a joint position at rest", rest.q)?;
+        }
+        Ok(())
+    }
+}
+
+impl Posture {
+    /// Checks that the posture is of so many joints.
+    pub(crate) fn check(&self, dof: usize) -> Result<(), SolverError> {
+        length("joint positions", self.q.len(), dof)?;
+        finite("a joint position", &self.q)?;
+        let root = &self.root;
+        if !(root.translation.sum() + root.rotation.sum() + root.angles.sum()).is_finite() {
+            return bad("the root's pose".to_owned());
+        }
+        Ok(())
+    }
+}
+
+fn length(what: &'static str, found: usize, expected: usize) -> Result<(), SolverError> {
+    if found == expected {
+        return Ok(());
+    }
+    Err(SolverError::WrongLength {
+        what,
+        found,
+        expected,
+    })
+}
+
+fn finite(what: &str, numbers: &[f64]) -> Result<(), SolverError> {
+    if numbers.iter().all(|number| number.is_finite()) {
+        return Ok(());
+    }
+    bad(what.to_owned())
+}
+
+fn weight(what: &str, weight: f64) -> Result<(), SolverError> {
+    if weight.is_finite() && weight >= 0.0 {
+        return Ok(());
+    }
+    bad(what.to_owned())
+}
+
+fn bad(what: String) -> Result<(), SolverError> {
+    Err(SolverError::BadNumber { what })
+}

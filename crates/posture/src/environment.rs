@@ -1,0 +1,68 @@
+//! The object and the table that the hand must keep out of.
+
+use std::sync::Arc;
+
+use geometry::DistanceField;
+use nalgebra::{Point3, Vector3};
+use spatial::RestingPose;
+
+/// An object that lies on a table, in the object frame.
+pub struct Environment {
+    field: Arc<DistanceField>,
+    rest: RestingPose,
+}
+
+/// How far a point is from the object.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct SignedDistance {
+    /// Signed distance in meters, negative inside.
+    pub distance_m: f64,
+    /// Its gradient, about of length 1.
+    pub away: Vector3<f64>,
+}
+
+impl Environment {
+    /// Puts an object down.
+    pub fn new(field: impl Into<Arc<DistanceField>>, rest: RestingPose) -> Self {
+        let field = field.into();
+        Self { field, rest }
+    }
+
+    /// Returns how the object lies.
+    pub fn rest(&self) -> RestingPose {
+        self.rest
+    }
+
+    /// Returns how far a point is from the object's surface.
+    pub fn signed_distance(&self, point_in_object: &Point3<f64>) -> SignedDistance {
+        let (distance_m, away) = self.field.distance(point_in_object);
+        SignedDistance { distance_m, away }
+    }
+
+    /// Returns a point's height above the table, in meters.
+    pub fn height_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        self.rest.up_in_object.dot(&point_in_object.coords) + self.rest.height_m
+    }
+
+    /// Returns the unit vector against gravity.
+    pub fn up_in_object(&self) -> Vector3<f64> {
+        self.rest.up_in_object.into_inner()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn gaps_of_a_box_are_signed() {
+        let environment = fixture::environment();
+        let [x, _, _] = fixture::BOX_HALF_M;
+        for (at, distance_m) in [(x + 0.02, 0.02), (x - 0.01, -0.01)] {
+            let gap = environment.signed_distance(&Point3::new(at, 0.0, 0.0));
+            assert!((gap.distance_m - distance_m).abs() < 1e-6, "{gap:?}");
+            assert!((gap.away - Vector3::x()).norm() < 1e-3, "{gap:?}");
+        }
+    }
+}

@@ -1,0 +1,71 @@
+//! Why a hand cannot be used.
+
+use robot::{RobotError, balls};
+
+use crate::SolverError;
+
+/// Why a hand or its table cannot be used.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum PostureError {
+    /// The robot is not what is needed.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// Nothing of the robot moves.
+    #[error("the robot has no joint that moves")]
+    NoJoint,
+    /// A joint's name cannot be written in a list with commas.
+    #[error("joint `{joint}` has a name that is empty or has a comma")]
+    JointName {
+        /// Its name.
+        joint: String,
+    },
+    /// The collision shapes are far larger than a hand's.
+    #[error(
+        "the collision shapes up to link `{link}` need more than {} spheres",
+        balls::MAX_BALLS
+    )]
+    LargeShapes {
+        /// The link at which they became too large.
+        link: String,
+    },
+    /// The solver cannot work on the robot.
+    #[error(transparent)]
+    Solver(#[from] SolverError),
+    /// The text is not a hand's table.
+    #[error("this is not a hand's table: {problem}")]
+    NotAHandTable {
+        /// Where and what is wrong.
+        problem: String,
+    },
+    /// A value of a hand's table makes no sense.
+    #[error("`{key}` cannot be used: {problem}")]
+    BadHandTable {
+        /// The key.
+        key: String,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+impl PostureError {
+    /// Returns what to do about it, if that is clear.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Robot(err) => err.hint(),
+            Self::NoJoint => Some(
+                "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
+            ),
+            Self::JointName { .. } => Some("give it another name in the URDF".to_owned()),
+            Self::LargeShapes { .. } => Some(
+                "write lengths in meters, and leave out what is not part of the hand, e.g. a table"
+                    .to_owned(),
+            ),
+            Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
+                "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
+                    .to_owned(),
+            ),
+            Self::Solver(_) => None,
+        }
+    }
+}

@@ -1,0 +1,209 @@
+//! The robot hand as a solver sees it: points that follow landmarks, balls that take up room.
+
+use std::ops::Range;
+
+use nalgebra::Point3;
+use robot::{RobotModel, balls};
+use spatial::Palm;
+
+use crate::{CompiledHand, HandTable, PostureError, Root};
+
+/// A robot hand with the points that follow landmarks and the balls that take up room.
+#[derive(Debug, Clone)]
+pub struct Hand {
+    /// Its tree of links.
+    pub model: RobotModel,
+    /// The hand as the solver knows it. Its points are first [`Hand::points`], then those of the
+    /// balls, then those of the clusters.
+    pub compiled: CompiledHand,
+    /// The middle of each joint's range.
+    pub mid_range: Vec<f64>,
+    /// Its size relative to the person's.
+    pub scale: f64,
+    /// The points that follow landmarks, in the order of the table.
+    pub points: Vec<HandPoint>,
+    /// Those of them that are on the palm, by index.
+    pub palm_points: Vec<usize>,
+    /// Where the points are in the root link's frame when every joint is at the middle of its range.
+    in_palm: Vec<Point3<f64>>,
+    /// Radii of the balls that must stay out of things, in meters, link by link.
+    pub radii_m: Vec<f64>,
+    /// Those balls in groups of neighbors.
+    pub clusters: Vec<Cluster>,
+}
+
+/// A point of the robot that follows a landmark.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct HandPoint {
+    /// The landmark.
+    pub keypoint: usize,
+    /// Weight of its distance to the landmark.
+    pub weight: f64,
+    /// Radius of the ball about it, if it is a finger tip.
+    pub tip_radius_m: Option<f64>,
+}
+
+/// Neighboring balls of one link, and a ball about them all.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cluster {
+    /// Which balls.
+    pub balls: Range<usize>,
+    /// Radius of the ball about them, in meters.
+    pub radius_m: f64,
+}
+
+impl Hand {
+    /// Checks that a robot can be used as a hand and its motions written, whatever its table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it has no joint, a joint whose name cannot be written, or collision shapes far larger
+    /// than a hand's.
+    pub fn check(model: &RobotModel) -> Result<(), PostureError> {
+        if model.dof() == 0 {
+            return Err(PostureError::NoJoint);
+        }
+        // Tables note the joints' names with commas between them.
+        let unwritable = |name: &&String| name.is_empty() || name.contains(',');
+        if let Some(joint) = model.joint_names().iter().find(unwritable) {
+            return Err(PostureError::JointName {
+                joint: joint.clone(),
+            });
+        }
+        balls::check(model).map_err(large)
+    }
+
+    /// Prepares a robot that passed [`Hand::check`] for the points of its table.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the robot lacks a link that is named, or has more joints than the solver was made
+    /// for, and if a keypoint is none.
+    pub fn new(model: RobotModel, table: &HandTable) -> Result<Self, PostureError> {
+        let (mut points, mut places) = (Vec::new(), Vec::new());
+        let mut palm_points = Vec::new();
+        let mid_range = model.mid_range();
+        for (idx, point) in table.points.iter().enumerate() {
+            let link = model.require_link(&point.link)?;
+            if is_palm(&model, link) {
+                palm_points.push(idx);
+            }
+            points.push(HandPoint {
+                keypoint: point.require_keypoint(idx)?,
+                weight: point.weight,
+                tip_radius_m: point.tip_radius_m,
+            });
+            places.push((link, Point3::from(point.offset_m)));
+        }
+        let palm_from_links = model.link_poses::<Palm>(|joint| mid_range[joint]);
+        let in_palm = places
+            .iter()
+            .map(|(link, point)| palm_from_links[*link] * *point)
+            .collect();
+        let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
+        for balls::Cluster {
+            link,
+            around,
+            balls,
+        } in balls::clusters(&model).map_err(large)?
+        {
+            let first = radii_m.len();
+            radii_m.extend(balls.iter().map(|ball| ball.radius_m));
+            places.extend(balls.iter().map(|ball| (link, ball.center_in_link)));
+            clusters.push(Cluster {
+                balls: first..radii_m.len(),
+                radius_m: around.radius_m,
+            });
+            centers.push((link, around.center_in_link));
+        }
+        places.extend(centers);
+        Ok(Self {
+            compiled: CompiledHand::new(&model, Root::Free, &places)?,
+            mid_range,
+            in_palm,
+            scale: table.scale,
+            points,
+            palm_points,
+            radii_m,
+            clusters,
+            model,
+        })
+    }
+
+    /// Says whether the points on the palm lie on one line, to half a millimeter: the palm could turn
+    /// about it.
+    pub fn is_palm_a_line(&self) -> bool {
+        const NEAR_M: f64 = 5e-4;
+        let points = || self.palm_points.iter().map(|&idx| &self.in_palm[idx]);
+        let Some(&first) = points().next() else {
+            return true;
+        };
+        let from_first = || points().map(|point| point - first);
+        let farthest = from_first().max_by(|a, b| a.norm().total_cmp(&b.norm()));
+        let Some(along) = farthest.and_then(|far| far.try_normalize(NEAR_M)) else {
+            return true;
+        };
+        from_first().all(|way| way.cross(&along).norm() < NEAR_M)
+    }
+
+    /// Returns the number of a ball among the solver's points.
+    pub fn ball_point(&self, ball: usize) -> usize {
+        self.points.len() + ball
+    }
+
+    /// Returns the number of a cluster's center among the solver's points.
+    pub fn cluster_point(&self, cluster: usize) -> usize {
+        self.points.len() + self.radii_m.len() + cluster
+    }
+
+    /// Returns the least distance of a joint to one of its limits, in radians (meters if prismatic);
+    /// a full turn if none is limited.
+    pub fn limit_margin(&self, q: &[f64]) -> f64 {
+        q.iter()
+            .zip(self.model.joints())
+            .map(|(q, joint)| (q - joint.lower).min(joint.upper - q))
+            .fold(std::f64::consts::TAU, f64::min)
+    }
+}
+
+fn large(shapes: balls::TooLarge) -> PostureError {
+    PostureError::LargeShapes { link: shapes.link }
+}
+
+/// Says whether a link is fixed to the root.
+fn is_palm(model: &RobotModel, link: usize) -> bool {
+    let mut next = Some(link);
+    while let Some(link) = next.and_then(|idx| model.links().get(idx)) {
+        if link.kind.is_some() {
+            return false;
+        }
+        next = link.parent;
+    }
+    true
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn robots_that_cannot_be_used_are_refused() {
+        let urdf = std::fs::read_to_string(fixture::URDF).unwrap();
+        assert!(Hand::check(&RobotModel::from_urdf(&urdf).unwrap()).is_ok());
+        let refused = |urdf: &str| {
+            let model = RobotModel::from_urdf(urdf).unwrap();
+            Hand::check(&model).unwrap_err()
+        };
+        // A file in millimeters: as many balls would fill the memory.
+        let size = "0.0408 0.113 0.095";
+        assert!(urdf.contains(size));
+        let err = refused(&urdf.replace(size, "40.8 113 95"));
+        assert!(err.to_string().contains("`base_link`"), "{err}");
+        assert!(err.hint().unwrap().contains("meters"));
+        let err = refused(&urdf.replace("joint_13.0", "joint,13"));
+        assert!(err.to_string().contains("`joint,13`"), "{err}");
+        let err = refused(&urdf.replace("\"revolute\"", "\"fixed\""));
+        assert!(err.to_string().contains("no joint"), "{err}");
+    }
+}

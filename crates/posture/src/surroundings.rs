@@ -1,0 +1,148 @@
+//! What the object and the table ask of the hand.
+
+use nalgebra::Point3;
+
+use crate::{Environment, Hand, Posed, Residual, SignedDistance, Terms};
+
+/// Factor on the size of a cluster that allows for the interpolation's slope above 1.
+const SLACK: f64 = 1.1;
+
+/// The residuals of one step: links inside the object, its clearance or the table's margin, and
+/// points that should be at a distance from the surface.
+#[derive(Clone)]
+pub struct Surroundings<'a> {
+    /// The hand.
+    pub hand: &'a Hand,
+    /// The object and the table.
+    pub environment: &'a Environment,
+    /// How links keep out of them.
+    pub keep_out: KeepOut,
+    /// What should be at a distance from the surface.
+    pub contacts: Vec<Contact>,
+}
+
+/// How links keep out of the object and the table; a weight multiplies a depth before it is squared, and 0
+/// disables its term.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KeepOut {
+    /// Weight of a depth inside the object's clearance.
+    pub object_weight: f64,
+    /// Distance from the object, in meters.
+    pub clearance_m: f64,
+    /// Weight of a depth inside the table's margin.
+    pub table_weight: f64,
+    /// Distance from the table, in meters.
+    pub table_margin_m: f64,
+}
+
+/// A point of the hand that should be at a distance from the object's surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Its number among [`Hand::points`].
+    pub point: usize,
+    /// The signed distance, in meters.
+    pub distance_m: f64,
+    /// Weight of the difference.
+    pub weight: f64,
+}
+
+impl Terms for Surroundings<'_> {
+    fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
+        let keep_out = self.keep_out;
+        for contact in &self.contacts {
+            if let Some(at) = posed.point(contact.point) {
+                let gap = self.environment.signed_distance(&at);
+                residuals.push(Residual {
+                    point: contact.point,
+                    direction: gap.away,
+                    residual: gap.distance_m - contact.distance_m,
+                    weight: contact.weight,
+                });
+            }
+        }
+        let mut push = |weight: f64, point: usize, gap: SignedDistance, needed_m: f64| {
+            residuals.push(Residual {
+                point,
+                direction: gap.away,
+                residual: gap.distance_m - needed_m,
+                weight,
+            });
+        };
+        if keep_out.table_weight > 0.0 {
+            self.each_near_ball(
+                posed,
+                |center| self.table_gap(center),
+                keep_out.table_margin_m,
+                |point, gap, needed_m| push(keep_out.table_weight, point, gap, needed_m),
+            );
+        }
+        if keep_out.object_weight > 0.0 {
+            self.each_near_ball(
+                posed,
+                |center| self.environment.signed_distance(center),
+                keep_out.clearance_m,
+                |point, gap, needed_m| push(keep_out.object_weight, point, gap, needed_m),
+            );
+        }
+    }
+}
+
+impl Surroundings<'_> {
+    /// Returns how far a point is from the table.
+    fn table_gap(&self, point: &Point3<f64>) -> SignedDistance {
+        SignedDistance {
+            distance_m: self.environment.height_m(point),
+            away: self.environment.up_in_object(),
+        }
+    }
+
+    /// Calls `found` with each ball's number among the solver's points whose center's gap is less
+    /// than its radius and `margin_m`, with that gap and the sum.
+    fn each_near_ball(
+        &self,
+        posed: &Posed<'_>,
+        gap: impl Fn(&Point3<f64>) -> SignedDistance,
+        margin_m: f64,
+        mut found: impl FnMut(usize, SignedDistance, f64),
+    ) {
+        let hand = self.hand;
+        for (idx, cluster) in hand.clusters.iter().enumerate() {
+            let Some(center) = posed.point(hand.cluster_point(idx)) else {
+                continue;
+            };
+            // A distance changes by no more than the way gone.
+            if gap(&center).distance_m > SLACK * cluster.radius_m + margin_m {
+                continue;
+            }
+            for ball in cluster.balls.clone() {
+                let point = hand.ball_point(ball);
+                let (Some(center), Some(radius_m)) = (posed.point(point), hand.radii_m.get(ball))
+                else {
+                    continue;
+                };
+                let (gap, needed_m) = (gap(&center), radius_m + margin_m);
+                if gap.distance_m < needed_m {
+                    found(point, gap, needed_m);
+                }
+            }
+        }
+    }
+
+    /// Returns the greatest depth of a link inside the object, in meters.
+    pub fn object_depth_m(&self, posed: &Posed<'_>) -> f64 {
+        self.depth_m(posed, |center| self.environment.signed_distance(center))
+    }
+
+    /// Returns the greatest depth of a link below the table, in meters.
+    pub fn table_depth_m(&self, posed: &Posed<'_>) -> f64 {
+        self.depth_m(posed, |center| self.table_gap(center))
+    }
+
+    fn depth_m(&self, posed: &Posed<'_>, gap: impl Fn(&Point3<f64>) -> SignedDistance) -> f64 {
+        let mut depth_m = 0.0_f64;
+        self.each_near_ball(posed, gap, 0.0, |_, gap, radius_m| {
+            depth_m = depth_m.max(radius_m - gap.distance_m);
+        });
+        depth_m
+    }
+}

@@ -1,0 +1,130 @@
+//! What is minimized: a sum of terms over points and joints.
+
+use nalgebra::{Point3, Vector3};
+
+use crate::{evaluate::Posed, posture::Posture};
+
+/// The function to minimize at one step of a motion:
+///
+/// `Σ wᵢ ρ(pᵢ − tᵢ) + s Σ ‖pᵢ − p′ᵢ‖² + c ‖q − q′‖² + a ‖q − r‖² + Σ (v r)²`
+///
+/// over targeted points `p` with targets `t`, where dashes mark the step solved before. The last sum
+/// is over the residuals that a [`Terms`] hands in.
+#[derive(Debug, Clone, Copy)]
+pub struct Task<'a> {
+    /// Where points should be.
+    pub targets: &'a [Target],
+    /// How a point's distance to its target counts.
+    pub loss: Loss,
+    /// What ties this step to the one solved before; `None` for the first.
+    pub smoothness: Option<Smoothness<'a>>,
+    /// What draws joints nothing else has a say in.
+    pub rest: Option<PosturePrior<'a>>,
+}
+
+/// Where a point should be.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Target {
+    /// The point, as numbered when the hand was compiled.
+    pub point: usize,
+    /// Its place in the object's frame, in meters.
+    pub at: Point3<f64>,
+    /// The factor `w` of its loss.
+    pub weight: f64,
+}
+
+/// How a point's distance to its target counts.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Loss {
+    /// The squared distance (Ye et al., 2023, §III-A), in m².
+    Squared,
+    /// Per axis, `d²/2β` up to `β` and `|d| − β/2` beyond (Girshick, "Fast R-CNN", 2015, §2.3;
+    /// dex-retargeting takes it with 0.02 m), in m.
+    SmoothL1 {
+        /// Where the parabola ends, in meters.
+        beta_m: f64,
+    },
+}
+
+/// What ties a step to the one solved before.
+#[derive(Debug, Clone, Copy)]
+pub struct Smoothness<'a> {
+    /// Where the targeted points were, in the order of the targets.
+    pub points: &'a [Point3<f64>],
+    /// The factor `s` of their squared motion: the paper's λ.
+    pub point_weight: f64,
+    /// The posture.
+    pub posture: &'a Posture,
+    /// The factor `c` of the joints' squared motion.
+    pub joint_weight: f64,
+    /// The factor of the root's squared motion: of its translation and of its angles, or of the one
+    /// angle between where it has none.
+    pub root_weight: f64,
+}
+
+/// What draws joints nothing else has a say in.
+#[derive(Debug, Clone, Copy)]
+pub struct PosturePrior<'a> {
+    /// Joint positions, in the model's order.
+    pub q: &'a [f64],
+    /// The factor `a` of the squared distance to them.
+    pub weight: f64,
+}
+
+/// A number that should be 0, at a point of the hand: `(weight * residual)²` is added to the cost.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Residual {
+    /// The point, as numbered when the hand was compiled.
+    pub point: usize,
+    /// How the residual changes with the point: its gradient by the point's place in the object's frame.
+    pub direction: Vector3<f64>,
+    /// The number.
+    pub residual: f64,
+    /// Its weight.
+    pub weight: f64,
+}
+
+/// Terms that depend on what is around the hand.
+pub trait Terms {
+    /// Adds the residuals at a posture to `residuals`, which comes empty.
+    ///
+    /// It is asked once for each posture that is tried. The residuals must depend on the posture
+    /// alone and be continuous; a residual that would be 0 may be left out.
+    fn residuals(&mut self, hand: &Posed<'_>, residuals: &mut Vec<Residual>);
+}
+
+/// Nothing is around the hand.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct NoTerms;
+
+impl Terms for NoTerms {
+    fn residuals(&mut self, _hand: &Posed<'_>, _residuals: &mut Vec<Residual>) {}
+}
+
+impl<F: FnMut(&Posed<'_>, &mut Vec<Residual>)> Terms for F {
+    fn residuals(&mut self, hand: &Posed<'_>, residuals: &mut Vec<Residual>) {
+        self(hand, residuals);
+    }
+}
+
+impl Loss {
+    /// Returns the loss of a difference along one axis, its derivative, its second derivative, and
+    /// a curvature at which a parabola with this value and derivative lies above it everywhere.
+    #[inline]
+    pub(crate) fn at(self, difference: f64) -> [f64; 4] {
+        match self {
+            Self::Squared => [difference * difference, 2.0 * difference, 2.0, 2.0],
+            Self::SmoothL1 { beta_m } => {
+                let size = difference.abs();
+                if size < beta_m {
+                    let curvature = 1.0 / beta_m;
+                    let slope = difference * curvature;
+                    [0.5 * difference * slope, slope, curvature, curvature]
+                } else {
+                    let slope = 1.0_f64.copysign(difference);
+                    [size - 0.5 * beta_m, slope, 0.0, 1.0 / size]
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,609 @@
+//! The solver against central differences, a dense solver and hands made up for it.
+
+use nalgebra::{DMatrix, DVector, Point3, Vector3};
+use proptest::prelude::*;
+use robot::RobotModel;
+use spatial::{Palm, Pose};
+
+use crate::{
+    evaluate::{Evaluation, State},
+    moments::Order,
+    *,
+};
+
+/// A joint of a made-up hand: parent link, kind, axis, limits and what it mimics.
+type MadeJoint = (
+    usize,
+    &'static str,
+    [f64; 3],
+    (f64, f64),
+    Option<(usize, f64, f64)>,
+);
+
+/// A hand with a wrist of two joints, three fingers of unlike length, a sliding joint, one without
+/// limits, a mimicking joint in its own finger and one in another finger.
+const JOINTS: [MadeJoint; 12] = [
+    (0, "revolute", [0.0, 1.0, 0.0], (-0.5, 0.4), None),
+    (1, "revolute", [1.0, 0.0, 0.0], (-0.6, 0.6), None),
+    (2, "revolute", [0.0, 0.0, -1.0], (-0.4, 0.4), None),
+    (3, "revolute", [0.3, 1.0, 0.2], (-0.2, 1.6), None),
+    (
+        4,
+        "revolute",
+        [0.0, 1.0, 0.0],
+        (-0.2, 1.6),
+        Some((3, 0.8, 0.1)),
+    ),
+    (2, "prismatic", [0.0, 1.0, 1.0], (-0.02, 0.03), None),
+    (6, "continuous", [0.0, 1.0, 0.0], (0.0, 0.0), None),
+    (
+        7,
+        "revolute",
+        [0.0, 1.0, 0.0],
+        (-0.2, 1.6),
+        Some((3, -0.5, 0.3)),
+    ),
+    (2, "revolute", [1.0, 0.0, 0.0], (0.1, 1.2), None),
+    (9, "revolute", [0.0, 1.0, 0.0], (-0.2, 1.4), None),
+    (10, "revolute", [0.0, 1.0, 0.0], (-0.2, 1.4), None),
+    (11, "revolute", [0.0, 0.0, 1.0], (-0.2, 1.4), None),
+];
+
+fn made_up() -> RobotModel {
+    let mut xml = "<robot name=\"made_up\"><link name=\"l0\"/>".to_owned();
+    for (idx, (parent, kind, axis, (lower, upper), mimic)) in JOINTS.iter().enumerate() {
+        let n = idx + 1;
+        let spread = 0.03 * (n as f64 * 1.7).sin();
+        let mimic = mimic.map_or(String::new(), |(joint, multiplier, offset)| {
+            format!("<mimic joint=\"j{joint}\" multiplier=\"{multiplier}\" offset=\"{offset}\"/>")
+        });
+        let limit = if *kind == "continuous" {
+            String::new()
+        } else {
+            format!("<limit lower=\"{lower}\" upper=\"{upper}\" effort=\"1\" velocity=\"1\"/>")
+        };
+        xml += &format!(
+            "<link name=\"l{n}\"/><joint name=\"j{idx}\" type=\"{kind}\">\
+             <origin xyz=\"{spread} {} 0.04\" rpy=\"{spread} 0.2 {}\"/>\
+             <parent link=\"l{parent}\"/><child link=\"l{n}\"/>\
+             <axis xyz=\"{} {} {}\"/>{limit}{mimic}</joint>",
+            -0.5 * spread,
+            4.0 * spread,
+            axis[0],
+            axis[1],
+            axis[2],
+        );
+    }
+    RobotModel::from_urdf(&(xml + "</robot>")).unwrap()
+}
+
+/// The points of the made-up hand: the tip and the middle of each finger, one on the wrist, one on
+/// the root.
+fn attached(model: &RobotModel) -> Vec<(usize, Point3<f64>)> {
+    [
+        ("l5", 0.03),
+        ("l4", 0.0),
+        ("l8", 0.04),
+        ("l6", 0.01),
+        ("l12", 0.03),
+        ("l10", 0.0),
+        ("l1", 0.02),
+        ("l0", -0.05),
+    ]
+    .iter()
+    .map(|&(link, z)| {
+        (
+            model.require_link(link).unwrap(),
+            Point3::new(0.004, -0.002, z),
+        )
+    })
+    .collect()
+}
+
+/// Everything that a task can ask, about a posture.
+#[derive(Debug, Clone)]
+struct Case {
+    targets: Vec<Target>,
+    before: Posture,
+    points: Vec<Point3<f64>>,
+    rest: Vec<f64>,
+    at: Posture,
+    direction: Vector3<f64>,
+}
+
+fn unit() -> impl Strategy<Value = f64> {
+    -1.0..1.0_f64
+}
+
+fn vector(reach: f64) -> impl Strategy<Value = Vector3<f64>> {
+    prop::array::uniform3(-reach..reach).prop_map(Vector3::from)
+}
+
+fn posture(turn: f64) -> impl Strategy<Value = Posture> {
+    let q = prop::collection::vec(unit(), made_up().dof());
+    (vector(0.1), vector(turn), q).prop_map(|(along, turn, q)| {
+        let model = made_up();
+        let q = q.iter().zip(model.joints());
+        let q = q
+            .map(|(x, joint)| {
+                let (lower, upper) = (joint.lower.max(-1.0), joint.upper.min(1.0));
+                lower + 0.5 * (x + 1.0) * (upper - lower)
+            })
+            .collect();
+        Posture {
+            root: RootPose::from_angles(along, turn),
+            q,
+        }
+    })
+}
+
+fn case(noise: f64) -> impl Strategy<Value = Case> {
+    let n = attached(&made_up()).len();
+    let offsets = || prop::collection::vec(vector(noise), n);
+    let weights = prop::collection::vec(0.1..2.0_f64, n);
+    (
+        posture(1.2),
+        posture(1.2),
+        offsets(),
+        offsets(),
+        weights,
+        vector(1.0),
+    )
+        .prop_map(|(at, before, to, from, weights, direction)| {
+            let model = made_up();
+            let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
+            let mut solver = Solver::new(&hand);
+            solver.place(&EMPTY_TASK, &at, &mut NoTerms).unwrap();
+            let place = |point: usize| solver.posed().point(point).unwrap();
+            let targets = to.iter().zip(&weights).enumerate();
+            Case {
+                targets: targets
+                    .map(|(point, (to, &weight))| Target {
+                        point,
+                        at: place(point) + to,
+                        weight,
+                    })
+                    .collect(),
+                points: from
+                    .iter()
+                    .enumerate()
+                    .map(|(point, from)| place(point) + from)
+                    .collect(),
+                rest: before.q.iter().map(|q| q * 0.5).collect(),
+                before,
+                at,
+                direction: direction.try_normalize(1e-3).unwrap_or(Vector3::x()),
+            }
+        })
+}
+
+const EMPTY_TASK: Task<'static> = Task {
+    targets: &[],
+    loss: Loss::Squared,
+    smoothness: None,
+    rest: None,
+};
+
+impl Case {
+    fn task(&self, loss: Loss) -> Task<'_> {
+        Task {
+            targets: &self.targets,
+            loss,
+            smoothness: Some(Smoothness {
+                points: &self.points,
+                point_weight: 0.2,
+                posture: &self.before,
+                joint_weight: 4e-3,
+                root_weight: 3e-3,
+            }),
+            rest: Some(PosturePrior {
+                q: &self.rest,
+                weight: 1e-3,
+            }),
+        }
+    }
+
+    /// Two walls, each known by its distance from a point.
+    fn terms(&self) -> impl Terms + use<> {
+        let (a, b) = (self.direction, Vector3::new(0.6, 0.0, -0.8));
+        move |hand: &Posed<'_>, residuals: &mut Vec<Residual>| {
+            for (point, direction, weight) in [(0, a, 1.5), (4, b, 0.7), (6, a, 0.4)] {
+                let residual = hand.point(point).unwrap().coords.dot(&direction) + 0.02;
+                residuals.push(Residual {
+                    point,
+                    direction,
+                    residual,
+                    weight,
+                });
+            }
+        }
+    }
+}
+
+/// Returns the state moved by a step in the unknowns' coordinates.
+fn moved(hand: &CompiledHand, state: &State, step: &[f64]) -> State {
+    let (root, joints) = step.split_at(hand.layout.n_root);
+    let mut moved = state.clone();
+    if let &[x, y, z, a, b, c] = root {
+        let (along, turn) = (Vector3::new(x, y, z), Vector3::new(a, b, c));
+        moved.root = match hand.root {
+            Root::Angles => {
+                RootPose::from_angles(state.root.translation + along, state.root.angles + turn)
+            }
+            Root::Free | Root::Fixed => state.root.turned(along, turn),
+        };
+    }
+    for (q, step) in moved.q.iter_mut().zip(joints) {
+        *q += step;
+    }
+    moved
+}
+
+/// Returns the gradient and the whole Hessian.
+fn derivatives(evaluation: &Evaluation<'_>) -> (DVector<f64>, DMatrix<f64>) {
+    let layout = &evaluation.hand.layout;
+    let n = layout.n;
+    let mut hessian = DMatrix::zeros(n, n);
+    for u in 0..n {
+        let (mut unit, mut column) = (vec![0.0; n], vec![0.0; n]);
+        unit[u] = 1.0;
+        layout.product(&evaluation.hessian, &unit, &mut column);
+        hessian.set_column(u, &DVector::from_vec(column));
+    }
+    (DVector::from_column_slice(&evaluation.gradient), hessian)
+}
+
+/// Compares gradient and Hessian with central differences of the cost and of the gradient.
+fn check_derivatives(case: &Case, root: Root, loss: Loss) -> Result<(), TestCaseError> {
+    const STEP: f64 = 1e-5;
+    let model = made_up();
+    let hand = CompiledHand::new(&model, root, &attached(&model)).unwrap();
+    let n = hand.unknowns();
+    let task = case.task(loss);
+    let mut terms = case.terms();
+    let mut evaluation = Evaluation::new(&hand);
+    let q = hand.layout.joints.iter().map(|&j| case.at.q[j]).collect();
+    let state = State {
+        root: case.at.root,
+        q,
+    };
+    let mut at = |step: &[f64]| {
+        let state = moved(&hand, &state, step);
+        let cost = evaluation.cost(&state, &task, &mut terms);
+        evaluation.differentiate(&state, &task, Order::Exact);
+        let (gradient, hessian) = derivatives(&evaluation);
+        (cost, gradient, hessian)
+    };
+    let (_, gradient, hessian) = at(&vec![0.0; n]);
+    let mut numeric = (DVector::zeros(n), DMatrix::zeros(n, n));
+    for u in 0..n {
+        let mut step = vec![0.0; n];
+        step[u] = STEP;
+        let ahead = at(&step);
+        step[u] = -STEP;
+        let behind = at(&step);
+        numeric.0[u] = (ahead.0 - behind.0) / (2.0 * STEP);
+        numeric
+            .1
+            .set_column(u, &((ahead.1 - behind.1) / (2.0 * STEP)));
+    }
+    let error = (&gradient - &numeric.0).norm();
+    prop_assert!(
+        error < 1e-7 * (1.0 + gradient.norm()),
+        "gradient off by {error:e}"
+    );
+    // Gradients at two orientations are along two sets of axes; what that adds is antisymmetric.
+    let symmetric = (&numeric.1 + numeric.1.transpose()) * 0.5;
+    let error = (&hessian - &symmetric).norm();
+    prop_assert!(
+        error < 1e-5 * (1.0 + hessian.norm()),
+        "Hessian off by {error:e} of {:e}\n{:.4}",
+        hessian.norm(),
+        &hessian - &symmetric
+    );
+    Ok(())
+}
+
+proptest! {
+    /// To 1e-7 and 1e-5 of their size. A kink of the loss within a step would be seen, and is rare.
+    #[test]
+    fn derivatives_of_all_terms_are_right(case in case(0.05), root in 0..3_usize, smooth in any::<bool>()) {
+        let root = [Root::Fixed, Root::Free, Root::Angles][root];
+        let loss = if smooth { Loss::SmoothL1 { beta_m: 0.02 } } else { Loss::Squared };
+        let mut case = case;
+        // The logarithm's second derivative is exact for small turns only.
+        case.before.root = case.at.root.turned(Vector3::new(0.01, 0.0, 0.02), case.direction * 0.05);
+        let near_kink = case.targets.iter().enumerate().any(|(idx, target)| {
+            let offset = case.targets[idx].at - place_of(&case.at, root, target.point);
+            offset.iter().any(|x| (x.abs() - 0.02).abs() < 1e-4)
+        });
+        prop_assume!(!near_kink);
+        check_derivatives(&case, root, loss)?;
+    }
+
+    /// From anywhere, limits hold and the cost only falls.
+    #[test]
+    fn answers_are_within_limits(case in case(0.2), start in posture(3.0), root in 0..3_usize) {
+        let root = [Root::Fixed, Root::Free, Root::Angles][root];
+        let model = made_up();
+        let hand = CompiledHand::new(&model, root, &attached(&model)).unwrap();
+        let mut solver = Solver::new(&hand);
+        let task = case.task(Loss::Squared);
+        let before = solver.place(&task, &start, &mut case.terms()).unwrap();
+        let mut found = start.clone();
+        let outcome = solver.minimize(&task, &mut found, &OPTIONS, &mut case.terms()).unwrap();
+        prop_assert!(outcome.cost <= before && outcome.converged, "{before} {outcome:?}");
+        for (joint, q) in model.joints().iter().zip(&found.q) {
+            prop_assert!((joint.lower..=joint.upper).contains(q), "{} at {q}", joint.name);
+        }
+        let again = solver.place(&task, &found, &mut case.terms()).unwrap();
+        prop_assert!((again - outcome.cost).abs() < 1e-12 * again.max(1e-3));
+        if root == Root::Fixed {
+            prop_assert_eq!(found.root, start.root);
+        }
+        let held = SearchOptions { wrist: Wrist::Held, ..OPTIONS };
+        let mut kept = start.clone();
+        let held = solver.minimize(&task, &mut kept, &held, &mut case.terms()).unwrap();
+        prop_assert!(held.converged && held.cost <= before);
+        prop_assert_eq!(kept.root, start.root);
+    }
+
+    /// Near an answer, the minimum is the one that a dense solver with the model's own kinematics
+    /// finds.
+    #[test]
+    fn agrees_with_a_dense_solver(case in case(0.01)) {
+        let model = made_up();
+        let hand = CompiledHand::new(&model, Root::Fixed, &attached(&model)).unwrap();
+        let mut solver = Solver::new(&hand);
+        let task = Task {
+            smoothness: None,
+            rest: Some(PosturePrior { q: &case.rest, weight: 1e-3 }),
+            ..case.task(Loss::Squared)
+        };
+        let mut found = case.at.clone();
+        let outcome = solver.minimize(&task, &mut found, &OPTIONS, &mut NoTerms).unwrap();
+        let reference = dense(&model, &case);
+        prop_assert!((outcome.cost - reference).abs() < 1e-6 * reference + 1e-12, "{} {reference}", outcome.cost);
+    }
+}
+
+const OPTIONS: SearchOptions = SearchOptions {
+    tolerance: 1e-12,
+    least_decrease: 1e-16,
+    max_iterations: 2000,
+    wrist: Wrist::Moves,
+};
+
+fn place_of(posture: &Posture, root: Root, point: usize) -> Point3<f64> {
+    let model = made_up();
+    let hand = CompiledHand::new(&model, root, &attached(&model)).unwrap();
+    let mut solver = Solver::new(&hand);
+    solver.place(&EMPTY_TASK, posture, &mut NoTerms).unwrap();
+    solver.posed().point(point).unwrap()
+}
+
+/// Minimizes squared distances and rest by projected, damped Gauss-Newton steps on dense matrices,
+/// one joint at a time where limits hold; returns the cost.
+fn dense(model: &RobotModel, case: &Case) -> f64 {
+    let points = attached(model);
+    let object_from_palm = case.at.root.pose();
+    let dof = model.dof();
+    let cost_and_model = |q: &DVector<f64>| {
+        let palm_from_links = model.forward_kinematics::<Palm>(q.as_slice()).unwrap();
+        let mut cost = 0.0;
+        let (mut gradient, mut hessian) = (DVector::zeros(dof), DMatrix::zeros(dof, dof));
+        for target in &case.targets {
+            let (link, offset) = points[target.point];
+            let at = palm_from_links[link] * offset;
+            let away = at - object_from_palm.inverse_transform_point(&target.at);
+            cost += target.weight * away.norm_squared();
+            let jacobian = model.geometric_jacobian(&palm_from_links, link, &at);
+            let jacobian = jacobian.fixed_rows::<3>(0);
+            gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
+            hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
+        }
+        for j in 0..dof {
+            let away = q[j] - case.rest[j];
+            cost += 1e-3 * away * away;
+            gradient[j] += 2e-3 * away;
+            hessian[(j, j)] += 2e-3;
+        }
+        (cost, gradient, hessian)
+    };
+    let clamp = |q: &DVector<f64>| {
+        DVector::from_fn(dof, |j, _| {
+            q[j].clamp(model.joints()[j].lower, model.joints()[j].upper)
+        })
+    };
+    let mut q = clamp(&DVector::from_column_slice(&case.at.q));
+    let mut damping = 1e-3;
+    let (mut cost, mut gradient, mut hessian) = cost_and_model(&q);
+    for _ in 0..3000 {
+        let mut matrix = hessian.clone();
+        let mut right = -gradient.clone();
+        for j in 0..dof {
+            let (lower, upper) = (model.joints()[j].lower, model.joints()[j].upper);
+            let is_held =
+                (q[j] <= lower && gradient[j] > 0.0) || (q[j] >= upper && gradient[j] < 0.0);
+            if is_held {
+                matrix.row_mut(j).fill(0.0);
+                matrix.column_mut(j).fill(0.0);
+                right[j] = 0.0;
+            }
+            matrix[(j, j)] += if is_held { 1.0 } else { damping };
+        }
+        let step = matrix.cholesky().unwrap().solve(&right);
+        let trial = clamp(&(&q + step));
+        let at_trial = cost_and_model(&trial);
+        if at_trial.0 < cost {
+            q = trial;
+            (cost, gradient, hessian) = at_trial;
+            damping = (damping * 0.5).max(1e-9);
+        } else {
+            damping *= 4.0;
+            if damping > 1e6 {
+                break;
+            }
+        }
+    }
+    cost
+}
+
+#[test]
+fn fingers_are_blocks_and_shared_columns_are_the_trunk() {
+    let model = made_up();
+    let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
+    let names = model.joint_names();
+    let names: Vec<&str> = hand
+        .layout
+        .joints
+        .iter()
+        .map(|&j| names[j].as_str())
+        .collect();
+    // Joint 3 is mimicked in another finger; 4 and 7 mimic.
+    assert_eq!(names[..3], ["j0", "j1", "j3"]);
+    assert_eq!((hand.layout.n_trunk, hand.layout.n), (9, 16));
+    let lengths: Vec<usize> = hand.layout.fingers.iter().map(|&(_, len)| len).collect();
+    assert_eq!(lengths, [1, 2, 4]);
+}
+
+/// A finger that is bent the wrong way, with its last joint at a limit, finds the other bend.
+#[test]
+fn lower_cost_flexion_is_found() {
+    let joint = |n: usize, z: f64| {
+        format!(
+            "<link name=\"l{n}\"/><joint name=\"j{n}\" type=\"revolute\"><origin xyz=\"0 0 {z}\"/>\
+             <parent link=\"l{}\"/><child link=\"l{n}\"/><axis xyz=\"0 1 0\"/>\
+             <limit lower=\"-0.2\" upper=\"1.6\" effort=\"1\" velocity=\"1\"/></joint>",
+            n - 1
+        )
+    };
+    let xml = format!(
+        "<robot name=\"finger\"><link name=\"l0\"/>{}{}</robot>",
+        joint(1, 0.0),
+        joint(2, 0.05)
+    );
+    let model = RobotModel::from_urdf(&xml).unwrap();
+    let hand = CompiledHand::new(&model, Root::Fixed, &[(2, Point3::new(0.0, 0.0, 0.04))]).unwrap();
+    let mut solver = Solver::new(&hand);
+    let reached = Posture::new(&Pose::identity(), vec![0.1, 1.2]);
+    solver.place(&EMPTY_TASK, &reached, &mut NoTerms).unwrap();
+    let target = Target {
+        point: 0,
+        at: solver.posed().point(0).unwrap(),
+        weight: 1.0,
+    };
+    let task = Task {
+        targets: &[target],
+        ..EMPTY_TASK
+    };
+    let start = Posture::new(&Pose::identity(), vec![1.4, -0.2]);
+    let mut stuck = start.clone();
+    let poor = solver
+        .minimize(&task, &mut stuck, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert!(poor.cost > 1e-5 && stuck.q[1] == -0.2, "{poor:?} {stuck:?}");
+    let mut found = start;
+    let outcome = solver
+        .minimize_and_unbend(&task, &mut found, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert!(
+        outcome.cost < 1e-12 && (found.q[1] - 1.2).abs() < 1e-5,
+        "{outcome:?} {found:?}"
+    );
+}
+
+#[test]
+fn one_sided_fingers_are_searched_once() {
+    // One joint is locked, one has a single limit: it follows a joint by next to nothing.
+    let xml = r#"<robot name="finger"><link name="l0"/><link name="l1"/><link name="l2"/><link name="l3"/>
+        <joint name="locked" type="revolute"><parent link="l0"/><child link="l1"/><axis xyz="0 1 0"/>
+            <limit lower="0" upper="0" effort="1" velocity="1"/></joint>
+        <joint name="half" type="continuous"><origin xyz="0 0 0.05"/><parent link="l1"/><child link="l2"/>
+            <axis xyz="0 1 0"/></joint>
+        <joint name="follower" type="revolute"><parent link="l0"/><child link="l3"/><axis xyz="0 1 0"/>
+            <limit lower="0" upper="1" effort="1" velocity="1"/><mimic joint="half" multiplier="1e-320"/></joint>
+        </robot>"#;
+    let model = RobotModel::from_urdf(xml).unwrap();
+    let half = &model.joints()[1];
+    assert_eq!((half.lower, half.upper), (0.0, f64::INFINITY));
+    let hand = CompiledHand::new(&model, Root::Fixed, &[(2, Point3::new(0.0, 0.0, 0.04))]).unwrap();
+    let mut solver = Solver::new(&hand);
+    let target = Target {
+        point: 0,
+        at: Point3::new(-0.02, 0.0, 0.08),
+        weight: 1.0,
+    };
+    let task = Task {
+        targets: &[target],
+        ..EMPTY_TASK
+    };
+    let start = Posture::new(&Pose::identity(), vec![0.0, 0.3]);
+    let mut once = start.clone();
+    let searched = solver
+        .minimize(&task, &mut once, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert_eq!(once.q, [0.0, 0.0]);
+    let mut unbent = start;
+    let outcome = solver
+        .minimize_and_unbend(&task, &mut unbent, &OPTIONS, &mut NoTerms)
+        .unwrap();
+    assert_eq!((unbent, outcome), (once, searched));
+}
+
+#[test]
+fn refuses_tasks_that_do_not_fit_the_hand() {
+    let model = made_up();
+    let hand = CompiledHand::new(&model, Root::Free, &attached(&model)).unwrap();
+    let mut solver = Solver::new(&hand);
+    let start = Posture::new(&Pose::identity(), vec![0.2; model.dof()]);
+    let target = Target {
+        point: 0,
+        at: Point3::origin(),
+        weight: 1.0,
+    };
+    let mut check = |target: Target, posture: &Posture, expected: &str| {
+        let task = Task {
+            targets: &[target],
+            ..EMPTY_TASK
+        };
+        let err = solver
+            .minimize(&task, &mut posture.clone(), &OPTIONS, &mut NoTerms)
+            .unwrap_err();
+        assert_eq!(err.to_string(), expected);
+    };
+    let nowhere = Point3::new(0.0, f64::NAN, 0.0);
+    check(
+        Target {
+            at: nowhere,
+            ..target
+        },
+        &start,
+        "target 0 is not a usable number",
+    );
+    check(
+        Target {
+            weight: -1.0,
+            ..target
+        },
+        &start,
+        "a target's weight is not a usable number",
+    );
+    check(
+        Target { point: 8, ..target },
+        &start,
+        "no point 8, 8 are attached",
+    );
+    let short = Posture {
+        q: vec![0.0; 2],
+        ..start.clone()
+    };
+    check(target, &short, "2 joint positions, expected 10");
+    let mut lost = start;
+    lost.q[1] = f64::INFINITY;
+    check(target, &lost, "a joint position is not a usable number");
+    assert_eq!(
+        CompiledHand::new(&model, Root::Free, &[(99, Point3::origin())]).unwrap_err(),
+        SolverError::NoLink { link: 99 }
+    );
+}

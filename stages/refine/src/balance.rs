@@ -1,0 +1,324 @@
+//! Whether fingertips can press on an object so that their forces balance.
+
+use nalgebra::{Matrix3, Matrix6x3, Point3, Unit, Vector3, Vector6};
+use posture::{Environment, Posed, Residual};
+
+/// Distance over which a surface's normal is averaged, and differences of it are taken, in meters.
+const NEAR_M: f64 = 0.003;
+/// Directions of friction about a normal.
+const EDGES: usize = 6;
+/// The object's weight relative to the force with which the thumb presses.
+const OBJECT_WEIGHT: f64 = 0.3;
+/// Sweeps over all forces.
+const SWEEPS: usize = 60;
+
+/// A tip that should touch the object.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Fingertip {
+    /// Its number among the solver's points.
+    pub(crate) point: usize,
+    /// Radius of the ball about it, in meters.
+    pub(crate) radius_m: f64,
+    pub(crate) is_thumb: bool,
+}
+
+/// The term of forces: of all forces within the cones of friction with which the thumb presses with 1 and the
+/// object is carried, those that leave least over; what they leave is the residual.
+pub(crate) struct Balance<'a> {
+    environment: &'a Environment,
+    center_in_object: Point3<f64>,
+    tips: Vec<Fingertip>,
+    friction: f64,
+    weight: f64,
+}
+
+/// A tip on the surface.
+struct ContactPoint {
+    /// Outward normal of the surface.
+    normal: Vector3<f64>,
+    /// How the normal changes with the tip's place.
+    curvature: Matrix3<f64>,
+    /// From the center of mass to the contact, in meters.
+    arm: Vector3<f64>,
+}
+
+impl<'a> Balance<'a> {
+    /// Returns the term; `None` unless the thumb and a finger touch.
+    pub(crate) fn new(
+        environment: &'a Environment,
+        center_in_object: Point3<f64>,
+        tips: Vec<Fingertip>,
+        friction: f64,
+        weight: f64,
+    ) -> Option<Self> {
+        let touches = |thumb: bool| tips.iter().any(|tip| tip.is_thumb == thumb);
+        (touches(true) && touches(false)).then_some(Self {
+            environment,
+            center_in_object,
+            tips,
+            friction,
+            weight,
+        })
+    }
+
+    /// Adds the residuals: for each tip the six numbers of what is left over, by the tip's place.
+    pub(crate) fn residuals(&self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
+        let pressing = self.tips.iter().map(|tip| {
+            let at = posed.point(tip.point)?;
+            self.pressing(&at, tip.radius_m)
+        });
+        let Some(pressing) = pressing.collect::<Option<Vec<ContactPoint>>>() else {
+            return;
+        };
+        let arms = pressing.iter().map(|tip| tip.arm.norm());
+        let characteristic_length_m = (arms.sum::<f64>() / pressing.len() as f64).max(NEAR_M);
+        let (forces, residual_wrench) = self.balanced(&pressing, characteristic_length_m);
+        for ((tip, pressing), force) in self.tips.iter().zip(&pressing).zip(&forces) {
+            let jacobian = wrench_jacobian(pressing, force, tip.radius_m, characteristic_length_m);
+            for (row, residual) in residual_wrench.iter().enumerate() {
+                residuals.push(Residual {
+                    point: tip.point,
+                    direction: jacobian.row(row).transpose(),
+                    residual: *residual,
+                    weight: self.weight,
+                });
+            }
+        }
+    }
+
+    /// Returns the force of each tip on the object, and the force and torque over `characteristic_length_m` that are left over.
+    fn balanced(
+        &self,
+        pressing: &[ContactPoint],
+        characteristic_length_m: f64,
+    ) -> (Vec<Vector3<f64>>, Vector6<f64>) {
+        let mut cone_edges: Vec<(usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
+        for (idx, tip) in pressing.iter().enumerate() {
+            let normal = Unit::new_unchecked(tip.normal);
+            let side = if normal.x.abs() < 0.7 {
+                normal.cross(&Vector3::x()).normalize()
+            } else {
+                normal.cross(&Vector3::y()).normalize()
+            };
+            let other = normal.cross(&side);
+            for edge in 0..EDGES {
+                let angle = std::f64::consts::TAU * edge as f64 / EDGES as f64;
+                let along = side * angle.cos() + other * angle.sin();
+                let force = along * self.friction - tip.normal;
+                let torque = tip.arm.cross(&force) / characteristic_length_m;
+                let wrench = Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z);
+                cone_edges.push((idx, force, wrench));
+            }
+        }
+        let carried = self.environment.up_in_object() * OBJECT_WEIGHT;
+        let mut residual_wrench = Vector6::zeros();
+        residual_wrench.fixed_rows_mut::<3>(0).copy_from(&-carried);
+        let of_thumb: Vec<usize> = (0..cone_edges.len())
+            .filter(|&edge| self.tips[cone_edges[edge].0].is_thumb)
+            .collect();
+        // The thumb's forces have a sum of 1 from the start, and keep it: what one gains another loses.
+        let mut sizes = vec![0.0_f64; cone_edges.len()];
+        for &edge in &of_thumb {
+            sizes[edge] = 1.0 / of_thumb.len() as f64;
+            residual_wrench += cone_edges[edge].2 * sizes[edge];
+        }
+        for _ in 0..SWEEPS {
+            for (n, &gains) in of_thumb.iter().enumerate() {
+                for &loses in &of_thumb[..n] {
+                    let exchange = cone_edges[gains].2 - cone_edges[loses].2;
+                    // Without friction all cone_edges of a tip are one.
+                    if exchange.norm_squared() < f64::EPSILON {
+                        continue;
+                    }
+                    let step = -exchange.dot(&residual_wrench) / exchange.norm_squared();
+                    let step = step.clamp(-sizes[gains], sizes[loses]);
+                    sizes[gains] += step;
+                    sizes[loses] -= step;
+                    residual_wrench += exchange * step;
+                }
+            }
+            for ((tip, _, wrench), size) in cone_edges.iter().zip(&mut sizes) {
+                if self.tips[*tip].is_thumb {
+                    continue;
+                }
+                let step = (-wrench.dot(&residual_wrench) / wrench.norm_squared()).max(-*size);
+                *size += step;
+                residual_wrench += wrench * step;
+            }
+        }
+        let mut forces = vec![Vector3::zeros(); pressing.len()];
+        for ((idx, force, _), size) in cone_edges.iter().zip(&sizes) {
+            forces[*idx] += force * *size;
+        }
+        (forces, residual_wrench)
+    }
+
+    fn pressing(&self, at: &Point3<f64>, radius_m: f64) -> Option<ContactPoint> {
+        let normal = self.normal(at)?;
+        let mut curvature = Matrix3::zeros();
+        for axis in 0..3 {
+            let mut offset = Vector3::zeros();
+            offset[axis] = NEAR_M;
+            let change = self.normal(&(at + offset))? - self.normal(&(at - offset))?;
+            curvature.set_column(axis, &(change / (2.0 * NEAR_M)));
+        }
+        Some(ContactPoint {
+            normal,
+            curvature,
+            arm: at - normal * radius_m - self.center_in_object,
+        })
+    }
+
+    /// Returns the outward normal about a point; `None` in the middle of a thing, where there is none.
+    fn normal(&self, at: &Point3<f64>) -> Option<Vector3<f64>> {
+        let mut sum = Vector3::zeros();
+        for axis in 0..3 {
+            let mut offset = Vector3::zeros();
+            offset[axis] = NEAR_M;
+            sum += self.environment.signed_distance(&(at + offset)).away;
+            sum += self.environment.signed_distance(&(at - offset)).away;
+        }
+        sum.try_normalize(1e-6)
+    }
+}
+
+/// Returns how force and torque of a tip change with its place while it presses as strongly.
+///
+/// The directions of friction are taken to stay where they are; in truth they turn with the normal.
+fn wrench_jacobian(
+    pressing: &ContactPoint,
+    force: &Vector3<f64>,
+    radius_m: f64,
+    characteristic_length_m: f64,
+) -> Matrix6x3<f64> {
+    let size = -force.dot(&pressing.normal);
+    let force_jacobian = pressing.curvature * -size;
+    let arm_jacobian = Matrix3::identity() - pressing.curvature * radius_m;
+    let torque_jacobian =
+        pressing.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
+    let mut jacobian = Matrix6x3::zeros();
+    jacobian.fixed_rows_mut::<3>(0).copy_from(&force_jacobian);
+    jacobian
+        .fixed_rows_mut::<3>(3)
+        .copy_from(&(torque_jacobian / characteristic_length_m));
+    jacobian
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture;
+
+    const RADIUS_M: f64 = 0.01;
+
+    /// Returns what tips at these places leave over, of which the first is the thumb's.
+    fn left_over(places: &[[f64; 3]], friction: f64) -> f64 {
+        let environment = fixture::environment();
+        let tips = (0..places.len()).map(|point| Fingertip {
+            point,
+            radius_m: RADIUS_M,
+            is_thumb: point == 0,
+        });
+        let balance = Balance::new(
+            &environment,
+            Point3::origin(),
+            tips.collect(),
+            friction,
+            1.0,
+        )
+        .unwrap();
+        let pressing = places
+            .iter()
+            .map(|place| balance.pressing(&Point3::from(*place), RADIUS_M));
+        let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
+        let (_, residual_wrench) = balance.balanced(&pressing, 0.04);
+        residual_wrench.norm()
+    }
+
+    #[test]
+    fn opposed_tips_balance_and_tips_on_one_side_do_not() {
+        let [x, y, _] = fixture::BOX_HALF_M;
+        let beside = x + RADIUS_M;
+        let opposed = left_over(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.3);
+        assert!(opposed < 0.02, "{opposed}");
+        // Without friction nothing carries the weight.
+        let smooth = left_over(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.0);
+        assert!((smooth - OBJECT_WEIGHT).abs() < 0.02, "{smooth}");
+        // Forces apart by 3 cm turn the box; a third tip opposite their middle balances them.
+        let turning = left_over(&[[-beside, 0.0, 0.0], [beside, 0.03, 0.0]], 0.1);
+        assert!(turning > 0.2, "{turning}");
+        let tips = [
+            [-beside, 0.0, 0.0],
+            [beside, 0.03, 0.0],
+            [beside, -0.03, 0.0],
+        ];
+        let three = left_over(&tips, 0.3);
+        assert!(three < 0.02, "{three}");
+        let same_side = left_over(&[[-beside, 0.02, 0.0], [-beside, -0.02, 0.0]], 0.3);
+        let across = left_over(&[[-beside, 0.0, 0.0], [0.0, y + RADIUS_M, 0.0]], 0.3);
+        assert!(same_side > 0.9 && across > 0.4, "{same_side} {across}");
+    }
+
+    #[test]
+    fn no_term_without_a_thumb_and_a_finger() {
+        let environment = fixture::environment();
+        let tip = |is_thumb: bool| Fingertip {
+            point: 0,
+            radius_m: RADIUS_M,
+            is_thumb,
+        };
+        for tips in [vec![], vec![tip(true)], vec![tip(false), tip(false)]] {
+            let balance = Balance::new(&environment, Point3::origin(), tips, 0.3, 1.0);
+            assert!(balance.is_none());
+        }
+    }
+
+    /// The residuals' slopes by a tip's place are those of the squares of what is left over.
+    #[test]
+    fn slopes_are_those_of_what_is_left_over() {
+        let environment = fixture::environment();
+        let [x, _, _] = fixture::BOX_HALF_M;
+        let places = [
+            Point3::new(-x - RADIUS_M, 0.01, 0.005),
+            Point3::new(x + RADIUS_M, -0.012, -0.004),
+        ];
+        let tips = (0..2).map(|point| Fingertip {
+            point,
+            radius_m: RADIUS_M,
+            is_thumb: point == 0,
+        });
+        let balance =
+            Balance::new(&environment, Point3::origin(), tips.collect(), 0.0, 1.0).unwrap();
+        let characteristic_length_m = 0.04;
+        let at = |places: &[Point3<f64>]| {
+            let pressing = places.iter().map(|place| balance.pressing(place, RADIUS_M));
+            let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
+            let (forces, residual_wrench) = balance.balanced(&pressing, characteristic_length_m);
+            (pressing, forces, residual_wrench)
+        };
+        let (pressing, forces, residual_wrench) = at(&places);
+        for tip in 0..2 {
+            let jacobian = wrench_jacobian(
+                &pressing[tip],
+                &forces[tip],
+                RADIUS_M,
+                characteristic_length_m,
+            );
+            let slope = jacobian.transpose() * residual_wrench * 2.0;
+            for axis in 0..3 {
+                const H_M: f64 = 1e-5;
+                let cost = |by_m: f64| {
+                    let mut moved = places;
+                    moved[tip][axis] += by_m;
+                    at(&moved).2.norm_squared()
+                };
+                let expected = (cost(H_M) - cost(-H_M)) / (2.0 * H_M);
+                assert!(
+                    (slope[axis] - expected).abs() < 0.02 * slope.norm() + 0.02,
+                    "{tip} {axis}: {} {expected}",
+                    slope[axis]
+                );
+            }
+        }
+    }
+}

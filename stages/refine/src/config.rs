@@ -1,0 +1,130 @@
+//! Options of `kind = "refine"`.
+
+use std::path::PathBuf;
+
+use dataflow::{OptionFault, OptionFaults};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// Largest weight, length or share that makes sense: its squares still add up accurately.
+const MAX_VALUE: f64 = 1e6;
+/// Maximum number of iterations for one step.
+const MAX_ITERATIONS: usize = 100_000;
+
+/// Options of `kind = "refine"`.
+///
+/// A weight multiplies its residual before it is squared; 0 switches a term off.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct RefineConfig {
+    /// URDF of the robot hand; its root link is the palm.
+    #[serde(skip_serializing)]
+    pub hand: PathBuf,
+    /// The hand table: which points of the hand stand for its posture, and which are fingertips.
+    #[serde(skip_serializing)]
+    pub hand_table: PathBuf,
+    /// Weight of a point's distance from where it was drawn (1).
+    #[serde(default = "defaults::position_weight")]
+    pub position_weight: f64,
+    /// Weight of a joint's distance from where it was drawn (m/rad).
+    #[serde(default = "defaults::joint_weight")]
+    pub joint_weight: f64,
+    /// Weight of the change of a point's displacement from one step to the next (1): what a step
+    /// is moved by, its neighbors are moved by too.
+    #[serde(default = "defaults::smoothness_weight")]
+    pub smoothness_weight: f64,
+    /// Weight of the change of a joint's displacement from one step to the next (m/rad).
+    #[serde(default = "defaults::joint_smoothness_weight")]
+    pub joint_smoothness_weight: f64,
+    /// Weight of a link's depth inside the object, or inside its clearance (1).
+    #[serde(default = "defaults::object_weight")]
+    pub object_weight: f64,
+    /// Distance that links keep from the object before the hand closes (m).
+    #[serde(default = "defaults::clearance_m")]
+    pub clearance_m: f64,
+    /// Share of the motion, at its end, over which the clearance shrinks to nothing (1): that in which
+    /// the fingers close.
+    #[serde(default = "defaults::closing_share")]
+    pub closing_share: f64,
+    /// Weight of a link's depth below the table's margin (1).
+    #[serde(default = "defaults::table_weight")]
+    pub table_weight: f64,
+    /// Distance that links keep from the table (m): the contact margin of the simulation.
+    #[serde(default = "defaults::table_margin_m")]
+    pub table_margin_m: f64,
+    /// Weight of a fingertip's distance from the surface at the grasp (1).
+    #[serde(default = "defaults::contact_weight")]
+    pub contact_weight: f64,
+    /// Distance from the surface up to which a drawn fingertip is one that should touch (m).
+    #[serde(default = "defaults::contact_distance_m")]
+    pub contact_distance_m: f64,
+    /// Factor on the position weight of a fingertip that should touch (1): the surface has priority.
+    #[serde(default = "defaults::contact_position_factor")]
+    pub contact_position_factor: f64,
+    /// Weight of the force and torque that the fingertips' forces leave over, of a total force of 1 that the
+    /// thumb presses with (m).
+    #[serde(default = "defaults::balance_weight")]
+    pub balance_weight: f64,
+    /// Coefficient of friction with which forces are balanced (1): below the true one, so that what is
+    /// balanced holds when tips end beside their place.
+    #[serde(default = "defaults::balance_friction")]
+    pub balance_friction: f64,
+    /// How deep tips are commanded into the surface at the grasp (m).
+    #[serde(default)]
+    pub press_m: f64,
+    /// Most iterations for one step; the grasp gets three times as many (1).
+    #[serde(default = "defaults::max_iterations")]
+    pub max_iterations: usize,
+}
+
+impl RefineConfig {
+    /// Returns what is wrong with the options beyond their types.
+    pub(crate) fn faults(&self) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        for (key, number) in [
+            ("position_weight", self.position_weight),
+            ("joint_weight", self.joint_weight),
+            ("smoothness_weight", self.smoothness_weight),
+            ("joint_smoothness_weight", self.joint_smoothness_weight),
+            ("object_weight", self.object_weight),
+            ("clearance_m", self.clearance_m),
+            ("table_weight", self.table_weight),
+            ("table_margin_m", self.table_margin_m),
+            ("contact_weight", self.contact_weight),
+            ("contact_distance_m", self.contact_distance_m),
+            ("contact_position_factor", self.contact_position_factor),
+            ("balance_weight", self.balance_weight),
+            ("balance_friction", self.balance_friction),
+            ("press_m", self.press_m),
+        ] {
+            let why = "squares of larger values lose precision in a sum";
+            faults.within(key, number, 0.0..=MAX_VALUE, why);
+        }
+        let why = "it is a share of the motion";
+        faults.within("closing_share", self.closing_share, 0.0..=1.0, why);
+        let why = "nothing is searched with 0, and a search that has not ended by then will not";
+        let iterations = self.max_iterations;
+        faults.within("max_iterations", iterations, 1..=MAX_ITERATIONS, why);
+        faults.found()
+    }
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn position_weight() -> f64 { 0.2 }
+    pub(super) fn joint_weight() -> f64 { 0.005 }
+    pub(super) fn smoothness_weight() -> f64 { 1.0 }
+    pub(super) fn joint_smoothness_weight() -> f64 { 0.02 }
+    pub(super) fn object_weight() -> f64 { 3.0 }
+    pub(super) fn clearance_m() -> f64 { 0.008 }
+    pub(super) fn closing_share() -> f64 { 0.25 }
+    pub(super) fn table_weight() -> f64 { 3.0 }
+    pub(super) fn table_margin_m() -> f64 { 0.002 }
+    pub(super) fn contact_weight() -> f64 { 3.0 }
+    pub(super) fn contact_distance_m() -> f64 { 0.025 }
+    pub(super) fn contact_position_factor() -> f64 { 0.5 }
+    pub(super) fn balance_weight() -> f64 { 0.1 }
+    pub(super) fn balance_friction() -> f64 { 0.3 }
+    pub(super) fn max_iterations() -> usize { 30 }
+}

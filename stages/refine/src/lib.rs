@@ -1,0 +1,22 @@
+//! Refines candidate motions against object and table before physics.
+//!
+//! A motion drawn from a function is centimeters off where millimeters decide: links pass through the object,
+//! tips end beside its surface. Each motion is moved as little as possible so that its hand keeps out of object and
+//! table over the whole reach, keeps clear of the object until it closes, and ends with its fingertips on the
+//! surface, where the forces they can press with balance. The grasp is refined first, and the approach is
+//! rebuilt backward from it.
+//!
+//! One unit per object: every candidate stays one, of the same name and source. Nothing is judged here: `screen`
+//! judges every generator alike. At no step does a joint leave its limits.
+
+mod balance;
+mod config;
+mod error;
+#[cfg(test)]
+mod fixture;
+mod refiner;
+mod stage;
+
+pub use config::RefineConfig;
+pub use error::RefineError;
+pub use stage::{Refine, RefineMetrics};
