@@ -38,6 +38,8 @@ pub struct Candidate {
     pub limit_excess_rad: f64,
     /// Deepest that the hand was in object or table when it was drawn, in meters; 0 if not measured.
     pub depth_m: f64,
+    /// What refinement left over, in m²; 0 if not refined.
+    pub residual_m2: f64,
     /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
     pub motion: Motion<Object>,
     /// The other draws of this motion, in their order.
@@ -55,7 +57,9 @@ pub struct RefusedDraw {
     pub limit_excess_rad: f64,
     /// Deepest that the hand was in object or table, in meters.
     pub depth_m: f64,
-    /// In which of them.
+    /// What refinement left over, in m²; 0 if not refined.
+    pub residual_m2: f64,
+    /// Why.
     pub refusal: Refusal,
 }
 
@@ -132,6 +136,8 @@ words! {
         Object = "object",
         /// The hand is too deep in the table.
         Table = "table",
+        /// Another draw of the motion left less over when it was refined.
+        Residual = "residual",
     }
 }
 
@@ -142,9 +148,11 @@ columns! {
         generator: String => "what drew it",
         lineage: DrawSource,
         refused: Option<Refusal>
-            => "empty for a candidate, else what the hand was too deep in: `object` or `table`",
+            => "empty for a candidate, else why: too deep in `object` or `table`, or more `residual` than another",
         depth_m: f64 ["m"]
             => "deepest that the hand was in object or table when it was drawn; 0 if not measured",
+        residual_m2: f64 ["m²"]
+            => "what refinement left of depth, missing contact and unbalanced force; 0 if not refined",
         latent: Vec<f64> ["1"] => "latent code it came from; empty for a refused draw, as all lists",
         table_from_object: Pose<spatial::Table, Object> ["m, 1"] => "how the object lies: xyz, xyzw",
         limit_excess_rad: f64 ["rad"]
@@ -173,6 +181,7 @@ impl From<&Candidate> for Row {
             lineage: candidate.lineage.clone(),
             refused: None,
             depth_m: candidate.depth_m,
+            residual_m2: candidate.residual_m2,
             latent: candidate.latent.clone(),
             table_from_object: candidate.table_from_object,
             limit_excess_rad: candidate.limit_excess_rad,
@@ -212,6 +221,7 @@ impl Row {
             lineage: draw.lineage.clone(),
             refused: Some(draw.refusal),
             depth_m: draw.depth_m,
+            residual_m2: draw.residual_m2,
             latent: Vec::new(),
             table_from_object: draw.table_from_object,
             limit_excess_rad: draw.limit_excess_rad,
@@ -273,6 +283,7 @@ impl Row {
             table_from_object: self.table_from_object,
             limit_excess_rad: self.limit_excess_rad,
             depth_m: self.depth_m,
+            residual_m2: self.residual_m2,
             refused,
         })
     }
@@ -281,7 +292,7 @@ impl Row {
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
     const PARTITION: &'static str = "object";
-    const VERSION: &'static str = "candidates/3";
+    const VERSION: &'static str = "candidates/4";
 
     fn schema() -> Schema {
         Writer::of::<Row>(Self::VERSION, &[]).schema()
@@ -314,6 +325,7 @@ impl Table for Candidates {
                         table_from_object: row.table_from_object,
                         limit_excess_rad: row.limit_excess_rad,
                         depth_m: row.depth_m,
+                        residual_m2: row.residual_m2,
                         refusal,
                     }),
             }

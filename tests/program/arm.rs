@@ -22,7 +22,7 @@ fn rows(bench: &Bench, sql: &str) -> Vec<Value> {
 #[test]
 fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     let bench = Bench::new();
-    let more = ["--set", "sample.per_object=8"];
+    let more = ["--set", "sample.per_object=32"];
     let ran = bench
         .command_on("pipelines/arm.toml", "run", &more)
         .output();

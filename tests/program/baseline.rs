@@ -28,6 +28,7 @@ fn compared() -> Bench {
         "train.network.points=64",
         "train.training.epochs=20",
         &format!("sample.per_object={PER_OBJECT}"),
+        "refine.draws=1",
     ] {
         program.args(["--set", value]);
     }
@@ -58,7 +59,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
     let rows = ask(
         &bench,
         "select candidate_id, generator, object, time_s, object_from_palm, q_rad from candidates \
-         where refused = ''",
+         where refused = '' and stage <> 'sample'",
     );
     let all = |generator: &str| -> BTreeMap<&str, &Value> {
         let rows = rows
@@ -66,7 +67,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
             .filter(|row| text(row, "generator") == generator);
         rows.map(|row| (text(row, "candidate_id"), row)).collect()
     };
-    let (drawn, lines) = (all("cgf"), all("interpolate"));
+    let (drawn, lines) = (all("refine"), all("interpolate"));
     assert_eq!(drawn.len(), OBJECTS.len() * PER_OBJECT);
     assert_eq!(lines.len(), drawn.len());
     let mut bent_n = 0;
@@ -101,7 +102,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
     assert_eq!(rollouts.len(), rows.len());
     for row in &rollouts {
         let (stage, candidates) = match text(row, "generator") {
-            "cgf" => ("screen", &drawn),
+            "refine" => ("screen", &drawn),
             _ => ("screen_line", &lines),
         };
         assert_eq!(text(row, "stage"), stage);
@@ -119,7 +120,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
         .iter()
         .map(|row| (text(row, "object"), text(row, "generator")))
         .collect();
-    let both = |object| [(object, "cgf"), (object, "interpolate")];
+    let both = |object| [(object, "interpolate"), (object, "refine")];
     assert_eq!(rows, OBJECTS.map(both).concat());
     for row in &success {
         let number = |column: &str| row[column].as_f64().unwrap();
@@ -127,7 +128,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
         assert!(number("draws_n") >= number("candidates_n"), "{row}");
         assert_eq!(number("outside_n"), 0.0, "{row}");
         let chart = match text(row, "generator") {
-            "cgf" => "screen",
+            "refine" => "screen",
             _ => "screen_line",
         };
         let chart = format!("reports/baseline/{chart}/success/all/rates.svg");
@@ -141,7 +142,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
          from rates where origin = 'all' order by generator",
     );
     let generators: Vec<&str> = rates.iter().map(|row| text(row, "generator")).collect();
-    assert_eq!(generators, ["cgf", "interpolate"]);
+    assert_eq!(generators, ["interpolate", "refine"]);
     for row in &rates {
         let number = |column: &str| row[column].as_f64().unwrap();
         assert_eq!(text(row, "approach"), "follow");

@@ -15,7 +15,7 @@ use tempfile::TempDir;
 pub(crate) const SMALL: [&str; 4] = [
     "train.network.points=64",
     "train.training.epochs=20",
-    "sample.per_object=4",
+    "sample.per_object=16",
     "screen.robustness.trials=2",
 ];
 

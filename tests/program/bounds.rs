@@ -8,16 +8,8 @@ use crate::bench::{Bench, stderr};
 
 const FILE: &str = include_str!("../../pipelines/cgf.toml");
 
-/// The same with an arm and a refinement, so that it has every option.
+/// The same with an arm, so that it has every option.
 const ARM: &str = include_str!("../../pipelines/arm.toml");
-const REFINE: &str = r#"
-[stages.refine]
-kind = "refine"
-inputs.candidates = "sample.candidates"
-inputs.distance_fields = "retarget.distance_fields"
-shared.hand = "hand"
-hand_table = "data/hands/allegro_right.toml"
-"#;
 
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
@@ -26,8 +18,7 @@ const NAMES: [&str; 1] = ["dispatch.attempt"];
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    let source = [ARM, REFINE].concat();
-    Pipeline::parse(path, &source, &pipeline::kinds(), None, &[given])
+    Pipeline::parse(path, ARM, &pipeline::kinds(), None, &[given])
 }
 
 /// The options of these types of every stage of the pipeline.
@@ -198,7 +189,7 @@ fn out_of_bounds_value_names_key_bound_and_reason() {
 fn a_value_of_the_file_is_shown_where_it_stands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("much.toml");
-    let file = FILE.replacen("per_object = 64", "per_object = 4_000_000_000", 1);
+    let file = FILE.replacen("per_object = 256", "per_object = 4_000_000_000", 1);
     crate::bench::put(&path, &file);
     let plan = std::process::Command::new(env!("CARGO_BIN_EXE_pipeline"))
         .arg("plan")

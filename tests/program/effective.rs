@@ -130,7 +130,9 @@ fn every_option_is_documented_and_user_specific_ones_have_no_default() {
     }
     required.sort();
     let hand = |kind: &str| format!("{kind}.hand");
-    for kind in ["retarget", "train", "sample", "screen", "dispatch"] {
+    for kind in [
+        "retarget", "train", "sample", "refine", "screen", "dispatch",
+    ] {
         assert!(required.contains(&hand(kind)), "{kind}");
     }
     for key in [

@@ -18,14 +18,14 @@ fn the_same_command_again_runs_nothing_and_says_so() {
     let bench = Bench::new();
     let ran = bench.run_well(&[]);
     for stage in [
-        "ingest", "retarget", "train", "sample", "screen", "dispatch",
+        "ingest", "retarget", "train", "sample", "refine", "screen", "dispatch",
     ] {
         assert!(stderr(&ran).contains(stage), "{}", stderr(&ran));
     }
     let shown = bench.published();
     let again = bench.run_well(&[]);
     assert!(
-        stderr(&again).contains("6 stages cached, nothing to run"),
+        stderr(&again).contains("7 stages cached, nothing to run"),
         "{}",
         stderr(&again)
     );
@@ -50,7 +50,7 @@ fn a_value_of_many_digits_is_read_back_as_itself() {
     assert_eq!(verified.status.code(), Some(0), "{}", stdout(&verified));
     let again = bench.run_well(&until);
     let said = stderr(&again);
-    assert!(said.contains("5 stages cached, nothing to run"), "{said}");
+    assert!(said.contains("6 stages cached, nothing to run"), "{said}");
     let sql = "select number from settings where key = 'scene.friction'";
     let asked = bench.ask(&["query", sql, "--format", "json"]);
     let row: Value = serde_json::from_slice(&asked.stdout).unwrap();
@@ -185,11 +185,12 @@ fn the_parsed_hand_decides_and_not_its_bytes() {
     let arguments = |urdf: &str, table: &str| -> Vec<String> {
         let urdf = folder.join(urdf).display().to_string();
         let table = folder.join(table).display().to_string();
-        let hands = ["retarget", "train", "sample"].map(|stage| format!("{stage}.hand={urdf}"));
-        let table = [format!("retarget.hand_table={table}")];
+        let hands =
+            ["retarget", "train", "sample", "refine"].map(|stage| format!("{stage}.hand={urdf}"));
+        let table = [format!("shared.hand_table={table}")];
         let sets = hands.into_iter().chain(table);
         let sets = sets.flat_map(|set| ["--set".to_owned(), set]);
-        ["--until", "sample"]
+        ["--until", "refine"]
             .map(str::to_owned)
             .into_iter()
             .chain(sets)
@@ -221,18 +222,19 @@ fn the_parsed_hand_decides_and_not_its_bytes() {
     });
     assert_eq!(bench.published(), shown);
 
-    // A joint that turns farther is another hand: what reads it runs for certain, and says why.
+    // A joint that turns farther is another hand: what reads it says so.
     let farther = urdf.replacen("upper=\"", "upper=\"1", 1);
     put(&folder.join("farther.urdf"), &farther);
     let text = plan("farther.urdf", "ours.toml");
-    for node in [
-        "retarget.trajectories",
-        "train.checkpoint",
-        "sample.candidates",
+    for (state, node) in [
+        ("run", "retarget.trajectories"),
+        ("run", "train.checkpoint"),
+        // Its candidates are not drawn yet.
+        ("pending", "refine.candidates"),
     ] {
         let mut lines = text.lines();
-        let line = lines.find(|line| line.starts_with("run") && line.contains(node));
-        let line = line.unwrap_or_else(|| panic!("{node} does not run for certain:\n{text}"));
+        let line = lines.find(|line| line.starts_with(state) && line.contains(node));
+        let line = line.unwrap_or_else(|| panic!("{node} is not `{state}`:\n{text}"));
         assert!(line.contains("file `hand` changed"), "{line}");
     }
     assert!(!text.contains("never made"), "{text}");

@@ -125,7 +125,7 @@ impl Hand {
             .iter()
             .map(|stage| format!("{stage}.hand={}", urdf.display()))
             .collect();
-        settings.push(format!("retarget.hand_table={}", self.table().display()));
+        settings.push(format!("shared.hand_table={}", self.table().display()));
         let flexion = r#"["index", "middle", "ring", "little", "thumb"]"#;
         settings.push(format!("screen.protocol.flexion_joints={flexion}"));
         settings
@@ -262,7 +262,9 @@ fn a_hand_of_meshes_holds_about_as_often_as_one_of_boxes() {
 fn a_urdf_and_a_table_are_all_that_a_hand_needs() {
     let hand = Hand::new(Made::OfMeshes);
     let bench = Bench::new();
-    let stages = ["retarget", "train", "sample", "screen", "dispatch"];
+    let stages = [
+        "retarget", "train", "sample", "refine", "screen", "dispatch",
+    ];
     let mut settings = hand.settings(&stages);
     let tips = ["thumb", "index", "middle", "ring", "little"].map(|name| format!("{name}_tip"));
     settings.push(format!("train.training.tips={tips:?}"));
@@ -274,14 +276,14 @@ fn a_urdf_and_a_table_are_all_that_a_hand_needs() {
         "train.training.tip_radius_m=0.0",
         "train.network.points=64",
         "train.training.epochs=120",
-        "sample.per_object=16",
+        "sample.per_object=64",
         "dispatch.listen=tcp/127.0.0.1:0",
     ] {
         settings.push(value.to_owned());
     }
     let ran = run(&bench, "pipelines/cgf.toml", &settings);
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
-    let held = rate(&bench, "cgf");
+    let held = rate(&bench, "refine");
     println!("{held:.2} of the motions drawn hold");
     assert!(held > 0.05, "{held}");
     assert!(stdout(&ran).is_empty());

@@ -64,6 +64,7 @@ fn feedforward_is_compared_with_pd_at_every_speed_and_mass() {
         &OBJECTS,
         &[
             &format!("sample.per_object={PER_OBJECT}"),
+            "refine.draws=1",
             "screen.protocol.reach_s=0.8,0.4",
             "screen.scene.hand_mass_scale=1.0,3.0",
         ],

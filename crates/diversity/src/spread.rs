@@ -265,6 +265,7 @@ mod tests {
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
+            residual_m2: 0.0,
             refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0), step(1.0)]).unwrap(),
         }

@@ -198,6 +198,7 @@ pub(crate) fn candidates() -> Candidates {
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
         depth_m: 0.002,
+        residual_m2: 0.0,
         refused: Vec::new(),
         motion: Motion::new(
             &joints(),
@@ -210,6 +211,7 @@ pub(crate) fn candidates() -> Candidates {
         table_from_object: pose(0.8),
         limit_excess_rad: 0.02,
         depth_m: 0.007,
+        residual_m2: 0.0,
         refusal,
     };
     Candidates {

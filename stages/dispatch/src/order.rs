@@ -158,6 +158,7 @@ mod tests {
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
+            residual_m2: 0.0,
             refused: Vec::new(),
             motion: Motion::new(
                 &["j"],

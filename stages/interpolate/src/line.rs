@@ -46,6 +46,7 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
         // Both ends are within the limits, and so is what lies between them.
         limit_excess_rad: 0.0,
         depth_m: 0.0,
+        residual_m2: 0.0,
         refused: Vec::new(),
         motion: Motion::of_joints(Arc::clone(motion.joints()), steps)?,
     })
@@ -155,6 +156,7 @@ mod tests {
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
             limit_excess_rad: 0.3,
             depth_m: 0.002,
+            residual_m2: 0.0,
             refused: Vec::new(),
             motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),

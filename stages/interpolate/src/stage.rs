@@ -129,6 +129,7 @@ mod tests {
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
+            residual_m2: 0.0,
             refused: Vec::new(),
             motion: Motion::new(&["j"], (0..steps_n).map(step).collect()).unwrap(),
         }

@@ -8,7 +8,7 @@ const NEAR_M: f64 = 0.003;
 /// Directions of friction about a normal.
 const EDGES: usize = 6;
 /// The object's weight relative to the force with which the thumb presses.
-const OBJECT_WEIGHT: f64 = 0.3;
+pub(crate) const OBJECT_WEIGHT: f64 = 0.3;
 /// Sweeps over all forces.
 const SWEEPS: usize = 60;
 
@@ -20,6 +20,8 @@ pub(crate) struct Fingertip {
     /// Radius of the ball about it, in meters.
     pub(crate) radius_m: f64,
     pub(crate) is_thumb: bool,
+    /// Its place in the drawn grasp.
+    pub(crate) drawn_in_object: Point3<f64>,
 }
 
 /// The term of forces: of all forces within the cones of friction with which the thumb presses with 1 and the
@@ -28,6 +30,10 @@ pub(crate) struct Balance<'a> {
     environment: &'a Environment,
     center_in_object: Point3<f64>,
     tips: Vec<Fingertip>,
+    /// For each tip the axis from which directions of friction are counted.
+    axes: Vec<Unit<Vector3<f64>>>,
+    /// Length by which torques are divided, in meters: the drawn tips' mean distance from the center of mass.
+    characteristic_length_m: f64,
     friction: f64,
     weight: f64,
 }
@@ -52,16 +58,37 @@ impl<'a> Balance<'a> {
         weight: f64,
     ) -> Option<Self> {
         let touches = |thumb: bool| tips.iter().any(|tip| tip.is_thumb == thumb);
-        (touches(true) && touches(false)).then_some(Self {
+        if !(touches(true) && touches(false)) {
+            return None;
+        }
+        let arms = tips
+            .iter()
+            .map(|tip| (tip.drawn_in_object - center_in_object).norm());
+        let mut balance = Self {
             environment,
             center_in_object,
+            axes: Vec::new(),
+            characteristic_length_m: (arms.sum::<f64>() / tips.len() as f64).max(NEAR_M),
             tips,
             friction,
             weight,
-        })
+        };
+        balance.axes = balance.tips.iter().map(|tip| balance.axis(tip)).collect();
+        Some(balance)
     }
 
-    /// Adds the residuals: for each tip the six numbers of what is left over, by the tip's place.
+    /// Returns the coordinate axis that is farthest from the normal of a drawn tip.
+    fn axis(&self, tip: &Fingertip) -> Unit<Vector3<f64>> {
+        let normal = self.normal(&tip.drawn_in_object).unwrap_or_default();
+        match normal.abs().imin() {
+            0 => Vector3::x_axis(),
+            1 => Vector3::y_axis(),
+            _ => Vector3::z_axis(),
+        }
+    }
+
+    /// Adds the residuals: for each tip the six numbers of what is left over, by the tip's place. Each tip has its
+    /// share of the square, and so that the slopes add up, its direction is as many times longer.
     pub(crate) fn residuals(&self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
         let pressing = self.tips.iter().map(|tip| {
             let at = posed.point(tip.point)?;
@@ -70,42 +97,36 @@ impl<'a> Balance<'a> {
         let Some(pressing) = pressing.collect::<Option<Vec<ContactPoint>>>() else {
             return;
         };
-        let arms = pressing.iter().map(|tip| tip.arm.norm());
-        let characteristic_length_m = (arms.sum::<f64>() / pressing.len() as f64).max(NEAR_M);
-        let (forces, residual_wrench) = self.balanced(&pressing, characteristic_length_m);
+        let n_tips = pressing.len() as f64;
+        let (forces, residual_wrench) = self.balanced(&pressing);
         for ((tip, pressing), force) in self.tips.iter().zip(&pressing).zip(&forces) {
-            let jacobian = wrench_jacobian(pressing, force, tip.radius_m, characteristic_length_m);
+            let jacobian = self.wrench_jacobian(pressing, force, tip.radius_m);
             for (row, residual) in residual_wrench.iter().enumerate() {
                 residuals.push(Residual {
                     point: tip.point,
-                    direction: jacobian.row(row).transpose(),
+                    direction: jacobian.row(row).transpose() * n_tips,
                     residual: *residual,
-                    weight: self.weight,
+                    weight: self.weight / n_tips.sqrt(),
                 });
             }
         }
     }
 
-    /// Returns the force of each tip on the object, and the force and torque over `characteristic_length_m` that are left over.
-    fn balanced(
-        &self,
-        pressing: &[ContactPoint],
-        characteristic_length_m: f64,
-    ) -> (Vec<Vector3<f64>>, Vector6<f64>) {
+    /// Returns the force of each tip on the object, and the force and the torque, over the characteristic length,
+    /// that are left over.
+    fn balanced(&self, pressing: &[ContactPoint]) -> (Vec<Vector3<f64>>, Vector6<f64>) {
         let mut cone_edges: Vec<(usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
         for (idx, tip) in pressing.iter().enumerate() {
             let normal = Unit::new_unchecked(tip.normal);
-            let side = if normal.x.abs() < 0.7 {
-                normal.cross(&Vector3::x()).normalize()
-            } else {
-                normal.cross(&Vector3::y()).normalize()
-            };
+            // The tip may have moved to where its axis is the normal.
+            let side = normal.cross(&self.axes[idx]).try_normalize(1e-6);
+            let side = side.unwrap_or_else(|| normal.cross(&self.axes[idx].yzx()).normalize());
             let other = normal.cross(&side);
             for edge in 0..EDGES {
                 let angle = std::f64::consts::TAU * edge as f64 / EDGES as f64;
                 let along = side * angle.cos() + other * angle.sin();
                 let force = along * self.friction - tip.normal;
-                let torque = tip.arm.cross(&force) / characteristic_length_m;
+                let torque = tip.arm.cross(&force) / self.characteristic_length_m;
                 let wrench = Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z);
                 cone_edges.push((idx, force, wrench));
             }
@@ -180,28 +201,28 @@ impl<'a> Balance<'a> {
         }
         sum.try_normalize(1e-6)
     }
-}
 
-/// Returns how force and torque of a tip change with its place while it presses as strongly.
-///
-/// The directions of friction are taken to stay where they are; in truth they turn with the normal.
-fn wrench_jacobian(
-    pressing: &ContactPoint,
-    force: &Vector3<f64>,
-    radius_m: f64,
-    characteristic_length_m: f64,
-) -> Matrix6x3<f64> {
-    let size = -force.dot(&pressing.normal);
-    let force_jacobian = pressing.curvature * -size;
-    let arm_jacobian = Matrix3::identity() - pressing.curvature * radius_m;
-    let torque_jacobian =
-        pressing.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
-    let mut jacobian = Matrix6x3::zeros();
-    jacobian.fixed_rows_mut::<3>(0).copy_from(&force_jacobian);
-    jacobian
-        .fixed_rows_mut::<3>(3)
-        .copy_from(&(torque_jacobian / characteristic_length_m));
-    jacobian
+    /// Returns how force and torque of a tip change with its place while it presses as strongly.
+    ///
+    /// The directions of friction are taken to stay where they are; in truth they turn with the normal.
+    fn wrench_jacobian(
+        &self,
+        pressing: &ContactPoint,
+        force: &Vector3<f64>,
+        radius_m: f64,
+    ) -> Matrix6x3<f64> {
+        let size = -force.dot(&pressing.normal);
+        let force_jacobian = pressing.curvature * -size;
+        let arm_jacobian = Matrix3::identity() - pressing.curvature * radius_m;
+        let torque_jacobian =
+            pressing.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
+        let mut jacobian = Matrix6x3::zeros();
+        jacobian.fixed_rows_mut::<3>(0).copy_from(&force_jacobian);
+        jacobian
+            .fixed_rows_mut::<3>(3)
+            .copy_from(&(torque_jacobian / self.characteristic_length_m));
+        jacobian
+    }
 }
 
 #[cfg(test)]
@@ -214,10 +235,11 @@ mod tests {
     /// Returns what tips at these places leave over, of which the first is the thumb's.
     fn left_over(places: &[[f64; 3]], friction: f64) -> f64 {
         let environment = fixture::environment();
-        let tips = (0..places.len()).map(|point| Fingertip {
+        let tips = places.iter().enumerate().map(|(point, place)| Fingertip {
             point,
             radius_m: RADIUS_M,
             is_thumb: point == 0,
+            drawn_in_object: Point3::from(*place),
         });
         let balance = Balance::new(
             &environment,
@@ -231,7 +253,7 @@ mod tests {
             .iter()
             .map(|place| balance.pressing(&Point3::from(*place), RADIUS_M));
         let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
-        let (_, residual_wrench) = balance.balanced(&pressing, 0.04);
+        let (_, residual_wrench) = balance.balanced(&pressing);
         residual_wrench.norm()
     }
 
@@ -266,6 +288,7 @@ mod tests {
             point: 0,
             radius_m: RADIUS_M,
             is_thumb,
+            drawn_in_object: Point3::origin(),
         };
         for tips in [vec![], vec![tip(true)], vec![tip(false), tip(false)]] {
             let balance = Balance::new(&environment, Point3::origin(), tips, 0.3, 1.0);
@@ -286,24 +309,19 @@ mod tests {
             point,
             radius_m: RADIUS_M,
             is_thumb: point == 0,
+            drawn_in_object: places[point],
         });
         let balance =
             Balance::new(&environment, Point3::origin(), tips.collect(), 0.0, 1.0).unwrap();
-        let characteristic_length_m = 0.04;
         let at = |places: &[Point3<f64>]| {
             let pressing = places.iter().map(|place| balance.pressing(place, RADIUS_M));
             let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
-            let (forces, residual_wrench) = balance.balanced(&pressing, characteristic_length_m);
+            let (forces, residual_wrench) = balance.balanced(&pressing);
             (pressing, forces, residual_wrench)
         };
         let (pressing, forces, residual_wrench) = at(&places);
         for tip in 0..2 {
-            let jacobian = wrench_jacobian(
-                &pressing[tip],
-                &forces[tip],
-                RADIUS_M,
-                characteristic_length_m,
-            );
+            let jacobian = balance.wrench_jacobian(&pressing[tip], &forces[tip], RADIUS_M);
             let slope = jacobian.transpose() * residual_wrench * 2.0;
             for axis in 0..3 {
                 const H_M: f64 = 1e-5;

@@ -8,6 +8,8 @@ use serde::{Deserialize, Serialize};
 
 /// Largest weight, length or share that makes sense: its squares still add up accurately.
 const MAX_VALUE: f64 = 1e6;
+/// Most draws of one motion.
+const MAX_DRAWS: usize = 10_000;
 /// Maximum number of iterations for one step.
 const MAX_ITERATIONS: usize = 100_000;
 
@@ -23,6 +25,10 @@ pub struct RefineConfig {
     /// The hand table: which points of the hand stand for its posture, and which are fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
+    /// How many motions in a row are draws of one motion: the one that refinement leaves the least residual is
+    /// the candidate, chosen without physics (1)
+    #[serde(default = "defaults::draws")]
+    pub draws: usize,
     /// Weight of a point's distance from where it was drawn (1).
     #[serde(default = "defaults::position_weight")]
     pub position_weight: f64,
@@ -100,6 +106,8 @@ impl RefineConfig {
             let why = "squares of larger values lose precision in a sum";
             faults.within(key, number, 0.0..=MAX_VALUE, why);
         }
+        let why = "each motion is refined, and one of so many is kept";
+        faults.within("draws", self.draws, 1..=MAX_DRAWS, why);
         let why = "it is a share of the motion";
         faults.within("closing_share", self.closing_share, 0.0..=1.0, why);
         let why = "nothing is searched with 0, and a search that has not ended by then will not";
@@ -112,6 +120,7 @@ impl RefineConfig {
 /// Values of options that a pipeline file leaves out; the options say why.
 #[rustfmt::skip]
 mod defaults {
+    pub(super) fn draws() -> usize { 1 }
     pub(super) fn position_weight() -> f64 { 0.2 }
     pub(super) fn joint_weight() -> f64 { 0.005 }
     pub(super) fn smoothness_weight() -> f64 { 1.0 }

@@ -10,7 +10,7 @@ use spatial::{Object, Pose};
 
 use crate::{
     RefineConfig, RefineError,
-    balance::{Balance, Fingertip},
+    balance::{Balance, Fingertip, OBJECT_WEIGHT},
 };
 
 /// A tip counts as touching in full up to the configured distance and not at all at this multiple of it.
@@ -26,6 +26,10 @@ const SOFT: f64 = 0.1;
 const TOLERANCE: f64 = 1e-4;
 /// Decrease in m² below which nothing visible is left to find: a thirtieth of a millimeter.
 const LEAST_DECREASE_M2: f64 = 1e-9;
+/// Share of the contact weight from which on a tip's force counts.
+const SHARE_THAT_PRESSES: f64 = 0.5;
+/// The square of what is left over where no finger answers the thumb: its force of 1 and the object's weight.
+const UNBALANCED: f64 = 1.0 + OBJECT_WEIGHT * OBJECT_WEIGHT;
 /// Landmark of the thumb's tip.
 const THUMB_TIP: usize = 4;
 
@@ -37,6 +41,9 @@ pub(crate) struct Refined {
     pub(crate) palm_moved_m: f64,
     /// Deepest that the hand is in the object before it closes, in meters.
     pub(crate) approach_penetration_m: f64,
+    /// What the terms of object, table, contact and balance have left over at the grasp, and the depth before it,
+    /// each with its weight, squared and summed, in m²: the less, the better the motion.
+    pub(crate) residual_m2: f64,
 }
 
 /// Refines motions of one object.
@@ -111,13 +118,15 @@ impl<'a> Refiner<'a> {
             .iter()
             .map(|open| self.config.clearance_m * open)
             .collect();
-        let grasp = self.grasp(environment, &drawn, &clearances_m)?;
+        let (grasp, mut residual_m2) = self.grasp(environment, &drawn, &clearances_m)?;
         let mut refined = vec![grasp];
         for idx in (0..drawn.len() - 1).rev() {
             let Some(after) = refined.last() else { break };
             let moved = moved(self.hand, &drawn[idx], &drawn[idx + 1], after);
             let mut terms = self.terms(environment, clearances_m[idx], 1.0, Vec::new());
-            let step = self.search(&drawn[idx], Some(&moved), moved.posture.clone(), &mut terms)?;
+            let start = moved.posture.clone();
+            let most = self.config.max_iterations;
+            let step = self.search(&drawn[idx], Some(&moved), start, most, &mut terms)?;
             refined.push(step.0);
         }
         refined.reverse();
@@ -132,6 +141,7 @@ impl<'a> Refiner<'a> {
             let depth_m = terms.surroundings.object_depth_m(&self.solver.posed());
             approach_penetration_m = approach_penetration_m.max(depth_m);
         }
+        residual_m2 += (self.config.object_weight * approach_penetration_m).powi(2);
         let steps = motion.steps().iter().zip(&refined);
         let steps = steps.map(|(step, refined)| Step {
             time_s: step.time_s,
@@ -146,22 +156,30 @@ impl<'a> Refiner<'a> {
             motion: motion.differentiated()?,
             palm_moved_m: (to - from).norm(),
             approach_penetration_m,
+            residual_m2,
         })
     }
 
     /// Refines the last step: from the drawn grasp, and along the approach, where the fingers come from outside
-    /// and so end on the right side of thin things.
+    /// and so end on the right side of thin things. Returns it with what its terms have left over, in m².
     fn grasp(
         &mut self,
         environment: &Environment,
         drawn: &[Placed],
         clearances_m: &[f64],
-    ) -> Result<Placed, RefineError> {
+    ) -> Result<(Placed, f64), RefineError> {
+        let most = self.config.max_iterations;
         let last = drawn.len() - 1;
         let grasp = &drawn[last];
         let contacts = self.contacts(environment, grasp);
         let mut soft = self.terms(environment, 0.0, SOFT, contacts.clone());
-        let (start, _) = self.search(grasp, None, grasp.posture.clone(), &mut soft)?;
+        let (start, _) = self.search(
+            grasp,
+            None,
+            grasp.posture.clone(),
+            GRASP_ITERATIONS * most,
+            &mut soft,
+        )?;
         let mut starts = vec![start.posture];
         let from = drawn.len().saturating_sub(APPROACH);
         if from < last {
@@ -173,29 +191,37 @@ impl<'a> Refiner<'a> {
                     moved(self.hand, &drawn[idx], &drawn[idx - 1], &here).posture
                 };
                 let mut terms = self.terms(environment, clearances_m[idx], 1.0, Vec::new());
-                here = self.search(&drawn[idx], None, start, &mut terms)?.0;
+                here = self.search(&drawn[idx], None, start, most, &mut terms)?.0;
             }
             starts.push(moved(self.hand, grasp, &drawn[last - 1], &here).posture);
         }
+        let mut terms = self.terms(environment, 0.0, 1.0, contacts.clone());
+        terms.balance = self.balance(environment, &contacts, grasp);
         let mut best: Option<(Placed, f64)> = None;
         for start in starts {
-            let mut terms = self.terms(environment, 0.0, 1.0, contacts.clone());
-            terms.balance = self.balance(environment, &contacts);
-            let found = self.search(grasp, None, start, &mut terms)?;
+            let found = self.search(grasp, None, start, GRASP_ITERATIONS * most, &mut terms)?;
             if best.as_ref().is_none_or(|(_, cost)| found.1 < *cost) {
                 best = Some(found);
             }
         }
-        Ok(best.map_or_else(|| grasp.clone(), |(placed, _)| placed))
+        let placed = best.map_or_else(|| grasp.clone(), |(placed, _)| placed);
+        let none = task(&[], None, None);
+        let mut residual_m2 = self.solver.place(&none, &placed.posture, &mut terms)?;
+        if terms.balance.is_none() {
+            // Nothing answers the thumb and carries the object.
+            residual_m2 += self.config.balance_weight.powi(2) * UNBALANCED;
+        }
+        Ok((placed, residual_m2))
     }
 
     /// Searches a step near where it was drawn, from a posture; `moved` is where the displacement of the step
-    /// after would take it.
+    /// after would take it. Returns the cost too.
     fn search(
         &mut self,
         drawn: &Placed,
         moved: Option<&Placed>,
         start: Posture,
+        max_iterations: usize,
         terms: &mut StepTerms<'_>,
     ) -> Result<(Placed, f64), RefineError> {
         let config = self.config;
@@ -225,11 +251,10 @@ impl<'a> Refiner<'a> {
             weight: config.joint_weight.powi(2),
         };
         let task = task(&targets, smoothness, Some(prior));
-        let is_grasp = moved.is_none();
         let options = SearchOptions {
             tolerance: TOLERANCE,
             least_decrease: LEAST_DECREASE_M2,
-            max_iterations: config.max_iterations * if is_grasp { GRASP_ITERATIONS } else { 1 },
+            max_iterations,
             wrist: Wrist::Moves,
         };
         let mut posture = start;
@@ -299,16 +324,20 @@ impl<'a> Refiner<'a> {
         &self,
         environment: &'t Environment,
         contacts: &[Contact],
+        grasp: &Placed,
     ) -> Option<Balance<'t>> {
         if self.config.balance_weight <= 0.0 {
             return None;
         }
-        let tips = contacts.iter().map(|contact| {
+        let near =
+            |contact: &&Contact| contact.weight >= SHARE_THAT_PRESSES * self.config.contact_weight;
+        let tips = contacts.iter().filter(near).map(|contact| {
             let of_hand = &self.hand.points[contact.point];
             Fingertip {
                 point: contact.point,
                 radius_m: of_hand.tip_radius_m.unwrap_or(0.0),
                 is_thumb: of_hand.keypoint == THUMB_TIP,
+                drawn_in_object: grasp.points[contact.point],
             }
         });
         Balance::new(
@@ -369,32 +398,8 @@ fn openness(remaining: f64, closing_share: f64) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Isometry3;
-
     use super::*;
-    use crate::fixture;
-
-    /// The palm moves along x to the side of the box at this depth, and the fingers bend to a share of their ranges.
-    fn reach(hand: &Hand, into_m: f64, bend: f64) -> Motion<Object> {
-        const STEPS: i32 = 20;
-        let steps = (0..=STEPS).map(|step| {
-            let share = f64::from(step) / f64::from(STEPS);
-            let x = -0.25 * (1.0 - share) - fixture::BOX_HALF_M[0] - 0.02 + share * into_m;
-            let turn = Vector3::new(0.1, 0.2, 0.0);
-            let bend = share * bend;
-            let joints = hand.model.joints().iter();
-            Step {
-                time_s: share,
-                frame_from_palm: Pose::new(Isometry3::new(Vector3::new(x, 0.0, 0.05), turn)),
-                q_rad: joints
-                    .map(|joint| joint.lower + bend * (joint.upper - joint.lower))
-                    .collect(),
-                rates: (),
-            }
-        });
-        let motion = Motion::new(&hand.model.joint_names(), steps.collect()).unwrap();
-        motion.differentiated().unwrap()
-    }
+    use crate::fixture::{self, reach};
 
     fn refine(hand: &Hand, config: &RefineConfig, motion: &Motion<Object>) -> Refined {
         let mut refiner = Refiner::new(hand, config, Point3::origin());

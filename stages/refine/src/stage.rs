@@ -12,7 +12,7 @@ use posture::{Environment, Hand, HandTable, PostureError};
 use rayon::prelude::*;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::{Candidate, Candidates, Refusal, RefusedDraw},
     distance_fields::{self, FieldInfo},
 };
 use spatial::RestingPose;
@@ -25,6 +25,8 @@ use crate::{
 /// Refines candidate motions against object and table before physics.
 pub struct Refine;
 
+/// What refined motions name as their generator.
+const GENERATOR: &str = "refine";
 /// The hand's table counts as it is read.
 const HAND_TABLE: Form = Form {
     name: "hand table",
@@ -40,6 +42,8 @@ dataflow::metrics! {
     pub struct RefineMetrics {
         /// How many there are.
         candidates: Sum,
+        /// Of how many draws they are the best.
+        draws: Sum,
         /// How far the palm was moved at the grasp, in meters.
         palm_moved_m: Mean,
         /// Deepest that a refined hand is in the object before it closes, in meters.
@@ -78,11 +82,13 @@ impl Output for Refine {
     const OPTIONS: OptionsUsed = OptionsUsed::All;
     const LINE: Option<Line<RefineMetrics>> = Some(|summary| {
         let metrics = &summary.metrics;
-        format!(
-            "{} motions refined, palm moved {:.0} mm at the grasp",
-            metrics.candidates,
-            1000.0 * metrics.palm_moved_m
-        )
+        let [n, drawn_n] = [metrics.candidates, metrics.draws];
+        let best = if drawn_n > n {
+            format!("{drawn_n} motions refined → {n} candidates")
+        } else {
+            format!("{n} motions refined")
+        };
+        format!("{best}, palm moved {:.0} mm", 1000.0 * metrics.palm_moved_m)
     });
 
     fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, RefineError> {
@@ -155,29 +161,88 @@ impl Output for Refine {
                 Err(err) => return Err(err),
             }
         }
-        let n = refined.len() as f64;
+        let drawn_n = refined.len() as f64;
+        let candidates = best_of(refined, config.draws);
+        let n = candidates.len() as f64;
+        let mean = |of: fn(&Refined) -> f64| {
+            candidates.iter().map(|(_, one)| of(one)).sum::<f64>() / n.max(1.0)
+        };
+        let depths_m = candidates.iter().map(|(_, one)| one.approach_penetration_m);
         let metrics = RefineMetrics {
             candidates: n,
-            palm_moved_m: refined.iter().map(|(_, one)| one.palm_moved_m).sum::<f64>() / n.max(1.0),
-            approach_penetration_m: refined
-                .iter()
-                .map(|(_, one)| one.approach_penetration_m)
-                .fold(0.0, f64::max),
+            draws: drawn_n,
+            palm_moved_m: mean(|one| one.palm_moved_m),
+            approach_penetration_m: depths_m.fold(0.0, f64::max),
         };
-        let candidates = refined.into_iter().map(|(candidate, refined)| Candidate {
-            limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            motion: refined.motion,
-            ..candidate
-        });
         let joints = hand.model.joint_names();
         cx.write(&Candidates {
             object: given.object,
             joints: joints.as_slice().into(),
-            candidates: candidates.collect(),
+            candidates: candidates
+                .into_iter()
+                .map(|(candidate, refined)| Candidate {
+                    generator: GENERATOR.to_owned(),
+                    motion: refined.motion,
+                    ..candidate
+                })
+                .collect(),
         })?;
         Ok(Outcome::Made(metrics))
     }
+}
+
+/// Makes of each `draws` motions in a row draws of one motion: the candidate is the one that refinement has left
+/// the least residual.
+fn best_of(refined: Vec<(Candidate, Refined)>, draws: usize) -> Vec<(Candidate, Refined)> {
+    let mut chosen = Vec::new();
+    let mut refined = refined.into_iter().peekable();
+    while refined.peek().is_some() {
+        let mut best: Option<(Candidate, Refined)> = None;
+        let mut refused: Vec<RefusedDraw> = Vec::new();
+        let mut draw_n = 0;
+        for (mut candidate, one) in refined.by_ref().take(draws) {
+            candidate.limit_excess_rad = 0.0;
+            candidate.depth_m = 0.0;
+            candidate.residual_m2 = one.residual_m2;
+            // Draws that were refused before it were drawn again until this one was not.
+            candidate.refused.sort_by_key(|draw| draw.lineage.draw_n);
+            for mut earlier in std::mem::take(&mut candidate.refused) {
+                draw_n += 1;
+                earlier.lineage.draw_n = draw_n;
+                refused.push(earlier);
+            }
+            draw_n += 1;
+            candidate.lineage.draw_n = draw_n;
+            let worse = match best.take() {
+                Some(kept) if kept.1.residual_m2 <= one.residual_m2 => {
+                    best = Some(kept);
+                    Some(candidate)
+                }
+                before => {
+                    best = Some((candidate, one));
+                    before.map(|(candidate, _)| candidate)
+                }
+            };
+            refused.extend(worse.map(|worse| RefusedDraw {
+                lineage: worse.lineage,
+                table_from_object: worse.table_from_object,
+                limit_excess_rad: worse.limit_excess_rad,
+                depth_m: worse.depth_m,
+                residual_m2: worse.residual_m2,
+                refusal: Refusal::Residual,
+            }));
+        }
+        if let Some((candidate, one)) = best {
+            chosen.push((
+                Candidate {
+                    refused,
+                    ..candidate
+                },
+                one,
+            ));
+        }
+    }
+    chosen
 }
 
 /// Reads a hand and its table, and finds every link that the table names.
@@ -197,4 +262,182 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, RefineError> {
         source,
     })?;
     Hand::new(model, &table).map_err(of_urdf)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::{collections::BTreeMap, path::Path};
+
+    use dataflow::Artifact;
+    use schemas::candidates::{DrawSource, ObjectSplit, Origin};
+    use spatial::Pose;
+
+    use super::*;
+    use crate::fixture;
+
+    /// A motion of the Allegro to the box, drawn as the `draw_n`th.
+    fn candidate(name: &str, draw_n: u32, bend: f64) -> Candidate {
+        let hand = fixture::hand();
+        Candidate {
+            candidate_id: name.to_owned(),
+            generator: "cgf".to_owned(),
+            lineage: DrawSource {
+                draw_n,
+                origin: Origin::Prior,
+                demonstration: String::new(),
+                object_split: Some(ObjectSplit::Seen),
+            },
+            latent: vec![bend],
+            table_from_object: Pose::from_parts(
+                nalgebra::Vector3::new(0.0, 0.0, fixture::BOX_HALF_M[2]),
+                nalgebra::UnitQuaternion::identity(),
+            ),
+            limit_excess_rad: 0.1,
+            depth_m: 0.02,
+            residual_m2: 0.0,
+            motion: fixture::reach(&hand, 0.0, bend),
+            refused: Vec::new(),
+        }
+    }
+
+    fn refused(draw_n: u32) -> RefusedDraw {
+        let of = candidate("", draw_n, 0.5);
+        RefusedDraw {
+            lineage: of.lineage,
+            table_from_object: of.table_from_object,
+            limit_excess_rad: 0.0,
+            depth_m: 0.03,
+            residual_m2: 0.0,
+            refusal: Refusal::Table,
+        }
+    }
+
+    fn artifact(folder: &Path) -> Artifact {
+        let files = [lake::table::FILE, distance_fields::FIELD];
+        let files = files.map(|file| (file.to_owned(), folder.join(file)));
+        Artifact {
+            key: "box".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: files
+                .into_iter()
+                .filter(|(_, path)| path.exists())
+                .collect(),
+        }
+    }
+
+    /// Runs the stage on these motions, with the box's field or without; returns what it wrote.
+    fn run(
+        config: &RefineConfig,
+        candidates: Vec<Candidate>,
+        with_field: bool,
+    ) -> (Outcome<RefineMetrics>, Option<Candidates>) {
+        let folder = tempfile::tempdir().unwrap();
+        let [given, fields, out] = ["given", "fields", "out"].map(|name| {
+            let path = folder.path().join(name);
+            fs::create_dir(&path).unwrap();
+            path
+        });
+        let given_candidates = Candidates {
+            object: "box".to_owned(),
+            joints: Arc::clone(candidates[0].motion.joints()),
+            candidates,
+        };
+        lake::table::write(&given, &given_candidates).unwrap();
+        let mut artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
+        if with_field {
+            let info = FieldInfo {
+                spacing_m: 0.0025,
+                margin_m: 0.025,
+                center_of_mass_m: [0.0; 3],
+                hull_m: vec![[0.0; 3]],
+            };
+            lake::table::write(&fields, &info).unwrap();
+            fs::write(
+                fields.join(distance_fields::FIELD),
+                fixture::field().to_bytes(),
+            )
+            .unwrap();
+            artifacts.insert(FieldInfo::NAME.to_owned(), vec![artifact(&fields)]);
+        }
+        let files = [
+            SourceFile::named("hand", Path::new(fixture::URDF)),
+            SourceFile::named("hand_table", Path::new(fixture::TABLE)),
+        ];
+        let inputs = Inputs::new(artifacts, files.to_vec());
+        let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
+        let outcome = Refine::make(config, &inputs, &cx).unwrap();
+        let made = matches!(outcome, Outcome::Made(_));
+        let read = made.then(|| lake::table::read(&artifact(&out)).unwrap());
+        (outcome, read)
+    }
+
+    #[test]
+    fn of_every_two_draws_the_one_with_the_smaller_residual_is_the_candidate() {
+        let mut drawn = Vec::new();
+        for (name, bend) in [("box-0", 0.55), ("box-1", 0.05), ("box-2", 0.05)] {
+            drawn.push(candidate(name, 1, bend));
+        }
+        // The second had been drawn before.
+        drawn[1].lineage.draw_n = 2;
+        drawn[1].refused = vec![refused(1)];
+        let single = RefineConfig {
+            draws: 1,
+            ..fixture::config()
+        };
+        let (_, each) = run(&single, drawn.clone(), true);
+        let each = each.unwrap().candidates;
+        assert_eq!(each.len(), 3);
+        assert!(each[0].residual_m2 < each[1].residual_m2);
+        let best = RefineConfig { draws: 2, ..single };
+        let (outcome, found) = run(&best, drawn, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        assert_eq!([metrics.draws, metrics.candidates], [3.0, 2.0]);
+        let found = found.unwrap().candidates;
+        let names: Vec<&str> = found.iter().map(|one| one.candidate_id.as_str()).collect();
+        assert_eq!(names, ["box-0", "box-2"]);
+        let first = &found[0];
+        assert_eq!(first.motion, each[0].motion);
+        assert_eq!(first.residual_m2, each[0].residual_m2);
+        assert_eq!([first.limit_excess_rad, first.depth_m], [0.0, 0.0]);
+        let others: Vec<(u32, Refusal, f64)> = first
+            .refused
+            .iter()
+            .map(|draw| (draw.lineage.draw_n, draw.refusal, draw.residual_m2))
+            .collect();
+        let second = each[1].residual_m2;
+        assert_eq!(
+            others,
+            [(2, Refusal::Table, 0.0), (3, Refusal::Residual, second)]
+        );
+        assert_eq!(first.lineage.draw_n, 1);
+        assert!(found[1].refused.is_empty());
+        assert!(found.iter().all(|one| one.generator == "refine"));
+    }
+
+    #[test]
+    fn an_object_without_distances_and_a_motion_of_another_hand_are_skipped_with_the_reason() {
+        let config = fixture::config();
+        let skipped = |candidates: Vec<Candidate>, with_field: bool| {
+            let (outcome, made) = run(&config, candidates, with_field);
+            assert!(made.is_none());
+            match outcome {
+                Outcome::Skipped { reason } => reason,
+                _ => panic!("not skipped"),
+            }
+        };
+        let whole = candidate("box-0", 1, 0.5);
+        let reason = skipped(vec![whole.clone()], false);
+        assert!(reason.contains("surface"), "{reason}");
+        let mut other = candidate("box-1", 1, 0.5);
+        let names: Vec<String> = (0..whole.motion.joints().len())
+            .map(|joint| format!("of_another_hand_{joint}"))
+            .collect();
+        other.motion =
+            motion::Motion::of_joints(names.as_slice().into(), whole.motion.steps().to_vec())
+                .unwrap();
+        let reason = skipped(vec![other], true);
+        assert!(reason.contains("`box-1`"), "{reason}");
+    }
 }

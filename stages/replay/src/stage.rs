@@ -132,6 +132,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
         depth_m: 0.0,
+        residual_m2: 0.0,
         refused: Vec::new(),
         motion: motion.with_rates(|idx| {
             let rates = &motion.steps()[idx].rates;

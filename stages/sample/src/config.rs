@@ -58,7 +58,8 @@ pub struct SampleConfig {
     #[serde(default = "defaults::spread")]
     pub spread: f64,
     /// Most latent codes drawn for a motion until its hand stays out of object and table, else the
-    /// shallowest of them; the refused ones are rows of `candidates` too; paper: 1
+    /// shallowest of them; the refused ones are rows of `candidates` too: one, because a motion is refined
+    /// rather than drawn again; paper: 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
     /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`
@@ -183,6 +184,6 @@ mod defaults {
     pub(super) fn duration_s() -> f64 { 1.5 }
     pub(super) fn demonstrated_share() -> f64 { 0.5 }
     pub(super) fn spread() -> f64 { 1.0 }
-    pub(super) fn draws() -> usize { 16 }
+    pub(super) fn draws() -> usize { 1 }
     pub(super) fn max_depth_m() -> f64 { 0.004 }
 }

@@ -90,6 +90,7 @@ impl Measured {
             depth,
             candidate: Candidate {
                 depth_m: depth.deepest_m(),
+                residual_m2: 0.0,
                 ..candidate
             },
         })
@@ -111,6 +112,7 @@ impl Measured {
             table_from_object: draw.table_from_object,
             limit_excess_rad: draw.limit_excess_rad,
             depth_m: draw.depth_m,
+            residual_m2: 0.0,
             refusal: lost.depth.deeper_in(),
         });
         kept
@@ -179,6 +181,7 @@ impl<'a> Decoder<'a> {
                     table_from_object: rest.table_from_object(),
                     limit_excess_rad,
                     depth_m: 0.0,
+                    residual_m2: 0.0,
                     refused: Vec::new(),
                     motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
                 };

@@ -2,7 +2,7 @@
 -- Student's 95 % interval over the objects, each over all its folds and seeds; how far the means of single seeds
 -- spread; and the difference to `table_lift` with palm and fingers following the motion, paired by object.
 --
--- pipeline run pipelines/protocols.toml --set ingest.root=$DEXYCB --set seed=1,2 --set sample.per_object=40
+-- pipeline run pipelines/protocols.toml --set ingest.root=$DEXYCB
 with
     protocols as (
         select distinct run, stage, protocol, approach, friction, torque_limit_nm, object_mass
@@ -52,7 +52,7 @@ with
     all_places as (
         select * from (values
             (0, 'table_lift', 'follow'), (1, 'table_lift', 'open'), (2, 'paper', 'follow'),
-            (3, 'dexgraspbench_tabletop', 'place'), (4, 'dexgraspbench_force_closure', 'place'))
+            (3, 'dexgraspbench_tabletop', 'at_grasp'), (4, 'dexgraspbench_force_closure', 'at_grasp'))
             as all_places(protocol_place, placed_protocol, placed_approach))
 select
     '`' || protocol || '`, ' || approach as "protocol",

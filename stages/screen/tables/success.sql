@@ -1,10 +1,10 @@
--- Demonstrations carried out unchanged, and motions sampled by functions that have seen the object, and that
--- have not (four folds of the objects), by the origin of their latent codes. The 95 % interval is that of the
+-- Demonstrations carried out unchanged, and refined motions, each the best of four draws, of functions that have
+-- seen the object, and that have not (four folds of the objects), by the origin of their latent codes. The 95 % interval is that of the
 -- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived:
 -- 65 control steps of a trial over its cost (Ye et al., RA-L 2023, table V).
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set sample.per_object=125
+-- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set sample.per_object=500
 with
     by_object as (
         select origin, object_split, object, 1.0 * sum(draws_n) as d, 1.0 * sum(candidates_n) as c,

@@ -3,7 +3,7 @@
 --
 -- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4
 -- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
---   --set sample.draws=1
+--   --set refine.draws=1 --set sample.per_object=64
 -- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
 --   --set train.training.augmentation=none
 -- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
@@ -21,7 +21,7 @@ with
             max(case when key = 'draws' then number end) as draws,
             max(case when key = 'network.frame' then value end) as frame,
             max(case when key = 'training.augmentation' then value end) as augmentation
-        from settings where stage in ('train', 'sample') and run in (select run from runs) group by run),
+        from settings where stage in ('train', 'refine') and run in (select run from runs) group by run),
     tips as (
         select run as tips_run,
             1000 * avg(case when split = 'training' then tip_error_mean_m end) as learned_mm,
@@ -43,7 +43,7 @@ with
         from all_success where run in (select run from runs) group by run, pipeline)
 select
     case when pipeline = 'unseen' then 'default' else '`' || pipeline || '`' end
-        || case when pipeline = 'unseen' and draws = 1 then ', `sample.draws = 1`' else '' end
+        || case when pipeline = 'unseen' and draws = 1 then ', `refine.draws = 1`' else '' end
         || case when pipeline = 'unseen' and frame like '%object%' then ', `frame = "object"`' else '' end
         || case when pipeline = 'unseen' and augmentation <> '"vertical"'
             then ', `augmentation = ' || augmentation || '`' else '' end as "options",

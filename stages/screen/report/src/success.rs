@@ -320,6 +320,7 @@ mod tests {
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
+            residual_m2: 0.0,
             refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
                 .unwrap(),
@@ -406,6 +407,7 @@ mod tests {
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
             depth_m: 0.01,
+            residual_m2: 0.0,
             refusal: Refusal::Object,
         };
         let mut given = given();
