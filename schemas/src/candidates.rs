@@ -2,7 +2,8 @@
 //!
 //! A generator may draw a motion several times and keep one draw, the candidate; the other draws are
 //! rows too, of the same `candidate_id`, with a reason in `refused` and without a motion: their lists
-//! are empty. So `refused = ''` selects the candidates. Rows are in the order of the motions, then of
+//! are empty. So `refused = ''` selects the candidates. A stage that reads candidates writes them again: in a run,
+//! `stage = 'refine'` selects those that are screened. Rows are in the order of the motions, then of
 //! the draws.
 //!
 //! Positions of prismatic joints are in meters, and so are their rates (per second) and limit
@@ -38,7 +39,7 @@ pub struct Candidate {
     pub limit_excess_rad: f64,
     /// Deepest that the hand was in object or table when it was drawn, in meters; 0 if not measured.
     pub depth_m: f64,
-    /// What refinement left over, in m²; 0 if not refined.
+    /// Residual of the refinement, in m²; 0 if not refined.
     pub residual_m2: f64,
     /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
     pub motion: Motion<Object>,
@@ -46,7 +47,7 @@ pub struct Candidate {
     pub refused: Vec<RefusedDraw>,
 }
 
-/// A draw of a motion that was refused, so that the motion was drawn again.
+/// A draw of a motion that was not kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedDraw {
     /// Where it comes from.
@@ -57,7 +58,7 @@ pub struct RefusedDraw {
     pub limit_excess_rad: f64,
     /// Deepest that the hand was in object or table, in meters.
     pub depth_m: f64,
-    /// What refinement left over, in m²; 0 if not refined.
+    /// Residual of the refinement, in m²; 0 if not refined.
     pub residual_m2: f64,
     /// Why.
     pub refusal: Refusal,
@@ -136,7 +137,7 @@ words! {
         Object = "object",
         /// The hand is too deep in the table.
         Table = "table",
-        /// Another draw of the motion left less over when it was refined.
+        /// Another draw of the motion had a smaller residual.
         Residual = "residual",
     }
 }
@@ -148,11 +149,11 @@ columns! {
         generator: String => "what drew it",
         lineage: DrawSource,
         refused: Option<Refusal>
-            => "empty for a candidate, else why: too deep in `object` or `table`, or more `residual` than another",
+            => "empty for a candidate, else why: too deep in `object` or `table`, or a larger `residual` than it",
         depth_m: f64 ["m"]
             => "deepest that the hand was in object or table when it was drawn; 0 if not measured",
         residual_m2: f64 ["m²"]
-            => "what refinement left of depth, missing contact and unbalanced force; 0 if not refined",
+            => "residual of the refinement: depth, missing contact, unbalanced force; 0 if not refined",
         latent: Vec<f64> ["1"] => "latent code it came from; empty for a refused draw, as all lists",
         table_from_object: Pose<spatial::Table, Object> ["m, 1"] => "how the object lies: xyz, xyzw",
         limit_excess_rad: f64 ["rad"]

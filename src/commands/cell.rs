@@ -160,7 +160,7 @@ fn find(lake: &Path, name: &str) -> Result<Option<ObjectShape>, String> {
             report::chain(&err)
         )
     };
-    let objects = Lake::open(lake).newest_partitions("objects");
+    let objects = Lake::open(lake).newest_partitions("objects", None);
     let objects = objects.map_err(|err| said(err.into()))?;
     let Some(artifact) = objects.get(name) else {
         return Ok(None);

@@ -92,13 +92,14 @@ fn main() -> ExitCode {
     };
     println!("MuJoCo {}", mujoco.version);
     let lake = Lake::open(&lake);
-    let objects = lake.newest_partitions("objects").unwrap();
+    let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
+    let objects = lake.newest_partitions("objects", None).unwrap();
     let hand = options::hand();
     let mut totals = Counts::default();
     let mut unseen = Counts::default();
     let mut apart: (f64, String) = (0.0, "none".to_owned());
     println!("{:24} {}", "object", Counts::header());
-    for (name, candidates) in lake.newest_partitions("candidates").unwrap() {
+    for (name, candidates) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
         let Some(object) = objects.get(&name) else {
             continue;
         };

@@ -91,8 +91,9 @@ fn main() -> ExitCode {
     }
     if let Some(folder) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) {
         let lake = Lake::open(&folder);
-        let objects = lake.newest_partitions("objects").unwrap();
-        for (name, artifact) in lake.newest_partitions("candidates").unwrap() {
+        let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
+        let objects = lake.newest_partitions("objects", None).unwrap();
+        for (name, artifact) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
             let Some(object) = objects.get(&name) else {
                 continue;
             };

@@ -89,7 +89,8 @@ impl Lake {
         Ok(TableFiles::default())
     }
 
-    /// Returns the newest partitions of a table by key, each with only the table's file.
+    /// Returns the newest partitions of a table by key, each with only the table's file; with a stage, those that
+    /// it made: several stages of a pipeline may make the same table.
     ///
     /// # Errors
     ///
@@ -97,9 +98,11 @@ impl Lake {
     pub fn newest_partitions(
         &self,
         name: &str,
+        stage: Option<&str>,
     ) -> Result<BTreeMap<PartitionKey, Artifact>, LakeError> {
-        let stages = self.newest_table(name)?.stages.into_iter();
-        let files = stages.flat_map(|stage| stage.files);
+        let tables = self.newest_table(name)?.stages.into_iter();
+        let of_stage = tables.filter(|table| stage.is_none_or(|stage| table.stage == *stage));
+        let files = of_stage.flat_map(|table| table.files);
         let artifacts = files.map(|(key, file)| {
             let artifact = Artifact {
                 key: key.clone(),

@@ -5,7 +5,7 @@
 //! kind = "dispatch"
 //! inputs.rollouts = "screen.rollouts"
 //! inputs.robustness = "screen.robustness"
-//! inputs.candidates = "sample.candidates"
+//! inputs.candidates = "refine.candidates"
 //! inputs.objects = "ingest.objects"
 //! cell = "simulated"
 //! ```

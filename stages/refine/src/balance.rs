@@ -5,11 +5,11 @@ use posture::{Environment, Posed, Residual};
 
 /// Distance over which a surface's normal is averaged, and differences of it are taken, in meters.
 const NEAR_M: f64 = 0.003;
-/// Directions of friction about a normal.
+/// Edges of the linearized friction cone.
 const EDGES: usize = 6;
 /// The object's weight relative to the force with which the thumb presses.
 pub(crate) const OBJECT_WEIGHT: f64 = 0.3;
-/// Sweeps over all forces.
+/// Sweeps of coordinate descent over all edge forces.
 const SWEEPS: usize = 60;
 
 /// A tip that should touch the object.
@@ -24,13 +24,13 @@ pub(crate) struct Fingertip {
     pub(crate) drawn_in_object: Point3<f64>,
 }
 
-/// The term of forces: of all forces within the cones of friction with which the thumb presses with 1 and the
-/// object is carried, those that leave least over; what they leave is the residual.
+/// The force-balance term: the residual wrench, the least that contact forces within their friction cones leave when
+/// the thumb presses with 1 and the object's weight is carried.
 pub(crate) struct Balance<'a> {
     environment: &'a Environment,
     center_in_object: Point3<f64>,
     tips: Vec<Fingertip>,
-    /// For each tip the axis from which directions of friction are counted.
+    /// For each tip the axis that fixes the first edge of its friction cone.
     axes: Vec<Unit<Vector3<f64>>>,
     /// Length by which torques are divided, in meters: the drawn tips' mean distance from the center of mass.
     characteristic_length_m: f64,
@@ -87,14 +87,11 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Adds the residuals: for each tip the six numbers of what is left over, by the tip's place. Each tip has its
-    /// share of the square, and so that the slopes add up, its direction is as many times longer.
+    /// Adds the residual wrench, six numbers per tip. A residual has one point, so the wrench is there n times:
+    /// weights are divided by √n, so that the squares add up to its square, and directions multiplied by n, so that
+    /// the gradients do.
     pub(crate) fn residuals(&self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
-        let pressing = self.tips.iter().map(|tip| {
-            let at = posed.point(tip.point)?;
-            self.pressing(&at, tip.radius_m)
-        });
-        let Some(pressing) = pressing.collect::<Option<Vec<ContactPoint>>>() else {
+        let Some(pressing) = self.contact_points(posed) else {
             return;
         };
         let n_tips = pressing.len() as f64;
@@ -110,6 +107,20 @@ impl<'a> Balance<'a> {
                 });
             }
         }
+    }
+
+    /// Returns where the tips touch; `None` if one is in the middle of a thing, where there is no normal.
+    fn contact_points(&self, posed: &Posed<'_>) -> Option<Vec<ContactPoint>> {
+        let pressing = self.tips.iter().map(|tip| {
+            let at = posed.point(tip.point)?;
+            self.pressing(&at, tip.radius_m)
+        });
+        pressing.collect()
+    }
+
+    /// Returns whether every tip has a normal, and so the term its residuals.
+    pub(crate) fn is_defined(&self, posed: &Posed<'_>) -> bool {
+        self.contact_points(posed).is_some()
     }
 
     /// Returns the force of each tip on the object, and the force and the torque, over the characteristic length,
@@ -232,8 +243,8 @@ mod tests {
 
     const RADIUS_M: f64 = 0.01;
 
-    /// Returns what tips at these places leave over, of which the first is the thumb's.
-    fn left_over(places: &[[f64; 3]], friction: f64) -> f64 {
+    /// Returns the length of the residual wrench of tips at these places, of which the first is the thumb's.
+    fn residual_norm(places: &[[f64; 3]], friction: f64) -> f64 {
         let environment = fixture::environment();
         let tips = places.iter().enumerate().map(|(point, place)| Fingertip {
             point,
@@ -261,23 +272,23 @@ mod tests {
     fn opposed_tips_balance_and_tips_on_one_side_do_not() {
         let [x, y, _] = fixture::BOX_HALF_M;
         let beside = x + RADIUS_M;
-        let opposed = left_over(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.3);
+        let opposed = residual_norm(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.3);
         assert!(opposed < 0.02, "{opposed}");
         // Without friction nothing carries the weight.
-        let smooth = left_over(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.0);
+        let smooth = residual_norm(&[[-beside, 0.0, 0.0], [beside, 0.0, 0.0]], 0.0);
         assert!((smooth - OBJECT_WEIGHT).abs() < 0.02, "{smooth}");
         // Forces apart by 3 cm turn the box; a third tip opposite their middle balances them.
-        let turning = left_over(&[[-beside, 0.0, 0.0], [beside, 0.03, 0.0]], 0.1);
+        let turning = residual_norm(&[[-beside, 0.0, 0.0], [beside, 0.03, 0.0]], 0.1);
         assert!(turning > 0.2, "{turning}");
         let tips = [
             [-beside, 0.0, 0.0],
             [beside, 0.03, 0.0],
             [beside, -0.03, 0.0],
         ];
-        let three = left_over(&tips, 0.3);
+        let three = residual_norm(&tips, 0.3);
         assert!(three < 0.02, "{three}");
-        let same_side = left_over(&[[-beside, 0.02, 0.0], [-beside, -0.02, 0.0]], 0.3);
-        let across = left_over(&[[-beside, 0.0, 0.0], [0.0, y + RADIUS_M, 0.0]], 0.3);
+        let same_side = residual_norm(&[[-beside, 0.02, 0.0], [-beside, -0.02, 0.0]], 0.3);
+        let across = residual_norm(&[[-beside, 0.0, 0.0], [0.0, y + RADIUS_M, 0.0]], 0.3);
         assert!(same_side > 0.9 && across > 0.4, "{same_side} {across}");
     }
 
@@ -296,9 +307,9 @@ mod tests {
         }
     }
 
-    /// The residuals' slopes by a tip's place are those of the squares of what is left over.
+    /// Twice the Jacobian's transpose times the residual wrench is the gradient of its square by a tip's place.
     #[test]
-    fn slopes_are_those_of_what_is_left_over() {
+    fn jacobian_is_the_gradient_of_the_squared_wrench() {
         let environment = fixture::environment();
         let [x, _, _] = fixture::BOX_HALF_M;
         let places = [

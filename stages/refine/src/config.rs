@@ -25,8 +25,8 @@ pub struct RefineConfig {
     /// The hand table: which points of the hand stand for its posture, and which are fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
-    /// How many motions in a row are draws of one motion: the one that refinement leaves the least residual is
-    /// the candidate, chosen without physics (1)
+    /// Number of consecutive candidates of an object that lies alike which count as draws of one motion: the one
+    /// with the smallest residual is kept, chosen without physics; a last, incomplete group counts as one (1).
     #[serde(default = "defaults::draws")]
     pub draws: usize,
     /// Weight of a point's distance from where it was drawn (1).
@@ -67,8 +67,7 @@ pub struct RefineConfig {
     /// Factor on the position weight of a fingertip that should touch (1): the surface has priority.
     #[serde(default = "defaults::contact_position_factor")]
     pub contact_position_factor: f64,
-    /// Weight of the force and torque that the fingertips' forces leave over, of a total force of 1 that the
-    /// thumb presses with (m).
+    /// Weight of the residual wrench of the fingertips, relative to a force of 1 of the thumb (m).
     #[serde(default = "defaults::balance_weight")]
     pub balance_weight: f64,
     /// Coefficient of friction with which forces are balanced (1): below the true one, so that what is

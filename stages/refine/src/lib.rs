@@ -6,8 +6,9 @@
 //! surface, where the forces they can press with balance. The grasp is refined first, and the approach is
 //! rebuilt backward from it.
 //!
-//! One unit per object: every candidate stays one, of the same name and source. Nothing is judged here: `screen`
-//! judges every generator alike. At no step does a joint leave its limits.
+//! One unit per object. Of every `draws` consecutive motions the one with the smallest residual stays a candidate,
+//! under its own name and source; the others become its refused draws. Nothing is simulated: `screen` judges every
+//! generator alike. At no step does a joint leave its limits.
 
 mod balance;
 mod config;

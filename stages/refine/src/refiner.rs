@@ -26,14 +26,15 @@ const SOFT: f64 = 0.1;
 const TOLERANCE: f64 = 1e-4;
 /// Decrease in m² below which nothing visible is left to find: a thirtieth of a millimeter.
 const LEAST_DECREASE_M2: f64 = 1e-9;
-/// Share of the contact weight from which on a tip's force counts.
-const SHARE_THAT_PRESSES: f64 = 0.5;
-/// The square of what is left over where no finger answers the thumb: its force of 1 and the object's weight.
-const UNBALANCED: f64 = 1.0 + OBJECT_WEIGHT * OBJECT_WEIGHT;
+/// Share of the contact weight above which a tip's force counts.
+const MIN_CONTACT_SHARE: f64 = 0.5;
+/// Squared residual wrench without an opposing finger: the thumb's force, the object's weight, and a torque of that
+/// force at the characteristic length.
+const UNBALANCED: f64 = (1.0 + OBJECT_WEIGHT) * (1.0 + OBJECT_WEIGHT) + 1.0;
 /// Landmark of the thumb's tip.
 const THUMB_TIP: usize = 4;
 
-/// What a motion became.
+/// A refined motion.
 pub(crate) struct Refined {
     /// The hand in the object's frame, with the hand's joints.
     pub(crate) motion: Motion<Object>,
@@ -41,8 +42,8 @@ pub(crate) struct Refined {
     pub(crate) palm_moved_m: f64,
     /// Deepest that the hand is in the object before it closes, in meters.
     pub(crate) approach_penetration_m: f64,
-    /// What the terms of object, table, contact and balance have left over at the grasp, and the depth before it,
-    /// each with its weight, squared and summed, in m²: the less, the better the motion.
+    /// Weighted squared residuals of object, table, contact and balance at the grasp, and of the greatest depth in
+    /// the object before the hand closes, in m²; smaller is better.
     pub(crate) residual_m2: f64,
 }
 
@@ -161,7 +162,7 @@ impl<'a> Refiner<'a> {
     }
 
     /// Refines the last step: from the drawn grasp, and along the approach, where the fingers come from outside
-    /// and so end on the right side of thin things. Returns it with what its terms have left over, in m².
+    /// and so end on the right side of thin things. Returns it with its residual, in m².
     fn grasp(
         &mut self,
         environment: &Environment,
@@ -207,8 +208,13 @@ impl<'a> Refiner<'a> {
         let placed = best.map_or_else(|| grasp.clone(), |(placed, _)| placed);
         let none = task(&[], None, None);
         let mut residual_m2 = self.solver.place(&none, &placed.posture, &mut terms)?;
-        if terms.balance.is_none() {
-            // Nothing answers the thumb and carries the object.
+        let posed = self.solver.posed();
+        if terms
+            .balance
+            .as_ref()
+            .is_none_or(|balance| !balance.is_defined(&posed))
+        {
+            // No finger opposes the thumb, or a tip is where the object has no surface.
             residual_m2 += self.config.balance_weight.powi(2) * UNBALANCED;
         }
         Ok((placed, residual_m2))
@@ -330,7 +336,7 @@ impl<'a> Refiner<'a> {
             return None;
         }
         let near =
-            |contact: &&Contact| contact.weight >= SHARE_THAT_PRESSES * self.config.contact_weight;
+            |contact: &&Contact| contact.weight >= MIN_CONTACT_SHARE * self.config.contact_weight;
         let tips = contacts.iter().filter(near).map(|contact| {
             let of_hand = &self.hand.points[contact.point];
             Fingertip {
@@ -497,6 +503,56 @@ mod tests {
         };
         let without = gaps_m(&refine(&hand, &without, &drawn).motion);
         assert!(mean(&without) > 0.003, "{without:?}");
+    }
+
+    /// The balance's gradient by the joints is that of its cost, tips and weights together.
+    #[test]
+    fn gradient_of_the_balance_is_that_of_its_cost() {
+        let hand = fixture::hand();
+        let config = RefineConfig {
+            balance_weight: 1.0,
+            balance_friction: 0.0,
+            ..fixture::config()
+        };
+        let environment = fixture::environment();
+        let drawn = refine(&hand, &config, &reach(&hand, 0.0, 0.55)).motion;
+        let mut refiner = Refiner::new(&hand, &config, Point3::origin());
+        let grasp = drawn.grasp();
+        let grasp = Posture::new(&grasp.frame_from_palm, grasp.q_rad.clone());
+        let grasp = refiner.placed(grasp).unwrap();
+        let contacts = refiner.contacts(&environment, &grasp);
+        let mut terms = refiner.terms(&environment, 0.0, 0.0, Vec::new());
+        terms.surroundings.keep_out.table_weight = 0.0;
+        terms.balance = refiner.balance(&environment, &contacts, &grasp);
+        assert!(terms.balance.is_some());
+        let none = task(&[], None, None);
+        let mut gradient = vec![0.0; hand.compiled.unknowns()];
+        let posture = grasp.posture.clone();
+        let solver = &mut refiner.solver;
+        let cost = solver
+            .gradient(&none, &posture, &mut terms, &mut gradient)
+            .unwrap();
+        assert!(cost > 0.01, "{cost}");
+        let n_root = gradient.len() - posture.q.len();
+        let size = gradient[n_root..]
+            .iter()
+            .map(|slope| slope * slope)
+            .sum::<f64>()
+            .sqrt();
+        for joint in 0..posture.q.len() {
+            const H_RAD: f64 = 1e-5;
+            let mut cost = |by_rad: f64| {
+                let mut moved = posture.clone();
+                moved.q[joint] += by_rad;
+                solver.place(&none, &moved, &mut terms).unwrap()
+            };
+            let expected = (cost(H_RAD) - cost(-H_RAD)) / (2.0 * H_RAD);
+            let found = gradient[n_root + joint];
+            assert!(
+                (found - expected).abs() < 0.03 * size + 1e-3,
+                "{joint}: {found} {expected}, of {size}"
+            );
+        }
     }
 
     /// What was refined before leaves nothing behind, so that threads may share the motions as they like.

@@ -191,58 +191,82 @@ impl Output for Refine {
     }
 }
 
-/// Makes of each `draws` motions in a row draws of one motion: the candidate is the one that refinement has left
-/// the least residual.
+/// Makes of `draws` motions in a row, of an object that lies alike, draws of one motion: the candidate is the one with
+/// the smallest residual. Which way the object lies is not chosen.
 fn best_of(refined: Vec<(Candidate, Refined)>, draws: usize) -> Vec<(Candidate, Refined)> {
-    let mut chosen = Vec::new();
-    let mut refined = refined.into_iter().peekable();
-    while refined.peek().is_some() {
-        let mut best: Option<(Candidate, Refined)> = None;
-        let mut refused: Vec<RefusedDraw> = Vec::new();
-        let mut draw_n = 0;
-        for (mut candidate, one) in refined.by_ref().take(draws) {
-            candidate.limit_excess_rad = 0.0;
-            candidate.depth_m = 0.0;
-            candidate.residual_m2 = one.residual_m2;
-            // Draws that were refused before it were drawn again until this one was not.
-            candidate.refused.sort_by_key(|draw| draw.lineage.draw_n);
-            for mut earlier in std::mem::take(&mut candidate.refused) {
-                draw_n += 1;
-                earlier.lineage.draw_n = draw_n;
-                refused.push(earlier);
-            }
-            draw_n += 1;
-            candidate.lineage.draw_n = draw_n;
-            let worse = match best.take() {
-                Some(kept) if kept.1.residual_m2 <= one.residual_m2 => {
-                    best = Some(kept);
-                    Some(candidate)
-                }
-                before => {
-                    best = Some((candidate, one));
-                    before.map(|(candidate, _)| candidate)
-                }
-            };
-            refused.extend(worse.map(|worse| RefusedDraw {
-                lineage: worse.lineage,
-                table_from_object: worse.table_from_object,
-                limit_excess_rad: worse.limit_excess_rad,
-                depth_m: worse.depth_m,
-                residual_m2: worse.residual_m2,
-                refusal: Refusal::Residual,
-            }));
-        }
-        if let Some((candidate, one)) = best {
-            chosen.push((
-                Candidate {
-                    refused,
-                    ..candidate
-                },
-                one,
-            ));
+    let mut by_rest: Vec<Vec<(usize, Candidate, Refined)>> = Vec::new();
+    for (number, (candidate, one)) in refined.into_iter().enumerate() {
+        let rest = &candidate.table_from_object;
+        let alike = by_rest.iter_mut().find(|group| {
+            group
+                .iter()
+                .any(|(_, other, _)| other.table_from_object == *rest)
+        });
+        match alike {
+            Some(group) => group.push((number, candidate, one)),
+            None => by_rest.push(vec![(number, candidate, one)]),
         }
     }
-    chosen
+    let mut chosen: Vec<(usize, Candidate, Refined)> = Vec::new();
+    for group in by_rest {
+        let mut group = group.into_iter().peekable();
+        while group.peek().is_some() {
+            chosen.extend(best(group.by_ref().take(draws)));
+        }
+    }
+    chosen.sort_by_key(|(number, ..)| *number);
+    let chosen = chosen.into_iter();
+    chosen.map(|(_, candidate, one)| (candidate, one)).collect()
+}
+
+/// Returns the motion with the smallest residual, the others among its refused draws, in their order.
+fn best(
+    draws: impl Iterator<Item = (usize, Candidate, Refined)>,
+) -> Option<(usize, Candidate, Refined)> {
+    let mut best: Option<(usize, Candidate, Refined)> = None;
+    let mut refused: Vec<RefusedDraw> = Vec::new();
+    let mut before_n = 0;
+    for (number, mut candidate, one) in draws {
+        // Each may have draws of its own that were refused when it was drawn.
+        let draws_n = candidate.refused.iter().map(|draw| draw.lineage.draw_n);
+        let draws_n = draws_n.fold(candidate.lineage.draw_n, u32::max);
+        candidate.lineage.draw_n += before_n;
+        for mut draw in std::mem::take(&mut candidate.refused) {
+            draw.lineage.draw_n += before_n;
+            refused.push(draw);
+        }
+        before_n += draws_n;
+        candidate.residual_m2 = one.residual_m2;
+        let worse = match best.take() {
+            Some(kept) if kept.2.residual_m2 <= one.residual_m2 => {
+                best = Some(kept);
+                Some(candidate)
+            }
+            before => {
+                best = Some((number, candidate, one));
+                before.map(|(_, candidate, _)| candidate)
+            }
+        };
+        refused.extend(worse.map(|worse| RefusedDraw {
+            lineage: worse.lineage,
+            table_from_object: worse.table_from_object,
+            limit_excess_rad: worse.limit_excess_rad,
+            depth_m: worse.depth_m,
+            residual_m2: worse.residual_m2,
+            refusal: Refusal::Residual,
+        }));
+    }
+    refused.sort_by_key(|draw| draw.lineage.draw_n);
+    best.map(|(number, candidate, one)| {
+        (
+            number,
+            Candidate {
+                refused,
+                ..candidate
+            },
+            one,
+        )
+    })
 }
 
 /// Reads a hand and its table, and finds every link that the table names.
@@ -400,7 +424,7 @@ mod tests {
         let first = &found[0];
         assert_eq!(first.motion, each[0].motion);
         assert_eq!(first.residual_m2, each[0].residual_m2);
-        assert_eq!([first.limit_excess_rad, first.depth_m], [0.0, 0.0]);
+        assert_eq!([first.limit_excess_rad, first.depth_m], [0.1, 0.02]);
         let others: Vec<(u32, Refusal, f64)> = first
             .refused
             .iter()

@@ -57,9 +57,9 @@ pub struct SampleConfig {
     /// Factor on the standard deviation of drawn codes: the distribution itself, as in the paper
     #[serde(default = "defaults::spread")]
     pub spread: f64,
-    /// Most latent codes drawn for a motion until its hand stays out of object and table, else the
-    /// shallowest of them; the refused ones are rows of `candidates` too: one, because a motion is refined
-    /// rather than drawn again; paper: 1
+    /// Most latent codes drawn for a motion until its hand stays out of object and table; if none does,
+    /// the shallowest is kept; refused draws are rows of `candidates` too. One: motions are refined
+    /// instead; paper: 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
     /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`

@@ -64,9 +64,12 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
 }
 
 fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
-    let rollouts = lake.newest_partitions("rollouts").unwrap();
+    let rollouts = lake.newest_partitions("rollouts", Some("screen")).unwrap();
     let mut accepted: Vec<Drawn> = Vec::new();
-    for (name, artifact) in lake.newest_partitions("candidates").unwrap() {
+    for (name, artifact) in lake
+        .newest_partitions("candidates", Some("refine"))
+        .unwrap()
+    {
         let Some(rollouts) = rollouts.get(&name) else {
             continue;
         };
