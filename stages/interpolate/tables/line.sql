@@ -1,4 +1,4 @@
--- Motions sampled for the bundled objects, and the straight line between the ends of each, the hand following
+-- Refined motions for the bundled objects, and the straight line between the ends of each, the hand following
 -- the whole motion. The 95 % interval is that of the objects' mean, by resampling objects.
 --
 -- pipeline run pipelines/baseline.toml

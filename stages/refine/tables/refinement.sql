@@ -1,7 +1,6 @@
--- Draws of the prior that hold, as drawn, refined, and the best of four by what refinement leaves over, palm and
--- fingers following the motion: means over the objects of the share of motions, with Student's 95 % interval over 20
--- seen and 15 unseen objects, and why unseen objects' motions fail. Three folds of four; the defaults were chosen on
--- the other one.
+-- Motions of the prior that hold, as drawn, refined, and the best of four draws by residual, palm and fingers
+-- following the motion: means over the objects of the share of motions, with Student's 95 % interval over 20 seen and
+-- 15 unseen objects, and why unseen objects' motions fail. Three folds of four; the defaults were chosen on the other.
 --
 -- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
 with

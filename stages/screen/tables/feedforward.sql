@@ -1,4 +1,4 @@
--- Share of the motions sampled for the bundled objects that holds, the hand following the whole motion, with
+-- Share of the refined motions for the bundled objects that holds, the hand following the whole motion, with
 -- PD alone and with feedforward; the paper states only the gain (Ye et al., RA-L 2023, table IV).
 --
 -- pipeline run pipelines/feedforward.toml

@@ -1,5 +1,5 @@
--- Refined motions for each object, each the best of four draws, by three functions that have seen it and by one that has not, the number of
--- all of them that fails by each reason, and the share of the object's demonstrations that hold.
+-- Refined motions for each object, each the best of four draws, by three functions that have seen it and by one that
+-- has not, the number of all of them that fails by each reason, and the share of the object's demonstrations that hold.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
 -- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set sample.per_object=500

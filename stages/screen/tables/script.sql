@@ -1,4 +1,4 @@
--- What the script around a motion adds: share of the motions sampled for the bundled objects that holds, the
+-- What the script around a motion adds: share of the refined motions for the bundled objects that holds, the
 -- fingers following the motion or opened and closed by script, with a squeeze and without.
 --
 -- pipeline run pipelines/script.toml

@@ -1,4 +1,4 @@
--- How smooth the motions sampled for the bundled objects are, by three definitions, and the paper's motions
+-- How smooth the refined motions for the bundled objects are, by three definitions, and the paper's motions
 -- (Ye et al., RA-L 2023, table I): position as is, velocity and acceleration as logarithms to base 10.
 --
 -- pipeline run pipelines/feedforward.toml

@@ -1,4 +1,4 @@
--- Share of the motions sampled for the bundled objects that holds with all strict conditions, without each of
+-- Share of the refined motions for the bundled objects that holds with all strict conditions, without each of
 -- them and without any, and the control steps simulated for each motion.
 --
 -- pipeline run pipelines/strict.toml

@@ -1,6 +1,6 @@
 -- Demonstrations carried out unchanged, and refined motions, each the best of four draws, of functions that have
--- seen the object, and that have not (four folds of the objects), by the origin of their latent codes. The 95 % interval is that of the
--- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived:
+-- seen the object, and that have not (four folds of the objects), by the origin of their latent codes. The 95 %
+-- interval is that of the objects' mean, Student's over the 20 objects' own rates. The paper's share is derived:
 -- 65 control steps of a trial over its cost (Ye et al., RA-L 2023, table V).
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
@@ -20,9 +20,9 @@ with
     names as (
         select * from (values
             (0, 'demonstration', '', 'demonstrations', 'all', '-'),
-            (1, 'posterior', 'seen', 'sampled, posterior', 'seen', '-'),
-            (2, 'prior', 'seen', 'sampled, prior', 'seen', '0.33'),
-            (3, 'prior', 'unseen', 'sampled, prior', 'unseen', '0.42'))
+            (1, 'posterior', 'seen', 'refined, posterior', 'seen', '-'),
+            (2, 'prior', 'seen', 'refined, prior', 'seen', '0.33'),
+            (3, 'prior', 'unseen', 'refined, prior', 'unseen', '0.42'))
             as names(place, of_origin, of_split, shown, objects, paper_share))
 select
     shown as "motions",
