@@ -8,9 +8,10 @@
 //! 1960): 1 if all verdicts are equal, 0 if no more are than by chance. McNemar's test says whether one
 //! engine is more lenient than the other.
 //!
-//! `PIPELINE_LAKE` names the lake, the newest `candidates` and `objects` in it are taken, and the options
-//! are those of `pipelines/cgf.toml`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3`
-//! where it is not set. What is missing is skipped.
+//! `PIPELINE_LAKE` names the lake; the newest `objects` in it and the newest `candidates` of the stage
+//! `PIPELINE_STAGE`, `refine` where it is not set, are taken, and the options are those of
+//! `pipelines/cgf.toml`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not
+//! set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]

@@ -77,13 +77,13 @@ impl<'a> Balance<'a> {
         Some(balance)
     }
 
-    /// Returns the coordinate axis that is farthest from the normal of a drawn tip.
+    /// Returns the coordinate axis that is farthest from the normal of a drawn tip; any, if it has none.
     fn axis(&self, tip: &Fingertip) -> Unit<Vector3<f64>> {
-        let normal = self.normal(&tip.drawn_in_object).unwrap_or_default();
-        match normal.abs().imin() {
-            0 => Vector3::x_axis(),
-            1 => Vector3::y_axis(),
-            _ => Vector3::z_axis(),
+        let normal = self.normal(&tip.drawn_in_object);
+        match normal.map(|normal| normal.abs().imin()) {
+            Some(0) | None => Vector3::x_axis(),
+            Some(1) => Vector3::y_axis(),
+            Some(_) => Vector3::z_axis(),
         }
     }
 
