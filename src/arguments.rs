@@ -38,27 +38,27 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 pub(crate) enum Command {
-    /// Make a project in which the main job runs
+    /// Create a project with pipelines, hands, robots and the sample
     New(NewArgs),
     /// Run a pipeline, reusing every result that is still valid
     Run(RunArgs),
     /// Show what `run` would do, and why
     Plan(PlanArgs),
-    /// Ask the lake's tables a question in SQL
+    /// Query the lake's tables in SQL
     Query(QueryArgs),
     /// Show an artifact: columns, rows, provenance, skipped items
     Inspect(InspectArgs),
-    /// List what was run: when, with which values, how it ended
+    /// List runs with their dates, values and outcomes
     Runs(RunsArgs),
     /// Show what differs between two runs
     ///
     /// Values, inputs, code and metrics.
     Diff(DiffArgs),
-    /// Show what an artifact was made of, or what was made of it
+    /// Trace an artifact to its inputs, or to the artifacts made from it
     Lineage(LineageArgs),
-    /// Name a run, which keeps it
+    /// Tag a run, which protects it from `gc`
     Tag(TagArgs),
-    /// Take a name away from its run
+    /// Remove a tag
     Untag(UntagArgs),
     /// List the kinds of stages, their inputs, outputs and options
     Stages(StagesArgs),
@@ -136,18 +136,18 @@ pub(crate) struct CellArgs {
     pub(crate) listen: String,
     /// Router to connect to [default: the cell listens]
     ///
-    /// When it is lost the cell comes back by itself.
+    /// The cell reconnects after losing it.
     #[arg(long, value_name = "ENDPOINT")]
     pub(crate) connect: Option<String>,
     /// Certificates or password [default: loopback only]
     ///
-    /// A file with the cell's certificates or password, and, where it listens, with whom it trusts and
+    /// A file with the cell's certificates or password, and, where it listens, whom it trusts and
     /// who may do what; see `data/access`. Without one it is reached on the loopback interface alone.
     #[arg(long, value_name = "FILE")]
     pub(crate) access: Option<PathBuf>,
-    /// What it has done [default: LAKE/cells/NAME]
+    /// Journal folder [default: LAKE/cells/NAME]
     ///
-    /// The folder in which the cell keeps it.
+    /// The folder in which the cell records the goals that it has answered.
     #[arg(long, value_name = "DIR")]
     pub(crate) journal: Option<PathBuf>,
     /// Simulate as fast as possible
@@ -160,7 +160,7 @@ pub(crate) struct CellArgs {
     /// As `/joint_states` and `/joint_trajectory` under the keys of `rmw_zenoh`.
     #[arg(long, value_name = "DOMAIN")]
     pub(crate) ros2_domain: Option<u32>,
-    /// Let something go wrong [default: nothing]
+    /// Inject a fault [default: none]
     ///
     /// To try a dispatcher: e.g. `die_after_answer@2`, at the second goal. May be repeated.
     #[arg(long, value_name = "FAULT")]
@@ -228,16 +228,16 @@ pub(crate) struct RunArgs {
 pub(crate) struct PlanArgs {
     #[command(flatten)]
     pub(crate) pipeline: PipelineArgs,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
 
 #[derive(Args)]
 pub(crate) struct QueryArgs {
-    /// The question, e.g. `select * from objects`
+    /// SQL query, e.g. `select * from objects`
     pub(crate) sql: String,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = QueryFormat::Table)]
     pub(crate) format: QueryFormat,
     /// Tables as this run had them [default: the newest]
@@ -288,10 +288,10 @@ pub(crate) struct RunsArgs {
     /// List only runs of this pipeline [default: of all]
     #[arg(long, value_name = "NAME")]
     pub(crate) pipeline: Option<String>,
-    /// List only so many, the newest [default: all]
+    /// List only the newest N [default: all]
     #[arg(long, value_name = "N")]
     pub(crate) last: Option<usize>,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
@@ -305,7 +305,7 @@ pub(crate) struct DiffArgs {
     /// The run after
     #[arg(default_value = "newest")]
     pub(crate) new: String,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
@@ -318,7 +318,7 @@ pub(crate) struct LineageArgs {
     ///
     /// Without one: how outputs depend on each other.
     pub(crate) partition: Option<String>,
-    /// Show what was made of it instead
+    /// Show the artifacts made from it
     #[arg(long)]
     pub(crate) down: bool,
     /// The run: its number or tag, `newest~1`, … [default: newest]
@@ -326,7 +326,7 @@ pub(crate) struct LineageArgs {
     /// `newest~1` is the one before the newest.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
@@ -357,7 +357,7 @@ pub(crate) struct GraphArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = GraphFormat::Text)]
     pub(crate) format: GraphFormat,
 }
@@ -381,7 +381,7 @@ pub(crate) struct DoctorArgs {
     pub(crate) values: ValueArgs,
     /// Check this robot [default: check the pipeline file]
     ///
-    /// What its URDF describes, what is unphysical in it, and a first proposal of a hand's table.
+    /// What its URDF describes, what is unphysical in it, and a first proposal of a hand table.
     #[arg(long, value_name = "URDF", conflicts_with_all = ["file", "profile", "overrides"])]
     pub(crate) robot: Option<PathBuf>,
 }
@@ -401,10 +401,10 @@ pub(crate) struct VerifyArgs {
     /// Finds those that were changed behind an unchanged size, time and inode, and has them read again.
     #[arg(long)]
     pub(crate) inputs: bool,
-    /// Drop what is damaged, so that the next run makes it again
+    /// Delete damaged artifacts; the next run makes them again
     #[arg(long)]
     pub(crate) drop: bool,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
@@ -413,17 +413,17 @@ pub(crate) struct VerifyArgs {
 pub(crate) struct GcArgs {
     /// Pipeline files to keep [default: those of the lake's runs]
     ///
-    /// Everything stays that they use now.
+    /// Everything that they use now stays.
     pub(crate) files: Vec<PathBuf>,
     /// Finished runs of each pipeline to keep, the newest
     ///
-    /// Everything of them stays; of tagged runs it always does.
+    /// Tagged runs are always kept.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) keep: u16,
-    /// Say what would go, and remove nothing
+    /// List what would be removed, and remove nothing
     #[arg(long)]
     pub(crate) dry_run: bool,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
 }
@@ -441,7 +441,7 @@ pub(crate) struct UnitArgs {
     /// Make it even if its result is in the lake
     #[arg(long)]
     pub(crate) fresh: bool,
-    /// How to print
+    /// Output format
     #[arg(long, value_enum, default_value_t = Format::Text)]
     pub(crate) format: Format,
     /// Stop as soon as stdin closes

@@ -62,7 +62,7 @@ impl From<LakeError> for CommandError {
             LakeError::NoLake { .. }
             | LakeError::NoRun { .. }
             | LakeError::NoTag { .. }
-            | LakeError::NotATag { .. } => Self::Usage {
+            | LakeError::InvalidTag { .. } => Self::Usage {
                 message: err.to_string(),
                 hint,
             },

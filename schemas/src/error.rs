@@ -3,7 +3,7 @@
 use arrow_schema::ArrowError;
 use motion::MotionError;
 use nalgebra::{Unit, Vector3};
-use spatial::NotAPose;
+use spatial::InvalidPose;
 
 /// Why a table violates its schema.
 #[derive(Debug, thiserror::Error)]
@@ -65,7 +65,7 @@ pub enum SchemaError {
         /// The column's name.
         column: String,
         /// Why.
-        source: NotAPose,
+        source: InvalidPose,
     },
     /// The steps of a row, or of a table's rows, are not a motion.
     #[error("`{name}` is not a motion")]

@@ -10,7 +10,7 @@ use crate::{columns::columns, table::table};
 columns! {
     /// The use of one dimension.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct Row {
+    pub struct LatentDimension {
         dimension: i64 => "place in the code, from 0",
         kl_nats: f64 ["nat"] => "divergence from the standard normal, mean over the motions",
         mean_deviation: f64 ["1"] => "standard deviation of the motions' means",
@@ -20,5 +20,5 @@ columns! {
 }
 
 /// The dimensions of one model.
-pub type Latents = Vec<Row>;
-table! {"latents", 1, per "model", rows: Row}
+pub type Latents = Vec<LatentDimension>;
+table! {"latents", 1, per "model", rows: LatentDimension}

@@ -1,10 +1,10 @@
 //! The artifacts that stages exchange: one file per artifact, with columns, units, frames, version.
 //!
 //! ```
-//! use schemas::{Table, latents::{Latents, Row}};
+//! use schemas::{Table, latents::{Latents, LatentDimension}};
 //!
 //! let latents: Latents =
-//!     vec![Row { dimension: 0, kl_nats: 0.5, mean_deviation: 0.9, deviation_mean: 0.4, active: true }];
+//!     vec![LatentDimension { dimension: 0, kl_nats: 0.5, mean_deviation: 0.9, deviation_mean: 0.4, active: true }];
 //! let batch = latents.to_batch()?;
 //! assert_eq!(batch.schema().field_with_name("kl_nats")?.metadata()["unit"], "nat");
 //! assert_eq!(Latents::from_batch("cgf", &batch)?, latents);

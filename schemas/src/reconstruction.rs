@@ -16,7 +16,7 @@ use crate::{
 columns! {
     /// The reconstruction error of one motion.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct Row {
+    pub struct ReconstructionError {
         sequence: String => "the recording",
         object: String => "its object",
         split: Split => "training, held_out or unseen",
@@ -36,10 +36,10 @@ columns! {
 /// The reconstruction errors of one model.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Reconstruction {
-    /// Names of the hand's joints, in the order of [`Row::joint_errors_rad`].
+    /// Names of the hand's joints, in the order of [`ReconstructionError::joint_errors_rad`].
     pub joints: Vec<String>,
     /// One row per sequence.
-    pub rows: Vec<Row>,
+    pub rows: Vec<ReconstructionError>,
 }
 
 impl Table for Reconstruction {
@@ -48,7 +48,7 @@ impl Table for Reconstruction {
     const VERSION: &'static str = "reconstruction/1";
 
     fn schema() -> Schema {
-        Writer::of::<Row>(Self::VERSION, &[]).schema()
+        Writer::of::<ReconstructionError>(Self::VERSION, &[]).schema()
     }
 
     fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
@@ -58,7 +58,7 @@ impl Table for Reconstruction {
 
     fn from_batch(_key: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
         let reader = Reader::new(batch, Self::VERSION)?;
-        let (joints, rows) = (reader.joints()?, reader.rows::<Row>()?);
+        let (joints, rows) = (reader.joints()?, reader.rows::<ReconstructionError>()?);
         for row in &rows {
             let errors = &row.joint_errors_rad;
             SchemaError::check_length("joint_errors_rad", "errors", errors, joints.len())?;

@@ -32,7 +32,7 @@ columns! {
         /// The candidates by verdict.
         verdicts: Tally<Verdict>,
         draws_n: i64 => "draws of this origin, refused ones included",
-        + draw_rate: f64 ["1"] = |row| share(row.verdicts.successes_n(), row.draws_n)
+        + draw_rate: f64 ["1"] = |row| share(row.verdicts.success_count(), row.draws_n)
             => "share of the draws that held; 0 of none",
         control_steps_n: i64 => "control steps simulated, for failures too",
         + control_steps_per_success: f64 ["1"] = Self::control_steps_per_success
@@ -50,7 +50,7 @@ columns! {
 impl Success {
     /// Returns the control steps simulated for each success, failures included; 0 without a success.
     pub fn control_steps_per_success(&self) -> f64 {
-        match self.verdicts.successes_n() {
+        match self.verdicts.success_count() {
             0 => 0.0,
             n => self.control_steps_n as f64 / n as f64,
         }

@@ -35,8 +35,8 @@ pub trait Table: Sized {
     fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError>;
 }
 
-/// Declares the table of a name and version, and what a partition stands for, whose partitions are rows, or one row, with the columns of
-/// `columns!`.
+/// Declares a table with a name, a version and what one partition stands for. A partition holds rows, or
+/// one row, with the columns of `columns!`.
 macro_rules! table {
     ($name:literal, $version:literal, per $partition:literal, rows: $row:ty) => {
         table! {@impl $name, $version, $partition, $row, Vec<$row>, |table| table, |reader| reader.rows()}

@@ -38,7 +38,7 @@ pub trait OutcomeClass: Copy + Ord + 'static {
 /// let tally: Tally<Verdict> = [(Verdict::Held, 1), (Verdict::Slipped, 2), (Verdict::Held, 1)]
 ///     .into_iter()
 ///     .collect();
-/// assert_eq!((tally.successes_n(), tally.total_n(), tally.rate()), (2, 4, 0.5));
+/// assert_eq!((tally.success_count(), tally.total_count(), tally.rate()), (2, 4, 0.5));
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally<E>(BTreeMap<E, i64>);
@@ -66,24 +66,24 @@ impl<E: OutcomeClass> Tally<E> {
     }
 
     /// Returns the number of motions that are trials.
-    pub fn total_n(&self) -> i64 {
+    pub fn total_count(&self) -> i64 {
         let trials = self.iter().filter(|(ending, _)| ending.is_trial());
         trials.map(|(_, n)| n).sum()
     }
 
     /// Returns the number of motions that succeeded.
-    pub fn successes_n(&self) -> i64 {
+    pub fn success_count(&self) -> i64 {
         self.count(E::ALL[0])
     }
 
     /// Returns the share of the trials that succeeded, in 0..=1; 0 of none.
     pub fn rate(&self) -> f64 {
-        self.successes_n() as f64 / self.total_n().max(1) as f64
+        self.success_count() as f64 / self.total_count().max(1) as f64
     }
 
     /// Returns the 95 % interval of that share.
     pub fn interval(&self) -> [f64; 2] {
-        wilson(self.successes_n() as f64, self.total_n() as f64)
+        wilson(self.success_count() as f64, self.total_count() as f64)
     }
 
     fn write_rates(rows: &[&Self], to: &mut Writer) {
@@ -107,7 +107,7 @@ impl<E: OutcomeClass> Tally<E> {
 /// The total, the successes, the rate with its interval, and the number of each other ending.
 impl<E: OutcomeClass> Row for Tally<E> {
     fn write(rows: &[&Self], to: &mut Writer) {
-        let totals: Vec<i64> = rows.iter().map(|row| row.total_n()).collect();
+        let totals: Vec<i64> = rows.iter().map(|row| row.total_count()).collect();
         let [total, about] = E::TOTAL;
         to.computed(total, None, about, &totals);
         for &ending in E::ALL {
@@ -126,7 +126,7 @@ impl<E: OutcomeClass> Row for Tally<E> {
             .map(count)
             .collect::<Result<_, SchemaError>>()?;
         let [total, _] = E::TOTAL;
-        match (from.cell::<i64>(total, row)?, tally.total_n()) {
+        match (from.cell::<i64>(total, row)?, tally.total_count()) {
             (total_n, ended_n) if total_n == ended_n => Ok(tally),
             (total_n, ended_n) => Err(SchemaError::invalid(
                 total,

@@ -6,7 +6,7 @@ use crate::{columns::columns, table::table};
 columns! {
     /// How well the trajectories of one object follow their demonstrations.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct TrackingReport {
+    pub struct TrackingSummary {
         trajectories_n: i64 => "trajectories",
         steps_n: i64 => "their steps",
         contacts_n: i64 => "finger tips that should touch the object at the grasp",
@@ -29,4 +29,4 @@ columns! {
     }
 }
 
-table! {"tracking", 1, per "object", row: TrackingReport}
+table! {"tracking", 1, per "object", row: TrackingSummary}

@@ -15,7 +15,7 @@ use crate::{
 columns! {
     /// The losses of one set of motions in one epoch.
     #[derive(Debug, Clone, PartialEq)]
-    pub struct Row {
+    pub struct EpochLosses {
         epoch: i64 => "number of the epoch, from 1",
         split: Split => "training, held_out or unseen",
         learning_rate: f64 ["1"] => "the optimizer's",
@@ -31,8 +31,8 @@ columns! {
 }
 
 /// The losses of one training.
-pub type Training = Vec<Row>;
-table! {"training", 2, per "model", rows: Row}
+pub type Training = Vec<EpochLosses>;
+table! {"training", 2, per "model", rows: EpochLosses}
 
 words! {
     /// Whether a motion is learned from, or what it is kept back for.

@@ -38,7 +38,7 @@ const LOOK: Duration = Duration::from_millis(200);
 
 /// Warning for a cell without an access file.
 const UNGUARDED: &str =
-    "any program of this machine may drive it: without TLS nobody is asked who they are";
+    "without TLS there is no authentication: any program on this machine can drive the robot";
 
 /// Serves a simulated robot cell until it is interrupted.
 pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome, CommandError> {

@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 36] = files![
+const FILES: [(&str, &str); 37] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -57,6 +57,7 @@ const FILES: [(&str, &str); 36] = files![
     "pipelines/noise.toml",
     "pipelines/paper.toml",
     "pipelines/refinement.toml",
+    "pipelines/refinement_parts.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
     "pipelines/protocols.toml",

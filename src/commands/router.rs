@@ -29,8 +29,8 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<CommandOutc
     ));
     if access.is_none() {
         program.say(
-            "any program of this machine may drive the cells that connect to it: without TLS nobody \
-             is asked who they are",
+            "without TLS there is no authentication: any program on this machine can drive the robots \
+             whose cells connect to it",
         );
     }
     signals.forever().next();

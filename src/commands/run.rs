@@ -60,7 +60,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let last = ran.nodes.last();
     let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
-        let line = if ran.n_made_now() == 0 {
+        let line = if ran.made_now_count() == 0 {
             let n_stages = pipeline
                 .stages
                 .iter()
@@ -80,7 +80,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             report::line(&format!("report `{}`", folder.display()));
         }
     }
-    let n_skipped = ran.n_skipped();
+    let n_skipped = ran.skipped_count();
     let outcome = if n_skipped > 0 {
         report::line(&format!("note   {n_skipped} items were skipped"));
         let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
@@ -94,7 +94,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         }
         CommandOutcome::SkippedItems
     } else {
-        if let Some(last) = last.filter(|_| ran.n_made_now() > 0) {
+        if let Some(last) = last.filter(|_| ran.made_now_count() > 0) {
             program.say(&format!(
                 "next   `pipeline inspect {}`, or edit `{}` and run",
                 last.record.node,

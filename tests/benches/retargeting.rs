@@ -306,7 +306,7 @@ fn minima(problem: &Problem, objective: Objective) {
     };
     let mut posture = before.clone();
     if objective != Objective::Peer {
-        let starts = solver.starts(&first).unwrap();
+        let starts = solver.initial_postures(&first).unwrap();
         posture = best_of(&mut solver, &first, starts, &FAST).0;
         before = posture.clone();
     }
@@ -316,7 +316,7 @@ fn minima(problem: &Problem, objective: Objective) {
         let outcome = match objective {
             Objective::Peer => solver.minimize(&task, &mut posture, &FAST, &mut NoTerms),
             Objective::Paper(_) => {
-                solver.minimize_and_unbend(&task, &mut posture, &FAST, &mut NoTerms)
+                solver.minimize_with_flips(&task, &mut posture, &FAST, &mut NoTerms)
             }
         };
         let outcome = outcome.unwrap();

@@ -27,7 +27,7 @@ fn a_stage_of_one_file_makes_typed_tables_and_is_told_once() {
     };
     let trials: AllTrials = lake::table::read(&artifact).unwrap();
     let outcomes = &trials[0].outcomes;
-    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (3, 2));
+    assert_eq!((outcomes.total_count(), outcomes.success_count()), (3, 2));
     let again = stderr(&place.run_well(&[]));
     assert!(again.contains("cached"), "{again}");
 }

@@ -39,7 +39,7 @@ pub(crate) struct Tally {
 dataflow::metrics! {
     /// Metrics of the bytes of a partition.
     pub(crate) struct Bytes {
-        /// How many there are.
+        /// Number of bytes.
         bytes: Sum,
     }
 }

@@ -66,7 +66,10 @@ impl Output for Logged {
         });
         let trials: AllTrials = trials.collect();
         cx.write(&trials)?;
-        let trials_n = trials.iter().map(|row| row.outcomes.total_n()).sum::<i64>() as f64;
+        let trials_n = trials
+            .iter()
+            .map(|row| row.outcomes.total_count())
+            .sum::<i64>() as f64;
         Ok(Outcome::Made(Count { trials_n }))
     }
 }

@@ -63,7 +63,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
     const LINE: Option<Line<Bytes>> =
-        Some(|summary| format!("{} files → {} parts", summary.n_items(), summary.n_made));
+        Some(|summary| format!("{} files → {} parts", summary.item_count(), summary.n_made));
 
     fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
         let entries = fs::read_dir(&config.root).map_err(OwnError::at(&config.root))?;

@@ -57,7 +57,7 @@ fn an_arm_carries_the_hand_or_the_row_says_why_not() {
     assert_eq!((arm.joint_names.len(), hand.joint_names.len()), (6, 16));
     let last = arm.points.last().unwrap();
     assert!(last.velocities.iter().all(|speed| speed.abs() < 1e-6));
-    // All of the robot is there: its joints, and the tree from the arm's base to the finger tips.
+    // All of the robot is there: its joints, and the tree from the arm's base to the fingertips.
     let mut states = recording.topic(JOINT_STATES);
     let state: JointState = states.next().unwrap().decode().unwrap().unwrap();
     assert_eq!(state.name.len(), 22);

@@ -148,7 +148,11 @@ fn unreadable_or_contradictory_report_leaves_the_motion_unknown() {
     for (fault, said, row) in [
         ("garbled_answer@2", "cannot be read", None),
         ("garbled_report@2", "cannot be read", Some("cannot be read")),
-        ("wrong_report@2", "rose by -5 m", Some("rose by -5 m")),
+        (
+            "wrong_report@2",
+            "reported rise -5 m",
+            Some("reported rise -5 m"),
+        ),
     ] {
         let mut lab = Lab::new();
         let cell = lab.cell(&["--fast", "--fault", fault]);
@@ -217,7 +221,7 @@ fn cell_states_its_access_rules() {
     let cell = lab.cell(&["--fast"]);
     let said = cell.end();
     assert!(
-        said.contains("any program of this machine may drive it"),
+        said.contains("any program on this machine can drive the robot"),
         "{said}"
     );
 }

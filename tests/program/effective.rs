@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 16] = [
+const FILES: [&str; 17] = [
     "cgf",
     "arm",
     "baseline",
@@ -20,6 +20,7 @@ const FILES: [&str; 16] = [
     "noise",
     "paper",
     "refinement",
+    "refinement_parts",
     "released",
     "replay",
     "protocols",

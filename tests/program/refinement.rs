@@ -1,4 +1,4 @@
-//! What `pipelines/refinement.toml` promises: the same motions as drawn and refined, through the same physics.
+//! What `pipelines/refinement_parts.toml` promises: the same motions as drawn and refined, through the same physics.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::bench::{Bench, stderr};
 
 /// The pipeline file, from the root of the project.
-const FILE: &str = "pipelines/refinement.toml";
+const FILE: &str = "pipelines/refinement_parts.toml";
 const OBJECTS: [&str; 2] = ["003_cracker_box", "006_mustard_bottle"];
 const PER_OBJECT: usize = 12;
 
@@ -30,7 +30,9 @@ fn run(bench: &Bench) -> Output {
         "train.network.points=64",
         "train.training.epochs=60",
         &format!("sample.per_object={PER_OBJECT}"),
-        "refine.draws=1",
+        "refine.squeeze_m=0.008",
+        "screen.protocol.squeeze_rad=0.0",
+        "refine.restart_angle_rad=0.5",
         "refine.balance_weight=0.1",
         "refine.contact_weight=3.0",
         "refine.clearance_m=0.008",

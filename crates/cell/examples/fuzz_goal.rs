@@ -1,4 +1,5 @@
-//! Feeds damaged goals to the decoder for a while: `cargo run --release -p cell --example fuzz_goal -- [SECONDS [SEED]]`.
+//! Feeds damaged goals to the decoder for a while:
+//! `cargo run --release -p cell --example fuzz_goal -- [SECONDS [SEED]]`.
 //!
 //! Half of them have the digest of what they hold, so that the damage reaches what lies behind the
 //! seal. A decoder that panics, or opens what does not come out as it went in, ends the program.

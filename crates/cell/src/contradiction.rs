@@ -72,7 +72,7 @@ pub enum Contradiction {
         expected: String,
     },
     /// The report claims that the motion was executed but has no samples.
-    #[error("it says `{outcome}` and has no samples")]
+    #[error("outcome `{outcome}` without samples")]
     NoSamples {
         /// The claimed outcome.
         outcome: &'static str,
@@ -90,7 +90,9 @@ pub enum Contradiction {
         until_s: f64,
     },
     /// The samples end before the motion.
-    #[error("it says `succeeded` and ends after {time_s} s, the motion after {end_s} s")]
+    #[error(
+        "outcome `succeeded`, but the samples end after {time_s} s, the motion after {end_s} s"
+    )]
     Short {
         /// Time of the last sample.
         time_s: f64,
@@ -98,7 +100,7 @@ pub enum Contradiction {
         end_s: f64,
     },
     /// A position is implausibly far away.
-    #[error("sample {row} has the {what} {far_m} m away")]
+    #[error("sample {row}: implausible {what} position, {far_m} m")]
     Far {
         /// The sample.
         row: usize,
@@ -172,7 +174,7 @@ pub enum Contradiction {
         moved: f64,
     },
     /// The reported rise differs from that of the samples.
-    #[error("it says that the object rose by {said_m} m, its samples say {shown_m:.4} m")]
+    #[error("reported rise {said_m} m differs from that of the samples, {shown_m:.4} m")]
     Lift {
         /// The reported rise.
         said_m: f64,
@@ -181,7 +183,8 @@ pub enum Contradiction {
     },
     /// The object was not lifted high enough.
     #[error(
-        "it says `succeeded` and has the object {rise_m:.4} m up after {time_s} s, the goal requires {lifted_m} m"
+        "outcome `succeeded`, but the object rose {rise_m:.4} m after {time_s} s, below the required \
+         {lifted_m} m"
     )]
     Low {
         /// Rise of the object.
@@ -192,7 +195,9 @@ pub enum Contradiction {
         lifted_m: f64,
     },
     /// The object rose without the hand.
-    #[error("it says `succeeded` and has the object {object_m:.4} m up and the palm {palm_m:.4} m")]
+    #[error(
+        "outcome `succeeded`, but the object rose {object_m:.4} m and the palm only {palm_m:.4} m"
+    )]
     PalmLow {
         /// Rise of the object.
         object_m: f64,

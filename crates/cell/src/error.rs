@@ -54,7 +54,8 @@ pub enum CellError {
     },
     /// An endpoint that other machines can reach is not protected.
     #[error(
-        "`{endpoint}` is not on the loopback interface and not protected: whoever is on that network could move the robot"
+        "`{endpoint}` is not on the loopback interface and not protected: whoever is on that network could \
+         move the robot"
     )]
     NotLoopback {
         /// The endpoint.
@@ -76,7 +77,8 @@ pub enum CellError {
     },
     /// Nothing answers at the endpoint.
     #[error(
-        "nothing answers at `{endpoint}`: no connection to the robot cell within {waited:.1?}; nothing was sent to the robot"
+        "nothing answers at `{endpoint}`: no connection to the robot cell within {waited:.1?}; nothing was \
+         sent to the robot"
     )]
     Connect {
         /// The endpoint of the cell.
@@ -102,7 +104,8 @@ pub enum CellError {
     },
     /// The endpoint is reachable, but no cell of this name answers.
     #[error(
-        "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, session `{endpoint}`"
+        "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, \
+         session `{endpoint}`"
     )]
     NoAnswer {
         /// The key queried.
@@ -123,14 +126,15 @@ pub enum CellError {
         key: String,
         /// The session's endpoint.
         endpoint: String,
-        /// How many answered.
+        /// Number of cells that answered.
         count: usize,
         /// Who answered, as text for people.
         who: String,
     },
     /// The answer is not signed by a cell.
     #[error(
-        "an answer in the robot cell's name has no verified signature; nothing was sent to the robot: key `{key}`, session `{endpoint}`: {who}"
+        "an answer in the robot cell's name has no verified signature; nothing was sent to the robot: key \
+         `{key}`, session `{endpoint}`: {who}"
     )]
     Unsigned {
         /// The key queried.

@@ -277,8 +277,8 @@ impl SimulatedCell {
     }
 
     /// Returns the number of executed goals.
-    pub fn executed_n(&self) -> usize {
-        lock(&self.shared.journal).executed_n()
+    pub fn executed_count(&self) -> usize {
+        lock(&self.shared.journal).executed_count()
     }
 
     /// Stops the cell after the current goal.

@@ -12,7 +12,7 @@ use crate::{
     data::{NetworkFrame, TrainingMotion, View, turned},
     hand_state::Normalization,
     model::equal_times,
-    penetration::Surroundings,
+    penetration::PenetrationScene,
     point_net::Clouds,
     precision::{narrow, row_index},
     random::Random,
@@ -34,7 +34,7 @@ pub(crate) struct SeenTrack {
     /// Times that are drawn once, if times are.
     fixed_times: Vec<f64>,
     /// What the hand can be in, if the set says where it is.
-    surroundings: Option<Surroundings>,
+    surroundings: Option<PenetrationScene>,
 }
 
 /// How batches are made.
@@ -59,7 +59,7 @@ pub(crate) struct Batch {
     /// Which of them each motion has.
     pub(crate) views: Vec<u32>,
     /// What each motion's hand can be in, if the set says where it is.
-    pub(crate) surroundings: Vec<Surroundings>,
+    pub(crate) surroundings: Vec<PenetrationScene>,
     /// `(batch, encoder steps, encoder inputs)`, in the network's units.
     pub(crate) motions: Vec<f32>,
     /// `(batch, times)`.
@@ -103,7 +103,7 @@ impl Seen {
             surroundings: set
                 .distances
                 .get(&set.scenes[track.scene].object)
-                .map(|field| Surroundings {
+                .map(|field| PenetrationScene {
                     field: field.clone(),
                     object_from_network: origins[track.scene].1,
                     table_from_network: origins[track.scene].0,

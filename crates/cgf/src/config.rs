@@ -452,7 +452,7 @@ impl NetworkConfig {
                 });
             }
         }
-        let weights_n = self.weights_n();
+        let weights_n = self.weight_count();
         if weights_n <= MAX_WEIGHTS {
             return Ok(());
         }
@@ -471,7 +471,7 @@ impl NetworkConfig {
     }
 
     /// Returns about how many weights the network has; those of a hand's joints are not counted.
-    fn weights_n(&self) -> usize {
+    fn weight_count(&self) -> usize {
         let layers = |inputs: usize, widths: &[usize]| {
             let below = std::iter::once(&inputs).chain(widths);
             let products = below.zip(widths).map(|(a, b)| a.saturating_mul(*b));

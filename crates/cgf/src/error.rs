@@ -2,7 +2,7 @@
 
 use std::{io, path::PathBuf};
 
-use robot::balls;
+use robot::spheres;
 
 /// Why a grasping function could not be trained, stored or used.
 #[derive(Debug, thiserror::Error)]
@@ -11,7 +11,7 @@ pub enum CgfError {
     /// There are too few trajectories to learn from.
     #[error("{found} trajectories to train on, at least 2 are needed")]
     TooFewTrajectories {
-        /// How many there are.
+        /// Number of trajectories.
         found: usize,
     },
     /// A trajectory has too few steps to be a motion.
@@ -19,7 +19,7 @@ pub enum CgfError {
     TooFewSteps {
         /// The trajectory's name.
         name: String,
-        /// How many steps it has.
+        /// Number of its steps.
         found: usize,
     },
     /// A number is NaN or infinite.
@@ -55,7 +55,7 @@ pub enum CgfError {
         object: String,
         /// The least number of points.
         expected: usize,
-        /// How many there are.
+        /// Number of its points.
         found: usize,
     },
     /// The hand has no link of a name that the configuration gives.
@@ -73,7 +73,7 @@ pub enum CgfError {
     /// The hand's collision shapes are far larger than a hand's.
     #[error(
         "the collision shapes up to link `{link}` need more than {} spheres",
-        balls::MAX_BALLS
+        spheres::MAX_SPHERES
     )]
     LargeShapes {
         /// Name of the link with whose shapes they come to be so.

@@ -44,7 +44,7 @@ pub(crate) fn kl_divergence(mean: &Tensor, log_variance: &Tensor) -> Result<Tens
     Ok((terms.sum(1)? * 0.5)?.mean_all()?)
 }
 
-/// `L_contact`: mean over the finger tips of the squared distance from contact, in m².
+/// `L_contact`: mean over the fingertips of the squared distance from contact, in m².
 ///
 /// `tips` is `(tips, 3)`, with a gradient where they are predicted; `surfaces` gives the object's
 /// points for each of them. The nearest point is searched off the tape.

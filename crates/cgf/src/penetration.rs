@@ -8,7 +8,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use robot::{
     RobotModel,
-    balls::{Cluster, TooLarge, clusters},
+    spheres::{SphereCluster, TooLarge, clusters},
 };
 use spatial::{Object, Pose, Table};
 
@@ -19,12 +19,12 @@ use crate::{
     precision::narrow,
 };
 
-/// Factor on the size of a cluster of balls that allows for the interpolation's slope above 1.
+/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
 
 /// What a hand can be in, seen from the frame in which its numbers are.
 #[derive(Debug, Clone)]
-pub(crate) struct Surroundings {
+pub(crate) struct PenetrationScene {
     /// Distances to the object's surface.
     pub(crate) field: Arc<DistanceField>,
     pub(crate) object_from_network: Pose<Object, NetworkFrame>,
@@ -32,7 +32,7 @@ pub(crate) struct Surroundings {
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
 }
 
-impl Surroundings {
+impl PenetrationScene {
     /// Turns object and table about the origin of the frame in which they are seen.
     pub(crate) fn turned(&self, rotation: &UnitQuaternion<f64>) -> Self {
         let back = rotation.inverse();
@@ -44,14 +44,14 @@ impl Surroundings {
     }
 }
 
-/// A hand's collision shapes filled with balls.
+/// A hand's collision shapes filled with spheres.
 #[derive(Debug, Clone)]
 pub(crate) struct Body {
     hand: Arc<RobotModel>,
-    clusters: Vec<Cluster>,
+    clusters: Vec<SphereCluster>,
 }
 
-/// How deep a link is: the depth of its deepest ball, that ball's center in the palm frame, and the
+/// How deep a link is: the depth of its deepest sphere, that sphere's center in the palm frame, and the
 /// direction in which it is less deep, in the frame in which the row is.
 #[derive(Debug, Clone, Copy)]
 struct Deepest {
@@ -68,11 +68,11 @@ impl Body {
 
     /// Computes for each of `(motions × times, 9 + dof)` rows the mean over the links of their squared
     /// depths, in object and table together: `(rows, 1)` in m². A link is as deep as the deepest of
-    /// its balls.
+    /// its spheres.
     pub(crate) fn penetration(
         &self,
         rows: &Tensor,
-        surroundings: &[Surroundings],
+        surroundings: &[PenetrationScene],
     ) -> Result<Tensor, CgfError> {
         let (n_rows, width) = rows.dims2()?;
         let numbers = rows.flatten_all()?.to_vec1::<f32>()?;
@@ -98,7 +98,7 @@ impl Body {
     }
 
     /// Computes one row's value and gradient.
-    fn row(&self, row: &[f32], around: &Surroundings, gradient: &mut [f32]) -> f32 {
+    fn row(&self, row: &[f32], around: &PenetrationScene, gradient: &mut [f32]) -> f32 {
         let posed = Posed::new(&self.hand, row);
         let n_links = posed.palm_from_links.len();
         let mut deepest = vec![[None; 2]; n_links];
@@ -122,11 +122,11 @@ impl Body {
     }
 }
 
-/// Looks for balls of a cluster that are deeper, in the object and in the table.
+/// Looks for spheres of a cluster that are deeper, in the object and in the table.
 fn search(
     posed: &Posed<'_>,
-    cluster: &Cluster,
-    around: &Surroundings,
+    cluster: &SphereCluster,
+    around: &PenetrationScene,
     deepest: &mut [Option<Deepest>; 2],
 ) {
     let palm_from_link = &posed.palm_from_links[cluster.link];
@@ -146,8 +146,8 @@ fn search(
     if may_be_in == [false; 2] {
         return;
     }
-    for ball in &cluster.balls {
-        let (center_in_palm, seen) = place(&ball.center_in_link);
+    for sphere in &cluster.spheres {
+        let (center_in_palm, seen) = place(&sphere.center_in_link);
         let mut note = |which: usize, depth_m: f64, outwards: &dyn Fn() -> Vector3<f64>| {
             let known_m = deepest[which].map_or(0.0, |known| known.depth_m);
             if depth_m > known_m {
@@ -161,11 +161,11 @@ fn search(
         if may_be_in[0] {
             let (distance, away) = distance(&seen);
             let turned = || around.object_from_network.rotation.inverse() * away;
-            note(0, ball.radius_m - distance, &turned);
+            note(0, sphere.radius_m - distance, &turned);
         }
         if may_be_in[1] {
             let up = || around.table_from_network.rotation.inverse() * Vector3::z();
-            note(1, ball.radius_m - height(&seen), &up);
+            note(1, sphere.radius_m - height(&seen), &up);
         }
     }
 }

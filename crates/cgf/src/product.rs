@@ -35,7 +35,7 @@ pub(crate) struct Packed<T = f32> {
 }
 
 impl<T: Copy + Default> Packed<T> {
-    /// How many inputs it has.
+    /// Returns the number of its inputs.
     pub(crate) fn inputs(&self) -> usize {
         self.inputs
     }

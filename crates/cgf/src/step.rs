@@ -49,7 +49,7 @@ pub(crate) struct Objective<'a> {
     pub(crate) hand: &'a Arc<RobotModel>,
     pub(crate) network: &'a NetworkConfig,
     pub(crate) training: &'a TrainingConfig,
-    /// Links whose origins are the finger tips.
+    /// Links whose origins are the fingertips.
     pub(crate) tips: Vec<usize>,
     /// The room that the hand takes up, if it is kept out of object and table.
     pub(crate) body: Option<Body>,
@@ -62,7 +62,7 @@ pub(crate) struct Objective<'a> {
 /// Gradients by the names of the arrays.
 pub(crate) type Gradients = BTreeMap<String, Vec<f32>>;
 
-/// For each finger tip, the points of the surface that it is to touch.
+/// For each fingertip, the points of the surface that it is to touch.
 type Surfaces<'b> = Vec<&'b [Point3<f64>]>;
 
 impl Objective<'_> {
@@ -300,7 +300,7 @@ impl Objective<'_> {
         Ok((depths.to_device(&self.device)? * row_weights)?.sum_all()?)
     }
 
-    /// Picks the finger tips at t = 0, the last of the grasp's steps, and the surface that each of them
+    /// Picks the fingertips at t = 0, the last of the grasp's steps, and the surface that each of them
     /// is to touch.
     fn tips_at_grasp<'b>(
         &self,

@@ -119,7 +119,7 @@ fn many() -> Option<String> {
 fn errors(n_series: usize) -> Option<String> {
     let captions = Captions {
         title: "Reconstruction by object",
-        x: "mean error at the finger tips [mm]",
+        x: "mean error at the fingertips [mm]",
         y: "",
     };
     let names = OBJECTS.map(str::to_owned);

@@ -12,7 +12,7 @@ pub struct Digest([u8; 32]);
 /// Text that is not a digest.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{0}` is not a digest: expected 64 hexadecimal digits")]
-pub struct NotADigest(String);
+pub struct InvalidDigest(String);
 
 impl Digest {
     /// Digests bytes.
@@ -50,12 +50,12 @@ impl From<[u8; 32]> for Digest {
 }
 
 impl FromStr for Digest {
-    type Err = NotADigest;
+    type Err = InvalidDigest;
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         blake3::Hash::from_hex(text)
             .map(|hash| Self(*hash.as_bytes()))
-            .map_err(|_malformed| NotADigest(text.to_owned()))
+            .map_err(|_malformed| InvalidDigest(text.to_owned()))
     }
 }
 
@@ -64,7 +64,7 @@ impl FromStr for Digest {
 struct Hex<'a>(#[serde(borrow)] std::borrow::Cow<'a, str>);
 
 impl TryFrom<Hex<'_>> for Digest {
-    type Error = NotADigest;
+    type Error = InvalidDigest;
 
     fn try_from(digits: Hex<'_>) -> Result<Self, Self::Error> {
         digits.0.parse()

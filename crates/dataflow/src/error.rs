@@ -105,7 +105,11 @@ pub enum Failure {
         partition: PartitionKey,
     },
     /// Too many items had to be skipped.
-    #[error("stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = {allowed}; the first: {first}", skipped.node.stage)]
+    #[error(
+        "stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = \
+         {allowed}; the first: {first}",
+        skipped.node.stage
+    )]
     TooManySkipped {
         /// The stage and output.
         skipped: Box<LeftOut>,
@@ -131,7 +135,11 @@ pub enum Failure {
         unit: UnitName,
     },
     /// A unit was made by another process, and its result is not in the store.
-    #[error("`{}` partition `{}` was made by another process, but its result is not in the lake", unit.node, unit.partition)]
+    #[error(
+        "`{}` partition `{}` was made by another process, but its result is not in the lake",
+        unit.node,
+        unit.partition
+    )]
     Lost {
         /// The unit.
         unit: UnitName,

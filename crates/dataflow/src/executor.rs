@@ -84,7 +84,7 @@ impl<'a> Maker<'a> {
     }
 
     /// Number of units made at once.
-    pub(crate) fn n_workers(&self) -> usize {
+    pub(crate) fn worker_count(&self) -> usize {
         match self.jobs {
             0 => std::thread::available_parallelism().map_or(1, usize::from),
             jobs => jobs,

@@ -69,7 +69,7 @@ pub use advice::{Advise, Advised};
 pub use canonical_form::Form;
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs};
-pub use digest::{Digest, NotADigest};
+pub use digest::{Digest, InvalidDigest};
 pub use error::{Failure, FileError, LeftOut, Problem};
 pub use event::{Event, Events, Fraction};
 pub use executor::{UnitReport, make_one};

@@ -42,12 +42,12 @@ pub struct RunReport {
 
 impl RunReport {
     /// Number of units that this run made.
-    pub fn n_made_now(&self) -> usize {
+    pub fn made_now_count(&self) -> usize {
         self.nodes.iter().map(|node| node.record.n_made_now).sum()
     }
 
     /// Number of items skipped.
-    pub fn n_skipped(&self) -> usize {
+    pub fn skipped_count(&self) -> usize {
         self.nodes.iter().map(|node| node.record.n_skipped).sum()
     }
 }
@@ -246,7 +246,7 @@ impl Runner<'_> {
     ) -> Vec<Result<UnitReport, Failure>> {
         // Units that move a robot run one after the other, and stop at a failure.
         let n_workers = match node.output.execution {
-            Execution::Parallel => self.maker.n_workers(),
+            Execution::Parallel => self.maker.worker_count(),
             Execution::OneByOne => 1,
         };
         let forced = if self.options.is_forced(&stage.name) {

@@ -20,7 +20,7 @@ pub struct Summary<M = MetricValues> {
 
 impl<M> Summary<M> {
     /// Number of items, whatever their outcome.
-    pub fn n_items(&self) -> usize {
+    pub fn item_count(&self) -> usize {
         self.n_made + self.n_skipped + self.n_filtered
     }
 }

@@ -167,12 +167,12 @@ const LARGER_PALM_M: [[f64; 3]; 8] = [
 ];
 /// How far such a hand opens each joint before it closes, in radians.
 const OPENING_RAD: f64 = 0.3;
-/// Half the thickness of its finger tips, in meters.
+/// Half the thickness of its fingertips, in meters.
 const TIP_RADIUS_M: f64 = 0.012;
-/// Room that its finger tips should have above the table, in meters.
+/// Room that its fingertips should have above the table, in meters.
 const LARGER_CLEARANCE_M: f64 = 0.006;
 
-/// Returns how high palm and finger tips of a larger hand with the same wrist stay above the table,
+/// Returns how high palm and fingertips of a larger hand with the same wrist stay above the table,
 /// open and closed, in meters: recordings are made to be learned from by robot hands.
 fn larger_clearance_m(rest: &RestingPose, hand: &Hand, placed: &Placed) -> f64 {
     let mut open = placed.q;

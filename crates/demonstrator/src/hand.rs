@@ -1,6 +1,6 @@
 //! A hand of 21 landmarks: bone lengths, joint ranges and forward kinematics.
 //!
-//! The hand's frame is at the wrist: x towards the finger tips, z out of the back of the hand, and y
+//! The hand's frame is at the wrist: x towards the fingertips, z out of the back of the hand, and y
 //! towards the thumb of a right hand (away from it in a left hand, which is the mirror image).
 //! Landmarks are in the dataset's order: wrist, then thumb to little finger from the palm outward.
 

@@ -17,7 +17,7 @@ pub enum GeometryError {
     ShortVertex {
         /// The line, counted from one.
         line: usize,
-        /// How many numbers were found.
+        /// Number of numbers found.
         found: usize,
     },
     /// A face line has fewer than three corners.
@@ -25,7 +25,7 @@ pub enum GeometryError {
     ShortFace {
         /// The line, counted from one.
         line: usize,
-        /// How many corners were found.
+        /// Number of corners found.
         found: usize,
     },
     /// A face's corner is not an index.
@@ -43,15 +43,15 @@ pub enum GeometryError {
         line: usize,
         /// The index as written.
         index: i64,
-        /// How many vertices precede the line.
+        /// Number of vertices before the line.
         vertices: usize,
     },
     /// A binary file is shorter than its beginning says.
     #[error("the file has {found} bytes, expected {expected}")]
     CutOff {
-        /// How many bytes it should have at least.
+        /// Least number of bytes it should have.
         expected: usize,
-        /// How many it has.
+        /// Number of bytes it has.
         found: usize,
     },
     /// A coordinate of a binary file is infinite or not a number.
@@ -66,7 +66,7 @@ pub enum GeometryError {
     /// The points have no hull with a volume: fewer than four, or all in a plane.
     #[error("{points} points have no convex hull with a volume")]
     NoHull {
-        /// How many points there were.
+        /// Number of points.
         points: usize,
     },
     /// The grid of a distance field would be empty or enormous.

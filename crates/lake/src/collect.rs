@@ -55,7 +55,7 @@ pub struct GcReport {
 /// Units of one output that were removed, or would be.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct GcUnits {
-    /// How many.
+    /// Number of units.
     pub n_units: usize,
     /// Bytes of their files, some of which other units may share.
     pub n_bytes: u64,

@@ -77,7 +77,7 @@ pub enum LakeError {
     },
     /// A tag cannot be set.
     #[error("`{name}` is not a name for a tag")]
-    NotATag {
+    InvalidTag {
         /// The name given.
         name: String,
     },
@@ -216,7 +216,7 @@ impl Advise for LakeError {
                 || "`pipeline runs` lists the runs with their tags".to_owned(),
                 |near| format!("did you mean `{near}`?"),
             )),
-            Self::NotATag { .. } => Some(
+            Self::InvalidTag { .. } => Some(
                 "use ASCII letters, digits, `_`, `-` and `.`, a letter or digit first, and neither \
                  only digits nor `newest`"
                     .to_owned(),

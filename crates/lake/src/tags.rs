@@ -74,7 +74,7 @@ impl Lake {
     /// Fails if no tag may have this name, there is no such run, or the lake cannot be written.
     pub fn tag(&self, name: &str, run: u64) -> Result<Option<u64>, LakeError> {
         if !is_name(name) {
-            return Err(LakeError::NotATag {
+            return Err(LakeError::InvalidTag {
                 name: name.to_owned(),
             });
         }

@@ -189,7 +189,7 @@ impl Verifier<'_> {
         let folder = &self.lake.folder;
         let (mut faults, n_bytes) = check_digests(&files, on_bytes, |path| Fault {
             path: folder.below(path).to_owned(),
-            what: "its bytes are not the ones that its name promises".to_owned(),
+            what: "bytes differ from the digest in the file name".to_owned(),
             can_drop: true,
         });
         self.verified.n_files += files.len();
@@ -206,17 +206,14 @@ impl Verifier<'_> {
             };
             let fingerprint = stored.fingerprint;
             if path != records.path(&fingerprint) {
-                self.fault(&path, "it is not the record that its name promises");
+                self.fault(&path, "record's fingerprint differs from its file name");
                 continue;
             }
             let lacking = self.lacking(&stored.outcome);
             match records.whole(stored)? {
                 None => self.fault(&path, "its recipe is missing or damaged"),
                 Some(record) if record.fingerprint.digest() != fingerprint => {
-                    self.fault(
-                        &path,
-                        "its fingerprint is not the one that its name promises",
-                    );
+                    self.fault(&path, "recipe's fingerprint differs from the file name");
                 }
                 Some(_) => {}
             }

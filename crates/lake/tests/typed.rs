@@ -6,12 +6,12 @@ use dataflow::{Advise, Artifact, Context, Inputs};
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact, table};
 use schemas::{
     Table,
-    latents::{Latents, Row},
+    latents::{LatentDimension, Latents},
     training::Training,
 };
 
 fn latents(kl_nats: f64) -> Latents {
-    vec![Row {
+    vec![LatentDimension {
         dimension: 0,
         kl_nats,
         mean_deviation: 0.9,

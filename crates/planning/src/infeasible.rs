@@ -42,9 +42,7 @@ pub enum Infeasible {
         time_s: f64,
     },
     /// The limits require too great a slowdown.
-    #[error(
-        "within its limits the motion takes {slower:.2} times as long, more than `limits.max_slowdown` = {max}"
-    )]
+    #[error("needs a slowdown of {slower:.2}, more than `limits.max_slowdown` = {max}")]
     Slow {
         /// Required slowdown factor.
         slower: f64,
@@ -53,7 +51,8 @@ pub enum Infeasible {
     },
     /// The arm cannot reach the grasp: inverse kinematics has no solution.
     #[error(
-        "the arm cannot bring the palm to the grasp, {} m from its base, at any of {turns} turns of the object",
+        "grasp unreachable: no inverse kinematics solution for the palm at {} m (base frame), at any of \
+         {turns} object yaws",
         numbers(palm_in_base_m)
     )]
     Reach {
@@ -67,7 +66,8 @@ pub enum Infeasible {
     ArmBetween(#[from] ArmFault),
     /// The arm reaches the grasp, but not along the whole path.
     #[error(
-        "the arm cannot follow in any of {postures} postures at {turns} turns of the object; at best {fault}"
+        "no feasible arm trajectory: {postures} postures at {turns} yaws tried; the best fails because \
+         {fault}"
     )]
     Arm {
         /// Number of postures tried.

@@ -3,7 +3,7 @@
 //! ```
 //! use motion::{HandRates, Motion, Step};
 //! use nalgebra::Isometry3;
-//! use planning::{LimitsConfig, Planner, CommandRatesConfig, Setup};
+//! use planning::{LimitsConfig, Planner, CommandRatesConfig, PlannerConfig};
 //! use spatial::Pose;
 //!
 //! # let protocol: simulation::Protocol = serde_json::from_str(include_str!("../tests/grasp.json"))?;
@@ -20,7 +20,7 @@
 //! };
 //! let motion = Motion::new(&["knuckle"], vec![down(0.0), down(1.0)])?;
 //! let limits = LimitsConfig::default();
-//! let planner = Planner::new(&Setup {
+//! let planner = Planner::new(&PlannerConfig {
 //!     hand: &hand,
 //!     arm: None,
 //!     protocol: &protocol,
@@ -33,7 +33,7 @@
 //! ```
 //!
 //! A [`Planner`] takes a motion of the hand relative to the resting object and returns the
-//! controllers' commands ([`Feasible`]): the motion's continuous path, timed within the limits of
+//! controllers' commands ([`PlannedMotion`]): the motion's continuous path, timed within the limits of
 //! joints and palm, sampled at each controller's rate, from rest at its start to rest at the end of
 //! the lift. If an arm carries the hand, inverse kinematics gives its joints, with the object
 //! turned on the table to where the arm reaches it best.
@@ -62,5 +62,5 @@ mod timing;
 pub use arm::ArmConfig;
 pub use infeasible::{ArmFault, Infeasible, PathPoint};
 pub use limits::LimitsConfig;
-pub use planner::{ArmSetup, Feasible, Planner, Setup};
+pub use planner::{ArmSetup, PlannedMotion, Planner, PlannerConfig};
 pub use rates::{CommandRatesConfig, MAX_HZ};

@@ -24,7 +24,7 @@ pub(crate) struct LimitExcess {
 
 impl LimitExcess {
     /// Returns the excess of a phase.
-    pub(crate) fn of(&self, phase: MotionPhase) -> f64 {
+    pub(crate) fn phase(&self, phase: MotionPhase) -> f64 {
         match phase {
             MotionPhase::Reach => self.reach,
             MotionPhase::Close => self.close,
@@ -33,8 +33,8 @@ impl LimitExcess {
         }
     }
 
-    /// Checks a palm.
-    pub(crate) fn of_palm(
+    /// Records the excess of a palm trajectory.
+    pub(crate) fn check_palm(
         &mut self,
         points: &[PalmPoint],
         limits: &Limits,
@@ -54,8 +54,8 @@ impl LimitExcess {
             };
             let velocity = along(peaks.speed, peaks.angular_speed);
             let acceleration = along(peaks.acceleration, peaks.angular_acceleration);
-            self.see_between(durations, from.time_s, to.time_s, || {
-                limits.of_palm(&velocity, &acceleration)
+            self.record_segment(durations, from.time_s, to.time_s, || {
+                limits.palm_rates(&velocity, &acceleration)
             });
         }
         let velocity = |from: &PalmPoint, to: &PalmPoint| {
@@ -72,16 +72,16 @@ impl LimitExcess {
             let after = next.map_or_else(Twist::zero, |next| velocity(point, next));
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
             let change = (after - before) * rate;
-            self.see(
+            self.record(
                 durations.phase(point.time_s),
-                limits.of_palm(&after, &change),
+                limits.palm_rates(&after, &change),
             );
             before = after;
         }
     }
 
-    /// Checks joints.
-    pub(crate) fn of_joints(
+    /// Records the excess of joint trajectories.
+    pub(crate) fn check_joints(
         &mut self,
         points: &[JointPoint],
         limits: &[MotionLimits],
@@ -90,7 +90,7 @@ impl LimitExcess {
         let is_limited = points.iter().all(|point| point.q_rad.len() == limits.len());
         assert!(is_limited, "every joint has a limit");
         for (from, to) in points.iter().zip(points.iter().skip(1)) {
-            self.see_between(durations, from.time_s, to.time_s, || {
+            self.record_segment(durations, from.time_s, to.time_s, || {
                 let segments = from.segments(to).zip(limits);
                 segments.map(|(segment, limits)| {
                     let velocity = segment.max_speed(limits.max_velocity);
@@ -116,7 +116,7 @@ impl LimitExcess {
             let rate = rate(points.get(idx.wrapping_sub(1)), point, next, |p| p.time_s);
             let change = differences(&before, &after, rate);
             let joints = after.iter().zip(&change).zip(limits);
-            self.see(
+            self.record(
                 durations.phase(point.time_s),
                 joints.map(|((&velocity, &change), limits)| {
                     LimitedRates::of_joint(velocity, change, *limits)
@@ -126,8 +126,8 @@ impl LimitExcess {
         }
     }
 
-    /// Checks between two points, which may be of two phases.
-    fn see_between<I: IntoIterator<Item = LimitedRates>>(
+    /// Records the rates between two points, which may be of two phases.
+    fn record_segment<I: IntoIterator<Item = LimitedRates>>(
         &mut self,
         durations: &PhaseDurations,
         from_s: f64,
@@ -135,13 +135,13 @@ impl LimitExcess {
         rates: impl Fn() -> I,
     ) {
         let both = [durations.phase(from_s), durations.phase(to_s)];
-        self.see(both[0], rates());
+        self.record(both[0], rates());
         if both[0] != both[1] {
-            self.see(both[1], rates());
+            self.record(both[1], rates());
         }
     }
 
-    fn see(&mut self, phase: MotionPhase, rates: impl IntoIterator<Item = LimitedRates>) {
+    fn record(&mut self, phase: MotionPhase, rates: impl IntoIterator<Item = LimitedRates>) {
         let worst = match phase {
             MotionPhase::Reach => &mut self.reach,
             MotionPhase::Close => &mut self.close,

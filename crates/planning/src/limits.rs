@@ -113,7 +113,7 @@ impl Limits {
     }
 
     /// Returns a palm's rates with their limits, linear and angular.
-    pub(crate) fn of_palm<Frame>(
+    pub(crate) fn palm_rates<Frame>(
         &self,
         velocity: &Twist<Frame>,
         acceleration: &Twist<Frame>,
@@ -148,7 +148,7 @@ impl Limits {
 }
 
 /// Returns joint rates with their limits.
-pub(crate) fn of_joints(rates: &JointRates, limits: &[MotionLimits]) -> Vec<LimitedRates> {
+pub(crate) fn joint_rates(rates: &JointRates, limits: &[MotionLimits]) -> Vec<LimitedRates> {
     let JointRates {
         velocity,
         acceleration,

@@ -24,9 +24,9 @@ pub struct Planner<'a> {
     arm: Option<Arm>,
 }
 
-/// The setup of a [`Planner`].
+/// Configuration of a [`Planner`].
 #[derive(Debug, Clone, Copy)]
-pub struct Setup<'a> {
+pub struct PlannerConfig<'a> {
     /// The hand; its root link is the palm.
     pub hand: &'a RobotModel,
     /// The arm that carries it; without one the hand is free-flying.
@@ -48,15 +48,15 @@ pub struct ArmSetup<'a> {
     pub robot: &'a RobotModel,
 }
 
-/// A feasible motion.
+/// A feasible motion, as the commands of the controllers.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Feasible {
-    /// Pose of the object on the table; for an arm, at the arm's grasping place.
+pub struct PlannedMotion {
+    /// Pose of the object on the table; for an arm, where the arm grasps it.
     pub table_from_object: Pose<Table, Object>,
     /// Trajectory of the palm or arm, from rest to rest, to the end of the lift.
     pub carrier: PalmTrajectory,
     /// Trajectory of the fingers, to the end of the squeeze.
-    pub hand: JointTrack,
+    pub fingers: JointTrack,
     /// The protocol, with the durations that the motion needs.
     pub grasp: Protocol,
 }
@@ -67,14 +67,14 @@ impl<'a> Planner<'a> {
     /// # Errors
     ///
     /// Fails if an option is invalid, in itself or for this robot.
-    pub fn new(setup: &Setup<'a>) -> Result<Self, SettingFault> {
-        let Setup {
+    pub fn new(config: &PlannerConfig<'a>) -> Result<Self, SettingFault> {
+        let PlannerConfig {
             hand,
             arm,
             protocol,
             limits,
             rates,
-        } = *setup;
+        } = *config;
         let arm = arm.map(|arm| Arm::new(arm.config, arm.robot, hand));
         let arm = arm.transpose()?;
         let limits = Limits::new(limits, hand)?;
@@ -110,7 +110,7 @@ impl<'a> Planner<'a> {
         &self,
         motion: &Motion<Object>,
         table_from_object: &Pose<Table, Object>,
-    ) -> Result<Feasible, Infeasible> {
+    ) -> Result<PlannedMotion, Infeasible> {
         let spline = MotionSpline::through(motion.reordered(&self.hand.joint_names())?)?;
         self.check_spline(&spline, table_from_object)?;
         let grasp = spline.grasp().q_rad;

@@ -6,7 +6,7 @@ use simulation::Protocol;
 use spatial::{Object, Pose, Table};
 
 use crate::{
-    Feasible, Infeasible, Planner,
+    Infeasible, PlannedMotion, Planner,
     arm::ArmPath,
     grasp_motion::{
         Fingers, GraspMotion, MotionPhase, PhaseDurations, RAMP_SPEED, ramp_acceleration,
@@ -46,7 +46,7 @@ impl Planner<'_> {
         fingers: &Fingers,
         arm: Option<&ArmPath<'_>>,
         resting: &Pose<Table, Object>,
-    ) -> Result<Feasible, Infeasible> {
+    ) -> Result<PlannedMotion, Infeasible> {
         let table_from_object = arm.map_or(*resting, |arm| arm.table_from_object);
         let requested_s = self.protocol.path_s();
         let max = self.limits.config.max_slowdown;
@@ -57,13 +57,13 @@ impl Planner<'_> {
         let rates_at = |motion_s: f64| {
             let rates = spline.at(motion_s).rates;
             let limits = &self.limits;
-            let palm = limits.of_palm(&rates.palm_velocity, &rates.palm_acceleration);
+            let palm = limits.palm_rates(&rates.palm_velocity, &rates.palm_acceleration);
             let mut limited = palm.to_vec();
             if follows {
-                limited.extend(limits::of_joints(&rates.joints, &limits.joints));
+                limited.extend(limits::joint_rates(&rates.joints, &limits.joints));
             }
             if let Some(path) = arm {
-                limited.extend(limits::of_joints(
+                limited.extend(limits::joint_rates(
                     &path.at(motion_s)?.rates,
                     path.arm().limits(),
                 ));
@@ -112,20 +112,20 @@ impl Planner<'_> {
             };
             let mut excess = LimitExcess::default();
             if let Some((arm, points)) = &commanded {
-                excess.of_joints(points, arm.limits(), &motion.durations);
+                excess.check_joints(points, arm.limits(), &motion.durations);
             }
-            excess.of_palm(&palm, &self.limits, &motion.durations);
-            excess.of_joints(&hand, &self.limits.joints, &motion.durations);
+            excess.check_palm(&palm, &self.limits, &motion.durations);
+            excess.check_joints(&hand, &self.limits.joints, &motion.durations);
             let is_kept = PHASES
                 .into_iter()
-                .all(|phase| excess.of(phase) <= 1.0 + ROUNDING);
+                .all(|phase| excess.phase(phase) <= 1.0 + ROUNDING);
             if is_kept {
                 let tolerance = self.protocol.limit_tolerance_rad;
                 check_range(&hand, self.hand.joints(), tolerance)?;
                 if let Some((arm, points)) = &commanded {
                     check_range(points, arm.joints(), 0.0)?;
                 }
-                return Ok(Feasible {
+                return Ok(PlannedMotion {
                     table_from_object,
                     grasp: motion.protocol(self.protocol),
                     carrier: match commanded {
@@ -135,7 +135,7 @@ impl Planner<'_> {
                         }),
                         None => PalmTrajectory::Palm(palm),
                     },
-                    hand: JointTrack {
+                    fingers: JointTrack {
                         joints: self.hand.joint_names(),
                         points: hand,
                     },
@@ -144,7 +144,7 @@ impl Planner<'_> {
             for phase in PHASES {
                 // Points that lie elsewhere may show a little more.
                 let margin = 1.0 + MARGIN * trial as f64;
-                let times = match excess.of(phase) {
+                let times = match excess.phase(phase) {
                     kept if kept <= 1.0 + ROUNDING => 1.0,
                     excess => excess * margin * (1.0 + ROUNDING),
                 };

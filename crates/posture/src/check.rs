@@ -6,13 +6,14 @@ impl Task<'_> {
     /// Checks that the task fits a hand.
     pub(crate) fn check(&self, hand: &CompiledHand) -> Result<(), SolverError> {
         for (idx, target) in self.targets.iter().enumerate() {
-            if target.point >= hand.n_points() {
+            if target.point >= hand.point_count() {
                 return Err(SolverError::NoPoint {
                     point: target.point,
-                    found: hand.n_points(),
+                    found: hand.point_count(),
                 });
             }
-            let sum = target.at.x + target.at.y + target.at.z;
+            let sum =
+                target.point_in_object.x + target.point_in_object.y + target.point_in_object.z;
             if !sum.is_finite() {
                 return bad(format!("target {idx}"));
             }

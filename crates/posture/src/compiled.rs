@@ -109,7 +109,7 @@ impl CompiledHand {
     }
 
     /// Returns the number of attached points.
-    pub fn n_points(&self) -> usize {
+    pub fn point_count(&self) -> usize {
         self.points.len()
     }
 

@@ -38,7 +38,7 @@ impl Evaluation<'_> {
             let frame = &self.frames[point.body];
             let r = frame.origin + frame.rotation * point.offset;
             let slope = 2.0 * residual.weight * residual.weight * residual.residual;
-            self.wrenches[point.body].add_force(&r, &(residual.direction * slope));
+            self.wrenches[point.body].add_force(&r, &(residual.gradient_in_object * slope));
         }
         for (idx, body) in hand.bodies.iter().enumerate().skip(1).rev() {
             let wrench = self.wrenches[idx];
@@ -106,7 +106,7 @@ impl Evaluation<'_> {
             let curvature = 2.0 * residual.weight * residual.weight;
             let slope = curvature * residual.residual;
             let moments = own(&mut self.moments, &mut self.carriers, point.body);
-            moments.add_line(&r, &residual.direction, slope, curvature, order);
+            moments.add_line(&r, &residual.gradient_in_object, slope, curvature, order);
         }
     }
 

@@ -17,8 +17,8 @@ pub struct Environment {
 pub struct SignedDistance {
     /// Signed distance in meters, negative inside.
     pub distance_m: f64,
-    /// Its gradient, about of length 1.
-    pub away: Vector3<f64>,
+    /// Its gradient in the object frame, about of length 1.
+    pub gradient_in_object: Vector3<f64>,
 }
 
 impl Environment {
@@ -35,8 +35,11 @@ impl Environment {
 
     /// Returns how far a point is from the object's surface.
     pub fn signed_distance(&self, point_in_object: &Point3<f64>) -> SignedDistance {
-        let (distance_m, away) = self.field.distance(point_in_object);
-        SignedDistance { distance_m, away }
+        let (distance_m, gradient_in_object) = self.field.distance(point_in_object);
+        SignedDistance {
+            distance_m,
+            gradient_in_object,
+        }
     }
 
     /// Returns a point's height above the table, in meters.
@@ -62,7 +65,10 @@ mod tests {
         for (at, distance_m) in [(x + 0.02, 0.02), (x - 0.01, -0.01)] {
             let gap = environment.signed_distance(&Point3::new(at, 0.0, 0.0));
             assert!((gap.distance_m - distance_m).abs() < 1e-6, "{gap:?}");
-            assert!((gap.away - Vector3::x()).norm() < 1e-3, "{gap:?}");
+            assert!(
+                (gap.gradient_in_object - Vector3::x()).norm() < 1e-3,
+                "{gap:?}"
+            );
         }
     }
 }

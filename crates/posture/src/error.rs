@@ -1,6 +1,6 @@
 //! Why a hand cannot be used.
 
-use robot::{RobotError, balls};
+use robot::{RobotError, spheres};
 
 use crate::SolverError;
 
@@ -23,7 +23,7 @@ pub enum PostureError {
     /// The collision shapes are far larger than a hand's.
     #[error(
         "the collision shapes up to link `{link}` need more than {} spheres",
-        balls::MAX_BALLS
+        spheres::MAX_SPHERES
     )]
     LargeShapes {
         /// The link at which they became too large.
@@ -32,15 +32,15 @@ pub enum PostureError {
     /// The solver cannot work on the robot.
     #[error(transparent)]
     Solver(#[from] SolverError),
-    /// The text is not a hand's table.
-    #[error("this is not a hand's table: {problem}")]
-    NotAHandTable {
+    /// The text is not a hand table.
+    #[error("cannot parse the hand table: {problem}")]
+    InvalidHandTable {
         /// Where and what is wrong.
         problem: String,
     },
-    /// A value of a hand's table makes no sense.
-    #[error("`{key}` cannot be used: {problem}")]
-    BadHandTable {
+    /// A value of a hand table is invalid.
+    #[error("`{key}` is invalid: {problem}")]
+    InvalidHandTableValue {
         /// The key.
         key: String,
         /// What is wrong.
@@ -61,7 +61,7 @@ impl PostureError {
                 "write lengths in meters, and leave out what is not part of the hand, e.g. a table"
                     .to_owned(),
             ),
-            Self::NotAHandTable { .. } | Self::BadHandTable { .. } => Some(
+            Self::InvalidHandTable { .. } | Self::InvalidHandTableValue { .. } => Some(
                 "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
                     .to_owned(),
             ),

@@ -200,7 +200,7 @@ impl<'a> Evaluation<'a> {
             let frame = &self.frames[point.body];
             let r = frame.origin + frame.rotation * point.offset;
             let at = self.root.translation + r;
-            let difference = at - target.at.coords;
+            let difference = at - target.point_in_object.coords;
             let mut pull = Pull {
                 body: point.body,
                 r,

@@ -1,20 +1,20 @@
-//! The robot hand as a solver sees it: points that follow landmarks, balls that take up room.
+//! The robot hand as a solver sees it: points that follow landmarks, spheres that take up room.
 
 use std::ops::Range;
 
 use nalgebra::Point3;
-use robot::{RobotModel, balls};
+use robot::{RobotModel, spheres};
 use spatial::Palm;
 
 use crate::{CompiledHand, HandTable, PostureError, Root};
 
-/// A robot hand with the points that follow landmarks and the balls that take up room.
+/// A robot hand with the points that follow landmarks and the spheres that take up room.
 #[derive(Debug, Clone)]
 pub struct Hand {
     /// Its tree of links.
     pub model: RobotModel,
     /// The hand as the solver knows it. Its points are first [`Hand::points`], then those of the
-    /// balls, then those of the clusters.
+    /// spheres, then those of the clusters.
     pub compiled: CompiledHand,
     /// The middle of each joint's range.
     pub mid_range: Vec<f64>,
@@ -26,9 +26,9 @@ pub struct Hand {
     pub palm_points: Vec<usize>,
     /// Where the points are in the root link's frame when every joint is at the middle of its range.
     in_palm: Vec<Point3<f64>>,
-    /// Radii of the balls that must stay out of things, in meters, link by link.
+    /// Radii of the spheres that must stay out of things, in meters, link by link.
     pub radii_m: Vec<f64>,
-    /// Those balls in groups of neighbors.
+    /// Those spheres in groups of neighbors.
     pub clusters: Vec<Cluster>,
 }
 
@@ -39,16 +39,16 @@ pub struct HandPoint {
     pub keypoint: usize,
     /// Weight of its distance to the landmark.
     pub weight: f64,
-    /// Radius of the ball about it, if it is a finger tip.
+    /// Radius of the sphere about it, if it is a fingertip.
     pub tip_radius_m: Option<f64>,
 }
 
-/// Neighboring balls of one link, and a ball about them all.
+/// Neighboring spheres of one link, and a sphere about them all.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cluster {
-    /// Which balls.
-    pub balls: Range<usize>,
-    /// Radius of the ball about them, in meters.
+    /// Which spheres.
+    pub spheres: Range<usize>,
+    /// Radius of the sphere about them, in meters.
     pub radius_m: f64,
 }
 
@@ -70,7 +70,7 @@ impl Hand {
                 joint: joint.clone(),
             });
         }
-        balls::check(model).map_err(large)
+        spheres::check(model).map_err(large)
     }
 
     /// Prepares a robot that passed [`Hand::check`] for the points of its table.
@@ -101,17 +101,17 @@ impl Hand {
             .map(|(link, point)| palm_from_links[*link] * *point)
             .collect();
         let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
-        for balls::Cluster {
+        for spheres::SphereCluster {
             link,
             around,
-            balls,
-        } in balls::clusters(&model).map_err(large)?
+            spheres,
+        } in spheres::clusters(&model).map_err(large)?
         {
             let first = radii_m.len();
-            radii_m.extend(balls.iter().map(|ball| ball.radius_m));
-            places.extend(balls.iter().map(|ball| (link, ball.center_in_link)));
+            radii_m.extend(spheres.iter().map(|sphere| sphere.radius_m));
+            places.extend(spheres.iter().map(|sphere| (link, sphere.center_in_link)));
             clusters.push(Cluster {
-                balls: first..radii_m.len(),
+                spheres: first..radii_m.len(),
                 radius_m: around.radius_m,
             });
             centers.push((link, around.center_in_link));
@@ -132,7 +132,7 @@ impl Hand {
 
     /// Says whether the points on the palm lie on one line, to half a millimeter: the palm could turn
     /// about it.
-    pub fn is_palm_a_line(&self) -> bool {
+    pub fn palm_points_are_collinear(&self) -> bool {
         const NEAR_M: f64 = 5e-4;
         let points = || self.palm_points.iter().map(|&idx| &self.in_palm[idx]);
         let Some(&first) = points().next() else {
@@ -146,9 +146,9 @@ impl Hand {
         from_first().all(|way| way.cross(&along).norm() < NEAR_M)
     }
 
-    /// Returns the number of a ball among the solver's points.
-    pub fn ball_point(&self, ball: usize) -> usize {
-        self.points.len() + ball
+    /// Returns the number of a sphere among the solver's points.
+    pub fn sphere_point(&self, sphere: usize) -> usize {
+        self.points.len() + sphere
     }
 
     /// Returns the number of a cluster's center among the solver's points.
@@ -166,7 +166,7 @@ impl Hand {
     }
 }
 
-fn large(shapes: balls::TooLarge) -> PostureError {
+fn large(shapes: spheres::TooLarge) -> PostureError {
     PostureError::LargeShapes { link: shapes.link }
 }
 
@@ -195,7 +195,7 @@ mod tests {
             let model = RobotModel::from_urdf(urdf).unwrap();
             Hand::check(&model).unwrap_err()
         };
-        // A file in millimeters: as many balls would fill the memory.
+        // A file in millimeters: as many spheres would fill the memory.
         let size = "0.0408 0.113 0.095";
         assert!(urdf.contains(size));
         let err = refused(&urdf.replace(size, "40.8 113 95"));

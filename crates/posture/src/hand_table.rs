@@ -1,4 +1,4 @@
-//! A hand's table: which landmark each point of the robot follows, as TOML.
+//! A hand table: which landmark each point of the robot follows, as TOML.
 
 use std::str::FromStr;
 
@@ -11,7 +11,7 @@ use crate::PostureError;
 const MAX_SCALE: f64 = 100.0;
 /// Greatest weight of a point.
 const HEAVIEST: f64 = 1e6;
-/// Greatest distance of a point from its link's frame along an axis, and largest finger tip, in
+/// Greatest distance of a point from its link's frame along an axis, and largest fingertip, in
 /// meters.
 const MAX_DISTANCE_M: f64 = 10.0;
 
@@ -55,7 +55,7 @@ pub struct FollowedPoint {
     /// Weight of the distance between the point and the landmark; it multiplies the distance before
     /// it is squared. A point of weight 0 on the palm says where a fixed wrist is, and no more.
     pub weight: f64,
-    /// Marks a finger tip and gives the radius of the ball about the point, in meters.
+    /// Marks a fingertip and gives the radius of the sphere about the point, in meters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub tip_radius_m: Option<f64>,
 }
@@ -71,7 +71,7 @@ impl FollowedPoint {
     /// Returns the landmark's index, of the point of this number in its table.
     pub(crate) fn require_keypoint(&self, idx: usize) -> Result<usize, PostureError> {
         self.keypoint_idx()
-            .ok_or_else(|| PostureError::BadHandTable {
+            .ok_or_else(|| PostureError::InvalidHandTableValue {
                 key: format!("points[{idx}]"),
                 problem: format!(
                     "there is no keypoint `{}`, expected one of: {}",
@@ -93,7 +93,7 @@ impl FromStr for HandTable {
     /// unknown, or a number makes no sense.
     fn from_str(text: &str) -> Result<Self, PostureError> {
         let table: Self =
-            toml_edit::de::from_str(text).map_err(|source| PostureError::NotAHandTable {
+            toml_edit::de::from_str(text).map_err(|source| PostureError::InvalidHandTable {
                 problem: source.to_string(),
             })?;
         table.check()?;
@@ -104,7 +104,9 @@ impl FromStr for HandTable {
 impl HandTable {
     /// Checks what types cannot say.
     fn check(&self) -> Result<(), PostureError> {
-        let bad = |key: String, problem: String| Err(PostureError::BadHandTable { key, problem });
+        let bad = |key: String, problem: String| {
+            Err(PostureError::InvalidHandTableValue { key, problem })
+        };
         if !(self.scale > 0.0 && self.scale <= MAX_SCALE) {
             let problem = format!(
                 "{:?} is not a size, expected more than 0 and at most {MAX_SCALE}",

@@ -2,7 +2,7 @@
 //!
 //! A [`CompiledHand`] is a robot prepared once; a [`Task`] says what one step asks; a [`Solver`]
 //! moves a posture to a minimum of it, without allocating. [`Hand`] adds what a [`HandTable`] says of the
-//! robot, and balls that fill its links; [`Surroundings`] are the terms of an object on a table.
+//! robot, and spheres that fill its links; [`EnvironmentTerms`] are the terms of an object on a table.
 //! Everything is in `f64`, in meters and radians, in the object's frame; no search leaves the joints' limits.
 //!
 //! The hand's structure is what makes it fast: second derivatives are gathered body by body from
@@ -13,15 +13,18 @@
 
 mod arrow;
 mod check;
+mod closing;
 mod compiled;
 mod differentiate;
 mod environment;
+mod environment_terms;
 mod error;
 mod evaluate;
 #[cfg(test)]
 mod fixture;
 mod hand;
 mod hand_table;
+mod initial_postures;
 mod layout;
 mod limits;
 mod minimize;
@@ -29,21 +32,20 @@ mod moments;
 mod posture;
 mod propose;
 mod solver_error;
-mod starts;
-mod surroundings;
 mod task;
 #[cfg(test)]
 mod tests;
 mod trig;
 
+pub use closing::{contact_share, openness};
 pub use compiled::{CompiledHand, Root};
 pub use environment::{Environment, SignedDistance};
+pub use environment_terms::{CollisionPenalty, ContactTarget, EnvironmentTerms};
 pub use error::PostureError;
 pub use evaluate::Posed;
 pub use hand::{Cluster, Hand, HandPoint};
 pub use hand_table::{FollowedPoint, HandTable};
-pub use minimize::{SearchOptions, SearchOutcome, Solver, Wrist};
+pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};
 pub use solver_error::SolverError;
-pub use surroundings::{Contact, KeepOut, Surroundings};
 pub use task::{Loss, NoTerms, PosturePrior, Residual, Smoothness, Target, Task, Terms};

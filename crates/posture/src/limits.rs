@@ -7,7 +7,7 @@
 
 use crate::{
     arrow::System,
-    minimize::{Solver, Wrist},
+    minimize::{RootMotion, Solver},
     task::Task,
 };
 
@@ -16,14 +16,14 @@ use crate::{
 const FLOOR: f64 = 1e-12;
 /// Share of that which every pivot must keep for the matrix to count as positive definite.
 const MIN_PIVOT: f64 = 0.1;
-/// Turns of the search for the limits that hold.
-const MAX_TURNS: usize = 12;
+/// Maximum number of passes in the search for the active limits.
+const MAX_PASSES: usize = 12;
 
 impl Solver<'_> {
     /// Computes the step to the minimum of the damped expansion within the limits, and returns the
     /// decrease that the undamped one predicts; `None` if there is no such minimum.
-    pub(crate) fn boxed_step(&mut self, damping: f64, wrist: Wrist) -> Option<f64> {
-        let floor = self.hold(damping, wrist);
+    pub(crate) fn bounded_step(&mut self, damping: f64, root_motion: RootMotion) -> Option<f64> {
+        let floor = self.hold(damping, root_motion);
         let hand = self.evaluation.hand;
         let layout = &hand.layout;
         let (n, n_root) = (layout.n, layout.n_root);
@@ -31,7 +31,7 @@ impl Solver<'_> {
         let gradient = &self.evaluation.gradient;
         // Whether some unknown is held away from where it is.
         let mut is_shifted = false;
-        for turn in 0..MAX_TURNS {
+        for pass in 0..MAX_PASSES {
             let system = System {
                 layout,
                 hessian,
@@ -59,7 +59,7 @@ impl Solver<'_> {
                         self.held[u] = self.step[u].max(below).min(above);
                         changed = true;
                     }
-                } else if turn + 2 < MAX_TURNS {
+                } else if pass + 2 < MAX_PASSES {
                     // Held only as long as it would leave otherwise.
                     let slope = gradient[u] + layout.product_at(hessian, &self.step, u);
                     let would_leave = (self.held[u] <= below && slope >= 0.0)
@@ -102,7 +102,7 @@ impl Solver<'_> {
 
     /// Holds the unknowns that would leave their limits at once, or nothing has a say in, and returns
     /// what is added to every diagonal element.
-    fn hold(&mut self, damping: f64, wrist: Wrist) -> f64 {
+    fn hold(&mut self, damping: f64, root_motion: RootMotion) -> f64 {
         let hand = self.evaluation.hand;
         let layout = &hand.layout;
         let hessian = &self.evaluation.hessian;
@@ -118,7 +118,7 @@ impl Solver<'_> {
             self.held[u] = 0.0;
             self.right[u] = -slope;
             let is_held = match u.checked_sub(layout.n_root) {
-                None => wrist == Wrist::Held,
+                None => root_motion == RootMotion::Fixed,
                 Some(slot) => {
                     let q = self.state.q[slot];
                     (q <= hand.lower[slot] && slope > 0.0)
@@ -131,9 +131,9 @@ impl Solver<'_> {
         floor
     }
 
-    /// Returns what is left to gain at a new state, by its own gradient and the Hessian of the
+    /// Returns the decrease predicted at a new state, by its own gradient and the Hessian of the
     /// state before, with what was held there; `None` if some of that is to be let go.
-    pub(crate) fn left_to_gain(&mut self, task: &Task<'_>) -> Option<f64> {
+    pub(crate) fn remaining_decrease(&mut self, task: &Task<'_>) -> Option<f64> {
         self.evaluation.slopes(&self.state, task);
         let hand = self.evaluation.hand;
         let layout = &hand.layout;

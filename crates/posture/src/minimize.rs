@@ -20,29 +20,42 @@ const MIN_DAMPING: f64 = 1e-4;
 const MAX_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const MIN_SHARE: f64 = 1e-4;
-/// How near to 1 the share must be for the expansion to be believed for one more step.
+/// How near to 1 the share must be for the expansion to be reused.
 const SHARE_TOLERANCE: f64 = 0.3;
 
 /// When to stop.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchOptions {
-    /// Share of the cost that the next step may at most still bring.
-    pub tolerance: f64,
+    /// Greatest predicted decrease at convergence, as a share of the cost.
+    pub relative_tolerance: f64,
     /// The same in the cost's own unit, for costs near 0.
-    pub least_decrease: f64,
-    /// Postures tried.
+    pub min_decrease: f64,
+    /// Maximum number of iterations.
     pub max_iterations: usize,
-    /// Whether the root stays where it starts.
-    pub wrist: Wrist,
+    /// Whether the root moves.
+    pub root_motion: RootMotion,
+}
+
+impl SearchOptions {
+    /// Returns options for costs in m², such as those of a step of a motion: a search ends when a further iteration
+    /// would bring no more than a ten-thousandth of the cost, or a thirtieth of a millimeter, squared.
+    pub fn new(max_iterations: usize, root_motion: RootMotion) -> Self {
+        Self {
+            relative_tolerance: 1e-4,
+            min_decrease: 1e-9,
+            max_iterations,
+            root_motion,
+        }
+    }
 }
 
 /// Whether the root moves.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wrist {
-    /// It does, if the hand was so compiled.
-    Moves,
+pub enum RootMotion {
+    /// It moves, if the hand was compiled with a root that does.
+    Free,
     /// It stays where it starts.
-    Held,
+    Fixed,
 }
 
 /// How a search ended.
@@ -50,11 +63,11 @@ pub enum Wrist {
 pub struct SearchOutcome {
     /// The cost at the posture found.
     pub cost: f64,
-    /// What the quadratic model says is still to be gained within the limits, in the cost's unit.
-    pub to_gain: f64,
+    /// Decrease that the quadratic model still predicts within the limits, in the cost's unit.
+    pub predicted_decrease: f64,
     /// Postures tried, the first one among them.
     pub iterations: usize,
-    /// Whether what is still to be gained is within the tolerance.
+    /// Whether the predicted decrease is within the tolerance.
     pub converged: bool,
 }
 
@@ -204,12 +217,12 @@ impl<'a> Solver<'a> {
         let mut is_current = true;
         let mut outcome = SearchOutcome {
             cost,
-            to_gain: f64::INFINITY,
+            predicted_decrease: f64::INFINITY,
             iterations: 1,
             converged: false,
         };
         while outcome.iterations < options.max_iterations && damping < MAX_DAMPING {
-            let Some(predicted) = self.boxed_step(damping, options.wrist) else {
+            let Some(predicted) = self.bounded_step(damping, options.root_motion) else {
                 if order == Order::Exact {
                     if !is_current {
                         self.evaluation.cost(&self.state, task, terms);
@@ -223,9 +236,9 @@ impl<'a> Solver<'a> {
                 continue;
             };
             if damping == 0.0 {
-                outcome.to_gain = predicted;
+                outcome.predicted_decrease = predicted;
             }
-            if predicted <= options.tolerance * cost + options.least_decrease {
+            if predicted <= options.relative_tolerance * cost + options.min_decrease {
                 outcome.converged = damping <= 1.0;
                 break;
             }
@@ -251,10 +264,11 @@ impl<'a> Solver<'a> {
                     && damping == 0.0
                     && (share - 1.0).abs() < SHARE_TOLERANCE;
                 if is_near
-                    && let Some(to_gain) = self.left_to_gain(task)
-                    && to_gain <= options.tolerance * cost + options.least_decrease
+                    && let Some(predicted_decrease) = self.remaining_decrease(task)
+                    && predicted_decrease
+                        <= options.relative_tolerance * cost + options.min_decrease
                 {
-                    outcome.to_gain = to_gain;
+                    outcome.predicted_decrease = predicted_decrease;
                     outcome.converged = true;
                     break;
                 }

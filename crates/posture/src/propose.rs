@@ -1,4 +1,4 @@
-//! A first proposal of a hand's table, from the robot's tree alone.
+//! A first proposal of a hand table, from the robot's tree alone.
 
 use robot::{Finger, RobotModel};
 use schemas::demonstrations::Side;

@@ -13,9 +13,9 @@ pub enum SolverError {
     /// More joints depend on one another than the solver was made for.
     #[error("{found} joints of one branch depend on one another, at most {most} can")]
     TooManyJoints {
-        /// How many do.
+        /// Number of such joints.
         found: usize,
-        /// How many may.
+        /// Largest number allowed.
         most: usize,
     },
     /// A target names a point that was not attached.
@@ -23,7 +23,7 @@ pub enum SolverError {
     NoPoint {
         /// The point's number.
         point: usize,
-        /// How many there are.
+        /// Number of attached points.
         found: usize,
     },
     /// A list has the wrong length.
@@ -31,9 +31,9 @@ pub enum SolverError {
     WrongLength {
         /// What is listed.
         what: &'static str,
-        /// How many there are.
+        /// Length found.
         found: usize,
-        /// How many there should be.
+        /// Length expected.
         expected: usize,
     },
     /// A number is NaN or infinite, or a weight is negative.

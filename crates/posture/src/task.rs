@@ -18,7 +18,7 @@ pub struct Task<'a> {
     pub loss: Loss,
     /// What ties this step to the one solved before; `None` for the first.
     pub smoothness: Option<Smoothness<'a>>,
-    /// What draws joints nothing else has a say in.
+    /// Regularization of otherwise unconstrained joints.
     pub rest: Option<PosturePrior<'a>>,
 }
 
@@ -27,8 +27,8 @@ pub struct Task<'a> {
 pub struct Target {
     /// The point, as numbered when the hand was compiled.
     pub point: usize,
-    /// Its place in the object's frame, in meters.
-    pub at: Point3<f64>,
+    /// Where it should be, in the object frame, in meters.
+    pub point_in_object: Point3<f64>,
     /// The factor `w` of its loss.
     pub weight: f64,
 }
@@ -62,7 +62,7 @@ pub struct Smoothness<'a> {
     pub root_weight: f64,
 }
 
-/// What draws joints nothing else has a say in.
+/// Regularization of otherwise unconstrained joints.
 #[derive(Debug, Clone, Copy)]
 pub struct PosturePrior<'a> {
     /// Joint positions, in the model's order.
@@ -76,8 +76,8 @@ pub struct PosturePrior<'a> {
 pub struct Residual {
     /// The point, as numbered when the hand was compiled.
     pub point: usize,
-    /// How the residual changes with the point: its gradient by the point's place in the object's frame.
-    pub direction: Vector3<f64>,
+    /// Gradient of the residual by the point's position, in the object frame.
+    pub gradient_in_object: Vector3<f64>,
     /// The number.
     pub residual: f64,
     /// Its weight.

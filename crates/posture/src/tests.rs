@@ -160,7 +160,7 @@ fn case(noise: f64) -> impl Strategy<Value = Case> {
                 targets: targets
                     .map(|(point, (to, &weight))| Target {
                         point,
-                        at: place(point) + to,
+                        point_in_object: place(point) + to,
                         weight,
                     })
                     .collect(),
@@ -211,7 +211,7 @@ impl Case {
                 let residual = hand.point(point).unwrap().coords.dot(&direction) + 0.02;
                 residuals.push(Residual {
                     point,
-                    direction,
+                    gradient_in_object: direction,
                     residual,
                     weight,
                 });
@@ -314,7 +314,7 @@ proptest! {
         // The logarithm's second derivative is exact for small turns only.
         case.before.root = case.at.root.turned(Vector3::new(0.01, 0.0, 0.02), case.direction * 0.05);
         let near_kink = case.targets.iter().enumerate().any(|(idx, target)| {
-            let offset = case.targets[idx].at - place_of(&case.at, root, target.point);
+            let offset = case.targets[idx].point_in_object - place_of(&case.at, root, target.point);
             offset.iter().any(|x| (x.abs() - 0.02).abs() < 1e-4)
         });
         prop_assume!(!near_kink);
@@ -341,7 +341,7 @@ proptest! {
         if root == Root::Fixed {
             prop_assert_eq!(found.root, start.root);
         }
-        let held = SearchOptions { wrist: Wrist::Held, ..OPTIONS };
+        let held = SearchOptions { root_motion: RootMotion::Fixed, ..OPTIONS };
         let mut kept = start.clone();
         let held = solver.minimize(&task, &mut kept, &held, &mut case.terms()).unwrap();
         prop_assert!(held.converged && held.cost <= before);
@@ -368,10 +368,10 @@ proptest! {
 }
 
 const OPTIONS: SearchOptions = SearchOptions {
-    tolerance: 1e-12,
-    least_decrease: 1e-16,
+    relative_tolerance: 1e-12,
+    min_decrease: 1e-16,
     max_iterations: 2000,
-    wrist: Wrist::Moves,
+    root_motion: RootMotion::Free,
 };
 
 fn place_of(posture: &Posture, root: Root, point: usize) -> Point3<f64> {
@@ -395,7 +395,7 @@ fn dense(model: &RobotModel, case: &Case) -> f64 {
         for target in &case.targets {
             let (link, offset) = points[target.point];
             let at = palm_from_links[link] * offset;
-            let away = at - object_from_palm.inverse_transform_point(&target.at);
+            let away = at - object_from_palm.inverse_transform_point(&target.point_in_object);
             cost += target.weight * away.norm_squared();
             let jacobian = model.geometric_jacobian(&palm_from_links, link, &at);
             let jacobian = jacobian.fixed_rows::<3>(0);
@@ -490,7 +490,7 @@ fn lower_cost_flexion_is_found() {
     solver.place(&EMPTY_TASK, &reached, &mut NoTerms).unwrap();
     let target = Target {
         point: 0,
-        at: solver.posed().point(0).unwrap(),
+        point_in_object: solver.posed().point(0).unwrap(),
         weight: 1.0,
     };
     let task = Task {
@@ -505,7 +505,7 @@ fn lower_cost_flexion_is_found() {
     assert!(poor.cost > 1e-5 && stuck.q[1] == -0.2, "{poor:?} {stuck:?}");
     let mut found = start;
     let outcome = solver
-        .minimize_and_unbend(&task, &mut found, &OPTIONS, &mut NoTerms)
+        .minimize_with_flips(&task, &mut found, &OPTIONS, &mut NoTerms)
         .unwrap();
     assert!(
         outcome.cost < 1e-12 && (found.q[1] - 1.2).abs() < 1e-5,
@@ -531,7 +531,7 @@ fn one_sided_fingers_are_searched_once() {
     let mut solver = Solver::new(&hand);
     let target = Target {
         point: 0,
-        at: Point3::new(-0.02, 0.0, 0.08),
+        point_in_object: Point3::new(-0.02, 0.0, 0.08),
         weight: 1.0,
     };
     let task = Task {
@@ -546,7 +546,7 @@ fn one_sided_fingers_are_searched_once() {
     assert_eq!(once.q, [0.0, 0.0]);
     let mut unbent = start;
     let outcome = solver
-        .minimize_and_unbend(&task, &mut unbent, &OPTIONS, &mut NoTerms)
+        .minimize_with_flips(&task, &mut unbent, &OPTIONS, &mut NoTerms)
         .unwrap();
     assert_eq!((unbent, outcome), (once, searched));
 }
@@ -559,7 +559,7 @@ fn refuses_tasks_that_do_not_fit_the_hand() {
     let start = Posture::new(&Pose::identity(), vec![0.2; model.dof()]);
     let target = Target {
         point: 0,
-        at: Point3::origin(),
+        point_in_object: Point3::origin(),
         weight: 1.0,
     };
     let mut check = |target: Target, posture: &Posture, expected: &str| {
@@ -575,7 +575,7 @@ fn refuses_tasks_that_do_not_fit_the_hand() {
     let nowhere = Point3::new(0.0, f64::NAN, 0.0);
     check(
         Target {
-            at: nowhere,
+            point_in_object: nowhere,
             ..target
         },
         &start,

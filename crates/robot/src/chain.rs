@@ -118,7 +118,7 @@ impl Chain {
         let poses = self.links.forward_kinematics::<Base>(q)?;
         // A chain has one link at least: its end.
         let end = poses.len() - 1;
-        let base_from_palm = Pose::new(*poses[end]);
+        let base_from_palm = poses[end].reinterpret::<Base, Palm>();
         let origin = Point3::from(base_from_palm.translation.vector);
         Ok(KinematicState {
             base_from_palm,

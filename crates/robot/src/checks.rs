@@ -168,7 +168,8 @@ const INERTIA: &str = "take its inertia from its drawing, or that of a solid box
                        mass: m/12 (a² + b²)";
 const CENTER: &str =
     "check the `<origin>` of its `<inertial>`: it may be that of another link or another frame";
-const SHAPES: &str = "give it a `<collision>` of boxes, spheres, cylinders, capsules or a mesh if it may touch anything";
+const SHAPES: &str = "give it a `<collision>` of boxes, spheres, cylinders, capsules or a mesh if it \
+                      may touch anything";
 
 /// A number to six digits behind the point.
 fn short(number: f64) -> f64 {

@@ -74,8 +74,8 @@ impl Shape {
         }
     }
 
-    /// Returns what the shape is all points within a distance of, and that distance in meters: a
-    /// point or a line segment where it is round, itself otherwise.
+    /// Returns the core and radius (in meters) of a rounded shape: a point or a line segment, and the
+    /// distance from it; itself and 0 for a shape that is not rounded.
     fn core(&self) -> (Self, f64) {
         match self {
             Self::Sphere { radius_m } => (Self::Sphere { radius_m: 0.0 }, *radius_m),

@@ -33,7 +33,13 @@ pub enum RobotError {
         line: usize,
     },
     /// The text has not one root element `<robot>`.
-    #[error("the text is not one `<robot>`{}", found.as_ref().map(|found| format!(": `<{found}>` stands there")).unwrap_or_default())]
+    #[error(
+        "the text is not one `<robot>`{}",
+        found
+            .as_ref()
+            .map(|found| format!(": `<{found}>` stands there"))
+            .unwrap_or_default()
+    )]
     NoRobot {
         /// What stands there instead or beside it, if anything does.
         found: Option<String>,

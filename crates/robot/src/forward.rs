@@ -38,7 +38,7 @@ impl RobotModel {
             let parent = link.parent.and_then(|parent| root_from_links.get(parent));
             root_from_links.push(match parent {
                 Some(root_from_parent) => *root_from_parent * parent_from_link,
-                None => Pose::new(*parent_from_link),
+                None => parent_from_link.reinterpret(),
             });
         }
         root_from_links

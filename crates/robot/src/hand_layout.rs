@@ -36,10 +36,11 @@ impl RobotModel {
     /// Every joint is taken as near to 0 as its limits allow. Fingers whose names say which they are
     /// (`index`, `middle`, `ring`, `little` or `pinky`, or the Shadow hand's `ff`, `mf`, `rf`, `lf`) are
     /// in that order; others along the line between the two tips that are farthest apart, from the end
-    /// at which the thumb begins. The wrist is the end of the palm's collision shapes away from the fingers, or the joint on which the
-    /// palm turns where most of the palm is on the fingers' side of it. A hand is a right or a left one
-    /// if its names say so; else it is a right one if little finger to index, then wrist to tips, then
-    /// the way in which the tips go when the fingers bend are axes of a right-handed frame.
+    /// at which the thumb begins. The wrist is the end of the palm's collision shapes away from the
+    /// fingers, or the joint on which the palm turns where most of the palm is on the fingers' side of
+    /// it. A hand is a right or a left one if its names say so; else it is a right one if little finger
+    /// to index, then wrist to tips, then the way in which the tips go when the fingers bend are axes of
+    /// a right-handed frame.
     pub fn hand_layout(&self) -> Option<HandLayout> {
         let (thumbs, mut fingers): (Vec<Finger>, Vec<Finger>) = self
             .fingers()

@@ -19,8 +19,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Links are ordered parents first, and link 0 is the root: a hand's palm or an arm's base, as who asks
-//! for poses says. A [`Link`], a [`Shape`] or a [`Mesh`] is a frame of a [`spatial::Pose`], too: its own.
+//! Links are ordered parents first, and link 0 is the root: a hand's palm or an arm's base, as the caller's
+//! type parameter says. A [`Link`], a [`Shape`] or a [`Mesh`] is a frame of a [`spatial::Pose`], too: its own.
 //! Joints are the independent movable ones, in the order in which a depth-first walk meets them:
 //! address them by name. Joints that mimic others move with them and have no position of their own.
 //! Lengths are in meters, angles in radians, masses in kilograms.
@@ -30,7 +30,6 @@
 //! to [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no
 //! shape.
 
-pub mod balls;
 mod chain;
 mod checks;
 mod convex;
@@ -49,6 +48,7 @@ mod jacobian;
 mod joint_order;
 mod model;
 mod near;
+pub mod spheres;
 mod urdf;
 
 pub use chain::{Chain, ChainRates, KinematicState};

@@ -109,7 +109,7 @@ fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], ve
     let poses = robot.forward_kinematics::<Base>(&all).unwrap();
     let link = robot.link(end).unwrap();
     let now = chain.state(q).unwrap();
-    assert!(off(&Pose::new(*poses[link]), &now.base_from_palm) < 1e-12);
+    assert!(off(&poses[link].reinterpret(), &now.base_from_palm) < 1e-12);
     let origin = Point3::from(poses[link].translation.vector);
     let jacobian = robot.geometric_jacobian(&poses, link, &origin);
     for (column, &joint) in now.jacobian.column_iter().zip(chain.joints()) {

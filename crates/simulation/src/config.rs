@@ -24,7 +24,8 @@ pub struct SceneConfig {
     /// What the object weighs, in kilograms, in place of its true mass; inertias change in proportion.
     #[serde(default)]
     pub object_mass_kg: Option<f64>,
-    /// The same by the object's density, in kilograms per cubic meter of its convex parts.
+    /// What the object weighs, by a density in kilograms per cubic meter of its convex parts, in place of its
+    /// true mass.
     #[serde(default)]
     pub object_density_kg_per_m3: Option<f64>,
     /// What the object rests on: the `table`, or `nothing`, without gravity.
@@ -87,8 +88,8 @@ impl SceneConfig {
     }
 
     /// Returns the number of control steps in which a finger's command arrives, e.g. 2 with 30 ms and 20 ms.
-    pub fn delay_control_n(&self) -> usize {
-        self.delay_n().div_ceil(self.steps_per_control as usize)
+    pub fn delay_control_steps(&self) -> usize {
+        self.delay_steps().div_ceil(self.steps_per_control as usize)
     }
 
     /// Returns the delay of the fingers in physics steps.
@@ -97,7 +98,7 @@ impl SceneConfig {
         clippy::cast_sign_loss,
         reason = "a checked scene has a delay of 0 to 0.2 s, and steps of at least a microsecond"
     )]
-    pub(crate) fn delay_n(&self) -> usize {
+    pub(crate) fn delay_steps(&self) -> usize {
         (self.drive.delay_s / self.time_step_s).round() as usize
     }
 }
@@ -338,7 +339,8 @@ pub struct StrictConfig {
     // Goals of cells that do not know it stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_palm_force_n: Option<f64>,
-    /// The same of their torque about the palm's origin, in newton meters (none).
+    /// Largest net torque of object and table on the hand about the palm's origin for a tenth of a second, in
+    /// newton meters (none).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_palm_torque_nm: Option<f64>,
     /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may draw it to the

@@ -96,7 +96,7 @@ pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, P
             for contact in &manifold.points {
                 // The friction is that of the last substep, on the first body.
                 let rubbing = contact.data.warmstart_tangent_world.to_array();
-                let rubbing = Vector3::from(rubbing.map(f64::from)) * world.substeps_n();
+                let rubbing = Vector3::from(rubbing.map(f64::from)) * world.substep_count();
                 let impulse = normal * f64::from(contact.data.impulse) - rubbing;
                 let force = forces_in_newtons(&(impulse * (towards_hand / world.step_s())));
                 let point = first.position().transform_point(contact.local_p1);

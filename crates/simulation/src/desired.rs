@@ -5,7 +5,7 @@ use spatial::Object;
 
 use crate::{
     config::{Approach, Protocol, SceneConfig},
-    played::PlayedStep,
+    played::CommandStep,
     script::{Command, Phase},
 };
 
@@ -75,8 +75,8 @@ impl Desired {
     }
 
     /// Takes the course of a motion that is played, through its own rates.
-    pub(crate) fn played(steps: &[PlayedStep], scene: &SceneConfig) -> Self {
-        let knot = |step: &PlayedStep| Knot {
+    pub(crate) fn played(steps: &[CommandStep], scene: &SceneConfig) -> Self {
+        let knot = |step: &CommandStep| Knot {
             q: step.q.clone(),
             rates: step.rates.clone(),
         };

@@ -30,7 +30,7 @@ pub enum SimulationError {
     #[error("object has no convex parts")]
     NoParts,
     /// Links of the hand move and have no mass or no inertia.
-    #[error("{} of the hand move and have no inertia in its URDF", names(links))]
+    #[error("moving links without inertia: {}", names(links))]
     NoInertia {
         /// The links' names.
         links: Vec<String>,
@@ -38,8 +38,8 @@ pub enum SimulationError {
     /// The hand has nothing to touch with.
     #[error("the hand has no collision shapes in its URDF")]
     NoCollisions,
-    /// A link of the hand would touch nothing, because nobody read its mesh.
-    #[error("link `{link}` of the hand collides with the mesh `{file}`, which was not read")]
+    /// A link of the hand would touch nothing, because its mesh was not loaded.
+    #[error("link `{link}` of the hand collides with `{file}`, whose mesh was not loaded")]
     MeshNotRead {
         /// The link's name.
         link: String,
@@ -53,7 +53,7 @@ pub enum SimulationError {
         link: String,
     },
     /// A joint is named that the hand does not have.
-    #[error("`flexion_joints` names `{name}`, and the hand has no such joint of its own")]
+    #[error("`flexion_joints` names `{name}`, which is not an independent joint of the hand")]
     UnknownJoint {
         /// The name asked for.
         name: String,
@@ -67,18 +67,14 @@ pub enum SimulationError {
     #[error(transparent)]
     Setting(#[from] SettingFault),
     /// The object alone on the table went out of bounds.
-    #[error("object does not come to rest on the table: it left it or its numbers overflowed")]
+    #[error("object does not come to rest: it left the table, or the simulation overflowed")]
     Unsettled,
 }
 
-/// Names links.
+/// Lists names, each in backticks.
 fn names(links: &[String]) -> String {
     let names: Vec<String> = links.iter().map(|link| format!("`{link}`")).collect();
-    format!(
-        "link{} {}",
-        if names.len() == 1 { "" } else { "s" },
-        names.join(", ")
-    )
+    names.join(", ")
 }
 
 impl SimulationError {

@@ -2,7 +2,7 @@
 //!
 //! The palm yields to nothing, so that no finger feels what happens to another one: each finger is a
 //! multibody of its own, whose root has the palm's motion. Four systems of four equations cost a
-//! fraction of one of sixteen; and once the palm stands still ([`Hand::halt`]), its six coordinates
+//! fraction of one of sixteen; and once the palm stands still ([`HandBodies::halt`]), its six coordinates
 //! are none of theirs any more.
 
 mod bodies;
@@ -45,7 +45,7 @@ const DIMENSIONS: usize = 6;
 
 /// The hand's bodies in a world and its drives.
 #[derive(Debug, Clone)]
-pub(crate) struct Hand {
+pub(crate) struct HandBodies {
     /// The palm, then the movable links.
     bodies: Vec<RigidBodyHandle>,
     /// For each body, the first of its finger; the palm's own is 0.
@@ -123,7 +123,7 @@ enum PalmJoint {
     Free,
 }
 
-impl Hand {
+impl HandBodies {
     /// Puts the hand into the world, waiting high above the table with all joints at zero.
     pub(crate) fn insert(
         world: &mut World,
@@ -461,7 +461,7 @@ impl Hand {
     }
 
     /// Returns how many fingers have one of these bodies, the palm counting as one.
-    pub(crate) fn fingers_n(&self, of_bodies: impl Iterator<Item = usize>) -> usize {
+    pub(crate) fn finger_count(&self, of_bodies: impl Iterator<Item = usize>) -> usize {
         let mut fingers: Vec<usize> = of_bodies.map(|body| self.fingers[body]).collect();
         fingers.sort_unstable();
         fingers.dedup();
@@ -469,7 +469,7 @@ impl Hand {
     }
 
     /// Returns the number of rigid bodies, the palm included.
-    pub(crate) fn bodies_n(&self) -> usize {
+    pub(crate) fn body_count(&self) -> usize {
         self.bodies.len()
     }
 }
@@ -585,14 +585,14 @@ mod tests {
         </joint>
       </robot>"#;
 
-    pub(super) fn finger(scene: &SceneConfig) -> (World, Hand) {
+    pub(super) fn finger(scene: &SceneConfig) -> (World, HandBodies) {
         of_urdf(scene, FINGER)
     }
 
-    fn of_urdf(scene: &SceneConfig, urdf: &str) -> (World, Hand) {
+    fn of_urdf(scene: &SceneConfig, urdf: &str) -> (World, HandBodies) {
         let model = RobotModel::from_urdf(urdf).unwrap();
         let mut world = World::empty(scene);
-        let hand = Hand::insert(&mut world, scene, &model).unwrap();
+        let hand = HandBodies::insert(&mut world, scene, &model).unwrap();
         (world, hand)
     }
 

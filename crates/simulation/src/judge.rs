@@ -97,12 +97,12 @@ impl<'a> Judge<'a> {
             penetration_m: 0.0,
             in_palm: Vec::new(),
             last_in_palm: Pose::identity(),
-            closing_left: scene.delay_control_n(),
+            closing_left: scene.delay_control_steps(),
             lift_left: count(Phase::Lift),
             hold_left,
             window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),
             control_s: scene.control_step_s(),
-            pressed: vec![0; settled.hand.bodies_n()],
+            pressed: vec![0; settled.hand.body_count()],
             overloaded_n: 0,
             pulled_from: None,
             shortcuts,
@@ -169,7 +169,7 @@ impl<'a> Judge<'a> {
                 self.in_palm.push(self.last_in_palm);
                 self.count_pressing(&touch);
                 let from = *self.pulled_from.get_or_insert_with(|| {
-                    if self.protocol.published_settings().since_start {
+                    if self.protocol.published_settings().displacement_from_start {
                         table_from_palm.inv_mul(&self.start)
                     } else {
                         before
@@ -325,7 +325,7 @@ impl<'a> Judge<'a> {
     /// Records how deep hand and object overlap while the object is carried.
     fn measure_touch(&mut self, settled: &SettledScene, world: &World) -> Touch {
         let surface = settled.surface.as_ref();
-        let touch = contact::touch(world, settled.object, surface, settled.hand.bodies_n());
+        let touch = contact::touch(world, settled.object, surface, settled.hand.body_count());
         self.penetration_m = self.penetration_m.max(touch.depth_m);
         touch
     }
@@ -337,7 +337,7 @@ impl<'a> Judge<'a> {
 
     /// Whether enough links and fingers are among these bodies of the hand.
     fn is_grasped(&self, settled: &SettledScene, bodies: &[usize]) -> bool {
-        let fingers_n = settled.hand.fingers_n(bodies.iter().copied());
+        let fingers_n = settled.hand.finger_count(bodies.iter().copied());
         bodies.len() >= self.protocol.min_links as usize
             && fingers_n >= self.protocol.strict.min_fingers as usize
     }
@@ -387,7 +387,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Hand links in contact with the object at the end.
-    pub(crate) fn contacts_n(&self) -> u32 {
+    pub(crate) fn contact_count(&self) -> u32 {
         if let Some(links) = self.settled {
             return u32::try_from(links).unwrap_or(u32::MAX);
         }

@@ -42,9 +42,9 @@ pub use config::{
 };
 pub use error::SimulationError;
 pub use object::ObjectShape;
-pub use played::PlayedStep;
+pub use played::CommandStep;
 pub use protocols::{ProtocolName, PublishedSettings};
-pub use rollout::{Flow, Rollout, Trace, TraceMode, TraceStep, WatchedRollout};
+pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::Verdict;
 pub use script::{Flexion, Phase, Setpoint};

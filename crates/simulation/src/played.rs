@@ -14,7 +14,7 @@ use crate::{
 
 /// Setpoint of palm and fingers at the end of one control step; the first is their start.
 #[derive(Debug, Clone, PartialEq)]
-pub struct PlayedStep {
+pub struct CommandStep {
     /// The part of the rollout.
     pub phase: Phase,
     /// Pose of the palm in the frame of the object as it lay, before it is lifted.
@@ -33,7 +33,7 @@ impl Script {
     /// Geometry alone refuses by the grasp, the last step of the reach: before it the fingers may be
     /// opened further than in the requested motion.
     pub(crate) fn played(
-        steps: &[PlayedStep],
+        steps: &[CommandStep],
         scene: &SceneConfig,
         model: &RobotModel,
     ) -> Result<Self, SimulationError> {
@@ -69,7 +69,7 @@ fn is_reach(phase: Phase) -> bool {
 }
 
 /// Checks that the steps can be played by a hand with `dof` joints.
-fn check(steps: &[PlayedStep], dof: usize) -> Result<(), SimulationError> {
+fn check(steps: &[CommandStep], dof: usize) -> Result<(), SimulationError> {
     let fail = |message: String| Err(SimulationError::Motion(message));
     let has = |phase: Phase| steps.iter().skip(1).any(|step| step.phase == phase);
     if !(has(Phase::Lift) && has(Phase::Hold)) || steps.len() < 2 {

@@ -84,8 +84,8 @@ pub struct PublishedSettings {
     pub(crate) open_share: f64,
     /// How far they squeeze, besides `squeeze_rad`, as a share of what is left to their upper limits.
     pub(crate) squeeze_share: f64,
-    /// Whether the palm rises at an even speed, instead of smoothly.
-    pub(crate) even_lift: bool,
+    /// Whether the palm rises at constant speed, instead of smoothly.
+    pub(crate) constant_speed_lift: bool,
     /// Shakes of the lifted object.
     pub(crate) shakes: Option<Shakes>,
     /// How far the lifted object may be from where it lay, moved as the palm was.
@@ -93,7 +93,7 @@ pub struct PublishedSettings {
     /// Whether every pull begins where the first one began.
     pub(crate) restart_each_pull: bool,
     /// Whether displacements under pulls count from before the closing, and not from the first pull.
-    pub(crate) since_start: bool,
+    pub(crate) displacement_from_start: bool,
 }
 
 /// Shakes of the palm along the table's axes, one after the other: there, back, as far to the other side, and back.
@@ -207,7 +207,7 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     protocol.lifted_m = 0.04;
     protocol.min_links = 1;
     protocol.published = Some(PublishedSettings {
-        even_lift: true,
+        constant_speed_lift: true,
         ..PublishedSettings::default()
     });
 }
@@ -237,7 +237,7 @@ fn force_closure(scene: &mut SceneConfig, protocol: &mut Protocol) {
     };
     protocol.published = Some(PublishedSettings {
         restart_each_pull: true,
-        since_start: true,
+        displacement_from_start: true,
         ..PublishedSettings::default()
     });
 }
@@ -249,7 +249,7 @@ fn tabletop(scene: &mut SceneConfig, protocol: &mut Protocol) {
     protocol.trial = Trial::Lift;
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 0.4, 0.0);
     protocol.published = Some(PublishedSettings {
-        even_lift: true,
+        constant_speed_lift: true,
         displacement: Some(DisplacementLimit {
             max_m: 0.05,
             max_rad: 15.0_f64.to_radians(),
@@ -272,7 +272,7 @@ fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.2, 1.14, 0.0);
     protocol.min_links = 3;
     protocol.published = Some(PublishedSettings {
-        even_lift: true,
+        constant_speed_lift: true,
         shakes: Some(Shakes {
             amplitude_m: 0.03,
             period_s: 1.14,
@@ -324,7 +324,7 @@ fn frogger(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.squeeze_s, protocol.pause_s) = (0.2, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 1.0, 1.5);
     protocol.published = Some(PublishedSettings {
-        even_lift: true,
+        constant_speed_lift: true,
         displacement: Some(DisplacementLimit {
             max_m: 0.075,
             max_rad: 30.0_f64.to_radians(),

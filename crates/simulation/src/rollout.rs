@@ -88,9 +88,9 @@ pub struct TraceStep {
     pub table_from_object: Pose<Table, Object>,
 }
 
-/// Whether a watched rollout continues.
+/// Decision of the observer of a rollout after each step.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Flow {
+pub enum StepDecision {
     /// Continues as the motion says.
     Continue,
     /// The palm halts, and the fingers' commands stay constant.
@@ -108,7 +108,7 @@ pub struct WatchedRollout {
 
 /// The observer of each step, and how long an aborted motion is held.
 pub(crate) struct Watcher<'a> {
-    pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> Flow,
+    pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> StepDecision,
     pub(crate) hold_n: u32,
 }
 
@@ -140,7 +140,7 @@ pub(crate) fn run_watched<'a>(
     let mut execution = Execution::begin(settled, script, protocol, record, watcher);
     let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
-        if execution.flow == Flow::Hold {
+        if execution.flow == StepDecision::Hold {
             aborted = Some(idx.checked_sub(1));
             break;
         }
@@ -172,7 +172,7 @@ pub(crate) fn run_watched<'a>(
         slip_m: finite_or_zero(judge.slip_m()),
         displacement_m: finite_or_zero(judge.displacement_m()),
         penetration_m: finite_or_zero(judge.penetration_m()),
-        contacts_n: judge.contacts_n(),
+        contacts_n: judge.contact_count(),
         trace: trace.filter(|_| verdict != Verdict::Diverged),
     };
     WatchedRollout {
@@ -200,7 +200,7 @@ struct Execution<'a> {
     trace: Option<Trace>,
     watcher: Option<Watcher<'a>>,
     /// The watcher's latest decision.
-    flow: Flow,
+    flow: StepDecision,
 }
 
 impl<'a> Execution<'a> {
@@ -224,7 +224,7 @@ impl<'a> Execution<'a> {
             cost_n: 0,
             trace: (record == TraceMode::Trace).then(Trace::default),
             watcher,
-            flow: Flow::Continue,
+            flow: StepDecision::Continue,
         };
         let table_from_palm = start.table_from_palm(&execution.table_from_estimate);
         settled
@@ -313,7 +313,7 @@ fn arrived<'a>(
     step: usize,
 ) -> Option<Reference<'a>> {
     let scene = &settled.scene;
-    let Some(commanded) = step.checked_sub(scene.delay_n()) else {
+    let Some(commanded) = step.checked_sub(scene.delay_steps()) else {
         return match &script.desired {
             None => Some(Reference::Held(&script.start.hand.q)),
             Some(desired) => desired.before().map(Reference::Moving),

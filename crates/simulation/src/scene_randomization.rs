@@ -57,7 +57,7 @@ impl SceneRandomization {
     };
 
     /// Draws errors, and returns the scene that has them.
-    pub fn drawn(&self, scene: &SceneConfig, rng: &mut impl Rng) -> SceneConfig {
+    pub fn sample(&self, scene: &SceneConfig, rng: &mut impl Rng) -> SceneConfig {
         let mut within =
             |[least, greatest]: [f64; 2]| least + (greatest - least) * rng.random::<f64>();
         let Self {
@@ -67,18 +67,18 @@ impl SceneRandomization {
             mass_scale,
             delay_s,
         } = *self;
-        let mut drawn = scene.clone();
-        drawn.object_offset = Offset {
+        let mut sampled = scene.clone();
+        sampled.object_offset = Offset {
             x_m: scene.object_offset.x_m + within([-position_m, position_m]),
             y_m: scene.object_offset.y_m + within([-position_m, position_m]),
             yaw_rad: scene.object_offset.yaw_rad + within([-yaw_rad, yaw_rad]),
         };
         let friction_scale = within(friction_scale);
-        drawn.friction *= friction_scale;
-        drawn.table_friction = scene.table_friction.map(|table| table * friction_scale);
-        drawn.mass_scale *= within(mass_scale);
-        drawn.drive.delay_s += within([0.0, delay_s]);
-        drawn
+        sampled.friction *= friction_scale;
+        sampled.table_friction = scene.table_friction.map(|table| table * friction_scale);
+        sampled.mass_scale *= within(mass_scale);
+        sampled.drive.delay_s += within([0.0, delay_s]);
+        sampled
     }
 
     /// Returns what is wrong with the bounds of a scene's errors.
@@ -132,7 +132,8 @@ mod tests {
     fn errors_are_uniform_within_their_bounds() {
         let (errors, scene) = (SceneRandomization::default(), scene());
         let mut rng = ChaCha8Rng::seed_from_u64(7);
-        let drawn: Vec<SceneConfig> = (0..4000).map(|_| errors.drawn(&scene, &mut rng)).collect();
+        let sampled: Vec<SceneConfig> =
+            (0..4000).map(|_| errors.sample(&scene, &mut rng)).collect();
         let numbers: [(&str, Number, [f64; 2]); 6] = [
             ("x", |scene| scene.object_offset.x_m, [0.995, 1.005]),
             ("y", |scene| scene.object_offset.y_m, [1.995, 2.005]),
@@ -146,7 +147,7 @@ mod tests {
             ("delay", |scene| scene.drive.delay_s, [0.01, 0.05]),
         ];
         for (name, number, [least, greatest]) in numbers {
-            let found: Vec<f64> = drawn.iter().map(number).collect();
+            let found: Vec<f64> = sampled.iter().map(number).collect();
             let share = |found: f64| (found - least) / (greatest - least);
             assert!(
                 found.iter().all(|&f| (-1e-4..=1.0001).contains(&share(f))),
@@ -165,7 +166,7 @@ mod tests {
             mass_scale: scene.mass_scale,
             friction: scene.friction,
             drive: scene.drive,
-            ..drawn[0].clone()
+            ..sampled[0].clone()
         };
         assert_eq!(rest, scene);
     }
@@ -173,7 +174,7 @@ mod tests {
     #[test]
     fn without_errors_the_scene_is_as_it_is() {
         let mut rng = ChaCha8Rng::seed_from_u64(7);
-        assert_eq!(SceneRandomization::NONE.drawn(&scene(), &mut rng), scene());
+        assert_eq!(SceneRandomization::NONE.sample(&scene(), &mut rng), scene());
     }
 
     #[test]

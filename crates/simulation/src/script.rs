@@ -156,7 +156,7 @@ impl Script {
                 let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
                 for fraction in fractions(lift) {
                     let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    let even = protocol.published_settings().even_lift;
+                    let even = protocol.published_settings().constant_speed_lift;
                     let share = if even { fraction } else { smooth };
                     commands.push(writer.carried(Phase::Lift, lifted(share)));
                 }

@@ -11,11 +11,13 @@ use spatial::{Object, Pose, RestingPose, Table};
 use crate::{
     config::{Offset, Protocol, SceneConfig},
     error::SimulationError,
-    hand::{self, Hand, LinkShape, link_shapes},
+    hand::{self, HandBodies, LinkShape, link_shapes},
     object::ObjectShape,
-    played::PlayedStep,
+    played::CommandStep,
     rejection::reject,
-    rollout::{Flow, Rollout, TraceMode, TraceStep, WatchedRollout, Watcher, run, run_watched},
+    rollout::{
+        Rollout, StepDecision, TraceMode, TraceStep, WatchedRollout, Watcher, run, run_watched,
+    },
     script::{Script, Setpoint, steps as steps_in},
     units::meters,
     world::{Overflow, World},
@@ -33,7 +35,7 @@ pub struct SettledScene {
     pub(crate) world: World,
     pub(crate) scene: SceneConfig,
     pub(crate) model: RobotModel,
-    pub(crate) hand: Hand,
+    pub(crate) hand: HandBodies,
     pub(crate) object: RigidBodyHandle,
     shapes: Vec<LinkShape>,
     hulls: Vec<SharedShape>,
@@ -51,7 +53,8 @@ impl SettledScene {
     /// # Errors
     ///
     /// Fails if the object has no mass, volume or physical inertia; if a moving part of the hand
-    /// has no inertia, or the hand no shape or a mesh that was not read; if a setting is out of range; or if the object does not stay on the table.
+    /// has no inertia, or the hand no shape or a mesh that was not loaded; if a setting is out of range; or
+    /// if the object does not stay on the table.
     pub fn new(
         scene: &SceneConfig,
         model: &RobotModel,
@@ -65,7 +68,7 @@ impl SettledScene {
         let table_from_object = table_from_object.translated(&Vector3::new(0.0, 0.0, rise_m));
         let displaced = displace(&scene.object_offset, &table_from_object);
         let body = object.insert(&mut world, scene, &displaced)?;
-        let hand = Hand::insert(&mut world, scene, model)?;
+        let hand = HandBodies::insert(&mut world, scene, model)?;
         let hulls = object.hulls()?;
         let table_from_object = settle(&mut world, scene, &hand, body)?;
         let table_from_estimate = undo(&scene.object_offset, &table_from_object);
@@ -119,7 +122,7 @@ impl SettledScene {
         })
     }
 
-    /// Plays precomputed steps to the end of their hold and judges them, with their trace; `see` is
+    /// Executes precomputed steps to the end of their hold and judges them, with their trace; `see` is
     /// called at every step. On its request the motion is aborted and the hand stands still
     /// for `hold_s`, with `see` called then too.
     ///
@@ -129,12 +132,12 @@ impl SettledScene {
     /// # Errors
     ///
     /// Fails if the steps do not fit the hand, or there is no lift or no hold among them.
-    pub fn play(
+    pub fn execute(
         &self,
-        steps: &[PlayedStep],
+        steps: &[CommandStep],
         protocol: &Protocol,
         hold_s: f64,
-        see: &mut dyn FnMut(&TraceStep) -> Flow,
+        see: &mut dyn FnMut(&TraceStep) -> StepDecision,
     ) -> Result<WatchedRollout, SimulationError> {
         let script = Script::played(steps, &self.scene, &self.model)?;
         if let Some(verdict) = self.refuses(&script, protocol)? {
@@ -214,7 +217,7 @@ impl SettledScene {
 /// # Errors
 ///
 /// Fails if a setting of the scene is out of range, if a moving part of the hand has no inertia, and if
-/// the hand has no shape or a mesh that was not read.
+/// the hand has no shape or a mesh that was not loaded.
 pub fn check_hand(scene: &SceneConfig, hand: &RobotModel) -> Result<(), SimulationError> {
     check(scene)?;
     hand::check(hand, scene)
@@ -254,7 +257,7 @@ fn turn(
 fn settle(
     world: &mut World,
     scene: &SceneConfig,
-    hand: &Hand,
+    hand: &HandBodies,
     object: RigidBodyHandle,
 ) -> Result<Pose<Table, Object>, SimulationError> {
     let parked = hand.positions(world);

@@ -30,7 +30,7 @@ const TABLE_HALF_EDGE_M: f64 = 1.0;
 /// Half the thickness of the table in meters.
 const TABLE_HALF_THICKNESS_M: f64 = 0.025;
 
-/// Who touches whom: the hand touches object and table, and its fingers each other if they are told to.
+/// Who touches whom: the hand touches object and table, and its fingers each other if configured.
 pub(crate) mod groups {
     use super::{Group, InteractionGroups, InteractionTestMode};
 
@@ -267,7 +267,7 @@ impl World {
     }
 
     /// Returns the number of solver substeps in a physics step.
-    pub(crate) fn substeps_n(&self) -> f64 {
+    pub(crate) fn substep_count(&self) -> f64 {
         self.parameters.num_solver_iterations as f64
     }
 

@@ -23,9 +23,9 @@ mod segment;
 mod twist;
 
 pub use frame::{Base, Camera, Object, Palm, Table, World};
-pub use pose::{NotAPose, Pose};
+pub use pose::{InvalidPose, Pose};
 pub use pose_segment::{Peaks, PoseSegment, PoseState, quintic};
 pub use rest::RestingPose;
-pub use rotation::{NotARotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
+pub use rotation::{InvalidRotation, quaternion_xyzw, rot6d, rotation_from_rot6d, xyzw};
 pub use segment::{Coefficient, QuinticSegment};
 pub use twist::Twist;

@@ -8,7 +8,7 @@ use std::{
 
 use nalgebra::{Isometry3, Point3, Translation3, UnitQuaternion, Vector3};
 
-use crate::rotation::{NotARotation, quaternion_xyzw, xyzw};
+use crate::rotation::{InvalidRotation, quaternion_xyzw, xyzw};
 
 /// The rigid transform that takes coordinates in `From` to coordinates in `To`, in meters.
 ///
@@ -46,10 +46,14 @@ impl<To, From> Pose<To, From> {
         Pose::new(self.isometry.inverse())
     }
 
-    /// Returns the pose of frame `C` in `From`, of which this is the pose and the other that of `C`, both
-    /// in `To`.
+    /// Returns `self.inverse() * to_from_c`: the pose of `C` in `From`.
     pub fn inv_mul<C>(&self, to_from_c: &Pose<To, C>) -> Pose<From, C> {
         Pose::new(self.isometry.inv_mul(&to_from_c.isometry))
+    }
+
+    /// Returns the same transform under other frame names.
+    pub fn reinterpret<To2, From2>(&self) -> Pose<To2, From2> {
+        Pose::new(self.isometry)
     }
 
     /// Returns the pose moved by an offset along the axes of `To`, in meters.
@@ -70,10 +74,10 @@ impl<To, From> Pose<To, From> {
     /// # Errors
     ///
     /// Fails if a number is not finite or the quaternion is not of unit length within 1e-3.
-    pub fn from_array(numbers: [f64; 7]) -> Result<Self, NotAPose> {
+    pub fn from_array(numbers: [f64; 7]) -> Result<Self, InvalidPose> {
         let [px, py, pz, x, y, z, w] = numbers;
         if !(px.is_finite() && py.is_finite() && pz.is_finite()) {
-            return Err(NotAPose::Position([px, py, pz]));
+            return Err(InvalidPose::Position([px, py, pz]));
         }
         let rotation = quaternion_xyzw([x, y, z, w])?;
         Ok(Self::from_parts([px, py, pz], rotation))
@@ -82,13 +86,13 @@ impl<To, From> Pose<To, From> {
 
 /// Why seven numbers are not a pose.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
-pub enum NotAPose {
+pub enum InvalidPose {
     /// A coordinate is NaN or infinite.
     #[error("position {0:?} is not finite")]
     Position([f64; 3]),
     /// The last four numbers are not a rotation.
     #[error(transparent)]
-    Rotation(#[from] NotARotation),
+    Rotation(#[from] InvalidRotation),
 }
 
 impl<A, B, C> Mul<Pose<B, C>> for Pose<A, B> {

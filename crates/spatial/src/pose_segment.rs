@@ -32,7 +32,7 @@ pub struct Peaks {
 }
 
 impl Peaks {
-    /// Returns the peaks of what does not move.
+    /// Returns the peaks at rest.
     pub fn zero() -> Self {
         Self {
             speed: 0.0,
@@ -122,10 +122,9 @@ impl<Frame: Copy> PoseSegment<Frame> {
         range
     }
 
-    /// Returns the greatest velocities and accelerations, or those of `least` that are no
-    /// smaller.
+    /// Returns upper bounds of the speeds and accelerations, each at least that of `least`.
     ///
-    /// None is less than what is reached. Those of the origin are exact, as [`QuinticSegment`] has them;
+    /// Those of the origin are exact, as [`QuinticSegment`] has them;
     /// angular ones may be too large by a ten-thousandth.
     pub fn peaks(&self, least: &Peaks) -> Peaks {
         let place = QuinticSegment::new(places(&self.from), places(&self.to), self.duration_s);

@@ -4,7 +4,7 @@ use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::{Object, Pose, Table};
 
-/// An object at rest on a table, up to its yaw and its place: what gravity can tell apart.
+/// An object at rest on a table, up to its yaw and position: what gravity can tell apart.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingPose {
     /// Unit vector against gravity, in the object frame.
@@ -14,7 +14,7 @@ pub struct RestingPose {
 }
 
 impl RestingPose {
-    /// Returns what gravity can tell of an object's pose: how it lies, without its yaw and its place.
+    /// Returns the resting pose of an object, without its yaw and position.
     pub fn of(table_from_object: &Pose<Table, Object>) -> Self {
         Self {
             up_in_object: table_from_object

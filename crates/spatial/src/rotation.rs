@@ -8,7 +8,7 @@ const UNIT_TOLERANCE: f64 = 1e-3;
 /// Four numbers that are not a rotation.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[error("quaternion [x, y, z, w] = {numbers:?} has length {length}, expected 1")]
-pub struct NotARotation {
+pub struct InvalidRotation {
     /// The numbers found.
     pub numbers: [f64; 4],
     /// Their Euclidean length.
@@ -20,7 +20,7 @@ pub struct NotARotation {
 /// # Errors
 ///
 /// Fails if the length differs from one by more than 1e-3.
-pub fn quaternion_xyzw(numbers: [f64; 4]) -> Result<UnitQuaternion<f64>, NotARotation> {
+pub fn quaternion_xyzw(numbers: [f64; 4]) -> Result<UnitQuaternion<f64>, InvalidRotation> {
     let [x, y, z, w] = numbers;
     let quaternion = Quaternion::from_parts(w, Vector3::new(x, y, z));
     let length = quaternion.norm();
@@ -28,7 +28,7 @@ pub fn quaternion_xyzw(numbers: [f64; 4]) -> Result<UnitQuaternion<f64>, NotARot
     if (length - 1.0).abs() <= UNIT_TOLERANCE {
         Ok(UnitQuaternion::from_quaternion(quaternion))
     } else {
-        Err(NotARotation { numbers, length })
+        Err(InvalidRotation { numbers, length })
     }
 }
 

@@ -28,7 +28,7 @@ pub enum CdrError {
     TooShort {
         /// Length of the message in bytes.
         end: usize,
-        /// How many more bytes the next value needs.
+        /// Number of further bytes that the next value needs.
         missing: usize,
     },
     /// A string lacks its final zero or is not UTF-8.

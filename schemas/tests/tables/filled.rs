@@ -18,7 +18,7 @@ use schemas::{
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
     success::Success,
-    tracking::TrackingReport,
+    tracking::TrackingSummary,
     training::{self, Split},
     trajectories::{self, Trajectory},
     trials::Trials,
@@ -102,8 +102,8 @@ pub(crate) fn field() -> FieldInfo {
     }
 }
 
-pub(crate) fn tracking() -> TrackingReport {
-    TrackingReport {
+pub(crate) fn tracking() -> TrackingSummary {
+    TrackingSummary {
         trajectories_n: 18,
         steps_n: 600,
         tip_error_mean_m: 1.0,
@@ -379,8 +379,8 @@ pub(crate) fn trials() -> Vec<Trials> {
     }]
 }
 
-pub(crate) fn training() -> Vec<training::Row> {
-    let row = |epoch: i64, split: Split| training::Row {
+pub(crate) fn training() -> Vec<training::EpochLosses> {
+    let row = |epoch: i64, split: Split| training::EpochLosses {
         epoch,
         split,
         learning_rate: 1e-3,
@@ -401,7 +401,7 @@ pub(crate) fn training() -> Vec<training::Row> {
 }
 
 pub(crate) fn reconstruction() -> Reconstruction {
-    let row = reconstruction::Row {
+    let row = reconstruction::ReconstructionError {
         sequence: "a".to_owned(),
         object: "can".to_owned(),
         split: Split::Unseen,
@@ -421,8 +421,8 @@ pub(crate) fn reconstruction() -> Reconstruction {
     }
 }
 
-pub(crate) fn latents() -> Vec<latents::Row> {
-    let row = |active: bool| latents::Row {
+pub(crate) fn latents() -> Vec<latents::LatentDimension> {
+    let row = |active: bool| latents::LatentDimension {
         dimension: i64::from(active),
         kl_nats: 0.5,
         mean_deviation: 0.25,

@@ -77,7 +77,7 @@ fn a_joint_outside_its_limits_is_told_apart() {
 #[test]
 fn successes_add_up() {
     let rows = filled::success();
-    let totals = rows.iter().map(|row| row.verdicts.total_n());
+    let totals = rows.iter().map(|row| row.verdicts.total_count());
     assert_eq!(totals.collect::<Vec<_>>(), [105, 65]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
@@ -99,7 +99,7 @@ fn successes_add_up() {
 #[test]
 fn trials_add_up() {
     let outcomes = &filled::trials()[0].outcomes;
-    assert_eq!((outcomes.total_n(), outcomes.successes_n()), (20, 11));
+    assert_eq!((outcomes.total_count(), outcomes.success_count()), (20, 11));
     let [low, high] = outcomes.interval();
     assert!(low < 0.55 && 0.55 < high && outcomes.rate() == 0.55);
 }
@@ -113,7 +113,7 @@ fn refuses_numbers_that_are_not_finite() {
         refused.to_string(),
         "column `tip_errors_m` holds a number that is not finite in row 1"
     );
-    let endless = latents::Row {
+    let endless = latents::LatentDimension {
         kl_nats: f64::INFINITY,
         ..filled::latents()[0].clone()
     };
@@ -189,7 +189,7 @@ fn refuses_lists_that_do_not_fit_the_joints_or_the_steps() {
     assert!(refused.to_string().contains("`can-0`"), "{refused}");
 
     let mut broken = filled::reconstruction();
-    broken.rows[1] = reconstruction::Row {
+    broken.rows[1] = reconstruction::ReconstructionError {
         joint_errors_rad: vec![0.5],
         ..broken.rows[1].clone()
     };

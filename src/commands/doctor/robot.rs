@@ -1,5 +1,5 @@
 //! `pipeline doctor --robot`: a URDF's summary, its unphysical values, and a first draft of a
-//! hand's table.
+//! hand table.
 
 use std::{
     collections::BTreeSet,
@@ -43,7 +43,7 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
         findings.push(Finding {
             severity: Severity::Note,
             part: Part::Robot,
-            problem: "has too few fingers and links to propose a hand's table from".to_owned(),
+            problem: "has too few fingers and links to propose a hand table from".to_owned(),
             advice: String::new(),
         });
     }
@@ -52,7 +52,7 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
     // The table goes to a file (stdout), the summary to the user (stderr).
     report::line(report::columns(&rows, &[]).trim_end());
     if let Some(table) = table {
-        let head = "# A first proposal of a hand's table, from the tree alone: look it over, above all its \
+        let head = "# A first proposal of a hand table, from the tree alone: look it over, above all its \
                     side and scale.\n";
         report::data(format!("{head}{}", table.to_toml()).as_bytes())?;
     }

@@ -44,7 +44,8 @@ pub enum DispatchError {
     },
     /// A motion's outcome is unknown: the cell does not answer, or its answer fails its checks.
     #[error(
-        "outcome of motion `{candidate_id}` at cell `{cell}` is unknown; the robot may have moved: {message} (goal {goal_id})"
+        "outcome of motion `{candidate_id}` at cell `{cell}` is unknown; the robot may have moved: {message} \
+         (goal {goal_id})"
     )]
     Unknown {
         /// The cell's name.
@@ -58,7 +59,8 @@ pub enum DispatchError {
     },
     /// A person canceled the motion.
     #[error(
-        "motion `{candidate_id}` was stopped at cell `{cell}` by a person, nothing more is sent: {message} (goal {goal_id})"
+        "motion `{candidate_id}` was stopped at cell `{cell}` by a person, nothing more is sent: {message} \
+         (goal {goal_id})"
     )]
     Stopped {
         /// The cell's name.

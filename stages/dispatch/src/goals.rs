@@ -1,7 +1,7 @@
 //! Motions as goals.
 
 use cell::Goal;
-use planning::{Feasible, Planner};
+use planning::{PlannedMotion, Planner};
 use schemas::candidates::{Candidate, Candidates};
 
 use crate::{DispatchConfig, names::JointNames, refusal::Refusal, robots::Robots};
@@ -15,10 +15,10 @@ pub(crate) fn goal(
     candidates: &Candidates,
     candidate: &Candidate,
 ) -> Result<Goal, Refusal> {
-    let Feasible {
+    let PlannedMotion {
         table_from_object,
         carrier,
-        hand,
+        fingers,
         grasp,
     } = planner.plan(&candidate.motion, &candidate.table_from_object)?;
     let mut goal = Goal {
@@ -31,7 +31,7 @@ pub(crate) fn goal(
         start_tolerance_rad: config.start_tolerance_rad,
         grasp,
         carrier,
-        hand,
+        hand: fingers,
     };
     names.to_wire(&mut goal);
     Ok(goal)

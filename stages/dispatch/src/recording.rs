@@ -89,7 +89,7 @@ pub(crate) fn record(
                 time_s: sample.time_s,
                 // A hand without an arm is its own base.
                 table_from_root: setting.robots.arm.as_ref().map_or_else(
-                    || Pose::<_, Base>::new(*sample.table_from_palm),
+                    || sample.table_from_palm.reinterpret::<_, Base>(),
                     |arm| arm.table_from_base,
                 ),
                 table_from_object: sample.table_from_object,

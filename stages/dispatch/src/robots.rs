@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use cell::robot_digest;
-use planning::{ArmConfig, ArmSetup, Planner, Setup};
+use planning::{ArmConfig, ArmSetup, Planner, PlannerConfig};
 use robot::RobotModel;
 use robot_meshes::LoadedRobot;
 use spatial::{Base, Pose, Table};
@@ -62,7 +62,7 @@ impl Robots {
         config: &'a DispatchConfig,
     ) -> Result<Planner<'a>, DispatchError> {
         let arm = config.arm.as_ref().zip(self.arm.as_ref());
-        Ok(Planner::new(&Setup {
+        Ok(Planner::new(&PlannerConfig {
             hand: &self.hand,
             arm: arm.map(|(config, arm)| ArmSetup {
                 config,

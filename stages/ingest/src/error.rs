@@ -65,7 +65,7 @@ pub enum IngestError {
     NoneChosen {
         /// Recordings that there are.
         found: usize,
-        /// How many are left out for each reason.
+        /// Number of those left out for each reason.
         reasons: BTreeMap<String, usize>,
     },
     /// Of no recording it can be told what it is about.
@@ -206,7 +206,7 @@ fn elsewhere(root: &Path) -> String {
     format!("; {}", dataflow::missing(root))
 }
 
-/// Says how many there are of each, the most frequent ones first, and of the others that there are some.
+/// Lists the number of each, the most frequent ones first, and says if there are others.
 fn counted(reasons: &BTreeMap<String, usize>) -> String {
     let mut reasons: Vec<_> = reasons.iter().collect();
     reasons.sort_by_key(|&(_, &n)| Reverse(n));

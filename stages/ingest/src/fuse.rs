@@ -17,7 +17,7 @@ const METERS_PER_RADIAN: f64 = 0.1;
 pub(crate) struct Fused<T> {
     /// The average over them.
     pub(crate) value: T,
-    /// How many there are.
+    /// Number of cameras that agree.
     pub(crate) agreeing_n: usize,
     /// How far the farthest of them is from their center, in meters.
     pub(crate) spread_m: f64,

@@ -14,7 +14,7 @@ pub struct Interpolate;
 dataflow::metrics! {
     /// Metrics of an object's lines.
     pub struct InterpolateMetrics {
-        /// How many there are.
+        /// Number of candidates.
         candidates: Sum,
     }
 }

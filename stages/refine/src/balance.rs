@@ -7,8 +7,6 @@ use posture::{Environment, Posed, Residual};
 const NEAR_M: f64 = 0.003;
 /// Edges of the linearized friction cone.
 const EDGES: usize = 6;
-/// The object's weight relative to the force with which the thumb presses.
-pub(crate) const OBJECT_WEIGHT: f64 = 0.3;
 /// Sweeps of coordinate descent over all edge forces.
 const SWEEPS: usize = 60;
 
@@ -26,9 +24,11 @@ pub(crate) struct Fingertip {
 
 /// The force-balance term: the residual wrench, the least that contact forces within their friction cones leave when
 /// the thumb presses with 1 and the object's weight is carried.
-pub(crate) struct Balance<'a> {
+pub(crate) struct ForceBalance<'a> {
     environment: &'a Environment,
     center_in_object: Point3<f64>,
+    /// The object's weight relative to the thumb's force.
+    object_weight: f64,
     tips: Vec<Fingertip>,
     /// For each tip the axis that fixes the first edge of its friction cone.
     axes: Vec<Unit<Vector3<f64>>>,
@@ -38,7 +38,7 @@ pub(crate) struct Balance<'a> {
     weight: f64,
 }
 
-/// A tip on the surface.
+/// Where a tip touches the surface.
 struct ContactPoint {
     /// Outward normal of the surface.
     normal: Vector3<f64>,
@@ -48,11 +48,12 @@ struct ContactPoint {
     arm: Vector3<f64>,
 }
 
-impl<'a> Balance<'a> {
+impl<'a> ForceBalance<'a> {
     /// Returns the term; `None` unless the thumb and a finger touch.
     pub(crate) fn new(
         environment: &'a Environment,
         center_in_object: Point3<f64>,
+        object_weight: f64,
         tips: Vec<Fingertip>,
         friction: f64,
         weight: f64,
@@ -67,6 +68,7 @@ impl<'a> Balance<'a> {
         let mut balance = Self {
             environment,
             center_in_object,
+            object_weight,
             axes: Vec::new(),
             characteristic_length_m: (arms.sum::<f64>() / tips.len() as f64).max(NEAR_M),
             tips,
@@ -91,17 +93,17 @@ impl<'a> Balance<'a> {
     /// weights are divided by √n, so that the squares add up to its square, and directions multiplied by n, so that
     /// the gradients do.
     pub(crate) fn residuals(&self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
-        let Some(pressing) = self.contact_points(posed) else {
+        let Some(contacts) = self.contact_points(posed) else {
             return;
         };
-        let n_tips = pressing.len() as f64;
-        let (forces, residual_wrench) = self.balanced(&pressing);
-        for ((tip, pressing), force) in self.tips.iter().zip(&pressing).zip(&forces) {
-            let jacobian = self.wrench_jacobian(pressing, force, tip.radius_m);
+        let n_tips = contacts.len() as f64;
+        let (forces, residual_wrench) = self.solve_forces(&contacts);
+        for ((tip, contact), force) in self.tips.iter().zip(&contacts).zip(&forces) {
+            let jacobian = self.wrench_jacobian(contact, force, tip.radius_m);
             for (row, residual) in residual_wrench.iter().enumerate() {
                 residuals.push(Residual {
                     point: tip.point,
-                    direction: jacobian.row(row).transpose() * n_tips,
+                    gradient_in_object: jacobian.row(row).transpose() * n_tips,
                     residual: *residual,
                     weight: self.weight / n_tips.sqrt(),
                 });
@@ -109,13 +111,13 @@ impl<'a> Balance<'a> {
         }
     }
 
-    /// Returns where the tips touch; `None` if one is in the middle of a thing, where there is no normal.
+    /// Returns where the tips touch; `None` if one is deep inside the object, where there is no normal.
     fn contact_points(&self, posed: &Posed<'_>) -> Option<Vec<ContactPoint>> {
-        let pressing = self.tips.iter().map(|tip| {
+        let contacts = self.tips.iter().map(|tip| {
             let at = posed.point(tip.point)?;
-            self.pressing(&at, tip.radius_m)
+            self.contact_point(&at, tip.radius_m)
         });
-        pressing.collect()
+        contacts.collect()
     }
 
     /// Returns whether every tip has a normal, and so the term its residuals.
@@ -123,11 +125,19 @@ impl<'a> Balance<'a> {
         self.contact_points(posed).is_some()
     }
 
+    /// Returns the planned force of each tip on the object, relative to the thumb's, with the tip's number among the
+    /// solver's points; `None` if a tip has no normal.
+    pub(crate) fn forces(&self, posed: &Posed<'_>) -> Option<Vec<(usize, Vector3<f64>)>> {
+        let (forces, _) = self.solve_forces(&self.contact_points(posed)?);
+        let points = self.tips.iter().map(|tip| tip.point);
+        Some(points.zip(forces).collect())
+    }
+
     /// Returns the force of each tip on the object, and the force and the torque, over the characteristic length,
     /// that are left over.
-    fn balanced(&self, pressing: &[ContactPoint]) -> (Vec<Vector3<f64>>, Vector6<f64>) {
+    fn solve_forces(&self, contacts: &[ContactPoint]) -> (Vec<Vector3<f64>>, Vector6<f64>) {
         let mut cone_edges: Vec<(usize, Vector3<f64>, Vector6<f64>)> = Vec::new();
-        for (idx, tip) in pressing.iter().enumerate() {
+        for (idx, tip) in contacts.iter().enumerate() {
             let normal = Unit::new_unchecked(tip.normal);
             // The tip may have moved to where its axis is the normal.
             let side = normal.cross(&self.axes[idx]).try_normalize(1e-6);
@@ -142,7 +152,7 @@ impl<'a> Balance<'a> {
                 cone_edges.push((idx, force, wrench));
             }
         }
-        let carried = self.environment.up_in_object() * OBJECT_WEIGHT;
+        let carried = self.environment.up_in_object() * self.object_weight;
         let mut residual_wrench = Vector6::zeros();
         residual_wrench.fixed_rows_mut::<3>(0).copy_from(&-carried);
         let of_thumb: Vec<usize> = (0..cone_edges.len())
@@ -158,7 +168,7 @@ impl<'a> Balance<'a> {
             for (n, &gains) in of_thumb.iter().enumerate() {
                 for &loses in &of_thumb[..n] {
                     let exchange = cone_edges[gains].2 - cone_edges[loses].2;
-                    // Without friction all cone_edges of a tip are one.
+                    // Without friction all edges of a tip's cone coincide.
                     if exchange.norm_squared() < f64::EPSILON {
                         continue;
                     }
@@ -178,14 +188,14 @@ impl<'a> Balance<'a> {
                 residual_wrench += wrench * step;
             }
         }
-        let mut forces = vec![Vector3::zeros(); pressing.len()];
+        let mut forces = vec![Vector3::zeros(); contacts.len()];
         for ((idx, force, _), size) in cone_edges.iter().zip(&sizes) {
             forces[*idx] += force * *size;
         }
         (forces, residual_wrench)
     }
 
-    fn pressing(&self, at: &Point3<f64>, radius_m: f64) -> Option<ContactPoint> {
+    fn contact_point(&self, at: &Point3<f64>, radius_m: f64) -> Option<ContactPoint> {
         let normal = self.normal(at)?;
         let mut curvature = Matrix3::zeros();
         for axis in 0..3 {
@@ -201,14 +211,20 @@ impl<'a> Balance<'a> {
         })
     }
 
-    /// Returns the outward normal about a point; `None` in the middle of a thing, where there is none.
+    /// Returns the outward normal about a point; `None` deep inside the object, where there is none.
     fn normal(&self, at: &Point3<f64>) -> Option<Vector3<f64>> {
         let mut sum = Vector3::zeros();
         for axis in 0..3 {
             let mut offset = Vector3::zeros();
             offset[axis] = NEAR_M;
-            sum += self.environment.signed_distance(&(at + offset)).away;
-            sum += self.environment.signed_distance(&(at - offset)).away;
+            sum += self
+                .environment
+                .signed_distance(&(at + offset))
+                .gradient_in_object;
+            sum += self
+                .environment
+                .signed_distance(&(at - offset))
+                .gradient_in_object;
         }
         sum.try_normalize(1e-6)
     }
@@ -218,15 +234,15 @@ impl<'a> Balance<'a> {
     /// The directions of friction are taken to stay where they are; in truth they turn with the normal.
     fn wrench_jacobian(
         &self,
-        pressing: &ContactPoint,
+        contact: &ContactPoint,
         force: &Vector3<f64>,
         radius_m: f64,
     ) -> Matrix6x3<f64> {
-        let size = -force.dot(&pressing.normal);
-        let force_jacobian = pressing.curvature * -size;
-        let arm_jacobian = Matrix3::identity() - pressing.curvature * radius_m;
+        let size = -force.dot(&contact.normal);
+        let force_jacobian = contact.curvature * -size;
+        let arm_jacobian = Matrix3::identity() - contact.curvature * radius_m;
         let torque_jacobian =
-            pressing.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
+            contact.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
         let mut jacobian = Matrix6x3::zeros();
         jacobian.fixed_rows_mut::<3>(0).copy_from(&force_jacobian);
         jacobian
@@ -242,6 +258,7 @@ mod tests {
     use crate::fixture;
 
     const RADIUS_M: f64 = 0.01;
+    const OBJECT_WEIGHT: f64 = 0.3;
 
     /// Returns the length of the residual wrench of tips at these places, of which the first is the thumb's.
     fn residual_norm(places: &[[f64; 3]], friction: f64) -> f64 {
@@ -252,19 +269,20 @@ mod tests {
             is_thumb: point == 0,
             drawn_in_object: Point3::from(*place),
         });
-        let balance = Balance::new(
+        let balance = ForceBalance::new(
             &environment,
             Point3::origin(),
+            OBJECT_WEIGHT,
             tips.collect(),
             friction,
             1.0,
         )
         .unwrap();
-        let pressing = places
+        let contacts = places
             .iter()
-            .map(|place| balance.pressing(&Point3::from(*place), RADIUS_M));
-        let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
-        let (_, residual_wrench) = balance.balanced(&pressing);
+            .map(|place| balance.contact_point(&Point3::from(*place), RADIUS_M));
+        let contacts: Vec<ContactPoint> = contacts.collect::<Option<_>>().unwrap();
+        let (_, residual_wrench) = balance.solve_forces(&contacts);
         residual_wrench.norm()
     }
 
@@ -302,7 +320,14 @@ mod tests {
             drawn_in_object: Point3::origin(),
         };
         for tips in [vec![], vec![tip(true)], vec![tip(false), tip(false)]] {
-            let balance = Balance::new(&environment, Point3::origin(), tips, 0.3, 1.0);
+            let balance = ForceBalance::new(
+                &environment,
+                Point3::origin(),
+                OBJECT_WEIGHT,
+                tips,
+                0.3,
+                1.0,
+            );
             assert!(balance.is_none());
         }
     }
@@ -322,17 +347,26 @@ mod tests {
             is_thumb: point == 0,
             drawn_in_object: places[point],
         });
-        let balance =
-            Balance::new(&environment, Point3::origin(), tips.collect(), 0.0, 1.0).unwrap();
+        let balance = ForceBalance::new(
+            &environment,
+            Point3::origin(),
+            OBJECT_WEIGHT,
+            tips.collect(),
+            0.0,
+            1.0,
+        )
+        .unwrap();
         let at = |places: &[Point3<f64>]| {
-            let pressing = places.iter().map(|place| balance.pressing(place, RADIUS_M));
-            let pressing: Vec<ContactPoint> = pressing.collect::<Option<_>>().unwrap();
-            let (forces, residual_wrench) = balance.balanced(&pressing);
-            (pressing, forces, residual_wrench)
+            let contacts = places
+                .iter()
+                .map(|place| balance.contact_point(place, RADIUS_M));
+            let contacts: Vec<ContactPoint> = contacts.collect::<Option<_>>().unwrap();
+            let (forces, residual_wrench) = balance.solve_forces(&contacts);
+            (contacts, forces, residual_wrench)
         };
-        let (pressing, forces, residual_wrench) = at(&places);
+        let (contacts, forces, residual_wrench) = at(&places);
         for tip in 0..2 {
-            let jacobian = balance.wrench_jacobian(&pressing[tip], &forces[tip], RADIUS_M);
+            let jacobian = balance.wrench_jacobian(&contacts[tip], &forces[tip], RADIUS_M);
             let slope = jacobian.transpose() * residual_wrench * 2.0;
             for axis in 0..3 {
                 const H_M: f64 = 1e-5;

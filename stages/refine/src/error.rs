@@ -15,8 +15,8 @@ pub enum RefineError {
     /// There is nothing to refine.
     #[error("there are no candidates to refine")]
     NoCandidates,
-    /// The hand's table cannot be read.
-    #[error("cannot read the hand's table `{}`", path.display())]
+    /// The hand table cannot be read.
+    #[error("cannot read the hand table `{}`", path.display())]
     ReadHandTable {
         /// The file.
         path: PathBuf,
@@ -31,8 +31,8 @@ pub enum RefineError {
         /// What is wrong with it.
         source: PostureError,
     },
-    /// The hand's table cannot be used.
-    #[error("cannot use the hand's table `{}`", path.display())]
+    /// The hand table cannot be used.
+    #[error("cannot use the hand table `{}`", path.display())]
     HandTable {
         /// The file.
         path: PathBuf,

@@ -12,7 +12,7 @@ use posture::{Environment, Hand};
 use robot::RobotModel;
 use spatial::{Object, Pose, RestingPose};
 
-use crate::RefineConfig;
+use crate::{RefineConfig, refiner::Payload};
 
 /// Half of the box's sides, in meters.
 pub(crate) const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
@@ -48,6 +48,14 @@ pub(crate) fn field() -> Arc<DistanceField> {
         Arc::new(DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap())
     });
     Arc::clone(field)
+}
+
+/// Returns the box's center of mass and its mass.
+pub(crate) fn payload() -> Payload {
+    Payload {
+        center_of_mass_in_object: Point3::origin(),
+        mass_kg: 0.3,
+    }
 }
 
 /// Returns how the box lies.

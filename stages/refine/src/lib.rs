@@ -2,9 +2,9 @@
 //!
 //! A motion drawn from a function is centimeters off where millimeters decide: links pass through the object,
 //! tips end beside its surface. Each motion is moved as little as possible so that its hand keeps out of object and
-//! table over the whole reach, keeps clear of the object until it closes, and ends with its fingertips on the
-//! surface, where the forces they can press with balance. The grasp is refined first, and the approach is
-//! rebuilt backward from it.
+//! table over the whole reach, keeps clear of the object until it closes, and reaches a grasp with its fingertips on
+//! the surface, where their forces balance; over its last tenth it squeezes along these forces. The grasp is refined
+//! first, and the approach is rebuilt backward from it.
 //!
 //! One unit per object. Of every `draws` consecutive motions the one with the smallest residual stays a candidate,
 //! under its own name and source; the others become its refused draws. Nothing is simulated: `screen` judges every
@@ -15,6 +15,7 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod grasp;
 mod refiner;
 mod stage;
 

@@ -3,36 +3,16 @@
 use motion::{Motion, Step};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use posture::{
-    Contact, Environment, Hand, KeepOut, Loss, Posed, Posture, PosturePrior, Residual,
-    SearchOptions, Smoothness, Solver, SolverError, Surroundings, Target, Task, Terms, Wrist,
+    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posed, Posture,
+    PosturePrior, Residual, RootMotion, SearchOptions, Smoothness, Solver, SolverError, Target,
+    Task, Terms,
 };
 use spatial::{Object, Pose};
 
-use crate::{
-    RefineConfig, RefineError,
-    balance::{Balance, Fingertip, OBJECT_WEIGHT},
-};
+use crate::{RefineConfig, RefineError, balance::ForceBalance, grasp::RefinedGrasp};
 
-/// A tip counts as touching in full up to the configured distance and not at all at this multiple of it.
-const CONTACT_FADE: f64 = 1.5;
-/// Iterations at the grasp relative to other steps.
-const GRASP_ITERATIONS: usize = 3;
-/// Steps before the grasp from which the motion is followed forward, as another way to the grasp.
-const APPROACH: usize = 16;
-/// Factor on the object's weight on the way from a drawn grasp to one that keeps out of the object: at once,
-/// it would be pushed out on whichever side is nearest.
-const SOFT: f64 = 0.1;
-/// Share of the cost that a further iteration may still bring when the search ends.
-const TOLERANCE: f64 = 1e-4;
-/// Decrease in m² below which nothing visible is left to find: a thirtieth of a millimeter.
-const LEAST_DECREASE_M2: f64 = 1e-9;
-/// Share of the contact weight above which a tip's force counts.
-const MIN_CONTACT_SHARE: f64 = 0.5;
-/// Squared residual wrench without an opposing finger: the thumb's force, the object's weight, and a torque of that
-/// force at the characteristic length.
-const UNBALANCED: f64 = (1.0 + OBJECT_WEIGHT) * (1.0 + OBJECT_WEIGHT) + 1.0;
-/// Landmark of the thumb's tip.
-const THUMB_TIP: usize = 4;
+/// Share of the motion, at its end, over which the fingers go from the grasp to the squeeze.
+const SQUEEZE_SHARE: f64 = 0.1;
 
 /// A refined motion.
 pub(crate) struct Refined {
@@ -49,46 +29,48 @@ pub(crate) struct Refined {
 
 /// Refines motions of one object.
 pub(crate) struct Refiner<'a> {
-    hand: &'a Hand,
-    config: &'a RefineConfig,
-    solver: Solver<'a>,
-    /// The object's center of mass.
-    center_in_object: Point3<f64>,
+    pub(crate) hand: &'a Hand,
+    pub(crate) config: &'a RefineConfig,
+    pub(crate) solver: Solver<'a>,
+    pub(crate) payload: Payload,
+}
+
+/// What a grasp has to carry.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Payload {
+    pub(crate) center_of_mass_in_object: Point3<f64>,
+    pub(crate) mass_kg: f64,
 }
 
 /// A hand at one step, with where its points are in the object's frame.
 #[derive(Clone)]
-struct Placed {
-    posture: Posture,
-    points: Vec<Point3<f64>>,
+pub(crate) struct PosedHand {
+    pub(crate) posture: Posture,
+    pub(crate) points: Vec<Point3<f64>>,
 }
 
 /// What a step asks: the terms of object and table, and at the grasp that of forces.
-struct StepTerms<'a> {
-    surroundings: Surroundings<'a>,
-    balance: Option<Balance<'a>>,
+pub(crate) struct StepTerms<'a> {
+    pub(crate) surroundings: EnvironmentTerms<'a>,
+    pub(crate) balance: Option<ForceBalance<'a>>,
 }
 
 impl Terms for StepTerms<'_> {
     fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
         self.surroundings.residuals(posed, residuals);
-        if let Some(balance) = &mut self.balance {
+        if let Some(balance) = &self.balance {
             balance.residuals(posed, residuals);
         }
     }
 }
 
 impl<'a> Refiner<'a> {
-    pub(crate) fn new(
-        hand: &'a Hand,
-        config: &'a RefineConfig,
-        center_in_object: Point3<f64>,
-    ) -> Self {
+    pub(crate) fn new(hand: &'a Hand, config: &'a RefineConfig, payload: Payload) -> Self {
         Self {
             hand,
             config,
             solver: Solver::new(&hand.compiled),
-            center_in_object,
+            payload,
         }
     }
 
@@ -105,25 +87,28 @@ impl<'a> Refiner<'a> {
         let motion = motion.reordered(&self.hand.model.joint_names())?;
         let drawn = motion.steps().iter().map(|step| {
             let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
-            self.placed(posture)
+            self.place(posture)
         });
-        let drawn: Vec<Placed> = drawn.collect::<Result<_, _>>()?;
+        let drawn: Vec<PosedHand> = drawn.collect::<Result<_, _>>()?;
         let [first_s, end_s] = [motion.first().time_s, motion.grasp().time_s];
-        let open_at = |idx: usize| {
-            let remaining_s = end_s - motion.steps()[idx].time_s;
-            let share = remaining_s / (end_s - first_s).max(f64::MIN_POSITIVE);
-            openness(share, self.config.closing_share)
-        };
-        let openness: Vec<f64> = (0..drawn.len()).map(open_at).collect();
+        let remaining =
+            |step: &Step<Object>| (end_s - step.time_s) / (end_s - first_s).max(f64::MIN_POSITIVE);
+        let open_at =
+            |step: &Step<Object>| posture::openness(remaining(step), self.config.closing_share);
+        let openness: Vec<f64> = motion.steps().iter().map(open_at).collect();
         let clearances_m: Vec<f64> = openness
             .iter()
             .map(|open| self.config.clearance_m * open)
             .collect();
-        let (grasp, mut residual_m2) = self.grasp(environment, &drawn, &clearances_m)?;
-        let mut refined = vec![grasp];
+        let RefinedGrasp {
+            placed,
+            squeeze_rad,
+            mut residual_m2,
+        } = self.grasp(environment, &drawn, &clearances_m)?;
+        let mut refined = vec![placed];
         for idx in (0..drawn.len() - 1).rev() {
             let Some(after) = refined.last() else { break };
-            let moved = moved(self.hand, &drawn[idx], &drawn[idx + 1], after);
+            let moved = displaced(self.hand, &drawn[idx], &drawn[idx + 1], after);
             let mut terms = self.terms(environment, clearances_m[idx], 1.0, Vec::new());
             let start = moved.posture.clone();
             let most = self.config.max_iterations;
@@ -147,7 +132,7 @@ impl<'a> Refiner<'a> {
         let steps = steps.map(|(step, refined)| Step {
             time_s: step.time_s,
             frame_from_palm: refined.posture.root.pose(),
-            q_rad: refined.posture.q.clone(),
+            q_rad: with_squeeze(self.hand, &refined.posture.q, &squeeze_rad, remaining(step)),
             rates: (),
         });
         let last = drawn.len() - 1;
@@ -161,75 +146,16 @@ impl<'a> Refiner<'a> {
         })
     }
 
-    /// Refines the last step: from the drawn grasp, and along the approach, where the fingers come from outside
-    /// and so end on the right side of thin things. Returns it with its residual, in m².
-    fn grasp(
-        &mut self,
-        environment: &Environment,
-        drawn: &[Placed],
-        clearances_m: &[f64],
-    ) -> Result<(Placed, f64), RefineError> {
-        let most = self.config.max_iterations;
-        let last = drawn.len() - 1;
-        let grasp = &drawn[last];
-        let contacts = self.contacts(environment, grasp);
-        let mut soft = self.terms(environment, 0.0, SOFT, contacts.clone());
-        let (start, _) = self.search(
-            grasp,
-            None,
-            grasp.posture.clone(),
-            GRASP_ITERATIONS * most,
-            &mut soft,
-        )?;
-        let mut starts = vec![start.posture];
-        let from = drawn.len().saturating_sub(APPROACH);
-        if from < last {
-            let mut here = drawn[from].clone();
-            for idx in from..last {
-                let start = if idx == from {
-                    here.posture.clone()
-                } else {
-                    moved(self.hand, &drawn[idx], &drawn[idx - 1], &here).posture
-                };
-                let mut terms = self.terms(environment, clearances_m[idx], 1.0, Vec::new());
-                here = self.search(&drawn[idx], None, start, most, &mut terms)?.0;
-            }
-            starts.push(moved(self.hand, grasp, &drawn[last - 1], &here).posture);
-        }
-        let mut terms = self.terms(environment, 0.0, 1.0, contacts.clone());
-        terms.balance = self.balance(environment, &contacts, grasp);
-        let mut best: Option<(Placed, f64)> = None;
-        for start in starts {
-            let found = self.search(grasp, None, start, GRASP_ITERATIONS * most, &mut terms)?;
-            if best.as_ref().is_none_or(|(_, cost)| found.1 < *cost) {
-                best = Some(found);
-            }
-        }
-        let placed = best.map_or_else(|| grasp.clone(), |(placed, _)| placed);
-        let none = task(&[], None, None);
-        let mut residual_m2 = self.solver.place(&none, &placed.posture, &mut terms)?;
-        let posed = self.solver.posed();
-        if terms
-            .balance
-            .as_ref()
-            .is_none_or(|balance| !balance.is_defined(&posed))
-        {
-            // No finger opposes the thumb, or a tip is where the object has no surface.
-            residual_m2 += self.config.balance_weight.powi(2) * UNBALANCED;
-        }
-        Ok((placed, residual_m2))
-    }
-
     /// Searches a step near where it was drawn, from a posture; `moved` is where the displacement of the step
     /// after would take it. Returns the cost too.
-    fn search(
+    pub(crate) fn search(
         &mut self,
-        drawn: &Placed,
-        moved: Option<&Placed>,
+        drawn: &PosedHand,
+        moved: Option<&PosedHand>,
         start: Posture,
         max_iterations: usize,
         terms: &mut StepTerms<'_>,
-    ) -> Result<(Placed, f64), RefineError> {
+    ) -> Result<(PosedHand, f64), RefineError> {
         let config = self.config;
         let contacts = &terms.surroundings.contacts;
         let targets: Vec<Target> = (self.hand.points.iter().zip(&drawn.points))
@@ -240,7 +166,7 @@ impl<'a> Refiner<'a> {
                 let factor = 1.0 - share * (1.0 - config.contact_position_factor);
                 Target {
                     point,
-                    at: *at,
+                    point_in_object: *at,
                     weight: (config.position_weight * of_hand.weight * factor).powi(2),
                 }
             })
@@ -257,46 +183,41 @@ impl<'a> Refiner<'a> {
             weight: config.joint_weight.powi(2),
         };
         let task = task(&targets, smoothness, Some(prior));
-        let options = SearchOptions {
-            tolerance: TOLERANCE,
-            least_decrease: LEAST_DECREASE_M2,
-            max_iterations,
-            wrist: Wrist::Moves,
-        };
+        let options = SearchOptions::new(max_iterations, RootMotion::Free);
         let mut posture = start;
         let outcome = self.solver.minimize(&task, &mut posture, &options, terms)?;
-        Ok((self.placed(posture)?, outcome.cost))
+        Ok((self.place(posture)?, outcome.cost))
     }
 
     /// Places the hand.
-    fn placed(&mut self, posture: Posture) -> Result<Placed, SolverError> {
+    pub(crate) fn place(&mut self, posture: Posture) -> Result<PosedHand, SolverError> {
         let nothing = task(&[], None, None);
         self.solver
             .place(&nothing, &posture, &mut posture::NoTerms)?;
         let posed = self.solver.posed();
         let points = (0..self.hand.points.len()).filter_map(|point| posed.point(point));
-        Ok(Placed {
+        Ok(PosedHand {
             points: points.collect(),
             posture,
         })
     }
 
-    fn terms<'t>(
+    pub(crate) fn terms<'t>(
         &self,
         environment: &'t Environment,
         clearance_m: f64,
-        firmness: f64,
-        contacts: Vec<Contact>,
+        object_weight_factor: f64,
+        contacts: Vec<ContactTarget>,
     ) -> StepTerms<'t>
     where
         'a: 't,
     {
         StepTerms {
-            surroundings: Surroundings {
+            surroundings: EnvironmentTerms {
                 hand: self.hand,
                 environment,
-                keep_out: KeepOut {
-                    object_weight: firmness * self.config.object_weight,
+                collision_penalty: CollisionPenalty {
+                    object_weight: object_weight_factor * self.config.object_weight,
                     clearance_m,
                     table_weight: self.config.table_weight,
                     table_margin_m: self.config.table_margin_m,
@@ -306,57 +227,9 @@ impl<'a> Refiner<'a> {
             balance: None,
         }
     }
-
-    /// Returns which tips of a drawn grasp should touch.
-    fn contacts(&self, environment: &Environment, grasp: &Placed) -> Vec<Contact> {
-        let config = self.config;
-        let contact = |(point, (of_hand, at)): (usize, (&posture::HandPoint, &Point3<f64>))| {
-            let radius_m = of_hand.tip_radius_m?;
-            let off_m = environment.signed_distance(at).distance_m - radius_m;
-            let beyond = off_m / config.contact_distance_m - 1.0;
-            let share = (1.0 - beyond / (CONTACT_FADE - 1.0)).clamp(0.0, 1.0);
-            (share > 0.0 && config.contact_weight > 0.0).then_some(Contact {
-                point,
-                distance_m: radius_m - config.press_m,
-                weight: share * config.contact_weight,
-            })
-        };
-        let points = self.hand.points.iter().zip(&grasp.points);
-        points.enumerate().filter_map(contact).collect()
-    }
-
-    /// Returns the term of forces of the tips that should touch, if the thumb and a finger do.
-    fn balance<'t>(
-        &self,
-        environment: &'t Environment,
-        contacts: &[Contact],
-        grasp: &Placed,
-    ) -> Option<Balance<'t>> {
-        if self.config.balance_weight <= 0.0 {
-            return None;
-        }
-        let near =
-            |contact: &&Contact| contact.weight >= MIN_CONTACT_SHARE * self.config.contact_weight;
-        let tips = contacts.iter().filter(near).map(|contact| {
-            let of_hand = &self.hand.points[contact.point];
-            Fingertip {
-                point: contact.point,
-                radius_m: of_hand.tip_radius_m.unwrap_or(0.0),
-                is_thumb: of_hand.keypoint == THUMB_TIP,
-                drawn_in_object: grasp.points[contact.point],
-            }
-        });
-        Balance::new(
-            environment,
-            self.center_in_object,
-            tips.collect(),
-            self.config.balance_friction,
-            self.config.balance_weight,
-        )
-    }
 }
 
-fn task<'t>(
+pub(crate) fn task<'t>(
     targets: &'t [Target],
     smoothness: Option<Smoothness<'t>>,
     rest: Option<PosturePrior<'t>>,
@@ -371,7 +244,12 @@ fn task<'t>(
 
 /// Returns a drawn step moved as its neighbor was: by as much along the axes, about the palm's origin, and in each
 /// joint as far as its limits let it.
-fn moved(hand: &Hand, drawn: &Placed, neighbor: &Placed, refined: &Placed) -> Placed {
+pub(crate) fn displaced(
+    hand: &Hand,
+    drawn: &PosedHand,
+    neighbor: &PosedHand,
+    refined: &PosedHand,
+) -> PosedHand {
     let [here, drawn_there, there] =
         [drawn, neighbor, refined].map(|placed| placed.posture.root.pose());
     let turn: UnitQuaternion<f64> = there.rotation * drawn_there.rotation.inverse();
@@ -387,19 +265,20 @@ fn moved(hand: &Hand, drawn: &Placed, neighbor: &Placed, refined: &Placed) -> Pl
     let points = points
         .zip(&refined.points)
         .map(|((point, drawn), refined)| point + (refined - drawn));
-    Placed {
+    PosedHand {
         posture: Posture::new(&pose, q.collect()),
         points: points.collect(),
     }
 }
 
-/// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.
-fn openness(remaining: f64, closing_share: f64) -> f64 {
-    if closing_share <= 0.0 {
-        return if remaining > 0.0 { 1.0 } else { 0.0 };
-    }
-    let x = (remaining / closing_share).clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
+/// Returns joint positions with the squeeze, within the joints' limits; it begins where `SQUEEZE_SHARE` of the motion
+/// remains.
+fn with_squeeze(hand: &Hand, q_rad: &[f64], squeeze_rad: &[f64], remaining: f64) -> Vec<f64> {
+    let share = 1.0 - posture::openness(remaining, SQUEEZE_SHARE);
+    let joints = hand.model.joints().iter();
+    let q = q_rad.iter().zip(squeeze_rad).zip(joints);
+    q.map(|((q, squeeze), joint)| (q + share * squeeze).max(joint.lower).min(joint.upper))
+        .collect()
 }
 
 #[cfg(test)]
@@ -408,14 +287,14 @@ mod tests {
     use crate::fixture::{self, reach};
 
     fn refine(hand: &Hand, config: &RefineConfig, motion: &Motion<Object>) -> Refined {
-        let mut refiner = Refiner::new(hand, config, Point3::origin());
+        let mut refiner = Refiner::new(hand, config, fixture::payload());
         refiner.refine(&fixture::environment(), motion).unwrap()
     }
 
     /// Greatest depth of the hand in the object and in the table, in meters.
     fn depths_m(hand: &Hand, motion: &Motion<Object>) -> [f64; 2] {
         let (config, environment) = (fixture::config(), fixture::environment());
-        let mut refiner = Refiner::new(hand, &config, Point3::origin());
+        let mut refiner = Refiner::new(hand, &config, fixture::payload());
         let steps = motion.steps();
         let mut deepest = [0.0_f64; 2];
         for step in steps {
@@ -457,6 +336,25 @@ mod tests {
     }
 
     #[test]
+    fn the_squeeze_stays_within_the_joints_limits() {
+        let hand = fixture::hand();
+        let upper: Vec<f64> = (hand.model.joints().iter())
+            .map(|joint| joint.upper)
+            .collect();
+        let squeeze_rad = vec![0.2; upper.len()];
+        for remaining in [0.0, 0.05] {
+            assert_eq!(with_squeeze(&hand, &upper, &squeeze_rad, remaining), upper);
+        }
+        let below: Vec<f64> = upper.iter().map(|q| q - 0.3).collect();
+        let squeezed = with_squeeze(&hand, &below, &squeeze_rad, 0.0);
+        assert!((squeezed[0] - below[0] - 0.2).abs() < 1e-12);
+        assert_eq!(
+            with_squeeze(&hand, &below, &squeeze_rad, SQUEEZE_SHARE),
+            below
+        );
+    }
+
+    #[test]
     fn a_motion_far_from_things_stays_as_it_is() {
         let hand = fixture::hand();
         let above = nalgebra::Translation3::new(0.0, 0.0, 0.3);
@@ -474,19 +372,22 @@ mod tests {
         let drawn = reach(&hand, 0.0, 0.55);
         let gaps_m = |motion: &Motion<Object>| -> Vec<f64> {
             let (config, environment) = (fixture::config(), fixture::environment());
-            let mut refiner = Refiner::new(&hand, &config, Point3::origin());
+            let mut refiner = Refiner::new(&hand, &config, fixture::payload());
             let [drawn, grasp] = [drawn.grasp(), motion.grasp()].map(|step| {
                 let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
-                refiner.placed(posture).unwrap()
+                refiner.place(posture).unwrap()
             });
             let contacts = refiner.contacts(&environment, &drawn);
-            let gap = |contact: &Contact| {
+            let gap = |contact: &ContactTarget| {
                 let at = &grasp.points[contact.point];
                 (environment.signed_distance(at).distance_m - contact.distance_m).abs()
             };
             contacts.iter().map(gap).collect()
         };
-        let config = fixture::config();
+        let config = RefineConfig {
+            squeeze_m: 0.0,
+            ..fixture::config()
+        };
         let [before, after] = [
             gaps_m(&drawn),
             gaps_m(&refine(&hand, &config, &drawn).motion),
@@ -516,13 +417,13 @@ mod tests {
         };
         let environment = fixture::environment();
         let drawn = refine(&hand, &config, &reach(&hand, 0.0, 0.55)).motion;
-        let mut refiner = Refiner::new(&hand, &config, Point3::origin());
+        let mut refiner = Refiner::new(&hand, &config, fixture::payload());
         let grasp = drawn.grasp();
         let grasp = Posture::new(&grasp.frame_from_palm, grasp.q_rad.clone());
-        let grasp = refiner.placed(grasp).unwrap();
+        let grasp = refiner.place(grasp).unwrap();
         let contacts = refiner.contacts(&environment, &grasp);
         let mut terms = refiner.terms(&environment, 0.0, 0.0, Vec::new());
-        terms.surroundings.keep_out.table_weight = 0.0;
+        terms.surroundings.collision_penalty.table_weight = 0.0;
         terms.balance = refiner.balance(&environment, &contacts, &grasp);
         assert!(terms.balance.is_some());
         let none = task(&[], None, None);
@@ -562,7 +463,7 @@ mod tests {
         let config = fixture::config();
         let environment = fixture::environment();
         let motions = [reach(&hand, 0.1, 0.5), reach(&hand, 0.0, 0.4)];
-        let mut refiner = Refiner::new(&hand, &config, Point3::origin());
+        let mut refiner = Refiner::new(&hand, &config, fixture::payload());
         for motion in motions.iter().chain(&motions) {
             let found = refiner.refine(&environment, motion).unwrap().motion;
             assert_eq!(found, refine(&hand, &config, motion).motion);

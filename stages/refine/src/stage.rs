@@ -14,12 +14,13 @@ use schemas::{
     Table,
     candidates::{Candidate, Candidates, Refusal, RefusedDraw},
     distance_fields::{self, FieldInfo},
+    objects::Object,
 };
 use spatial::RestingPose;
 
 use crate::{
     RefineConfig, RefineError,
-    refiner::{Refined, Refiner},
+    refiner::{Payload, Refined, Refiner},
 };
 
 /// Refines candidate motions against object and table before physics.
@@ -27,7 +28,7 @@ pub struct Refine;
 
 /// What refined motions name as their generator.
 const GENERATOR: &str = "refine";
-/// The hand's table counts as it is read.
+/// The hand table is fingerprinted by its parsed content.
 const HAND_TABLE: Form = Form {
     name: "hand table",
     of: |bytes| {
@@ -40,9 +41,9 @@ const HAND_TABLE: Form = Form {
 dataflow::metrics! {
     /// Metrics of an object's refined motions.
     pub struct RefineMetrics {
-        /// How many there are.
+        /// Number of candidates.
         candidates: Sum,
-        /// Of how many draws they are the best.
+        /// Number of draws of which they are the best.
         draws: Sum,
         /// How far the palm was moved at the grasp, in meters.
         palm_moved_m: Mean,
@@ -58,7 +59,7 @@ impl Stage for Refine {
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &RefineConfig) -> Vec<OptionFault> {
@@ -97,15 +98,18 @@ impl Output for Refine {
             return Err(RefineError::NoCandidates);
         }
         let fields = scope.partitions(FieldInfo::NAME);
+        let objects = scope.partitions(Object::NAME);
         let meshes = robot_meshes::sources(&config.hand)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
             let field = fields.iter().find(|field| field.key == *object);
+            let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
                 .reading(FieldInfo::NAME, field.map(|field| &field.key))
+                .reading(Object::NAME, shape.map(|shape| &shape.key))
                 .with_file_of_form(
                     SourceFile::named("hand", &config.hand),
                     robot_meshes::MODEL_FORM,
@@ -125,11 +129,15 @@ impl Output for Refine {
         cx: &Context,
     ) -> Result<Outcome<RefineMetrics>, RefineError> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped(
-                "it is not among the objects with a surface",
-            ));
+            return Ok(Outcome::skipped("object has no distance field"));
         };
-        let info: FieldInfo = lake::table::read(field)?;
+        let Some(object) = inputs.optional::<Object>()? else {
+            return Ok(Outcome::skipped("object missing"));
+        };
+        let payload = Payload {
+            center_of_mass_in_object: object.center_of_mass_m.into(),
+            mass_kg: object.mass_kg,
+        };
         let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let field = Arc::new(field);
         let hand = load_hand(
@@ -141,7 +149,7 @@ impl Output for Refine {
             .candidates
             .into_par_iter()
             .map_init(
-                || Refiner::new(&hand, config, info.center_of_mass_m.into()),
+                || Refiner::new(&hand, config, payload),
                 |refiner, candidate| {
                     let rest = RestingPose::of(&candidate.table_from_object);
                     let environment = Environment::new(Arc::clone(&field), rest);
@@ -299,6 +307,9 @@ mod tests {
     use super::*;
     use crate::fixture;
 
+    /// What the stage reads beside the motions.
+    const BOTH: [&str; 2] = [FieldInfo::NAME, Object::NAME];
+
     /// A motion of the Allegro to the box, drawn as the `draw_n`th.
     fn candidate(name: &str, draw_n: u32, bend: f64) -> Candidate {
         let hand = fixture::hand();
@@ -349,14 +360,32 @@ mod tests {
         }
     }
 
-    /// Runs the stage on these motions, with the box's field or without; returns what it wrote.
+    /// The box among the objects; only its mass counts here.
+    fn object() -> Object {
+        Object {
+            name: "box".to_owned(),
+            mass_kg: fixture::payload().mass_kg,
+            center_of_mass_m: [0.0; 3],
+            inertia_kg_m2: [0.0; 6],
+            points_m: Vec::new(),
+            normals: Vec::new(),
+            watertight: true,
+            mirror: None,
+            vertices_m: Vec::new(),
+            triangles: Vec::new(),
+            parts_m: Vec::new(),
+            rests: Vec::new(),
+        }
+    }
+
+    /// Runs the stage on these motions, with these of the box's artifacts; returns what it wrote.
     fn run(
         config: &RefineConfig,
         candidates: Vec<Candidate>,
-        with_field: bool,
+        with: &[&str],
     ) -> (Outcome<RefineMetrics>, Option<Candidates>) {
         let folder = tempfile::tempdir().unwrap();
-        let [given, fields, out] = ["given", "fields", "out"].map(|name| {
+        let [given, fields, objects, out] = ["given", "fields", "objects", "out"].map(|name| {
             let path = folder.path().join(name);
             fs::create_dir(&path).unwrap();
             path
@@ -368,7 +397,11 @@ mod tests {
         };
         lake::table::write(&given, &given_candidates).unwrap();
         let mut artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
-        if with_field {
+        if with.contains(&Object::NAME) {
+            lake::table::write(&objects, &object()).unwrap();
+            artifacts.insert(Object::NAME.to_owned(), vec![artifact(&objects)]);
+        }
+        if with.contains(&FieldInfo::NAME) {
             let info = FieldInfo {
                 spacing_m: 0.0025,
                 margin_m: 0.025,
@@ -408,12 +441,12 @@ mod tests {
             draws: 1,
             ..fixture::config()
         };
-        let (_, each) = run(&single, drawn.clone(), true);
+        let (_, each) = run(&single, drawn.clone(), &BOTH);
         let each = each.unwrap().candidates;
         assert_eq!(each.len(), 3);
         assert!(each[0].residual_m2 < each[1].residual_m2);
         let best = RefineConfig { draws: 2, ..single };
-        let (outcome, found) = run(&best, drawn, true);
+        let (outcome, found) = run(&best, drawn, &BOTH);
         let Outcome::Made(metrics) = outcome else {
             panic!("not made");
         };
@@ -441,10 +474,11 @@ mod tests {
     }
 
     #[test]
-    fn an_object_without_distances_and_a_motion_of_another_hand_are_skipped_with_the_reason() {
+    fn an_object_without_distances_or_mass_and_a_motion_of_another_hand_are_skipped_with_the_reason()
+     {
         let config = fixture::config();
-        let skipped = |candidates: Vec<Candidate>, with_field: bool| {
-            let (outcome, made) = run(&config, candidates, with_field);
+        let skipped = |candidates: Vec<Candidate>, with: &[&str]| {
+            let (outcome, made) = run(&config, candidates, with);
             assert!(made.is_none());
             match outcome {
                 Outcome::Skipped { reason } => reason,
@@ -452,8 +486,10 @@ mod tests {
             }
         };
         let whole = candidate("box-0", 1, 0.5);
-        let reason = skipped(vec![whole.clone()], false);
-        assert!(reason.contains("surface"), "{reason}");
+        let reason = skipped(vec![whole.clone()], &[Object::NAME]);
+        assert!(reason.contains("distance field"), "{reason}");
+        let reason = skipped(vec![whole.clone()], &[FieldInfo::NAME]);
+        assert!(reason.contains("object missing"), "{reason}");
         let mut other = candidate("box-1", 1, 0.5);
         let names: Vec<String> = (0..whole.motion.joints().len())
             .map(|joint| format!("of_another_hand_{joint}"))
@@ -461,7 +497,7 @@ mod tests {
         other.motion =
             motion::Motion::of_joints(names.as_slice().into(), whole.motion.steps().to_vec())
                 .unwrap();
-        let reason = skipped(vec![other], true);
+        let reason = skipped(vec![other], &BOTH);
         assert!(reason.contains("`box-1`"), "{reason}");
     }
 }

@@ -1,60 +1,39 @@
--- Motions of the prior that hold, as drawn, refined, and the best of four draws by residual, palm and fingers
--- following the motion: means over the objects of the share of motions, with Student's 95 % interval over 20 seen and
--- 15 unseen objects, and why unseen objects' motions fail. Three folds of four; the defaults were chosen on the other.
+-- Refined motions of the prior that hold, single draws and the best of four by residual, palm and fingers following
+-- the motion: means over the objects of the share of motions, with Student's 95 % interval over the 20 objects, each
+-- over all its folds and five seeds; and how far the means of single seeds spread.
 --
 -- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
 with
     options as (
-        select run as of_run, max(case when key = 'balance_weight' then number end) as balance,
-            max(case when key = 'contact_weight' then number end) as contact,
-            max(case when key = 'clearance_m' then number end) as clearance,
-            max(case when key = 'object_weight' then number end) as keep_out,
-            max(case when key = 'table_weight' then number end) as off_table,
-            max(case when key = 'draws' then number end) as draws
-        from settings where stage = 'refine' and run in (select run from runs) group by run),
-    kinds as (
-        select of_run, case when draws > 1 then 8 when contact = 0 then 4 when balance = 0 then 3
-            when keep_out = 0 then 6 when clearance = 0 then 5 when off_table = 0 then 7 else 2 end as place from options),
+        select run as of_run, max(number) as draws
+        from settings where stage = 'refine' and key = 'draws' and run in (select run from runs) group by run),
     counts as (
-        select case when stage = 'screen_drawn' then 1 else place end as place, object_split, object,
-            1.0 * candidates_n as n, 1.0 * successes_n as s, 1.0 * table_n as tab, 1.0 * early_contact_n as early,
-            1.0 * knocked_over_n as knocked, 1.0 * not_grasped_n as grasped,
-            1.0 * (slipped_n + dropped_n) as dropped
-        from all_success join kinds on all_success.run = kinds.of_run
-        where stage <> 'screen_drawn' or place = 2),
+        select draws, seed, object_split, object, 1.0 * draws_n as d, 1.0 * candidates_n as n, 1.0 * successes_n as s
+        from all_success join options on all_success.run = options.of_run join runs on all_success.run = runs.run),
     by_object as (
-        select place, object_split, object, 100 * sum(s) / sum(n) as share, 100 * sum(tab) / sum(n) as tab,
-            100 * sum(early) / sum(n) as early, 100 * sum(knocked) / sum(n) as knocked,
-            100 * sum(grasped) / sum(n) as grasped, 100 * sum(dropped) / sum(n) as dropped
-        from counts group by place, object_split, object),
+        select draws, object_split, object, sum(d) as d, sum(n) as n, 100 * sum(s) / sum(n) as share
+        from counts group by draws, object_split, object),
+    by_seed as (
+        select draws, object_split, seed, object, 100 * sum(s) / sum(n) as share
+        from counts group by draws, object_split, seed, object),
+    of_seeds as (
+        select draws, object_split, seed, avg(share) as share from by_seed group by draws, object_split, seed),
+    seeds as (
+        select draws as of_draws, object_split as of_split, stddev(share) as spread
+        from of_seeds group by draws, object_split),
     means as (
-        select place, object_split, avg(share) as middle, min(share) as least,
-            case when count(*) = 20 then 2.093 when count(*) = 15 then 2.145 end
-                * stddev(share) / sqrt(1.0 * count(*)) as reach,
-            avg(tab) as tab, avg(early) as early, avg(knocked) as knocked, avg(grasped) as grasped,
-            avg(dropped) as dropped
-        from by_object group by place, object_split),
-    seen as (select place, middle, reach, least from means where object_split = 'seen'),
-    unseen as (select * from means where object_split = 'unseen'),
-    names as (
-        select * from (values
-            (1, 'as drawn'), (2, 'refined'), (3, 'without `balance_weight`'), (4, 'without `contact_weight` too'),
-            (8, 'refined, best of four'), (5, 'without `clearance_m`'), (6, 'without `object_weight` too'), (7, 'without `table_weight`'))
-            as names(number, shown))
+        select draws, object_split, count(share) as objects_n, sum(d) as d, sum(n) as n, avg(share) as share,
+            min(share) as least, case when count(share) = 20 then 2.093 * stddev(share) / sqrt(20.0) end as reach
+        from by_object group by draws, object_split)
 select
-    shown as "draws",
-    round(seen.middle, 1) as "seen: hold, %",
-    round(seen.middle - seen.reach, 0) as "from",
-    round(seen.middle + seen.reach, 0) as "to",
-    round(seen.least, 0) as "least object",
-    round(unseen.middle, 1) as "unseen: hold, %",
-    round(unseen.middle - unseen.reach, 0) as "unseen: from",
-    round(unseen.middle + unseen.reach, 0) as "unseen: to",
-    round(unseen.least, 0) as "unseen: least object",
-    round(tab, 0) as "table",
-    round(early, 0) as "early contact",
-    round(knocked, 0) as "knocked over",
-    round(grasped, 0) as "not grasped",
-    round(dropped, 0) as "slipped, dropped"
-from seen join unseen on seen.place = unseen.place join names on seen.place = names.number
-order by case when number = 8 then 2.5 else number end
+    case when draws > 1 then 'best of four' else 'single draws' end as "refined motions",
+    objects_n || ' ' || object_split as "objects",
+    round(d, 0) as "draws",
+    round(n, 0) as "candidates",
+    round(share, 1) as "hold, %",
+    round(share - reach, 1) as "from",
+    round(share + reach, 1) as "to",
+    round(spread, 1) as "seeds' deviation",
+    round(least, 0) as "least object"
+from means join seeds on draws = of_draws and object_split = of_split
+order by draws, object_split

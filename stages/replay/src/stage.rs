@@ -20,7 +20,7 @@ pub struct Replay;
 dataflow::metrics! {
     /// Metrics of an object's candidates.
     pub struct ReplayMetrics {
-        /// How many there are.
+        /// Number of candidates.
         candidates: Sum,
     }
 }

@@ -28,7 +28,7 @@ pub struct RetargetConfig {
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Whether the palm is placed so that the fingers reach their landmarks, or follows the
-    /// person's palm alone: free, because with a fixed one half as many grasps hold.
+    /// person's palm alone: free, because with a fixed one a third fewer grasps hold.
     #[serde(default)]
     pub wrist: Wrist,
     /// How a point's distance to its landmark counts: squared, as in the paper.

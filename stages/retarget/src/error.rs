@@ -13,8 +13,8 @@ use robot_meshes::LoadError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// The hand's table cannot be read.
-    #[error("cannot read the hand's table `{}`", path.display())]
+    /// The hand table cannot be read.
+    #[error("cannot read the hand table `{}`", path.display())]
     ReadHandTable {
         /// The file.
         path: PathBuf,
@@ -42,24 +42,22 @@ pub enum RetargetError {
     #[error(transparent)]
     Posture(#[from] PostureError),
     /// The wrist is to be fixed, but too few points say where it is.
-    #[error(
-        "`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's table has {found}"
-    )]
+    #[error("`wrist = \"fixed\"` needs at least 3 points on the palm, the hand table has {found}")]
     TooFewPalmPoints {
-        /// How many there are.
+        /// Number of points on the palm.
         found: usize,
     },
     /// The wrist is to be fixed, but the points that say where it is let it turn.
     #[error(
         "`wrist = \"fixed\"` needs points on the palm that do not lie on one line, and the {found} in \
-         the hand's table do"
+         the hand table do"
     )]
     PalmPointsInLine {
-        /// How many there are.
+        /// Number of points on the palm.
         found: usize,
     },
-    /// The hand's table cannot be used, or not with this hand.
-    #[error("cannot use the hand's table `{}`", path.display())]
+    /// The hand table cannot be used, or not with this hand.
+    #[error("cannot use the hand table `{}`", path.display())]
     InHandTable {
         /// The file.
         path: PathBuf,
@@ -97,7 +95,7 @@ impl Advise for RetargetError {
             Self::LoadRobot(err) => err.hint(),
             Self::Posture(err) => err.hint(),
             Self::TooFewPalmPoints { .. } => Some(
-                "add points on the root link to the hand's table, e.g. where the fingers begin, \
+                "add points on the root link to the hand table, e.g. where the fingers begin, \
                  for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
                     .to_owned(),
             ),

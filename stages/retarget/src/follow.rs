@@ -2,8 +2,8 @@
 
 use nalgebra::Point3;
 use posture::{
-    Contact, Environment, Hand, KeepOut, NoTerms, Posture, PosturePrior, SearchOptions, Smoothness,
-    Solver, Surroundings, Target, Task,
+    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, NoTerms, Posture,
+    PosturePrior, SearchOptions, Smoothness, Solver, Target, Task,
 };
 use schemas::trajectories::Tracking;
 use spatial::Pose;
@@ -26,12 +26,6 @@ const SOFT: f64 = 0.1;
 /// Weight that draws joints without any other say to the middle of their range, in m/rad: far below
 /// what a landmark says, enough to make the answer unique.
 const TIE_BREAK_WEIGHT: f64 = 1e-3;
-
-/// Share of the cost that a further iteration may still bring when the search ends.
-const TOLERANCE: f64 = 1e-4;
-
-/// Decrease in m² below which nothing visible is left to find: a thirtieth of a millimeter.
-const LEAST_DECREASE_M2: f64 = 1e-9;
 
 /// A step that was solved.
 #[derive(Debug, Clone)]
@@ -122,7 +116,7 @@ impl<'a> Follower<'a> {
             last = Some(if let Some(last) = last {
                 self.step(goal, &last)?
             } else {
-                let start = self.laid_on(goal, self.asks.hand.mid_range.clone())?;
+                let start = self.aligned_to_targets(goal, self.asks.hand.mid_range.clone())?;
                 self.search(goal, None, start, self.asks.config.max_iterations)?
             });
         }
@@ -138,11 +132,11 @@ impl<'a> Follower<'a> {
     ) -> Result<Option<Solved>, RetargetError> {
         let targets = self.asks.targets(goal);
         let task = self.asks.task(&targets, before);
-        let mut starts = self.solver.starts(&task)?;
+        let mut starts = self.solver.initial_postures(&task)?;
         let options = self.asks.options(self.asks.config.max_iterations);
         for start in &mut starts {
             if self.asks.config.wrist == Wrist::Fixed {
-                *start = self.laid_on(goal, start.q.clone())?;
+                *start = self.aligned_to_targets(goal, start.q.clone())?;
             }
             let task = self.asks.task(&targets, before);
             self.solver.minimize(&task, start, &options, &mut NoTerms)?;
@@ -191,7 +185,7 @@ impl<'a> Follower<'a> {
     ) -> Result<Solved, RetargetError> {
         let mut posture = match self.asks.config.wrist {
             Wrist::Free => start,
-            Wrist::Fixed => self.laid_on(goal, start.q)?,
+            Wrist::Fixed => self.aligned_to_targets(goal, start.q)?,
         };
         let targets = self.asks.targets(goal);
         let task = self.asks.task(&targets, before);
@@ -201,7 +195,7 @@ impl<'a> Follower<'a> {
         let outcome = match fingers {
             Fingers::AsTheyCome => solver.minimize(&task, &mut posture, &options, &mut terms)?,
             Fingers::TriedBothWays => {
-                solver.minimize_and_unbend(&task, &mut posture, &options, &mut terms)?
+                solver.minimize_with_flips(&task, &mut posture, &options, &mut terms)?
             }
         };
         let cost = self.solver.place(&task, &posture, &mut terms)?;
@@ -240,7 +234,7 @@ impl<'a> Follower<'a> {
 
     /// Returns the posture with these joint positions whose points lie nearest to the landmarks;
     /// those on the palm alone, if the wrist is fixed.
-    fn laid_on(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
+    fn aligned_to_targets(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
         let posture = Posture::new(&Pose::identity(), q);
         let mut targets = self.asks.targets(goal);
         if self.asks.config.wrist == Wrist::Fixed {
@@ -255,7 +249,7 @@ impl<'a> Follower<'a> {
             smoothness: None,
             rest: None,
         };
-        Ok(self.solver.laid_on(&task, posture)?)
+        Ok(self.solver.aligned_to_targets(&task, posture)?)
     }
 }
 
@@ -272,7 +266,7 @@ impl<'a> Asks<'a> {
             .enumerate()
             .map(|(point, goal)| Target {
                 point,
-                at: goal.landmark,
+                point_in_object: goal.landmark,
                 weight: unit * goal.weight.powi(2),
             })
             .collect()
@@ -319,23 +313,23 @@ impl<'a> Asks<'a> {
     }
 
     /// Returns what the object and the table ask, the object as firmly as this.
-    fn terms<'t>(self, goal: &'t Goal, firmness: f64) -> Surroundings<'t>
+    fn terms<'t>(self, goal: &'t Goal, firmness: f64) -> EnvironmentTerms<'t>
     where
         'a: 't,
     {
         let config = self.config;
         let contact = |(point, goal): (usize, &PointGoal)| {
             let contact = goal.contact.filter(|_| config.contact_weight > 0.0)?;
-            Some(Contact {
+            Some(ContactTarget {
                 point,
                 distance_m: contact.distance_m,
                 weight: contact.weight,
             })
         };
-        Surroundings {
+        EnvironmentTerms {
             hand: self.hand,
             environment: self.environment,
-            keep_out: KeepOut {
+            collision_penalty: CollisionPenalty {
                 object_weight: firmness * config.object_weight,
                 clearance_m: goal.clearance_m,
                 table_weight: config.table_weight,
@@ -346,15 +340,11 @@ impl<'a> Asks<'a> {
     }
 
     fn options(self, max_iterations: usize) -> SearchOptions {
-        SearchOptions {
-            tolerance: TOLERANCE,
-            least_decrease: LEAST_DECREASE_M2,
-            max_iterations,
-            wrist: match self.config.wrist {
-                Wrist::Free => posture::Wrist::Moves,
-                Wrist::Fixed => posture::Wrist::Held,
-            },
-        }
+        let root_motion = match self.config.wrist {
+            Wrist::Free => posture::RootMotion::Free,
+            Wrist::Fixed => posture::RootMotion::Fixed,
+        };
+        SearchOptions::new(max_iterations, root_motion)
     }
 }
 

@@ -8,8 +8,6 @@ use posture::{Environment, Hand};
 use crate::RetargetConfig;
 
 /// A person's tip counts as touching in full up to the configured distance and not at all at this
-/// multiple of it, so that contacts come and go smoothly.
-const CONTACT_FADE: f64 = 1.5;
 
 /// What one step asks of the hand.
 #[derive(Debug, Clone)]
@@ -34,7 +32,7 @@ pub(crate) struct PointGoal {
     pub(crate) contact: Option<ContactGoal>,
 }
 
-/// How far from the surface a finger tip should be.
+/// How far from the surface a fingertip should be.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactGoal {
     /// Signed distance of its center, in meters.
@@ -53,7 +51,7 @@ pub(crate) fn goal(
     keypoints_m: &[[f64; 3]; KEYPOINTS],
     to_grasp_s: f64,
 ) -> Goal {
-    let clearance_m = config.clearance_m * openness(to_grasp_s, config.closing_time_s);
+    let clearance_m = config.clearance_m * posture::openness(to_grasp_s, config.closing_time_s);
     let place =
         |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| Point3::from(keypoints_m[keypoint]);
     let scaled = |keypoints_m: &[[f64; 3]; KEYPOINTS], keypoint: usize| {
@@ -73,7 +71,7 @@ pub(crate) fn goal(
             };
             if let Some(radius_m) = point.tip_radius_m {
                 // The person's tip tells, at the person's own scale.
-                let share = touch(
+                let share = posture::contact_share(
                     environment.signed_distance(&keypoint).distance_m,
                     config.contact_distance_m,
                 );
@@ -93,46 +91,5 @@ pub(crate) fn goal(
     Goal {
         points,
         clearance_m,
-    }
-}
-
-/// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.
-fn openness(to_grasp_s: f64, closing_time_s: f64) -> f64 {
-    if closing_time_s <= 0.0 {
-        return if to_grasp_s > 0.0 { 1.0 } else { 0.0 };
-    }
-    let x = (to_grasp_s / closing_time_s).clamp(0.0, 1.0);
-    x * x * (3.0 - 2.0 * x)
-}
-
-/// Returns how much a tip at this distance counts as touching, from 1 to 0.
-fn touch(distance_m: f64, contact_distance_m: f64) -> f64 {
-    if contact_distance_m <= 0.0 {
-        return 0.0;
-    }
-    let beyond = distance_m / contact_distance_m - 1.0;
-    (1.0 - beyond / (CONTACT_FADE - 1.0)).clamp(0.0, 1.0)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn closing_is_smooth_and_touch_fades() {
-        assert_eq!(
-            (openness(0.0, 0.3), openness(0.3, 0.3), openness(9.0, 0.3)),
-            (0.0, 1.0, 1.0)
-        );
-        assert_eq!((openness(0.0, 0.0), openness(0.1, 0.0)), (0.0, 1.0));
-        assert_eq!(
-            (
-                touch(-0.01, 0.015),
-                touch(0.015, 0.015),
-                touch(0.0225, 0.015)
-            ),
-            (1.0, 1.0, 0.0)
-        );
-        assert_eq!(touch(0.0, 0.0), 0.0);
     }
 }

@@ -25,7 +25,7 @@ use crate::{RetargetConfig, RetargetError, Wrist, track::TrajectoryMetrics};
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
 
-/// The hand's table counts as it is read.
+/// The hand table is fingerprinted by its parsed content.
 const TABLE: Form = Form {
     name: "hand table",
     of: |bytes| {
@@ -187,7 +187,9 @@ fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError
     let found = hand.palm_points.len();
     match config.wrist {
         Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
-        Wrist::Fixed if hand.is_palm_a_line() => Err(RetargetError::PalmPointsInLine { found }),
+        Wrist::Fixed if hand.palm_points_are_collinear() => {
+            Err(RetargetError::PalmPointsInLine { found })
+        }
         Wrist::Fixed | Wrist::Free => Ok(()),
     }
 }

@@ -4,7 +4,7 @@ use geometry::{DistanceField, TriMesh, mass_properties};
 use schemas::distance_fields::FieldInfo;
 
 /// Room around an object's bounds for which distances are computed, in meters: more than the radius
-/// of any ball of a hand with its clearance, or a person's touch, asks for.
+/// of any sphere of a hand with its clearance, or a person's touch, asks for.
 const MARGIN_M: f64 = 0.025;
 
 /// Computes the distances about an object and its size; `None` if its mesh has

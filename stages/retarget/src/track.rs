@@ -69,13 +69,13 @@ dataflow::metrics! {
         steps_n: Sum,
         /// Mean distance of the robot's points from their landmarks, in meters.
         keypoint_error_m: Mean,
-        /// Distance of the finger tips from their landmarks at the grasp, in meters.
+        /// Distance of the fingertips from their landmarks at the grasp, in meters.
         fingertip_error_m: Mean,
         /// Depth of the hand in the object at the grasp, in meters.
         penetration_m: Mean,
         /// Largest depth of the hand in the table, in meters.
         table_penetration_m: Max,
-        /// Distance of the finger tips from the surface at the grasp, in meters.
+        /// Distance of the fingertips from the surface at the grasp, in meters.
         tip_gap_m: Mean,
         /// Number of steps that were searched afresh and found a better minimum.
         restarts_n: Sum,
@@ -304,16 +304,16 @@ mod tests {
             let step: &Step<Object, TrajectoryRates> = &tracked.motion.steps()[idx];
             let links = hand.model.forward_kinematics::<Palm>(&step.q_rad).unwrap();
             let object_from_palm = step.frame_from_palm;
-            let balls = hand
+            let spheres = hand
                 .model
                 .links()
                 .iter()
                 .zip(links)
                 .flat_map(|(link, pose)| {
-                    let balls = link.collisions.iter().flat_map(robot::balls::fill);
-                    balls.map(move |ball| (pose * ball.center_in_link, ball.radius_m))
+                    let spheres = link.collisions.iter().flat_map(robot::spheres::fill);
+                    spheres.map(move |sphere| (pose * sphere.center_in_link, sphere.radius_m))
                 });
-            balls
+            spheres
                 .map(|(center, radius)| {
                     environment
                         .signed_distance(&(object_from_palm * center))
@@ -332,7 +332,7 @@ mod tests {
         let hand = fixture::hand();
         let mut keypoints = fixture::own_points(&hand, &reaching(-0.07, 0.5));
         let [x, y, _] = fixture::BOX_HALF_M;
-        // Finger tips 5 mm off the far side, the thumb's off a near one.
+        // Fingertips 5 mm off the far side, the thumb's off a near one.
         for (finger, keypoint) in [8, 12, 16].into_iter().enumerate() {
             keypoints[keypoint] = [x + 0.005, 0.03 - 0.03 * finger as f64, 0.02];
         }
@@ -385,7 +385,7 @@ mod tests {
                 ..fixture::following_only()
             };
             let (_, tracked) = run(&config, vec![keypoints]);
-            // Of the finger tips but the one that is shown elsewhere.
+            // Of the fingertips but the one that is shown elsewhere.
             tracked.tracking[0].tip_errors_m[1..].iter().sum::<f64>() / 3.0
         };
         let (squared, linear) = (error(crate::Loss::Squared), error(crate::Loss::SmoothL1));

@@ -4,7 +4,7 @@ use cgf::CgfError;
 use dataflow::Advise;
 use lake::LakeError;
 use motion::MotionError;
-use robot::{JointMismatch, WrongDof, balls};
+use robot::{JointMismatch, WrongDof, spheres};
 use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
@@ -47,7 +47,7 @@ pub enum SampleError {
     /// The collision shapes are far larger than a hand's.
     #[error(
         "the collision shapes up to link `{link}` need more than {} spheres",
-        balls::MAX_BALLS
+        spheres::MAX_SPHERES
     )]
     LargeShapes {
         /// The link at which they became too large.

@@ -5,20 +5,20 @@ use motion::Step;
 use nalgebra::Point3;
 use robot::{
     JointOrder, RobotModel, WrongDof,
-    balls::{Cluster, clusters},
+    spheres::{SphereCluster, clusters},
 };
 use schemas::candidates::{Candidate, Refusal};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::SampleError;
 
-/// Factor on the size of a cluster of balls that allows for the interpolation's slope above 1.
+/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
 
-/// Collision model of a hand: its collision shapes filled with balls.
+/// Collision model of a hand: its collision shapes filled with spheres.
 pub struct CollisionModel<'a> {
     hand: &'a RobotModel,
-    clusters: Vec<Cluster>,
+    clusters: Vec<SphereCluster>,
 }
 
 /// How deep a hand is in things, in meters; 0 where it is not.
@@ -47,7 +47,7 @@ impl Depth {
 }
 
 impl<'a> CollisionModel<'a> {
-    /// Fills the hand's collision shapes with balls.
+    /// Fills the hand's collision shapes with spheres.
     ///
     /// # Errors
     ///
@@ -83,11 +83,11 @@ impl<'a> CollisionModel<'a> {
             if !(may_be_in_object || may_be_in_table) {
                 continue;
             }
-            for ball in &cluster.balls {
-                let center = object_from_link * ball.center_in_link;
-                let deep_m = ball.radius_m - field.distance(&center).0;
+            for sphere in &cluster.spheres {
+                let center = object_from_link * sphere.center_in_link;
+                let deep_m = sphere.radius_m - field.distance(&center).0;
                 depth.object_m = depth.object_m.max(deep_m);
-                depth.table_m = depth.table_m.max(ball.radius_m - height_m(&center));
+                depth.table_m = depth.table_m.max(sphere.radius_m - height_m(&center));
             }
         }
         Ok(depth)
@@ -181,7 +181,7 @@ mod tests {
             assert!((found.table_m - table_m).abs() < 1e-9, "{found:?}");
         };
         check([0.1, 0.0, 0.0], 0.0, 0.0, 0.0);
-        // The joint takes the ball's center to 4 mm outside the side.
+        // The joint takes the sphere's center to 4 mm outside the side.
         check([0.1, 0.0, 0.0], -0.046, 0.006, 0.0);
         check([0.1, 0.0, 0.0], -0.058, 0.018, 0.0);
         check([0.2, 0.0, -0.047], 0.0, 0.0, 0.007);

@@ -9,7 +9,7 @@ use ::motion::Step;
 use geometry::TriMesh;
 use lake::recording::Recording;
 use nalgebra::{Isometry3, Point3};
-use robot::{JointOrder, RobotModel, Shape, WrongDof, balls};
+use robot::{JointOrder, RobotModel, Shape, WrongDof, spheres};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -210,7 +210,7 @@ impl<'a> Shown<'a> {
         all
     }
 
-    /// Returns a box or a body as it is, any other shape as the balls that fill it.
+    /// Returns a box or a body as it is, any other shape as the spheres that fill it.
     fn shape(&self, frame: &str, collision: &robot::Collision) -> Marker {
         let mesh = |corners: &[Point3<f64>], triangles: &[[u32; 3]]| {
             let corners: Vec<[f64; 3]> = corners
@@ -228,9 +228,10 @@ impl<'a> Shown<'a> {
             Shape::Convex(body) => return mesh(body.corners_m(), body.triangles()),
             Shape::Sphere { .. } | Shape::Cylinder { .. } | Shape::Capsule { .. } => {}
         }
-        let balls = balls::fill(collision);
-        let centers: Vec<Point3<f64>> = balls.iter().map(|ball| ball.center_in_link).collect();
-        let diameter_m = balls.first().map_or(0.0, |ball| 2.0 * ball.radius_m);
+        let spheres = spheres::fill(collision);
+        let centers: Vec<Point3<f64>> =
+            spheres.iter().map(|sphere| sphere.center_in_link).collect();
+        let diameter_m = spheres.first().map_or(0.0, |sphere| 2.0 * sphere.radius_m);
         motion::points_marker(START_NS, frame, "balls", &centers, diameter_m, self.color)
     }
 }

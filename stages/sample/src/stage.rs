@@ -19,9 +19,9 @@ pub struct Sample;
 dataflow::metrics! {
     /// Metrics of an object's candidates.
     pub struct SampleMetrics {
-        /// How many there are.
+        /// Number of candidates.
         candidates: Sum,
-        /// Of how many draws they were chosen.
+        /// Number of draws from which they were chosen.
         draws: Sum,
     }
 }

@@ -11,7 +11,7 @@ use schemas::{
     ros2::motion::{self, JOINT_TRAJECTORY, RecordingScene, START_NS, SceneStep, TrajectoryPoint},
 };
 use simulation::{Rollout, Trace};
-use spatial::{Palm, Pose};
+use spatial::Palm;
 
 use crate::ScreenError;
 
@@ -68,7 +68,7 @@ pub(crate) fn record(
             &scene,
             &SceneStep {
                 time_s: step.time_s,
-                table_from_root: Pose::new(*step.table_from_palm),
+                table_from_root: step.table_from_palm.reinterpret(),
                 table_from_object: step.table_from_object,
                 root_from_links: &stage.model.forward_kinematics(&step.q)?,
                 q_rad: &step.q,

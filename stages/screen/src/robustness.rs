@@ -66,7 +66,7 @@ impl Output for RobustnessTrials {
     ) -> Result<Outcome<RobustnessMetrics>, ScreenError> {
         let rollouts: Rollouts = inputs.one()?;
         let Some(screened) = Screened::read(inputs, cx)? else {
-            return Ok(Outcome::skipped("it is not among the objects"));
+            return Ok(Outcome::skipped("object missing"));
         };
         let config = &config.resolved();
         let RobustnessConfig { trials, .. } = config.robustness;
@@ -91,9 +91,9 @@ impl RobustnessMetrics {
         let sum = |number: fn(&Robustness) -> i64| rows.iter().map(number).sum::<i64>() as f64;
         Self {
             motions_n: rows.len() as f64,
-            trials_n: sum(|row| row.trials.total_n()),
-            held_n: sum(|row| row.trials.successes_n()),
-            always_n: sum(|row| i64::from(row.trials.total_n() == row.trials.successes_n())),
+            trials_n: sum(|row| row.trials.total_count()),
+            held_n: sum(|row| row.trials.success_count()),
+            always_n: sum(|row| i64::from(row.trials.total_count() == row.trials.success_count())),
             control_steps_n: sum(|row| row.control_steps_n),
         }
     }
@@ -157,7 +157,7 @@ fn drawn_scene(config: &ScreenConfig, seed: u64, trial: usize) -> SceneConfig {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     // The first ones draw the pose noise of candidates.
     rng.set_stream(u64::MAX - trial as u64);
-    config.robustness.errors.drawn(&config.scene, &mut rng)
+    config.robustness.errors.sample(&config.scene, &mut rng)
 }
 
 #[cfg(test)]

@@ -93,7 +93,7 @@ impl Output for Screen {
         cx: &Context,
     ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
         let Some(screened) = Screened::read(inputs, cx)? else {
-            return Ok(Outcome::skipped("it is not among the objects"));
+            return Ok(Outcome::skipped("object missing"));
         };
         let config = &config.resolved();
         let screening = screened.screening(config, cx.seed());
@@ -131,7 +131,7 @@ impl ScreenMetrics {
         let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
-            accepted_n: verdicts.successes_n() as f64,
+            accepted_n: verdicts.success_count() as f64,
             control_steps_n: rollouts.iter().map(|r| f64::from(r.cost_n)).sum(),
             verdicts_n: verdicts,
         }

@@ -1,36 +1,48 @@
--- Refined motions for each object, each the best of four draws, by three functions that have seen it and by one that
--- has not, the number of all of them that fails by each reason, and the share of the object's demonstrations that hold.
+-- Refined motions of the prior for each object, single draws and the best of four, by functions that have seen it and
+-- that have not (five seeds, four folds), the share of the unseen single draws that fails by each reason, and the share
+-- of the object's demonstrations that hold.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/unseen.toml --set ingest.root=$DEXYCB --set sample.per_object=500
+-- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
 with
+    options as (
+        select run as of_run, max(number) as best_of
+        from settings where stage = 'refine' and key = 'draws' and run in (select run from runs) group by run),
     sampled as (
-        select object as sampled_object,
-            100.0 * sum(case when object_split = 'seen' then successes_n else 0 end)
-                / sum(case when object_split = 'seen' then candidates_n else 0 end) as seen,
-            100.0 * sum(case when object_split = 'unseen' then successes_n else 0 end)
-                / sum(case when object_split = 'unseen' then candidates_n else 0 end) as unseen,
-            100.0 * sum(case when object_split = 'unseen' then successes_n else 0 end)
-                / sum(case when object_split = 'unseen' then draws_n else 0 end) as unseen_draws,
-            sum(not_grasped_n) as not_grasped, sum(table_n) as at_table, sum(early_contact_n) as early,
-            sum(knocked_over_n) as knocked, sum(dropped_n) + sum(slipped_n) as lost, sum(too_deep_n) as deep,
-            sum(limit_n) + sum(diverged_n) + sum(infeasible_n) as other
-        from all_success where pipeline = 'unseen' and run in (select run from runs) group by object),
+        select object, object_split, best_of, sum(1.0 * candidates_n) as n, sum(1.0 * successes_n) as s,
+            sum(1.0 * not_grasped_n) as not_grasped, sum(1.0 * table_n) as at_table,
+            sum(1.0 * early_contact_n) as early, sum(1.0 * knocked_over_n) as knocked,
+            sum(1.0 * dropped_n) + sum(1.0 * slipped_n) as lost, sum(1.0 * too_deep_n) as deep,
+            sum(1.0 * limit_n) + sum(1.0 * diverged_n) + sum(1.0 * infeasible_n) as other
+        from all_success join options on all_success.run = options.of_run
+        group by object, object_split, best_of),
+    unseen as (select * from sampled where object_split = 'unseen' and best_of = 1),
+    seen as (
+        select object as seen_object, 100 * s / n as seen_share from sampled
+        where object_split = 'seen' and best_of = 1),
+    seen_best as (
+        select object as seen_best_object, 100 * s / n as seen_best_share from sampled
+        where object_split = 'seen' and best_of > 1),
+    unseen_best as (
+        select object as unseen_best_object, 100 * s / n as unseen_best_share from sampled
+        where object_split = 'unseen' and best_of > 1),
     replayed as (
         select object as demonstrated, rate as demonstrated_rate from all_success
         where pipeline = 'replay' and run in (select run from runs))
 select
-    replace(substr(sampled_object, 5), '_', ' ') as "object",
-    round(seen, 0) as "seen: hold, %",
-    round(unseen, 0) as "unseen: hold, %",
-    round(unseen_draws, 0) as "unseen, by draw, %",
-    not_grasped as "not grasped",
-    at_table as "table",
-    early as "early contact",
-    knocked as "knocked over",
-    lost as "dropped, slipped",
-    deep as "too deep",
-    other as "limit, diverged, infeasible",
+    replace(substr(object, 5), '_', ' ') as "object",
+    round(seen_share, 0) as "seen, single: hold, %",
+    round(seen_best_share, 0) as "seen, best of four, %",
+    round(100 * s / n, 0) as "unseen, single, %",
+    round(unseen_best_share, 0) as "unseen, best of four, %",
+    round(100 * not_grasped / n, 0) as "not grasped",
+    round(100 * at_table / n, 0) as "table",
+    round(100 * early / n, 0) as "early contact",
+    round(100 * knocked / n, 0) as "knocked over",
+    round(100 * lost / n, 0) as "dropped, slipped",
+    round(100 * deep / n, 0) as "too deep",
+    round(100 * other / n, 0) as "limit, diverged, infeasible",
     round(100 * demonstrated_rate, 0) as "demonstrations hold, %"
-from sampled left join replayed on sampled.sampled_object = replayed.demonstrated
-order by sampled_object
+from unseen join seen on object = seen_object join seen_best on object = seen_best_object
+    join unseen_best on object = unseen_best_object left join replayed on object = demonstrated
+order by object

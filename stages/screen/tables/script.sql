@@ -1,10 +1,16 @@
--- What the script around a motion adds: share of the refined motions for the bundled objects that holds, the
--- fingers following the motion or opened and closed by script, with a squeeze and without.
+-- What the squeeze and the script around a motion add: share of the refined motions for the bundled objects that
+-- holds, with the squeeze that is planned from the contacts, with the script's and with none, the fingers following
+-- the motion or opened and closed by script.
 --
 -- pipeline run pipelines/script.toml
+with
+    planned as (
+        select run as of_run, max(case when key = 'squeeze_m' then 1000 * number end) as squeeze_mm
+        from settings where stage = 'refine' and run in (select run from runs) group by run)
 select
     '`' || approach || '`' as "approach",
-    round(squeeze_rad, 2) as "squeeze, rad",
+    round(squeeze_mm, 0) as "planned squeeze, mm",
+    round(squeeze_rad, 2) as "scripted squeeze, rad",
     origin as "latent codes",
     draws_n as "draws",
     candidates_n as "candidates",
@@ -13,5 +19,6 @@ select
     round(100 * candidate_rate_mean, 1) as "objects' mean, %",
     round(100 * candidate_rate_low, 1) as "from, %",
     round(100 * candidate_rate_high, 1) as "to, %"
-from all_rates where run in (select run from runs) and origin <> 'all'
-order by approach, squeeze_rad desc, origin
+from all_rates join planned on all_rates.run = planned.of_run
+where run in (select run from runs) and origin <> 'all'
+order by approach, squeeze_mm desc, squeeze_rad desc, origin

@@ -317,7 +317,10 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
     assert_eq!(tried.len(), 1);
     let row = &tried[0];
     assert_eq!(row.candidate_id, "can-0001");
-    assert_eq!((row.trials.total_n(), row.trials.successes_n()), (3, 3));
+    assert_eq!(
+        (row.trials.total_count(), row.trials.success_count()),
+        (3, 3)
+    );
     assert_eq!(row.control_steps_n, 3 * i64::from(rollouts[1].cost_n));
 
     // On ice, a heavy can is not lifted.
@@ -326,7 +329,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
         friction_scale,
         ..none
     };
-    assert_eq!(robustness(3, errors).0[0].trials.successes_n(), 0);
+    assert_eq!(robustness(3, errors).0[0].trials.success_count(), 0);
 
     // Where it is a little elsewhere, it is held in some trials; more of them do not change the first.
     let position_m = 0.02;
@@ -334,7 +337,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
     let verdicts = |trials: usize| robustness(trials, errors).0.remove(0).trials;
     let (few, many) = (verdicts(6), verdicts(12));
     assert_eq!(few, verdicts(6));
-    assert!((1..=11).contains(&many.successes_n()), "{many:?}");
+    assert!((1..=11).contains(&many.success_count()), "{many:?}");
     for (verdict, n) in few.iter() {
         assert!(n <= many.count(verdict), "{few:?} {many:?}");
     }
@@ -359,7 +362,10 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
         (row.object.as_str(), row.generator.as_str()),
         ("can", "test")
     );
-    assert_eq!((row.verdicts.total_n(), row.verdicts.successes_n()), (3, 1));
+    assert_eq!(
+        (row.verdicts.total_count(), row.verdicts.success_count()),
+        (3, 1)
+    );
     let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.verdicts.count(verdict));
     assert_eq!(counted, [1, 1]);
     let rollouts = rows(folder.path());
@@ -575,7 +581,7 @@ fn options_that_do_not_go_with_the_hand_are_refused_before_anything_runs() {
         [&described[..start], &described[end..]].concat()
     };
     let (said, hint) = refused(&with(&without("link_2.0")));
-    assert!(said.contains("link `link_2.0` of the hand"), "{said}");
+    assert!(said.contains("without inertia: `link_2.0`"), "{said}");
     assert!(hint.contains("`<inertial>`"), "{hint}");
     Screen::prepare(&with(&without("base_link"))).unwrap();
 

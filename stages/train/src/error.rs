@@ -18,7 +18,7 @@ pub enum TrainError {
     /// No trajectory is of a chosen object.
     #[error("none of {found} trajectories is of an object to train on")]
     NoTrajectories {
-        /// How many trajectories there are.
+        /// Number of trajectories.
         found: usize,
     },
     /// A fold of the objects has none.
@@ -121,7 +121,7 @@ impl Advise for TrainError {
                 "set `device = \"cpu\"`, or build with `cargo build --release --features {feature}`"
             )),
             Self::Cgf(CgfError::UnknownLink { .. }) => {
-                Some("give `training.tips` the names of the hand's finger tip links".to_owned())
+                Some("give `training.tips` the names of the hand's fingertip links".to_owned())
             }
             Self::Cgf(CgfError::LargeShapes { .. }) => Some("URDFs are in meters".to_owned()),
             Self::Curve { .. }

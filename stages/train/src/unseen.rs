@@ -17,7 +17,7 @@ use crate::TrainConfig;
 pub struct Fold {
     /// Number of the fold, from 1.
     number: usize,
-    /// How many folds there are, at least 2.
+    /// Number of folds, at least 2.
     folds_n: usize,
 }
 

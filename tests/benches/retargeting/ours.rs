@@ -2,7 +2,7 @@
 
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use posture::{
-    NoTerms, Posture, RootPose, SearchOptions, SearchOutcome, Smoothness, Solver, Task, Wrist,
+    NoTerms, Posture, RootMotion, RootPose, SearchOptions, SearchOutcome, Smoothness, Solver, Task,
 };
 use rand::Rng;
 
@@ -10,17 +10,17 @@ use crate::problem::{MOTION_WEIGHT, Problem};
 
 /// As the race is run: what is left to gain is a thousandth.
 pub(crate) const FAST: SearchOptions = SearchOptions {
-    tolerance: 1e-3,
-    least_decrease: 1e-9,
+    relative_tolerance: 1e-3,
+    min_decrease: 1e-9,
     max_iterations: 60,
-    wrist: Wrist::Moves,
+    root_motion: RootMotion::Free,
 };
 /// Full convergence.
 pub(crate) const TIGHT: SearchOptions = SearchOptions {
-    tolerance: 1e-12,
-    least_decrease: 1e-18,
+    relative_tolerance: 1e-12,
+    min_decrease: 1e-18,
     max_iterations: 500,
-    wrist: Wrist::Moves,
+    root_motion: RootMotion::Free,
 };
 /// Random starts of each frame for what is taken as its true minimum.
 const N_STARTS: usize = 24;
@@ -101,7 +101,7 @@ pub(crate) fn true_minimum(
             q,
         });
     }
-    starts.extend(solver.starts(task).unwrap());
+    starts.extend(solver.initial_postures(task).unwrap());
     best_of(solver, task, starts, &TIGHT).1.cost
 }
 

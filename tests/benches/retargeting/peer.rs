@@ -50,7 +50,12 @@ impl Peer {
     ) -> Vec<(f64, Posture)> {
         let frames: Vec<Vec<[f64; 3]>> = frames
             .iter()
-            .map(|frame| frame.iter().map(|target| target.at.coords.into()).collect())
+            .map(|frame| {
+                frame
+                    .iter()
+                    .map(|target| target.point_in_object.coords.into())
+                    .collect()
+            })
             .collect();
         let said = self.script.ask_again(&json!(frames).to_string());
         let said: Value = serde_json::from_str(&said).unwrap();

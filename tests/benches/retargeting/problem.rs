@@ -69,7 +69,7 @@ impl Problem {
                 points
                     .map(|(point, at)| Target {
                         point,
-                        at: Point3::new(single(at[0]), single(at[1]), single(at[2])),
+                        point_in_object: Point3::new(single(at[0]), single(at[1]), single(at[2])),
                         weight: 1.0 / (3 * links.len()) as f64,
                     })
                     .collect()

@@ -267,7 +267,7 @@ impl Journal {
         Outcomes {
             header: OutcomesHeader {
                 journal: self.key.name().to_owned(),
-                results_n: self.executed_n() as u64,
+                results_n: self.executed_count() as u64,
             },
             outcomes: (from..until)
                 .map_while(|result_n| self.ended(result_n))
@@ -315,7 +315,7 @@ impl Journal {
     }
 
     /// Returns the number of goals that have ended.
-    pub(super) fn executed_n(&self) -> usize {
+    pub(super) fn executed_count(&self) -> usize {
         let done = |entry: &&Entry| !matches!(entry, Entry::Executing(_));
         self.entries.values().filter(done).count()
     }
@@ -392,7 +392,7 @@ mod tests {
             [report("00"), report("01")],
             [Outcome::Aborted, Outcome::Unknown]
         );
-        assert_eq!(journal.executed_n(), 2);
+        assert_eq!(journal.executed_count(), 2);
     }
 
     #[test]

@@ -21,7 +21,7 @@ impl ModelMismatch {
     /// Returns a scene with a goal's errors.
     pub(super) fn drawn(&self, scene: &SceneConfig, digest: &str) -> SceneConfig {
         match &self.errors {
-            Some(errors) => errors.drawn(
+            Some(errors) => errors.sample(
                 scene,
                 &mut stream(digest, "pipeline 2026 where the object really lies"),
             ),

@@ -4,7 +4,9 @@ use motion::JointTrack;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::JointOrder;
 use schemas::{executions::Outcome, rollouts::Verdict};
-use simulation::{Flow, ObjectShape, SettledScene, SimulationError, TraceStep, WatchedRollout};
+use simulation::{
+    ObjectShape, SettledScene, SimulationError, StepDecision, TraceStep, WatchedRollout,
+};
 use spatial::{Object, Pose, RestingPose, Table};
 
 use super::{
@@ -31,7 +33,7 @@ pub(super) fn carry_out(
     let scene = config.mismatch.drawn(&config.scene, digest);
     let rest = RestingPose::of(&goal.table_from_object);
     let settled = SettledScene::new(&scene, &robot.hand, object, &rest)?;
-    let scene_from_estimate = Pose::new(*settled.table_from_estimate());
+    let scene_from_estimate = settled.table_from_estimate().reinterpret();
     let table_from_scene = level(&goal.table_from_object, &scene_from_estimate);
     // An object that settles into another pose, as a ball does, does not carry the palm along.
     let object_from_table = (table_from_scene * scene_from_estimate).inverse();
@@ -42,7 +44,7 @@ pub(super) fn carry_out(
         scene.control_step_s(),
         config.mismatch.latency_s,
     )?;
-    let delay_n = scene.delay_control_n();
+    let delay_n = scene.delay_control_steps();
     let mut encoders = Encoders::new(
         EncoderNoise::of(digest, config.mismatch.encoder_noise_rad),
         [steps.len(), delay_n],
@@ -71,12 +73,12 @@ pub(super) fn carry_out(
             encoders.halt(now_s);
         }
         match reason {
-            None => Flow::Continue,
-            Some(_) => Flow::Hold,
+            None => StepDecision::Continue,
+            Some(_) => StepDecision::Hold,
         }
     };
     let WatchedRollout { rollout, aborted } =
-        settled.play(&steps, &goal.grasp, HOLD_S, &mut shown)?;
+        settled.execute(&steps, &goal.grasp, HOLD_S, &mut shown)?;
     let aborted = reason.filter(|_| aborted);
     let samples = match rollout.verdict {
         Verdict::Diverged => Vec::new(),
@@ -175,8 +177,8 @@ impl Encoders {
         }
         Sample {
             time_s: step.time_s,
-            table_from_palm: self.table_from_scene * Pose::new(*step.table_from_palm),
-            table_from_object: self.table_from_scene * Pose::new(*step.table_from_object),
+            table_from_palm: self.table_from_scene * step.table_from_palm.reinterpret(),
+            table_from_object: self.table_from_scene * step.table_from_object.reinterpret(),
             q_rad,
             q_command_rad,
         }

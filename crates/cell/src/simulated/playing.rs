@@ -1,7 +1,7 @@
 //! A goal's commands to palm and fingers at each control step.
 
 use motion::{JointTrack, PalmPoint, PalmTrajectory};
-use simulation::{Phase, PlayedStep, Protocol, SimulationError};
+use simulation::{CommandStep, Phase, Protocol, SimulationError};
 use spatial::{Object, Palm, Pose, Table};
 
 use super::Robot;
@@ -22,7 +22,7 @@ pub(super) fn steps(
     object_from_table: &Pose<Object, Table>,
     control_s: f64,
     latency_s: f64,
-) -> Result<Vec<PlayedStep>, SimulationError> {
+) -> Result<Vec<CommandStep>, SimulationError> {
     let broken = |message: &str| SimulationError::Motion(message.to_owned());
     let hand = in_order(&goal.hand, &robot.hand.joint_names())?;
     let arm = arm_of(goal, robot)?;
@@ -62,7 +62,7 @@ pub(super) fn steps(
             let joints = hand
                 .at(time_s)
                 .ok_or_else(|| broken("the hand has no commands"))?;
-            Ok(PlayedStep {
+            Ok(CommandStep {
                 phase,
                 object_from_palm: *object_from_table * table_from_palm,
                 lift_m,

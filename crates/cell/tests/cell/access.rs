@@ -102,7 +102,7 @@ fn authenticated_dispatcher_has_its_goal_executed() {
             client.cancel("00", SOON).unwrap(),
             ControlReply::UnknownGoal
         );
-        assert_eq!(cell.executed_n(), 1);
+        assert_eq!(cell.executed_count(), 1);
     }
 }
 
@@ -131,7 +131,7 @@ fn listening_cell_authenticates_its_peers() {
         matches!(unheard, Err(CellError::NoAnswer { .. })),
         "{unheard:?}"
     );
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
     let report = execute(&connect("dispatcher"), &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);
 }
@@ -207,7 +207,7 @@ fn watcher_sees_everything_and_moves_nothing() {
             "{unheard:?}"
         );
         assert_eq!(viewer.stop(REFUSED).unwrap(), ControlReply::NoAnswer);
-        assert_eq!(cell.executed_n(), 0);
+        assert_eq!(cell.executed_count(), 0);
         // The viewer's stop has stopped nothing, and its resume takes no stop back.
         let report = execute(&dispatcher, &goal(0.04));
         assert_eq!(report.outcome, Outcome::Succeeded, "{way}");

@@ -178,5 +178,5 @@ fn motion_beyond_the_arm_is_rejected_with_a_reason() {
         "{}",
         rejection.reason
     );
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
 }

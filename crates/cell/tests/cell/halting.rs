@@ -153,7 +153,7 @@ fn stopped_cell_rejects_goals_until_resumed() {
     assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
     let refused = execute(&client, &goal(0.04));
     assert_eq!(refused.rejection.unwrap().code, RejectionCode::Stopped);
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
     assert_eq!(client.resume(SOON).unwrap(), ControlReply::Done);
     let report = execute(&client, &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);

@@ -23,7 +23,7 @@ fn restarted_cell_reports_past_goals_and_repeats_none() {
     cell.stop();
     let cell = start_with(service());
     assert_eq!(execute(&connect(&cell), &goal(0.04)), report);
-    assert_eq!(cell.executed_n(), 1);
+    assert_eq!(cell.executed_count(), 1);
     let found = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
     assert_eq!(found, Recovered::Report(report));
 }
@@ -75,7 +75,7 @@ fn expired_goal_is_refused_and_known_goal_is_answered() {
         let answer = send(offset_s);
         assert!(answer.contains(&format!("\"{code}\"")), "{answer}");
     }
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
     let report = execute(&connect(&cell), &goal(0.04));
     assert_eq!(report.outcome, Outcome::Succeeded);
     for offset_s in [-11, -3600, 3600] {
@@ -104,7 +104,7 @@ fn known_goal_is_answered_after_its_object_is_removed() {
     // No cube lies before this one.
     let cell = SimulatedCell::start(config(), GRIPPER).unwrap();
     assert_eq!(execute(&connect(&cell), &goal(0.04)), report);
-    assert_eq!(cell.executed_n(), 1);
+    assert_eq!(cell.executed_count(), 1);
 }
 
 #[test]

@@ -70,11 +70,11 @@ fn a_goal_sent_twice_is_executed_once_and_answered_twice() {
     let first = execute(&connect(&cell), &goal(0.04));
     let second = execute(&connect(&cell), &goal(0.04));
     assert_eq!(first, second);
-    assert_eq!(cell.executed_n(), 1);
+    assert_eq!(cell.executed_count(), 1);
     let mut again = goal(0.04);
     again.attempt = 2;
     execute(&connect(&cell), &again);
-    assert_eq!(cell.executed_n(), 2);
+    assert_eq!(cell.executed_count(), 2);
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn motion_beyond_the_robot_is_rejected_with_a_reason() {
         RejectionCode::Object,
         "no object `mug`",
     );
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
 }
 
 #[test]
@@ -245,7 +245,7 @@ fn palm_keeps_the_limits_of_the_cell() {
     ] {
         check(change, "the palm would");
     }
-    assert_eq!(cell.executed_n(), 0);
+    assert_eq!(cell.executed_count(), 0);
 }
 
 #[test]

@@ -202,7 +202,7 @@ fn put<T: Number>(output: &mut Sparse<T>, channel: u32, row: Row<T>) {
 /// What the first layer knows of motions at times; it is linear in time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start<'a, T> {
-    /// How many motions there are.
+    /// Number of motions.
     pub(super) n_motions: usize,
     /// Its products with code and object, and its bias, for sixteen motions side by side.
     pub(super) motions: &'a [Row<T>],

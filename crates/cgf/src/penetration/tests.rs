@@ -7,7 +7,7 @@ use nalgebra::Isometry3;
 use super::*;
 use crate::random::Random;
 
-/// A palm without a shape, a ball on a hinge, and another on a slide.
+/// A palm without a shape, a sphere on a hinge, and another on a slide.
 const HAND: &str = r#"<robot name="h"><link name="palm"/>
   <link name="a"><collision><origin xyz="0 0 0.03"/><geometry><sphere radius="0.012"/></geometry></collision></link>
   <link name="b"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
@@ -22,14 +22,14 @@ fn body() -> Body {
 }
 
 /// A cube of 10 cm about its origin, 4 cm above the table, turned and off the origin of what is seen.
-fn surroundings() -> Surroundings {
+fn surroundings() -> PenetrationScene {
     static FIELD: LazyLock<Arc<DistanceField>> = LazyLock::new(|| {
         let high = Point3::new(0.05, 0.05, 0.05);
         let mesh = TriMesh::cuboid(-high, high);
         Arc::new(DistanceField::new(&mesh, 0.0025, 0.05).unwrap().unwrap())
     });
     let seen = Isometry3::new(Vector3::new(0.01, 0.02, 0.0), Vector3::new(0.0, 0.0, 0.4));
-    Surroundings {
+    PenetrationScene {
         field: FIELD.clone(),
         object_from_network: Pose::new(Isometry3::translation(0.0, 0.0, -0.09) * seen),
         table_from_network: Pose::new(seen),
@@ -41,7 +41,7 @@ fn row(position: [f32; 3], q: [f32; 2]) -> Vec<f32> {
     [&position[..], &turn, &q].concat()
 }
 
-fn penetration(rows: &[Vec<f32>], around: &[Surroundings]) -> Vec<f32> {
+fn penetration(rows: &[Vec<f32>], around: &[PenetrationScene]) -> Vec<f32> {
     let rows = Tensor::new(rows.to_vec(), &Device::Cpu).unwrap();
     let depths = body().penetration(&rows, around).unwrap();
     depths.flatten_all().unwrap().to_vec1().unwrap()
@@ -49,7 +49,7 @@ fn penetration(rows: &[Vec<f32>], around: &[Surroundings]) -> Vec<f32> {
 
 #[test]
 fn squared_depths_are_a_mean_over_the_links() {
-    // Straight above the cube, both balls' centers on the vertical.
+    // Straight above the cube, both spheres' centers on the vertical.
     let upright = |z: f32| [&[0.0, 0.0, z][..], &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0]].concat();
     let straight = HAND.replace("rpy=\"0.1 0.2 0.3\"", "rpy=\"0 0 0\"");
     let body = Body::new(Arc::new(RobotModel::from_urdf(&straight).unwrap())).unwrap();
@@ -60,7 +60,7 @@ fn squared_depths_are_a_mean_over_the_links() {
         let expected = depths_m.iter().map(|d| d * d).sum::<f32>() / 3.0;
         assert!((found - expected).abs() < 2e-7, "{found} {expected}");
     };
-    // The cube's top is at 14 cm; the balls' centers are 5 and 3 cm above the palm.
+    // The cube's top is at 14 cm; the spheres' centers are 5 and 3 cm above the palm.
     check(0.2, [0.0, 0.0]);
     check(0.12, [0.0, 0.01]);
     check(0.1, [0.002, 0.03]);

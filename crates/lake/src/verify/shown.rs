@@ -76,7 +76,7 @@ impl Verifier<'_> {
             for unit in lost {
                 let path = self.lake.records.path(&unit);
                 if !path.exists() {
-                    self.fault(&path, "is missing: what it is the record of is shown");
+                    self.fault(&path, "is missing; its published file exists");
                 }
             }
             promised.extend(of_pipeline);
@@ -119,8 +119,8 @@ impl Verifier<'_> {
             _ if shown.damaged.contains(&digest) => self.fault(path, "it shows damaged bytes"),
             Some(promised) if promised == digest => {}
             _ if is_new() => {}
-            Some(_) => self.fault(path, "it is not what the unit made that it is named for"),
-            None => self.fault(path, "it is not what a unit made that is newest"),
+            Some(_) => self.fault(path, "does not match the digest in its unit's record"),
+            None => self.fault(path, "belongs to no current unit"),
         }
     }
 
@@ -152,7 +152,7 @@ impl Verifier<'_> {
                 self.verified.n_files += 1;
                 match digest_file(&path) {
                     Ok(digest) if digest == file.digest => {}
-                    Ok(_) => self.fault(&path, "it is not what its run did"),
+                    Ok(_) => self.fault(&path, "does not match its run's record"),
                     Err(err) => self.fault(&path, format!("cannot be read: {err}")),
                 }
                 let blob = self.lake.file(file);
@@ -164,7 +164,7 @@ impl Verifier<'_> {
         for path in there {
             // A finishing run writes its tables before its record.
             if !run_of(&path).is_some_and(|run| running.contains(&run)) {
-                self.fault(&path, "it is not what a run did");
+                self.fault(&path, "belongs to no recorded run");
             }
         }
         Ok(())
@@ -178,14 +178,14 @@ impl Verifier<'_> {
             self.verified.n_files += 1;
             let is_promised = promised.remove(&path).is_some();
             let Some((partition, unit)) = unit_of(&path) else {
-                self.fault(&path, "it is not what a unit made");
+                self.fault(&path, "belongs to no unit");
                 continue;
             };
             let Some(stored) = self.lake.records.read(&unit)? else {
                 if is_promised {
                     let record = self.lake.records.path(&unit);
                     if !record.exists() {
-                        self.fault(&record, "is missing: what it is the record of is there");
+                        self.fault(&record, "is missing; its table exists");
                     }
                 }
                 self.fault(&path, "the record of its unit is missing or damaged");
@@ -199,7 +199,7 @@ impl Verifier<'_> {
                 (Ok(digest), Some(file))
                     if digest == file.digest && stored.partition == partition => {}
                 (Ok(_), _) => {
-                    self.fault(&path, "it is not what the unit made that it is named for");
+                    self.fault(&path, "does not match the digest in its unit's record");
                 }
                 (Err(err), _) => self.fault(&path, format!("cannot be read: {err}")),
             }

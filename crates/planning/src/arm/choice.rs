@@ -22,7 +22,7 @@ const LIFT_N: usize = 20;
 const SAME_TIME: f64 = 0.01;
 
 /// The hand at evenly spaced times of a motion, and how far it is lifted from its end, in meters.
-struct Hand {
+struct SampledHand {
     moving: Vec<(f64, Step<Object>)>,
     /// Its joint positions at the same times.
     fingers: Vec<Vec<f64>>,
@@ -86,7 +86,7 @@ impl Arm {
         let lift_m = lift_m.max(0.0);
         let hands = hands(spline);
         let fingers: Vec<Vec<f64>> = hands.iter().map(|(time_s, _)| fingers(*time_s)).collect();
-        let hand = Hand {
+        let hand = SampledHand {
             moving: hands,
             fingers,
             lift_m,
@@ -127,7 +127,7 @@ impl Arm {
     fn gather<'a>(
         &self,
         palm_path: &PalmPath<'a>,
-        hand: &Hand,
+        hand: &SampledHand,
         choices: &mut Vec<Choice<'a>>,
         failures: &mut Failures,
     ) {

@@ -12,20 +12,19 @@ const NEIGHBORS_M: f64 = 0.001;
 
 /// The collision shapes of an arm with its hand, and which of them must not meet.
 ///
-/// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between two points
-/// of a path at which they are measured, shapes move by what they are apart at the two, one seen from the
-/// other; half of that is added to the required clearance. Bends in between are left out: they are of second order.
+/// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between sampled
+/// points, half the relative displacement of two shapes is added to the required clearance (first order).
 #[derive(Debug, Clone)]
 pub(crate) struct Clearance {
-    pieces: Vec<Piece>,
-    /// Pieces that must keep from each other.
+    shapes: Vec<LinkShape>,
+    /// Shapes that must keep from each other.
     pairs: Vec<Pair>,
-    /// Pieces that must keep from the table: all that the arm moves, without the hand.
+    /// Shapes that must keep from the table: all that the arm moves, without the hand.
     above: Vec<usize>,
     least_m: f64,
 }
 
-/// Two pieces that must keep from each other.
+/// Two shapes that must keep from each other.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pair {
     pub(crate) first: usize,
@@ -34,9 +33,9 @@ pub(crate) struct Pair {
     pub(crate) least_m: f64,
 }
 
-/// One collision shape.
+/// A collision shape of a link.
 #[derive(Debug, Clone)]
-struct Piece {
+struct LinkShape {
     link: usize,
     name: String,
     link_from_shape: Pose<Link, Shape>,
@@ -61,7 +60,7 @@ impl Clearance {
     /// them apart: they may come as near as [`NEIGHBORS_M`].
     pub(crate) fn new(robot: &RobotModel, palm: usize, least_m: f64) -> Self {
         let carried = beyond(robot, palm);
-        let is_hand = |piece: &Piece| carried[piece.link];
+        let is_hand = |shape: &LinkShape| carried[shape.link];
         let bodies = bodies(robot);
         let body = |link: usize| bodies[link];
         // What carries a body, which may be carried by another.
@@ -69,13 +68,13 @@ impl Clearance {
             let parent = robot.links().get(link)?.parent?;
             Some(body(parent))
         };
-        let pieces = pieces(robot);
+        let shapes = link_shapes(robot);
         let links = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
-        let zero: Vec<Pose<Base, Shape>> = pieces.iter().map(|piece| piece.pose(&links)).collect();
+        let zero: Vec<Pose<Base, Shape>> = shapes.iter().map(|shape| shape.pose(&links)).collect();
         let mut pairs = Vec::new();
-        for (first, (a, at_a)) in pieces.iter().zip(&zero).enumerate() {
-            for (second, (b, at_b)) in pieces.iter().zip(&zero).enumerate().skip(first + 1) {
-                let [of_a, of_b] = [a, b].map(|piece| body(piece.link));
+        for (first, (a, at_a)) in shapes.iter().zip(&zero).enumerate() {
+            for (second, (b, at_b)) in shapes.iter().zip(&zero).enumerate().skip(first + 1) {
+                let [of_a, of_b] = [a, b].map(|shape| body(shape.link));
                 let [under_a, under_b] = [of_a, of_b].map(below);
                 let touch = of_a == of_b || under_a == Some(of_b) || under_b == Some(of_a);
                 let overlap =
@@ -97,11 +96,11 @@ impl Clearance {
                 });
             }
         }
-        let above = pieces.iter().enumerate();
-        let above = above.filter(|(_, piece)| body(piece.link) != 0 && !is_hand(piece));
+        let above = shapes.iter().enumerate();
+        let above = above.filter(|(_, shape)| body(shape.link) != 0 && !is_hand(shape));
         Self {
             above: above.map(|(idx, _)| idx).collect(),
-            pieces,
+            shapes,
             pairs,
             least_m,
         }
@@ -118,28 +117,28 @@ impl Clearance {
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
         let poses: Vec<Vec<Pose<Base, Shape>>> = self
-            .pieces
+            .shapes
             .iter()
-            .map(|piece| {
+            .map(|shape| {
                 let link_poses = link_poses.iter();
                 link_poses
-                    .map(|all| piece.pose(&all.base_from_links))
+                    .map(|all| shape.pose(&all.base_from_links))
                     .collect()
             })
             .collect();
-        let tracks: Vec<Track<'_>> = self
-            .pieces
+        let paths: Vec<ShapePath<'_>> = self
+            .shapes
             .iter()
             .zip(&poses)
-            .map(|(piece, poses)| Track::new(piece, poses))
+            .map(|(shape, poses)| ShapePath::new(shape, poses))
             .collect();
         for &idx in &self.above {
-            self.check_table(&tracks[idx], link_poses, up_in_base, base_height_m)?;
+            self.check_table(&paths[idx], link_poses, up_in_base, base_height_m)?;
         }
         for pair in &self.pairs {
             check_pair(
-                &tracks[pair.first],
-                &tracks[pair.second],
+                &paths[pair.first],
+                &paths[pair.second],
                 pair.least_m,
                 link_poses,
             )?;
@@ -149,19 +148,19 @@ impl Clearance {
 
     fn check_table(
         &self,
-        track: &Track<'_>,
+        path: &ShapePath<'_>,
         link_poses: &[LinkPoses],
         up_in_base: &Vector3<f64>,
         base_height_m: f64,
     ) -> Result<(), ArmFault> {
-        for (idx, (pose, links)) in track.poses.iter().zip(link_poses).enumerate() {
-            let lowest_m = base_height_m + track.piece.shape.lowest_m(pose, up_in_base);
-            let gap_m = lowest_m - 0.5 * track.moves(idx);
+        for (idx, (pose, links)) in path.poses.iter().zip(link_poses).enumerate() {
+            let lowest_m = base_height_m + path.link_shape.shape.lowest_m(pose, up_in_base);
+            let gap_m = lowest_m - 0.5 * path.max_displacement_m(idx);
             // NaN is not clear.
             let is_clear = gap_m >= self.least_m;
             if !is_clear {
                 return Err(ArmFault::Table {
-                    link: track.piece.name.clone(),
+                    link: path.link_shape.name.clone(),
                     gap_m,
                     least_m: self.least_m,
                     at: links.at,
@@ -172,10 +171,10 @@ impl Clearance {
     }
 }
 
-/// Checks two pieces, measuring only where they may have come too near since they were measured last.
+/// Checks two shapes, measuring only where they may have come too near since they were measured last.
 fn check_pair(
-    a: &Track<'_>,
-    b: &Track<'_>,
+    a: &ShapePath<'_>,
+    b: &ShapePath<'_>,
     least_m: f64,
     link_poses: &[LinkPoses],
 ) -> Result<(), ArmFault> {
@@ -183,8 +182,8 @@ fn check_pair(
     let mut moved_m = 0.0;
     for (idx, ((at_a, at_b), links)) in a.poses.iter().zip(b.poses).zip(link_poses).enumerate() {
         apart_m -= moved_m;
-        moved_m = a.next(idx) + b.next(idx);
-        let needed_m = least_m + 0.5 * (a.moves(idx) + b.moves(idx));
+        moved_m = a.displacement_to_next_m(idx) + b.displacement_to_next_m(idx);
+        let needed_m = least_m + 0.5 * (a.max_displacement_m(idx) + b.max_displacement_m(idx));
         if apart_m >= needed_m {
             continue;
         }
@@ -193,14 +192,15 @@ fn check_pair(
         if apart_m >= needed_m {
             continue;
         }
-        apart_m = distance_bounds((at_a, &a.piece.shape), (at_b, &b.piece.shape)).at_least_m;
+        apart_m =
+            distance_bounds((at_a, &a.link_shape.shape), (at_b, &b.link_shape.shape)).at_least_m;
         // What moves both alike brings them no nearer.
-        let slack_m = 0.5 * relative(a, b, idx);
+        let slack_m = 0.5 * relative_displacement_m(a, b, idx);
         let is_clear = apart_m >= least_m + slack_m;
         if !is_clear {
             return Err(ArmFault::Collision {
-                first: a.piece.name.clone(),
-                second: b.piece.name.clone(),
+                first: a.link_shape.name.clone(),
+                second: b.link_shape.name.clone(),
                 gap_m: (apart_m - slack_m).max(0.0),
                 least_m,
                 at: links.at,
@@ -210,72 +210,74 @@ fn check_pair(
     Ok(())
 }
 
-/// Returns how far points of one piece move in the frame of the other from a point to the next, or came
+/// Returns how far points of one shape move in the frame of the other from a point to the next, or came
 /// from the last, at most.
-fn relative(a: &Track<'_>, b: &Track<'_>, idx: usize) -> f64 {
+fn relative_displacement_m(a: &ShapePath<'_>, b: &ShapePath<'_>, idx: usize) -> f64 {
     let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * *b.poses.get(idx)?);
     let Some(here) = pose(idx) else { return 0.0 };
     let neighbors = [idx.checked_sub(1), Some(idx + 1)].into_iter().flatten();
     neighbors
         .filter_map(pose)
-        .map(|there| moves(&here, &there, b.radius_m))
+        .map(|there| displacement_m(&here, &there, b.radius_m))
         .fold(0.0, f64::max)
 }
 
 /// Returns how far points within a radius of a pose's origin move to another pose, at most.
-fn moves<Frame>(from: &Pose<Frame, Shape>, to: &Pose<Frame, Shape>, radius_m: f64) -> f64 {
+fn displacement_m<Frame>(from: &Pose<Frame, Shape>, to: &Pose<Frame, Shape>, radius_m: f64) -> f64 {
     let distance = (to.translation.vector - from.translation.vector).norm();
     distance + from.rotation.angle_to(&to.rotation) * radius_m
 }
 
-/// A piece along a path.
-struct Track<'a> {
-    piece: &'a Piece,
+/// A collision shape along a path.
+struct ShapePath<'a> {
+    link_shape: &'a LinkShape,
     radius_m: f64,
     poses: &'a [Pose<Base, Shape>],
     /// How far its points move from each point to the next, at most.
-    moves_m: Vec<f64>,
+    displacements_m: Vec<f64>,
 }
 
-impl<'a> Track<'a> {
-    fn new(piece: &'a Piece, poses: &'a [Pose<Base, Shape>]) -> Self {
-        let radius_m = piece.shape.radius_m();
-        let moves_m = poses.windows(2).map(|pair| match pair {
-            [from, to] => moves(from, to, radius_m),
+impl<'a> ShapePath<'a> {
+    fn new(link_shape: &'a LinkShape, poses: &'a [Pose<Base, Shape>]) -> Self {
+        let radius_m = link_shape.shape.radius_m();
+        let displacements_m = poses.windows(2).map(|pair| match pair {
+            [from, to] => displacement_m(from, to, radius_m),
             _ => 0.0,
         });
         Self {
-            piece,
+            link_shape,
             radius_m,
             poses,
-            moves_m: moves_m.collect(),
+            displacements_m: displacements_m.collect(),
         }
     }
 
     /// Returns how far its points move from a point to the next.
-    fn next(&self, idx: usize) -> f64 {
-        self.moves_m.get(idx).copied().unwrap_or(0.0)
+    fn displacement_to_next_m(&self, idx: usize) -> f64 {
+        self.displacements_m.get(idx).copied().unwrap_or(0.0)
     }
 
     /// Returns how far its points move from a point to the next or came from the last, the greater of the
     /// two.
-    fn moves(&self, idx: usize) -> f64 {
-        let before = idx.checked_sub(1).map_or(0.0, |before| self.next(before));
-        before.max(self.next(idx))
+    fn max_displacement_m(&self, idx: usize) -> f64 {
+        let before = idx
+            .checked_sub(1)
+            .map_or(0.0, |before| self.displacement_to_next_m(before));
+        before.max(self.displacement_to_next_m(idx))
     }
 }
 
-impl Piece {
+impl LinkShape {
     fn pose(&self, base_from_links: &[Pose<Base, Link>]) -> Pose<Base, Shape> {
         base_from_links[self.link] * self.link_from_shape
     }
 }
 
-fn pieces(robot: &RobotModel) -> Vec<Piece> {
+fn link_shapes(robot: &RobotModel) -> Vec<LinkShape> {
     let links = robot.links().iter().enumerate();
     links
         .flat_map(|(link, body)| {
-            body.collisions.iter().map(move |collision| Piece {
+            body.collisions.iter().map(move |collision| LinkShape {
                 link,
                 name: body.name.clone(),
                 link_from_shape: collision.link_from_shape,
@@ -299,7 +301,7 @@ fn bodies(robot: &RobotModel) -> Vec<usize> {
 impl Clearance {
     /// Names of the links of each pair that must not meet.
     pub(crate) fn names(&self) -> Vec<[String; 2]> {
-        let name = |idx: usize| self.pieces[idx].name.clone();
+        let name = |idx: usize| self.shapes[idx].name.clone();
         let pairs = self.pairs.iter();
         pairs
             .map(|pair| [name(pair.first), name(pair.second)])
@@ -314,13 +316,13 @@ impl Clearance {
         &self.above
     }
 
-    /// A piece's shape and its pose in the frame of the arm's base.
+    /// A link's shape and its pose in the frame of the arm's base.
     pub(crate) fn shape_at(
         &self,
         idx: usize,
         base_from_links: &[Pose<Base, Link>],
     ) -> (Pose<Base, Shape>, Shape) {
-        let piece = &self.pieces[idx];
-        (piece.pose(base_from_links), piece.shape.clone())
+        let shape = &self.shapes[idx];
+        (shape.pose(base_from_links), shape.shape.clone())
     }
 }

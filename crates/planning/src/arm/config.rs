@@ -8,7 +8,7 @@ use simulation::SettingFault;
 use spatial::{Base, Pose, Table};
 
 /// Maximum number of yaw angles of the object that may be tried.
-const MAX_TURNS: usize = 360;
+const MAX_YAWS: usize = 360;
 
 /// The arm that carries the hand: its place and the limits of its joints.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -90,10 +90,10 @@ impl ArmConfig {
         if !self.object_m.iter().all(|number| number.is_finite()) {
             return Err(wrong("arm.object_m", format!("{:?}", self.object_m)));
         }
-        if self.turns == 0 || self.turns > MAX_TURNS {
+        if self.turns == 0 || self.turns > MAX_YAWS {
             let turns = self.turns;
             let problem = format!(
-                "is {turns}, and must be from 1 to {MAX_TURNS}: an object turned by less than a degree \
+                "is {turns}, and must be from 1 to {MAX_YAWS}: an object turned by less than a degree \
                  stands as it did"
             );
             return Err(wrong("arm.turns", problem));

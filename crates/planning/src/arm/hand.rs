@@ -48,7 +48,7 @@ pub(crate) fn joints_of_hand(
         }
         let base_from_links = robot.link_poses::<Base>(|joint| all[joint]);
         // The hand's root is the palm, whatever it is called.
-        let base_from_palm = Pose::<Base, Palm>::new(*base_from_links[palm]);
+        let base_from_palm = base_from_links[palm].reinterpret::<Base, Palm>();
         for (link, palm_from_link) in hand.links().iter().zip(&palm_from_links).skip(1) {
             let ours = robot.link(&link.name).filter(|&idx| is_carried(idx));
             let Some(found) = ours.map(|idx| base_from_links[idx]) else {

@@ -9,7 +9,7 @@ use spatial::{Base, Object, Palm, Pose, Table};
 
 use super::*;
 use crate::{
-    ArmFault, ArmSetup, CommandRatesConfig, Infeasible, LimitsConfig, Planner, Setup,
+    ArmFault, ArmSetup, CommandRatesConfig, Infeasible, LimitsConfig, Planner, PlannerConfig,
     testing::{Drawn, protocol},
 };
 
@@ -155,7 +155,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, spline: &MotionSpline<Object>, lift_m: f
         let fingers = spline.at(time_s).q_rad;
         let links = arm.links(&now.q, &fingers).unwrap();
         let far = off(
-            &Pose::new(*links[palm]),
+            &links[palm].reinterpret(),
             &requested(arm, path, spline, time_s),
         );
         assert!(far < 1e-6, "{far} at {time_s} s");
@@ -187,7 +187,7 @@ fn check(arm: &Arm, path: &ArmPath<'_>, spline: &MotionSpline<Object>, lift_m: f
         let table_from_palm = Pose::new(up * *(path.table_from_object * grasp.frame_from_palm));
         assert!(
             off(
-                &Pose::new(*links[palm]),
+                &links[palm].reinterpret(),
                 &(arm.base_from_table * table_from_palm)
             ) < 1e-6
         );
@@ -260,7 +260,7 @@ fn commanded_arm_keeps_every_limit_between_points() {
     };
     let (config, hand) = (config(), hand());
     let robot = RobotModel::from_urdf(XARM).unwrap();
-    let planner = Planner::new(&Setup {
+    let planner = Planner::new(&PlannerConfig {
         hand: &hand,
         arm: Some(ArmSetup {
             config: &config,
@@ -400,8 +400,8 @@ fn a_grasp_beyond_reach_is_refused() {
     let drawn = straight([-0.3, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);
     assert_eq!(
         refused(&arm, &drawn).to_string(),
-        "the arm cannot bring the palm to the grasp, (0.900, 0.000, 0.340) m from its base, \
-         at any of 4 turns of the object"
+        "grasp unreachable: no inverse kinematics solution for the palm at (0.900, 0.000, 0.340) m \
+         (base frame), at any of 4 object yaws"
     );
 }
 

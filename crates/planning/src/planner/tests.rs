@@ -33,8 +33,8 @@ struct Config {
 }
 
 impl Config {
-    fn setup<'a>(&'a self, hand: &'a RobotModel) -> Setup<'a> {
-        Setup {
+    fn planner_config<'a>(&'a self, hand: &'a RobotModel) -> PlannerConfig<'a> {
+        PlannerConfig {
             hand,
             arm: None,
             protocol: &self.grasp,
@@ -64,20 +64,20 @@ fn high() -> Pose<Table, Object> {
     Pose::new(Isometry3::translation(0.0, 0.0, 5.0))
 }
 
-fn plan(config: &Config, given: &Drawn) -> Result<Feasible, Infeasible> {
+fn plan(config: &Config, given: &Drawn) -> Result<PlannedMotion, Infeasible> {
     let hand = hand();
-    let planner = Planner::new(&config.setup(&hand)).unwrap();
+    let planner = Planner::new(&config.planner_config(&hand)).unwrap();
     planner.plan(&given.motion()?, &given.table_from_object)
 }
 
 /// Plans a motion of an object that lies [`high`].
-fn plan_high(config: &Config, motion: &Motion<Object>) -> Feasible {
+fn plan_high(config: &Config, motion: &Motion<Object>) -> PlannedMotion {
     let hand = hand();
-    let planner = Planner::new(&config.setup(&hand)).unwrap();
+    let planner = Planner::new(&config.planner_config(&hand)).unwrap();
     planner.plan(motion, &high()).unwrap()
 }
 
-fn palm_of(planned: &Feasible) -> &[PalmPoint] {
+fn palm_of(planned: &PlannedMotion) -> &[PalmPoint] {
     match &planned.carrier {
         PalmTrajectory::Palm(points) => points,
         PalmTrajectory::Arm(_) => panic!("no arm was given"),
@@ -85,9 +85,9 @@ fn palm_of(planned: &Feasible) -> &[PalmPoint] {
 }
 
 /// Where a goal has the hand in the object's frame at a time.
-fn followed(planned: &Feasible, table_from_object: &Pose<Table, Object>, time_s: f64) -> Hand {
+fn followed(planned: &PlannedMotion, table_from_object: &Pose<Table, Object>, time_s: f64) -> Hand {
     let table_from_palm = PalmPoint::between(palm_of(planned), time_s).unwrap();
-    let q = planned.hand.at(time_s).unwrap().q_rad;
+    let q = planned.fingers.at(time_s).unwrap().q_rad;
     (table_from_object.inv_mul(&table_from_palm), q)
 }
 
@@ -160,7 +160,7 @@ proptest! {
             prop_assert!(point.acceleration.angular.norm() <= max.3 * slack);
         }
         let speeds = [2.0, 7.0, 0.5];
-        for point in &planned.hand.points {
+        for point in &planned.fingers.points {
             for (velocity, limit) in point.rates.velocity.iter().zip(speeds) {
                 prop_assert!(velocity.abs() <= limit * slack);
             }
@@ -181,11 +181,11 @@ proptest! {
             }
         }
         let limits = hand();
-        for pair in planned.hand.points.windows(2) {
+        for pair in planned.fingers.points.windows(2) {
             for look in 1..=LOOKS {
                 let share = f64::from(look) / f64::from(LOOKS + 1);
                 let time_s = pair[0].time_s + share * (pair[1].time_s - pair[0].time_s);
-                let now = planned.hand.at(time_s).unwrap();
+                let now = planned.fingers.at(time_s).unwrap();
                 for (j, speed) in speeds.into_iter().enumerate() {
                     prop_assert!(now.rates.velocity[j].abs() <= speed * slack);
                     prop_assert!(now.rates.acceleration[j].abs() <= max.4 * slack);
@@ -209,7 +209,7 @@ proptest! {
             prop_assert!(spin(k).norm() <= max.2 * slack);
             prop_assert!((spin(k) - spin(k - 1)).norm() / dt <= max.3 * slack);
         }
-        let (all, dt) = with_rest(&planned.hand.points, |point| point.time_s);
+        let (all, dt) = with_rest(&planned.fingers.points, |point| point.time_s);
         for k in 1..all.len() - 1 {
             for (j, velocity) in speeds.into_iter().enumerate() {
                 let q = |k: usize| all[k].q_rad[j];
@@ -219,7 +219,7 @@ proptest! {
             }
         }
         for times in [
-            planned.hand.points.iter().map(|p| p.time_s).collect::<Vec<_>>(),
+            planned.fingers.points.iter().map(|p| p.time_s).collect::<Vec<_>>(),
             palm_of(&planned).iter().map(|p| p.time_s).collect(),
         ] {
             prop_assert!(times[0] == 0.0 && times.windows(2).all(|pair| pair[1] > pair[0]));
@@ -245,7 +245,7 @@ proptest! {
         prop_assert!((speed - now.velocity.linear).norm() < 0.01);
         let spin = (b.rotation * a.rotation.inverse()).scaled_axis() / dt;
         prop_assert!((spin - now.velocity.angular).norm() < 0.02);
-        let hand = &planned.hand.points;
+        let hand = &planned.fingers.points;
         let at = place.index(hand.len() - 2) + 1;
         let [before, now, after] = [at - 1, at, at + 1].map(|k| &hand[k]);
         let dt = after.time_s - before.time_s;
@@ -363,7 +363,7 @@ fn a_protocol_that_no_cell_can_execute_is_refused() {
     for (key, change) in changes {
         let mut config = config(Approach::Follow);
         change(&mut config.grasp);
-        let fault = Planner::new(&config.setup(&hand())).err().unwrap();
+        let fault = Planner::new(&config.planner_config(&hand())).err().unwrap();
         assert_eq!(fault.key, key);
     }
 }
@@ -456,7 +456,7 @@ fn invalid_limits_are_named() {
     let refused = |change: fn(&mut Config)| {
         let mut config = config(Approach::Follow);
         change(&mut config);
-        let planner = Planner::new(&config.setup(&hand())).map(drop);
+        let planner = Planner::new(&config.planner_config(&hand())).map(drop);
         planner.unwrap_err().to_string()
     };
     let named = |text: &str, key: &str| assert!(text.contains(key), "{text}");
@@ -479,7 +479,7 @@ fn invalid_limits_are_named() {
     named(&refused(|c| c.grasp.reach_s = 0.0), "protocol.reach_s");
     let silent = RobotModel::from_urdf(&HAND.replace("velocity=\"7\"", "velocity=\"0\"")).unwrap();
     let config = config(Approach::Follow);
-    let err = Planner::new(&config.setup(&silent)).map(drop);
+    let err = Planner::new(&config.planner_config(&silent)).map(drop);
     named(&err.unwrap_err().to_string(), "`jb`");
 }
 
@@ -507,7 +507,7 @@ fn candidates_of_a_lake_stay_where_they_were_screened() {
         config.grasp.close_fraction = 0.25;
         config.grasp.limit_tolerance_rad = 0.1;
         config.grasp.table_tolerance_m = 0.01;
-        let planner = Planner::new(&config.setup(&hand)).unwrap();
+        let planner = Planner::new(&config.planner_config(&hand)).unwrap();
         let (mut made_n, mut farthest, mut slowest) = (0, [0.0_f64; 3], 0.0_f64);
         for candidate in &given.candidates {
             let screened = &candidate.motion;

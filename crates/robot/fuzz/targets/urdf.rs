@@ -35,7 +35,7 @@ fuzz_target!(|bytes: &[u8]| {
         velocity: &q,
         acceleration: &q,
     };
-    let root = FreeRootState::still(Pose::new(*poses[0]));
+    let root = FreeRootState::still(poses[0].reinterpret());
     let down = [0.0, 0.0, -9.81].into();
     let efforts = bodies.inverse_dynamics(&root, &motion, &down);
     assert_eq!(efforts.expect("one number per joint").joints.len(), model.dof());

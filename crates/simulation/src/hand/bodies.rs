@@ -177,7 +177,7 @@ pub(crate) struct LinkShape {
 ///
 /// # Errors
 ///
-/// Fails if a moving part of the hand has no inertia, if it has no shape or a mesh that was not read.
+/// Fails if a moving part of the hand has no inertia, if it has no shape or a mesh that was not loaded.
 pub(crate) fn check(model: &RobotModel, scene: &SceneConfig) -> Result<(), SimulationError> {
     link_shapes(model)?;
     for group in rigid_groups(model) {

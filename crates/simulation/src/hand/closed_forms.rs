@@ -6,7 +6,7 @@ use robot::{DynamicsModel, FreeRootState, JointMotion, RobotModel};
 use spatial::{Object, Pose, Table};
 
 use super::{
-    Hand, PalmJoint, finger_mut,
+    HandBodies, PalmJoint, finger_mut,
     tests::{FINGER, finger},
 };
 use crate::{
@@ -35,7 +35,7 @@ fn swing(joint: usize, model: &RobotModel, time_s: f64) -> [f64; 3] {
 }
 
 /// Returns the most that a joint lags behind its course over the third second, under each controller.
-fn lags(scene: &SceneConfig, world: &World, hand: &Hand, model: &RobotModel) -> [f64; 2] {
+fn lags(scene: &SceneConfig, world: &World, hand: &HandBodies, model: &RobotModel) -> [f64; 2] {
     let step_s = scene.time_step_s;
     let all = |time_s: f64, order: usize| -> Vec<f64> {
         let joints = 0..model.dof();
@@ -91,7 +91,7 @@ fn feedforward_follows_a_sinusoid_ten_times_closer_than_pd_alone() {
 
     let model = RobotModel::from_urdf(ALLEGRO).unwrap();
     let mut world = World::empty(&scene);
-    let hand = Hand::insert(&mut world, &scene, &model).unwrap();
+    let hand = HandBodies::insert(&mut world, &scene, &model).unwrap();
     let [pd, feedforward] = lags(&scene, &world, &hand, &model);
     println!("hand: PD {pd} rad, with feedforward {feedforward} rad");
     assert!(pd > 0.01, "{pd}");
@@ -107,7 +107,7 @@ fn a_heavy_hand_is_followed_as_well_because_the_controller_knows_its_mass() {
     scene.drive.damping = 0.1;
     scene.hand_mass_scale = 3.0;
     let mut world = World::empty(&scene);
-    let hand = Hand::insert(&mut world, &scene, &model).unwrap();
+    let hand = HandBodies::insert(&mut world, &scene, &model).unwrap();
     let [pd, feedforward] = lags(&scene, &world, &hand, &model);
     println!("heavy hand: PD {pd} rad, with feedforward {feedforward} rad");
     assert!(10.0 * feedforward < pd, "{feedforward} against {pd}");
@@ -143,7 +143,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     scene.drive.torque_limit = 1e3;
     let model = RobotModel::from_urdf(ALLEGRO).unwrap();
     let mut world = World::empty(&scene);
-    let hand = Hand::insert(&mut world, &scene, &model).unwrap();
+    let hand = HandBodies::insert(&mut world, &scene, &model).unwrap();
     let dof = model.dof();
     let number = |joint: usize, factor: f64| (factor * (1.0 + joint as f64)).sin();
     let q: Vec<f64> = (0..dof).map(|joint| swing(joint, &model, 0.3)[0]).collect();
@@ -177,7 +177,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
 
 /// Linear and angular momentum about the origin, and the energy, of what moves freely.
 fn carried(
-    hand: &Hand,
+    hand: &HandBodies,
     world: &World,
     bodies: &DynamicsModel,
 ) -> (Vector3<f64>, Vector3<f64>, f64) {
@@ -221,7 +221,7 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
     let model = RobotModel::from_urdf(FINGER).unwrap();
     let bodies = DynamicsModel::new(&model);
     let mut world = World::empty(&scene);
-    let hand = Hand::insert_on(&mut world, &scene, &model, PalmJoint::Free).unwrap();
+    let hand = HandBodies::insert_on(&mut world, &scene, &model, PalmJoint::Free).unwrap();
     let start = Pose::from_parts([0.1, -0.2, 0.3], UnitQuaternion::identity());
     hand.place(&mut world, &start, &[0.2]);
     {

@@ -4,19 +4,19 @@ use nalgebra::{UnitQuaternion, Vector3};
 use robot::{FreeRootState, JointMotion};
 use spatial::{Palm, Pose, Twist};
 
-use super::{Hand, finger_mut};
+use super::{HandBodies, finger_mut};
 use crate::{
     desired::DesiredStep,
     units::{pose_from_engine, real, vector_in_meters},
     world::World,
 };
 
-impl Hand {
+impl HandBodies {
     /// Sets every finger's torque for the next physics step: inverse dynamics of the desired
     /// accelerations at the measured positions and velocities, and a spring and a damper to the desired
     /// motion.
     ///
-    /// The hand's weight is compensated, as in [`Hand::drive`], and the palm moves at constant
+    /// The hand's weight is compensated, as in [`HandBodies::drive`], and the palm moves at constant
     /// velocity between the jumps that the engine makes without any effect on the fingers.
     pub(crate) fn follow(&self, world: &mut World, desired: &DesiredStep) {
         let states = self.states(world);

@@ -52,7 +52,8 @@ impl DispatchReport {
         }
         if stopped > 0.0 {
             line = format!(
-                "{line}; {stopped} stopped by a person (`--fresh dispatch --set dispatch.resume_stopped=true` sends just these again)"
+                "{line}; {stopped} stopped by a person (`--fresh dispatch --set \
+                 dispatch.resume_stopped=true` sends just these again)"
             );
         }
         // First, so that it is not cut.

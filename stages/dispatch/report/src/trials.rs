@@ -146,11 +146,11 @@ impl TrialsMetrics {
         objects.dedup();
         Self {
             objects_n: objects.len() as f64,
-            trials_n: sum(&|row| row.outcomes.total_n()),
-            successes_n: sum(&|row| row.outcomes.successes_n()),
+            trials_n: sum(&|row| row.outcomes.total_count()),
+            successes_n: sum(&|row| row.outcomes.success_count()),
             simulated_n: sum(&|row| {
                 if row.simulated {
-                    row.outcomes.total_n()
+                    row.outcomes.total_count()
                 } else {
                     0
                 }
@@ -206,13 +206,13 @@ mod tests {
         assert!(!real.simulated && simulated.simulated);
         assert_eq!(real.gap, "mass");
         assert_eq!(
-            (real.outcomes.total_n(), real.outcomes.successes_n()),
+            (real.outcomes.total_count(), real.outcomes.success_count()),
             (3, 2)
         );
         assert_eq!(
             (
-                simulated.outcomes.total_n(),
-                simulated.outcomes.successes_n()
+                simulated.outcomes.total_count(),
+                simulated.outcomes.success_count()
             ),
             (1, 0)
         );

@@ -23,7 +23,7 @@ impl Report for IngestReport {
         lines.add::<Demonstrations>(|summary| {
             format!(
                 "{} recordings → {} demonstrations{}{}",
-                summary.n_items(),
+                summary.item_count(),
                 summary.n_made,
                 counted(summary.n_filtered, "left out"),
                 counted(summary.n_skipped, "skipped"),

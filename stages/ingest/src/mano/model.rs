@@ -1,6 +1,6 @@
 //! A checked hand model: what of the licensed file decides the 21 landmarks.
 //!
-//! Of the 778 vertices only the five finger tips are kept; everything else acts through the
+//! Of the 778 vertices only the five fingertips are kept; everything else acts through the
 //! joints.
 
 use nalgebra::Vector3;

@@ -1,4 +1,4 @@
-//! Posing a hand: linear blend skinning of joints and finger tips.
+//! Posing a hand: linear blend skinning of joints and fingertips.
 
 use nalgebra::{Point3, Rotation3, Vector3};
 

@@ -1,6 +1,6 @@
 //! Shows how well trajectories follow their demonstrations.
 //!
-//! One table for each object (`tracking`): errors of the finger tips, contact gaps and depths at the
+//! One table for each object (`tracking`): errors of the fingertips, contact gaps and depths at the
 //! grasp, speeds. This crate links the stage `retarget` and not the other way around: editing it
 //! retargets nothing again.
 
@@ -8,4 +8,4 @@ mod report;
 mod tracking;
 
 pub use report::RetargetReport;
-pub use tracking::{Tracking, TrackingMetrics};
+pub use tracking::{TrackingMetrics, TrackingReport};

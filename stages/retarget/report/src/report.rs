@@ -3,7 +3,7 @@
 use dataflow::{Code, Lines, Outputs, Report};
 use stage_retarget::{DistanceFields, Retarget, Trajectories};
 
-use crate::tracking::Tracking;
+use crate::tracking::TrackingReport;
 
 /// Shows how well trajectories follow.
 pub enum RetargetReport {}
@@ -12,7 +12,7 @@ impl Report for RetargetReport {
     type Stage = Retarget;
 
     const CODE: Code = dataflow::code!();
-    const OUTPUTS: Outputs<Retarget> = &[&Tracking];
+    const OUTPUTS: Outputs<Retarget> = &[&TrackingReport];
 
     fn lines(lines: &mut Lines<Retarget>) {
         lines.add::<DistanceFields>(|summary| {
@@ -21,7 +21,7 @@ impl Report for RetargetReport {
         lines.add::<Trajectories>(|summary| {
             format!(
                 "{} demonstrations → {} trajectories, error {:.0} mm",
-                summary.n_items(),
+                summary.item_count(),
                 summary.n_made,
                 1000.0 * summary.metrics.keypoint_error_m
             )

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
-use schemas::{Table, tracking::TrackingReport, trajectories::Trajectory};
+use schemas::{Table, tracking::TrackingSummary, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
@@ -13,9 +13,9 @@ const BELOW_TABLE_M: f64 = 0.003;
 dataflow::metrics! {
     /// Metrics of an object's trajectories.
     pub struct TrackingMetrics {
-        /// How many there are.
+        /// Number of trajectories.
         trajectories_n: Sum,
-        /// Number of finger tips compared, over all steps.
+        /// Number of fingertips compared, over all steps.
         tips_n: Sum,
         /// Sum of their distances from their landmarks, in meters.
         tip_error_sum_m: Sum,
@@ -23,18 +23,18 @@ dataflow::metrics! {
 }
 
 /// The report `tracking`: how well an object's trajectories follow.
-pub struct Tracking;
+pub struct TrackingReport;
 
-impl Output for Tracking {
+impl Output for TrackingReport {
     type Stage = Retarget;
     type Metrics = TrackingMetrics;
     type Error = RetargetError;
 
-    const ARTIFACT: &'static str = TrackingReport::NAME;
-    const SCHEMA: &'static str = TrackingReport::VERSION;
-    const PARTITION: &'static str = TrackingReport::PARTITION;
+    const ARTIFACT: &'static str = TrackingSummary::NAME;
+    const SCHEMA: &'static str = TrackingSummary::VERSION;
+    const PARTITION: &'static str = TrackingSummary::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
-    /// Says how far finger tips are from their landmarks, of whichever object.
+    /// Says how far fingertips are from their landmarks, of whichever object.
     const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
         let all = &summary.metrics;
         format!(
@@ -91,7 +91,7 @@ impl Output for Tracking {
 }
 
 /// Sums up the trajectories of one object.
-fn report(trajectories: &[Trajectory]) -> TrackingReport {
+fn report(trajectories: &[Trajectory]) -> TrackingSummary {
     let rates = || {
         let steps = trajectories.iter().flat_map(|one| one.motion.steps());
         steps.map(|step| &step.rates.joints)
@@ -112,7 +112,7 @@ fn report(trajectories: &[Trajectory]) -> TrackingReport {
         }
     }));
     let margins = Spread::of(tracking().map(|step| step.limit_margin_rad));
-    TrackingReport {
+    TrackingSummary {
         trajectories_n: count(trajectories.len()),
         steps_n: count(tracking().count()),
         tip_error_mean_m: tips.mean(),

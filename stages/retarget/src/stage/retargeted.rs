@@ -40,7 +40,7 @@ pub(super) fn make(
         inputs.artifacts(FieldInfo::NAME).first(),
     ) else {
         return Ok(Outcome::skipped(format!(
-            "its object `{}` is not among the objects with a surface",
+            "object `{}` has no distance field",
             demonstration.object
         )));
     };
@@ -89,7 +89,7 @@ pub(super) fn make(
 pub(super) fn unusable(demonstration: &Demonstration, table: &HandTable) -> Option<String> {
     if demonstration.hand != table.side {
         return Some(format!(
-            "a {} hand's reach, but the hand's table says that the robot's is a {} hand",
+            "a {} hand's reach, but the hand table says that the robot's is a {} hand",
             demonstration.hand.as_str(),
             table.side.as_str()
         ));

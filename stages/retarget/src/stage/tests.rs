@@ -151,8 +151,7 @@ fn the_reach_of_the_other_hand_is_skipped() {
     config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
     let units = Trajectories::units(&config, &scope("box")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
-    let expected =
-        "a right hand's reach, but the hand's table says that the robot's is a left hand";
+    let expected = "a right hand's reach, but the hand table says that the robot's is a left hand";
     assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
 }
 
@@ -180,7 +179,7 @@ fn non_finite_landmark_is_refused() {
     assert_eq!(retargeted::unusable(&shown, &table), Some(reason));
 }
 
-/// Writes the Allegro hand's table with a part of it replaced.
+/// Writes the Allegro hand table with a part of it replaced.
 fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
     let text = fs::read_to_string(fixture::TABLE).unwrap();
     assert!(text.contains(from));

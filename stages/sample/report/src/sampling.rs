@@ -28,11 +28,11 @@ const CLEAR_M: f64 = 0.005;
 dataflow::metrics! {
     /// Metrics of the motions of an object.
     pub struct SamplingMetrics {
-        /// How many there are.
+        /// Number of candidates.
         candidates_n: Sum,
-        /// How many were drawn within the joint limits.
+        /// Number of those drawn within the joint limits.
         within_limits_n: Sum,
-        /// How many are clear of the object before the grasp.
+        /// Number of those clear of the object before the grasp.
         clear_n: Sum,
         /// Spread of the palm at the grasp, in meters.
         grasp_spread_m: Mean,
@@ -101,9 +101,7 @@ impl Output for SamplingReport {
     ) -> Result<Outcome<SamplingMetrics>, SampleError> {
         let drawn: Candidates = inputs.one()?;
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped(
-                "it is not among the objects with a surface",
-            ));
+            return Ok(Outcome::skipped("object has no distance field"));
         };
         let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;

@@ -105,9 +105,9 @@ struct ByObject<'a>(BTreeMap<&'a str, Counts>);
 impl<'a> ByObject<'a> {
     fn add(&mut self, row: &'a Success) {
         let counts = self.0.entry(&row.object).or_default();
-        counts.candidates += row.verdicts.total_n();
+        counts.candidates += row.verdicts.total_count();
         counts.draws += row.draws_n;
-        counts.successes += row.verdicts.successes_n();
+        counts.successes += row.verdicts.success_count();
     }
 
     fn sum(&self, number: fn(&Counts) -> i64) -> i64 {
@@ -217,7 +217,11 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
         let mut approaches = Approach::ALL.into_iter();
         let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
         let approach = approach.map_or("", Approach::as_str);
-        format!("{approach}, squeeze {}", all.squeeze_rad)
+        if all.squeeze_rad > 0.0 {
+            format!("{approach}, scripted squeeze {} rad", all.squeeze_rad)
+        } else {
+            format!("{approach}, no scripted squeeze")
+        }
     };
     let published = ProtocolName::ALL
         .into_iter()

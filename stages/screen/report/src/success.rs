@@ -228,9 +228,9 @@ impl SuccessMetrics {
         let sum = |number: &dyn Fn(&Success) -> i64| rows.iter().map(number).sum::<i64>() as f64;
         Self {
             objects_n: objects(rows).len() as f64,
-            candidates_n: sum(&|row| row.verdicts.total_n()),
+            candidates_n: sum(&|row| row.verdicts.total_count()),
             draws_n: sum(&|row| row.draws_n),
-            accepted_n: sum(&|row| row.verdicts.successes_n()),
+            accepted_n: sum(&|row| row.verdicts.success_count()),
             control_steps_n: sum(&|row| row.control_steps_n),
             touched_n: touched_n as f64,
             limit_n: sum(&|row| row.verdicts.count(Verdict::Limit)),
@@ -260,7 +260,7 @@ fn objects(rows: &[Success]) -> Vec<String> {
 /// Draws how often the candidates of each object hold, with the interval of each share.
 fn chart(rows: &[Success]) -> Option<String> {
     let objects = objects(rows);
-    let rows = || rows.iter().filter(|row| row.verdicts.total_n() > 0);
+    let rows = || rows.iter().filter(|row| row.verdicts.total_count() > 0);
     let key = |row: &Success| (row.generator.clone(), row.origin);
     let keys: BTreeSet<(String, Origin)> = rows().map(key).collect();
     let estimate = |row: &Success| {
@@ -365,7 +365,10 @@ mod tests {
         };
         let names = [another, cgf].map(|row| (row.object.as_str(), row.generator.as_str()));
         assert_eq!(names, [("can", "another"), ("can", "cgf")]);
-        assert_eq!((cgf.verdicts.total_n(), cgf.verdicts.successes_n()), (4, 3));
+        assert_eq!(
+            (cgf.verdicts.total_count(), cgf.verdicts.success_count()),
+            (4, 3)
+        );
         assert_eq!(cgf.verdicts.count(Verdict::Dropped), 1);
         assert_eq!(cgf.control_steps_n, 400);
         assert_eq!(cgf.spread_n, 2);
@@ -375,7 +378,7 @@ mod tests {
         near(cgf.spread_palm_m, 0.02);
         near(cgf.spread_palm_rad, 0.3);
         near(cgf.spread_q_rad, 0.2);
-        assert_eq!((another.verdicts.successes_n(), another.spread_n), (0, 0));
+        assert_eq!((another.verdicts.success_count(), another.spread_n), (0, 0));
         assert_eq!(another.verdicts.count(Verdict::Table), 1);
         assert_eq!(another.control_steps_per_success(), 0.0);
         assert_eq!((another.draws_n, cgf.draws_n), (1, 4));
@@ -424,7 +427,11 @@ mod tests {
         let rows = of_object(&rollouts, &given).unwrap();
         let counts = rows.iter().map(|row| {
             let verdicts = &row.verdicts;
-            let counts = [verdicts.successes_n(), verdicts.total_n(), row.draws_n];
+            let counts = [
+                verdicts.success_count(),
+                verdicts.total_count(),
+                row.draws_n,
+            ];
             (row.origin, counts)
         });
         let expected = [(Origin::Prior, [0, 0, 1]), (Origin::Posterior, [1, 2, 3])];

@@ -8,7 +8,7 @@ use dataflow::{
 use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
-    latents::{Latents, Row},
+    latents::{LatentDimension, Latents},
     training::Split,
 };
 use stage_train::{Train, TrainConfig, TrainError};
@@ -76,7 +76,7 @@ fn line(summary: &Summary<LatentMetrics>) -> String {
     )
 }
 
-fn rows(description: &Description) -> Vec<Row> {
+fn rows(description: &Description) -> Vec<LatentDimension> {
     (0..description.network.latent_dim)
         .map(|dimension| {
             let codes = || {
@@ -85,7 +85,7 @@ fn rows(description: &Description) -> Vec<Row> {
             };
             let center = mean(codes().map(|(mean, _)| mean));
             let variance = mean(codes().map(|(mean, _)| (mean - center).powi(2)));
-            Row {
+            LatentDimension {
                 dimension: i64::try_from(dimension).unwrap_or(i64::MAX),
                 // Kingma and Welling, *Auto-Encoding Variational Bayes*, 2014, appendix B.
                 kl_nats: mean(codes().map(|(mean, deviation)| {
@@ -106,10 +106,14 @@ fn code(demonstration: &EncodedDemonstration, dimension: usize) -> Option<(f64, 
     Some((*mean, *deviation))
 }
 
-fn draw(description: &Description, rows: &[Row], cx: &Context) -> Result<(), LakeError> {
-    let mut ranked: Vec<(usize, &Row)> = rows.iter().enumerate().collect();
+fn draw(
+    description: &Description,
+    rows: &[LatentDimension],
+    cx: &Context,
+) -> Result<(), LakeError> {
+    let mut ranked: Vec<(usize, &LatentDimension)> = rows.iter().enumerate().collect();
     ranked.sort_by(|(_, a), (_, b)| b.kl_nats.total_cmp(&a.kl_nats));
-    let by_rank = |name: &str, number: fn(&Row) -> f64| Series {
+    let by_rank = |name: &str, number: fn(&LatentDimension) -> f64| Series {
         name: name.to_owned(),
         points: (1_u32..)
             .zip(&ranked)

@@ -15,7 +15,7 @@ use nalgebra::Point3;
 use robot::RobotModel;
 use schemas::{
     Table, checkpoint,
-    reconstruction::{Reconstruction, Row},
+    reconstruction::{Reconstruction, ReconstructionError},
     training::Split,
 };
 use spatial::Palm;
@@ -29,15 +29,15 @@ const PARTS: usize = 20;
 /// What one motion became.
 struct Rebuilt<'a> {
     demonstration: &'a EncodedDemonstration,
-    row: Row,
+    row: ReconstructionError,
     /// At each step: the part of the motion's time that has passed, in 0..=1, and the mean distance of
-    /// the finger tips in meters.
+    /// the fingertips in meters.
     over_time: Vec<[f64; 2]>,
 }
 
 /// The errors of one step.
 struct StepError {
-    /// Mean distance of the finger tips, in meters.
+    /// Mean distance of the fingertips, in meters.
     tip_m: f64,
     /// Distance of the palm's origin, in meters.
     palm_m: f64,
@@ -55,9 +55,9 @@ dataflow::metrics! {
     pub struct ReconstructionMetrics {
         /// Number of motions.
         trajectories_n: BySplit<Sum>,
-        /// Distance of the finger tips over the motion, in meters.
+        /// Distance of the fingertips over the motion, in meters.
         tip_error_mean_m: BySplit<Mean>,
-        /// Distance of the finger tips at the grasp, in meters.
+        /// Distance of the fingertips at the grasp, in meters.
         tip_error_grasp_m: BySplit<Mean>,
         /// Distance of the palm's origin over the motion, in meters.
         palm_error_mean_m: BySplit<Mean>,
@@ -160,7 +160,7 @@ fn line(summary: &Summary<ReconstructionMetrics>) -> String {
     text
 }
 
-/// The links whose origins the training calls finger tips; those of the hand's fingers if it names none.
+/// The links whose origins the training calls fingertips; those of the hand's fingers if it names none.
 fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainError> {
     let named = &description.training.tips;
     if named.is_empty() {
@@ -193,7 +193,7 @@ fn rebuilt<'a>(
     let at_grasp = |number: fn(&StepError) -> f64| errors.last().map_or(0.0, number);
     let of_joints = |step: &StepError| mean(step.joints_rad.iter().copied());
     let joint = |idx: usize| mean(errors.iter().map(|step| step.joints_rad[idx]));
-    let row = Row {
+    let row = ReconstructionError {
         sequence: track.name.clone(),
         object: demonstration.object.clone(),
         split: demonstration.split,
@@ -242,7 +242,7 @@ fn step_error(
 impl ReconstructionMetrics {
     fn of(description: &Description, all: &[Rebuilt]) -> Self {
         let count = |split: Split| description.of_split(split).count();
-        let means = |figure: fn(&Row) -> f64| {
+        let means = |figure: fn(&ReconstructionError) -> f64| {
             BySplit::of(|split| {
                 let of_split = all.iter().filter(|m| m.demonstration.split == split);
                 (count(split) > 0).then(|| mean(of_split.map(|motion| figure(&motion.row))))
@@ -274,7 +274,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeErro
         (
             "objects",
             "Finger tips by object, mean over the motion",
-            (|row| row.tip_error_mean_m) as fn(&Row) -> f64,
+            (|row| row.tip_error_mean_m) as fn(&ReconstructionError) -> f64,
         ),
         (
             "objects_grasp",
@@ -333,7 +333,7 @@ fn draw(all: &[Rebuilt], hand: &RobotModel, cx: &Context) -> Result<(), LakeErro
     cx.write_chart("time", chart)
 }
 
-/// The mean distance of the finger tips in each part of the motions' time, in millimeters.
+/// The mean distance of the fingertips in each part of the motions' time, in millimeters.
 fn over_time<'a>(motions: impl Iterator<Item = &'a Rebuilt<'a>>) -> Vec<[f64; 2]> {
     let mut sums = [[0.0; 2]; PARTS];
     for [share, error_m] in motions.flat_map(|motion| &motion.over_time) {

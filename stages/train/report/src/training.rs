@@ -8,7 +8,7 @@ use dataflow::{
 use lake::{LakeError, WriteArtifact};
 use schemas::{
     Table,
-    training::{Row, Split, Training},
+    training::{EpochLosses, Split, Training},
 };
 use stage_train::{BySplit, Train, TrainConfig, TrainError};
 
@@ -121,14 +121,14 @@ fn line(summary: &Summary<TrainingMetrics>) -> String {
     text
 }
 
-fn rows(curve: &[Epoch]) -> Vec<Row> {
+fn rows(curve: &[Epoch]) -> Vec<EpochLosses> {
     let mut rows = Vec::new();
     for epoch in curve {
         for split in Split::ALL {
             let Some(losses) = epoch.losses(split) else {
                 continue;
             };
-            rows.push(Row {
+            rows.push(EpochLosses {
                 epoch: number(epoch.epoch),
                 split,
                 learning_rate: epoch.learning_rate,

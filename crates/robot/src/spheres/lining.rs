@@ -1,18 +1,18 @@
-//! Balls that line a convex body from inside.
+//! Spheres that line a convex body from inside.
 
 use nalgebra::Vector3;
 
 use super::{LINING_RADIUS_M, SPACING_M};
 use crate::ConvexBody;
 
-/// Share of the depth of the body's center that balls in a thin body have as radius.
+/// Share of the depth of the body's center that spheres in a thin body have as radius.
 const OF_DEPTH: f64 = 0.95;
-/// Least distance between the centers of two balls, as a share of [`SPACING_M`].
+/// Least distance between the centers of two spheres, as a share of [`SPACING_M`].
 const APART: f64 = 0.5;
 /// Rounds of [`inside`].
 const ROUNDS: usize = 30;
 
-/// Returns how many balls are tried, of which those that are not too near to others remain.
+/// Returns how many spheres are tried, of which those that are not too near to others remain.
 pub(super) fn count(body: &ConvexBody) -> f64 {
     let tried = |corners: [Vector3<f64>; 3]| {
         let n = cuts(&corners);
@@ -21,7 +21,7 @@ pub(super) fn count(body: &ConvexBody) -> f64 {
     body.surface().map(tried).sum()
 }
 
-/// Returns the centers of balls, and their radius in meters: each lies in the body and touches a side
+/// Returns the centers of spheres, and their radius in meters: each lies in the body and touches a side
 /// of it or nearly so.
 pub(super) fn of(body: &ConvexBody) -> (Vec<Vector3<f64>>, f64) {
     let middle = body.center_m();
@@ -64,7 +64,7 @@ fn places(corners: &[Vector3<f64>; 3]) -> Vec<Vector3<f64>> {
     places
 }
 
-/// Returns the center nearest to a place of a ball that lies in the body; `middle` is that of one.
+/// Returns the center nearest to a place of a sphere that lies in the body; `middle` is that of one.
 ///
 /// By turns onto each side's plane (Boyle and Dykstra, *A method for finding projections onto the
 /// intersection of convex sets in Hilbert spaces*, 1986), and the rest of the way towards the middle.
@@ -132,7 +132,7 @@ mod tests {
         let bodies = [
             cuboid(&Vector3::new(0.01, 0.014, 0.027)),
             cuboid(&Vector3::new(0.02, 0.056, 0.0475)),
-            // A plate thinner than the balls that line thick bodies.
+            // A plate thinner than the spheres that line thick bodies.
             cuboid(&Vector3::new(0.03, 0.02, 0.002)),
             wedge(),
         ];
@@ -143,7 +143,7 @@ mod tests {
                     assert!(side.beyond(center) + radius_m < 1e-9, "{idx}: {center}");
                 }
             }
-            // What the balls leave out is at most what they do of a box's corners and between two.
+            // What the spheres leave out is at most what they do of a box's corners and between two.
             let mut worst: f64 = 0.0;
             for corners in body.surface() {
                 for place in places(&corners) {

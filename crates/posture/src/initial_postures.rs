@@ -29,7 +29,7 @@ impl Solver<'_> {
     /// # Errors
     ///
     /// Fails if the task does not fit the hand.
-    pub fn starts(&mut self, task: &Task<'_>) -> Result<Vec<Posture>, SolverError> {
+    pub fn initial_postures(&mut self, task: &Task<'_>) -> Result<Vec<Posture>, SolverError> {
         let hand = self.hand();
         let bends = BENDS.iter().map(|bend| {
             let mut q = vec![0.0; hand.dof()];
@@ -41,7 +41,7 @@ impl Solver<'_> {
                 root: RootPose::identity(),
                 q,
             };
-            self.laid_on(task, posture)
+            self.aligned_to_targets(task, posture)
         });
         bends.collect()
     }
@@ -52,7 +52,11 @@ impl Solver<'_> {
     /// # Errors
     ///
     /// Fails if the task or the posture does not fit the hand.
-    pub fn laid_on(&mut self, task: &Task<'_>, posture: Posture) -> Result<Posture, SolverError> {
+    pub fn aligned_to_targets(
+        &mut self,
+        task: &Task<'_>,
+        posture: Posture,
+    ) -> Result<Posture, SolverError> {
         self.place(task, &posture, &mut NoTerms)?;
         if self.hand().layout.n_root == 0 {
             return Ok(posture);
@@ -63,7 +67,7 @@ impl Solver<'_> {
             .iter()
             .filter_map(|target| {
                 let from = posed.point(target.point)?;
-                Some((from.coords, target.at.coords, target.weight))
+                Some((from.coords, target.point_in_object.coords, target.weight))
             })
             .collect();
         let (rotation, along) = align(&pairs);
@@ -80,7 +84,7 @@ impl Solver<'_> {
     /// # Errors
     ///
     /// Fails if the task or the posture does not fit the hand.
-    pub fn minimize_and_unbend<T: Terms>(
+    pub fn minimize_with_flips<T: Terms>(
         &mut self,
         task: &Task<'_>,
         posture: &mut Posture,

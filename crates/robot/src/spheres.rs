@@ -1,4 +1,4 @@
-//! Collision shapes as balls: what a distance field can answer for.
+//! Collision shapes as spheres: what a distance field can answer for.
 
 mod lining;
 
@@ -6,23 +6,23 @@ use nalgebra::{Point3, Vector3};
 
 use crate::{Collision, RobotModel, Shape};
 
-/// Radius of the balls that line a box, in meters: what they cut off its edges, at most
+/// Radius of the spheres that line a box, in meters: what they cut off its edges, at most
 /// (√3 − 1) of it or 2 mm at a corner, lies within the softness of a finger pad.
 const LINING_RADIUS_M: f64 = 0.003;
 
-/// Largest distance between neighboring balls, in meters.
+/// Largest distance between neighboring spheres, in meters.
 const SPACING_M: f64 = 0.011;
 
-/// A ball fixed to a link.
+/// A sphere fixed to a link.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Ball {
+pub struct CollisionSphere {
     /// Center in the link's frame, in meters.
     pub center_in_link: Point3<f64>,
     /// Radius in meters.
     pub radius_m: f64,
 }
 
-/// Returns about how many balls [`fill`] makes of a collision shape: at most twice as many of a
+/// Returns about how many spheres [`fill`] makes of a collision shape: at most twice as many of a
 /// primitive, and of a body with many small sides one for each corner of each triangle.
 pub fn count(collision: &Collision) -> f64 {
     let along = |half: f64| 1.0 + (2.0 * half.max(0.0) / SPACING_M).ceil();
@@ -43,11 +43,11 @@ pub fn count(collision: &Collision) -> f64 {
     }
 }
 
-/// Returns balls inside the collision shape that reach its surface about everywhere.
+/// Returns spheres inside the collision shape that reach its surface about everywhere.
 ///
 /// Their number and the time that it takes grow with the shape: see [`count`].
-pub fn fill(collision: &Collision) -> Vec<Ball> {
-    let place = |center: Vector3<f64>, radius_m: f64| Ball {
+pub fn fill(collision: &Collision) -> Vec<CollisionSphere> {
+    let place = |center: Vector3<f64>, radius_m: f64| CollisionSphere {
         center_in_link: collision.link_from_shape * Point3::from(center),
         radius_m,
     };
@@ -65,7 +65,7 @@ pub fn fill(collision: &Collision) -> Vec<Ball> {
             half_length_m,
         } => {
             if radius_m > half_length_m {
-                // Flat: balls as thick as it is, out to its rim.
+                // Flat: spheres as thick as it is, out to its rim.
                 return disc(radius_m - half_length_m)
                     .into_iter()
                     .map(|[x, y]| place(Vector3::new(x, y, 0.0), *half_length_m))
@@ -81,23 +81,23 @@ pub fn fill(collision: &Collision) -> Vec<Ball> {
             let inner = half_extents_m.map(|half| half - radius);
             let [xs, ys, zs] = [line(inner.x), line(inner.y), line(inner.z)];
             let is_end = |at: f64, half: f64| (at.abs() - half).abs() < 1e-12;
-            let mut balls = Vec::new();
+            let mut spheres = Vec::new();
             for &x in &xs {
                 for &y in &ys {
                     for &z in &zs {
                         // Those inside the lining can touch nothing before it does.
                         if is_end(x, inner.x) || is_end(y, inner.y) || is_end(z, inner.z) {
-                            balls.push(place(Vector3::new(x, y, z), radius));
+                            spheres.push(place(Vector3::new(x, y, z), radius));
                         }
                     }
                 }
             }
-            balls
+            spheres
         }
         Shape::Convex(body) => {
             let (centers, radius_m) = lining::of(body);
-            let balls = centers.into_iter().map(|center| place(center, radius_m));
-            balls.collect()
+            let spheres = centers.into_iter().map(|center| place(center, radius_m));
+            spheres.collect()
         }
     }
 }
@@ -136,20 +136,20 @@ fn disc(radius: f64) -> Vec<[f64; 2]> {
     places
 }
 
-/// Maximum number of balls in one group.
+/// Maximum number of spheres in one group.
 const GROUP: usize = 12;
-/// Maximum number of balls of a hand: those of all sides of a box of one meter, three times.
-pub const MAX_BALLS: f64 = 150_000.0;
+/// Maximum number of spheres of a hand: those of all sides of a box of one meter, three times.
+pub const MAX_SPHERES: f64 = 150_000.0;
 
-/// Neighboring balls of one link.
+/// Neighboring spheres of one link.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Cluster {
+pub struct SphereCluster {
     /// Which of the hand's links they are fixed to.
     pub link: usize,
-    /// A ball about all of them.
-    pub around: Ball,
-    /// The balls.
-    pub balls: Vec<Ball>,
+    /// A sphere about all of them.
+    pub around: CollisionSphere,
+    /// The spheres.
+    pub spheres: Vec<CollisionSphere>,
 }
 
 /// A hand's collision shapes are far larger than a hand's.
@@ -159,16 +159,16 @@ pub struct TooLarge {
     pub link: String,
 }
 
-/// Checks that a hand's collision shapes can be filled with balls.
+/// Checks that a hand's collision shapes can be filled with spheres.
 ///
 /// # Errors
 ///
-/// Fails if they are so large that more than [`MAX_BALLS`] would be made.
+/// Fails if they are so large that more than [`MAX_SPHERES`] would be made.
 pub fn check(hand: &RobotModel) -> Result<(), TooLarge> {
-    let mut n_balls = 0.0;
+    let mut n_spheres = 0.0;
     for body in hand.links() {
-        n_balls += body.collisions.iter().map(count).sum::<f64>();
-        if n_balls > MAX_BALLS {
+        n_spheres += body.collisions.iter().map(count).sum::<f64>();
+        if n_spheres > MAX_SPHERES {
             return Err(TooLarge {
                 link: body.name.clone(),
             });
@@ -177,58 +177,60 @@ pub fn check(hand: &RobotModel) -> Result<(), TooLarge> {
     Ok(())
 }
 
-/// Fills all collision shapes of a hand with balls, link after link.
+/// Fills all collision shapes of a hand with spheres, link after link.
 ///
 /// # Errors
 ///
 /// Fails as [`check`] does.
-pub fn clusters(hand: &RobotModel) -> Result<Vec<Cluster>, TooLarge> {
+pub fn clusters(hand: &RobotModel) -> Result<Vec<SphereCluster>, TooLarge> {
     check(hand)?;
     let mut all = Vec::new();
     for (link, body) in hand.links().iter().enumerate() {
-        let balls: Vec<Ball> = body.collisions.iter().flat_map(fill).collect();
-        all.extend(groups(balls).into_iter().filter_map(|balls| {
-            Some(Cluster {
+        let spheres: Vec<CollisionSphere> = body.collisions.iter().flat_map(fill).collect();
+        all.extend(groups(spheres).into_iter().filter_map(|spheres| {
+            Some(SphereCluster {
                 link,
-                around: enclosing(&balls)?,
-                balls,
+                around: enclosing(&spheres)?,
+                spheres,
             })
         }));
     }
     Ok(all)
 }
 
-/// Parts balls into groups of neighbors.
-pub fn groups(mut balls: Vec<Ball>) -> Vec<Vec<Ball>> {
-    if balls.len() <= GROUP {
-        return vec![balls];
+/// Parts spheres into groups of neighbors.
+pub fn groups(mut spheres: Vec<CollisionSphere>) -> Vec<Vec<CollisionSphere>> {
+    if spheres.len() <= GROUP {
+        return vec![spheres];
     }
-    let centers = || balls.iter().map(|ball| ball.center_in_link.coords);
+    let centers = || spheres.iter().map(|sphere| sphere.center_in_link.coords);
     let low = centers().fold(Vector3::repeat(f64::INFINITY), |a, b| a.inf(&b));
     let high = centers().fold(Vector3::repeat(f64::NEG_INFINITY), |a, b| a.sup(&b));
     let longest = (high - low).imax();
-    balls.sort_by(|a, b| a.center_in_link[longest].total_cmp(&b.center_in_link[longest]));
-    let rest = balls.split_off(balls.len() / 2);
-    let mut all = groups(balls);
+    spheres.sort_by(|a, b| a.center_in_link[longest].total_cmp(&b.center_in_link[longest]));
+    let rest = spheres.split_off(spheres.len() / 2);
+    let mut all = groups(spheres);
     all.extend(groups(rest));
     all
 }
 
-/// Returns a ball about all of these, not much larger than need be; `None` if there are none.
-pub fn enclosing(balls: &[Ball]) -> Option<Ball> {
-    let low = balls
+/// Returns a sphere about all of these, not much larger than need be; `None` if there are none.
+pub fn enclosing(spheres: &[CollisionSphere]) -> Option<CollisionSphere> {
+    let low = spheres
         .iter()
-        .map(|ball| ball.center_in_link.coords)
+        .map(|sphere| sphere.center_in_link.coords)
         .reduce(|a, b| a.inf(&b))?;
-    let high = balls
+    let high = spheres
         .iter()
-        .map(|ball| ball.center_in_link.coords)
+        .map(|sphere| sphere.center_in_link.coords)
         .reduce(|a, b| a.sup(&b))?;
     let center_in_link = Point3::from((low + high) / 2.0);
-    let reach = |ball: &Ball| (ball.center_in_link - center_in_link).norm() + ball.radius_m;
-    Some(Ball {
+    let reach = |sphere: &CollisionSphere| {
+        (sphere.center_in_link - center_in_link).norm() + sphere.radius_m
+    };
+    Some(CollisionSphere {
         center_in_link,
-        radius_m: balls.iter().map(reach).fold(0.0, f64::max),
+        radius_m: spheres.iter().map(reach).fold(0.0, f64::max),
     })
 }
 
@@ -248,17 +250,17 @@ mod tests {
                 half_extents_m: half,
             },
         };
-        let balls = fill(&collision);
+        let spheres = fill(&collision);
         let mut top = f64::MIN;
-        for ball in &balls {
-            let center = ball.center_in_link - Vector3::new(0.0, 0.0, 0.027);
+        for sphere in &spheres {
+            let center = sphere.center_in_link - Vector3::new(0.0, 0.0, 0.027);
             for (at, half) in center.iter().zip(half.iter()) {
-                assert!(at.abs() + ball.radius_m < half + 1e-12);
+                assert!(at.abs() + sphere.radius_m < half + 1e-12);
             }
-            top = top.max(ball.center_in_link.z + ball.radius_m);
+            top = top.max(sphere.center_in_link.z + sphere.radius_m);
         }
         assert!((top - 0.054).abs() < 1e-12, "{top}");
-        assert!((20..100).contains(&balls.len()), "{}", balls.len());
+        assert!((20..100).contains(&spheres.len()), "{}", spheres.len());
     }
 
     #[test]
@@ -271,28 +273,28 @@ mod tests {
                 half_length_m,
             },
         };
-        let balls = fill(&collision);
-        for ball in &balls {
-            let across = ball.center_in_link.coords.xy().norm() + ball.radius_m;
-            assert!(across < radius_m + 1e-12, "{ball:?}");
-            assert!(ball.center_in_link.z.abs() + ball.radius_m < half_length_m + 1e-12);
+        let spheres = fill(&collision);
+        for sphere in &spheres {
+            let across = sphere.center_in_link.coords.xy().norm() + sphere.radius_m;
+            assert!(across < radius_m + 1e-12, "{sphere:?}");
+            assert!(sphere.center_in_link.z.abs() + sphere.radius_m < half_length_m + 1e-12);
         }
         // Whatever comes in from any side at half height is met within a millimeter or so.
         for turn in 0..360 {
             let (sine, cosine) = f64::from(turn).to_radians().sin_cos();
             let at = Point3::new(radius_m * cosine, radius_m * sine, 0.0);
-            let gap = balls
+            let gap = spheres
                 .iter()
-                .map(|ball| (ball.center_in_link - at).norm() - ball.radius_m)
+                .map(|sphere| (sphere.center_in_link - at).norm() - sphere.radius_m)
                 .fold(f64::MAX, f64::min);
             assert!(gap < 0.002, "{gap} m at {turn} degrees");
         }
         // And what comes from above, too.
         for share in 0..10 {
             let at = Point3::new(0.0, radius_m * f64::from(share) / 10.0, half_length_m);
-            let gap = balls
+            let gap = spheres
                 .iter()
-                .map(|ball| (ball.center_in_link - at).norm() - ball.radius_m)
+                .map(|sphere| (sphere.center_in_link - at).norm() - sphere.radius_m)
                 .fold(f64::MAX, f64::min);
             assert!(gap < 0.004, "{gap} m at {share}");
         }
@@ -334,11 +336,12 @@ mod tests {
 
     #[test]
     fn a_ball_encloses_the_others() {
-        let ball = |x: f64, radius_m: f64| Ball {
+        let sphere = |x: f64, radius_m: f64| CollisionSphere {
             center_in_link: Point3::new(x, 0.0, 0.01),
             radius_m,
         };
-        let around = enclosing(&[ball(0.0, 0.01), ball(0.04, 0.02), ball(0.01, 0.0)]).unwrap();
+        let around =
+            enclosing(&[sphere(0.0, 0.01), sphere(0.04, 0.02), sphere(0.01, 0.0)]).unwrap();
         assert_eq!((around.center_in_link.x, around.radius_m), (0.02, 0.04));
         assert_eq!(enclosing(&[]), None);
     }
@@ -351,13 +354,13 @@ mod tests {
                 half_extents_m: Vector3::new(0.02, 0.056, 0.0475),
             },
         };
-        let balls = fill(&collision);
-        let groups = groups(balls.clone());
-        assert_eq!(groups.iter().map(Vec::len).sum::<usize>(), balls.len());
+        let spheres = fill(&collision);
+        let groups = groups(spheres.clone());
+        assert_eq!(groups.iter().map(Vec::len).sum::<usize>(), spheres.len());
         assert!(
-            balls
+            spheres
                 .iter()
-                .all(|ball| groups.iter().flatten().any(|one| one == ball))
+                .all(|sphere| groups.iter().flatten().any(|one| one == sphere))
         );
         for group in &groups {
             assert!(group.len() <= GROUP);

@@ -10,21 +10,21 @@ const SLACK: f64 = 1.1;
 /// The residuals of one step: links inside the object, its clearance or the table's margin, and
 /// points that should be at a distance from the surface.
 #[derive(Clone)]
-pub struct Surroundings<'a> {
+pub struct EnvironmentTerms<'a> {
     /// The hand.
     pub hand: &'a Hand,
     /// The object and the table.
     pub environment: &'a Environment,
     /// How links keep out of them.
-    pub keep_out: KeepOut,
+    pub collision_penalty: CollisionPenalty,
     /// What should be at a distance from the surface.
-    pub contacts: Vec<Contact>,
+    pub contacts: Vec<ContactTarget>,
 }
 
 /// How links keep out of the object and the table; a weight multiplies a depth before it is squared, and 0
 /// disables its term.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct KeepOut {
+pub struct CollisionPenalty {
     /// Weight of a depth inside the object's clearance.
     pub object_weight: f64,
     /// Distance from the object, in meters.
@@ -37,7 +37,7 @@ pub struct KeepOut {
 
 /// A point of the hand that should be at a distance from the object's surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
+pub struct ContactTarget {
     /// Its number among [`Hand::points`].
     pub point: usize,
     /// The signed distance, in meters.
@@ -46,15 +46,15 @@ pub struct Contact {
     pub weight: f64,
 }
 
-impl Terms for Surroundings<'_> {
+impl Terms for EnvironmentTerms<'_> {
     fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
-        let keep_out = self.keep_out;
+        let collision_penalty = self.collision_penalty;
         for contact in &self.contacts {
             if let Some(at) = posed.point(contact.point) {
                 let gap = self.environment.signed_distance(&at);
                 residuals.push(Residual {
                     point: contact.point,
-                    direction: gap.away,
+                    gradient_in_object: gap.gradient_in_object,
                     residual: gap.distance_m - contact.distance_m,
                     weight: contact.weight,
                 });
@@ -63,42 +63,42 @@ impl Terms for Surroundings<'_> {
         let mut push = |weight: f64, point: usize, gap: SignedDistance, needed_m: f64| {
             residuals.push(Residual {
                 point,
-                direction: gap.away,
+                gradient_in_object: gap.gradient_in_object,
                 residual: gap.distance_m - needed_m,
                 weight,
             });
         };
-        if keep_out.table_weight > 0.0 {
-            self.each_near_ball(
+        if collision_penalty.table_weight > 0.0 {
+            self.each_near_sphere(
                 posed,
                 |center| self.table_gap(center),
-                keep_out.table_margin_m,
-                |point, gap, needed_m| push(keep_out.table_weight, point, gap, needed_m),
+                collision_penalty.table_margin_m,
+                |point, gap, needed_m| push(collision_penalty.table_weight, point, gap, needed_m),
             );
         }
-        if keep_out.object_weight > 0.0 {
-            self.each_near_ball(
+        if collision_penalty.object_weight > 0.0 {
+            self.each_near_sphere(
                 posed,
                 |center| self.environment.signed_distance(center),
-                keep_out.clearance_m,
-                |point, gap, needed_m| push(keep_out.object_weight, point, gap, needed_m),
+                collision_penalty.clearance_m,
+                |point, gap, needed_m| push(collision_penalty.object_weight, point, gap, needed_m),
             );
         }
     }
 }
 
-impl Surroundings<'_> {
+impl EnvironmentTerms<'_> {
     /// Returns how far a point is from the table.
     fn table_gap(&self, point: &Point3<f64>) -> SignedDistance {
         SignedDistance {
             distance_m: self.environment.height_m(point),
-            away: self.environment.up_in_object(),
+            gradient_in_object: self.environment.up_in_object(),
         }
     }
 
-    /// Calls `found` with each ball's number among the solver's points whose center's gap is less
+    /// Calls `found` with each sphere's number among the solver's points whose center's gap is less
     /// than its radius and `margin_m`, with that gap and the sum.
-    fn each_near_ball(
+    fn each_near_sphere(
         &self,
         posed: &Posed<'_>,
         gap: impl Fn(&Point3<f64>) -> SignedDistance,
@@ -114,9 +114,9 @@ impl Surroundings<'_> {
             if gap(&center).distance_m > SLACK * cluster.radius_m + margin_m {
                 continue;
             }
-            for ball in cluster.balls.clone() {
-                let point = hand.ball_point(ball);
-                let (Some(center), Some(radius_m)) = (posed.point(point), hand.radii_m.get(ball))
+            for sphere in cluster.spheres.clone() {
+                let point = hand.sphere_point(sphere);
+                let (Some(center), Some(radius_m)) = (posed.point(point), hand.radii_m.get(sphere))
                 else {
                     continue;
                 };
@@ -140,7 +140,7 @@ impl Surroundings<'_> {
 
     fn depth_m(&self, posed: &Posed<'_>, gap: impl Fn(&Point3<f64>) -> SignedDistance) -> f64 {
         let mut depth_m = 0.0_f64;
-        self.each_near_ball(posed, gap, 0.0, |_, gap, radius_m| {
+        self.each_near_sphere(posed, gap, 0.0, |_, gap, radius_m| {
             depth_m = depth_m.max(radius_m - gap.distance_m);
         });
         depth_m
