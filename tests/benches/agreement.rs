@@ -10,7 +10,7 @@
 //!
 //! `PIPELINE_LAKE` names the lake; the newest `objects` in it and the newest `candidates` of the stage
 //! `PIPELINE_STAGE`, `refine` where it is not set, are taken, and the options are those of
-//! `pipelines/cgf.toml`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not
+//! `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions that are not refined. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not
 //! set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
@@ -96,6 +96,7 @@ fn main() -> ExitCode {
     let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
     let objects = lake.newest_partitions("objects", None).unwrap();
     let hand = options::hand();
+    let screen = options::screen_of(&stage);
     let mut totals = Counts::default();
     let mut unseen = Counts::default();
     let mut apart: (f64, String) = (0.0, "none".to_owned());
@@ -107,7 +108,7 @@ fn main() -> ExitCode {
         let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
         let candidates: Candidates = lake::table::read(&candidates).unwrap();
         assert_eq!(*candidates.joints, *hand.joint_names());
-        let counts = compare(&mut mujoco, &hand, &object, &candidates);
+        let counts = compare(&mut mujoco, &hand, &object, &candidates, &screen);
         println!("{name:24} {}", counts.line());
         totals.add(&counts);
         let drawn = candidates.candidates.iter();
@@ -281,8 +282,8 @@ fn compare(
     hand: &RobotModel,
     object: &ObjectShape,
     candidates: &Candidates,
+    screen: &ScreenConfig,
 ) -> Counts {
-    let screen = options::screen();
     let (scene, protocol) = (&screen.scene, &screen.protocol);
     let mut counts = Counts {
         candidates: candidates.candidates.len(),
@@ -318,12 +319,12 @@ fn compare(
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(settled, &setpoints));
     }
-    let finer = finer(&screen, hand, object, candidates);
+    let finer = finer(screen, hand, object, candidates);
     counts.held_finer = finer.iter().filter(|held| **held).count();
     counts.differ_finer = counts.held + counts.held_finer - 2 * both(&held, &finer);
     let mut verdicts: Vec<Vec<bool>> = Vec::new();
     for (idx, (_, engine)) in ENGINES.into_iter().enumerate() {
-        mujoco.build(&screen, hand, object, engine);
+        mujoco.build(screen, hand, object, engine);
         let rolled = mujoco.roll(&scripts);
         counts.there_s[idx] += rolled.iter().map(|rolled| rolled.cpu_s).sum::<f64>();
         let there = rolled

@@ -92,6 +92,7 @@ fn main() -> ExitCode {
     if let Some(folder) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) {
         let lake = Lake::open(&folder);
         let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
+        let of_lake = options::screen_of(&stage).protocol;
         let objects = lake.newest_partitions("objects", None).unwrap();
         for (name, artifact) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
             let Some(object) = objects.get(&name) else {
@@ -111,7 +112,7 @@ fn main() -> ExitCode {
                 &object,
                 &motions,
                 &scene,
-                &protocol,
+                &of_lake,
                 &mut totals,
             );
         }
