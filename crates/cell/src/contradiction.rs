@@ -58,7 +58,7 @@ pub enum Contradiction {
         found: String,
     },
     /// The outcome is not possible for an accepted goal.
-    #[error("`{outcome}` is not an outcome of a goal that the cell took")]
+    #[error("`{outcome}` is not an outcome of a goal that the cell accepted")]
     Outcome {
         /// The outcome.
         outcome: &'static str,
@@ -174,12 +174,12 @@ pub enum Contradiction {
         moved: f64,
     },
     /// The reported rise differs from that of the samples.
-    #[error("reported rise {said_m} m differs from that of the samples, {shown_m:.4} m")]
+    #[error("reported rise {reported_m} m differs from that of the samples, {sampled_m:.4} m")]
     Lift {
         /// The reported rise.
-        said_m: f64,
+        reported_m: f64,
         /// The rise of the samples.
-        shown_m: f64,
+        sampled_m: f64,
     },
     /// The object was not lifted high enough.
     #[error(
@@ -403,12 +403,15 @@ fn check_motion(
     Ok(())
 }
 
-fn check_lift(said_m: f64, shown_m: f64) -> Result<(), Contradiction> {
+fn check_lift(reported_m: f64, sampled_m: f64) -> Result<(), Contradiction> {
     // A comparison with NaN is false.
-    if (said_m - shown_m).abs() <= LIFT_M {
+    if (reported_m - sampled_m).abs() <= LIFT_M {
         return Ok(());
     }
-    Err(Contradiction::Lift { said_m, shown_m })
+    Err(Contradiction::Lift {
+        reported_m,
+        sampled_m,
+    })
 }
 
 /// Checks that the hand lifted the object and held it until the end.
@@ -476,7 +479,7 @@ struct CommandedSamples {
 impl CommandedSamples {
     /// Samples a goal's trajectory; `None` if the goal has none.
     fn of(goal: &Goal) -> Option<Self> {
-        let samples_n = look(end_s(goal)) + 2;
+        let samples_n = sample_idx(end_s(goal)) + 2;
         let times = || (0..samples_n).map(|idx| idx as f64 * SAMPLE_PERIOD_S);
         let (arm, palm) = match &goal.carrier {
             PalmTrajectory::Arm(arm) => (Some(arm), None),
@@ -499,10 +502,10 @@ impl CommandedSamples {
     }
 
     /// Returns the indices of the commands that may be in effect at a time.
-    fn looks(&self, time_s: f64, history: History) -> std::ops::Range<usize> {
-        let last = (look(time_s + EARLY_S) + 2).min(self.samples_n);
+    fn samples(&self, time_s: f64, history: History) -> std::ops::Range<usize> {
+        let last = (sample_idx(time_s + EARLY_S) + 2).min(self.samples_n);
         let first = match history {
-            History::Recent => look(time_s - LATE_S),
+            History::Recent => sample_idx(time_s - LATE_S),
             History::Any => 0,
         };
         first.min(last.saturating_sub(1))..last
@@ -510,10 +513,10 @@ impl CommandedSamples {
 
     /// Returns the least and the greatest command of a joint that may be in effect at a time.
     fn range(&self, joint: usize, time_s: f64, history: History) -> [f64; 2] {
-        let looks = self.looks(time_s, history);
+        let samples = self.samples(time_s, history);
         match history {
-            History::Recent => span(self.q[joint][looks].iter().copied()),
-            History::Any => self.until[joint][looks.end - 1],
+            History::Recent => span(self.q[joint][samples].iter().copied()),
+            History::Any => self.until[joint][samples.end - 1],
         }
     }
 
@@ -526,7 +529,7 @@ impl CommandedSamples {
         let Some(palm) = &self.palm else {
             return Ok(());
         };
-        let commanded = &palm[self.looks(sample.time_s, history)];
+        let commanded = &palm[self.samples(sample.time_s, history)];
         let seen = &sample.table_from_palm;
         let off = |pose: &Pose<Table, Palm>| {
             let off_m = (pose.translation.vector - seen.translation.vector).norm();
@@ -552,7 +555,7 @@ impl CommandedSamples {
     clippy::cast_sign_loss,
     reason = "a motion lasts ten minutes at most, and a cast saturates"
 )]
-fn look(time_s: f64) -> usize {
+fn sample_idx(time_s: f64) -> usize {
     (time_s / SAMPLE_PERIOD_S).floor().clamp(0.0, 1e6) as usize
 }
 

@@ -57,7 +57,7 @@ impl Advise for RefineError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::ReadHandTable { path, .. } => Some(format!(
-                "set `hand_table` to the table of the robot hand; {}",
+                "set `hand_table` to the table of a robot hand; {}",
                 missing(path)
             )),
             Self::LoadRobot(err) => err.hint(),

@@ -336,6 +336,16 @@ mod tests {
     }
 
     #[test]
+    fn a_motion_below_the_table_rises_above_it() {
+        let hand = fixture::hand();
+        let down = nalgebra::Translation3::new(0.0, 0.0, -0.06);
+        let drawn = reach(&hand, -0.1, 0.3).shifted(&down);
+        let refined = refine(&hand, &fixture::config(), &drawn).motion;
+        let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[1]);
+        assert!(before > 0.02 && after < 0.001, "{before} m, then {after} m");
+    }
+
+    #[test]
     fn the_squeeze_stays_within_the_joints_limits() {
         let hand = fixture::hand();
         let upper: Vec<f64> = (hand.model.joints().iter())
@@ -363,6 +373,11 @@ mod tests {
         for (drawn, refined) in drawn.steps().iter().zip(refined.steps()) {
             let off = drawn.frame_from_palm.inv_mul(&refined.frame_from_palm);
             assert!(off.translation.vector.norm() < 1e-4, "{}", off.translation);
+            let turned_rad = off.rotation.angle();
+            assert!(turned_rad < 1e-3, "{turned_rad}");
+            for (drawn, refined) in drawn.q_rad.iter().zip(&refined.q_rad) {
+                assert!((drawn - refined).abs() < 1e-3, "{drawn} {refined}");
+            }
         }
     }
 

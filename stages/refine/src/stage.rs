@@ -206,9 +206,8 @@ fn best_of(refined: Vec<(Candidate, Refined)>, draws: usize) -> Vec<(Candidate, 
     for (number, (candidate, one)) in refined.into_iter().enumerate() {
         let rest = &candidate.table_from_object;
         let alike = by_rest.iter_mut().find(|group| {
-            group
-                .iter()
-                .any(|(_, other, _)| other.table_from_object == *rest)
+            let first = group.first();
+            first.is_some_and(|(_, other, _)| other.table_from_object == *rest)
         });
         match alike {
             Some(group) => group.push((number, candidate, one)),
@@ -471,6 +470,38 @@ mod tests {
         assert_eq!(first.lineage.draw_n, 1);
         assert!(found[1].refused.is_empty());
         assert!(found.iter().all(|one| one.generator == "refine"));
+    }
+
+    #[test]
+    fn draws_compete_only_with_the_same_resting_pose_and_whichever_comes_first() {
+        let config = RefineConfig {
+            draws: 2,
+            ..fixture::config()
+        };
+        let [weak, strong] = [0.05, 0.55];
+        let mut drawn = vec![
+            candidate("box-0", 1, weak),
+            candidate("box-1", 1, weak),
+            candidate("box-2", 1, strong),
+            candidate("box-3", 1, strong),
+        ];
+        // The second and the last lie turned: each competes with the other alone.
+        for idx in [1, 3] {
+            drawn[idx].table_from_object = Pose::from_parts(
+                nalgebra::Vector3::new(0.0, 0.0, fixture::BOX_HALF_M[2]),
+                nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3),
+            );
+        }
+        let (_, found) = run(&config, drawn, &BOTH);
+        let found = found.unwrap().candidates;
+        let kept: Vec<(&str, u32, usize)> = found
+            .iter()
+            .map(|one| {
+                let name = one.candidate_id.as_str();
+                (name, one.lineage.draw_n, one.refused.len())
+            })
+            .collect();
+        assert_eq!(kept, [("box-2", 2, 1), ("box-3", 2, 1)]);
     }
 
     #[test]

@@ -20,7 +20,10 @@ pub(crate) fn screen() -> ScreenConfig {
 }
 
 /// Scene, protocol and limits of the candidates of a stage: for refined ones those of `pipelines/cgf.toml`.
-#[allow(dead_code, reason = "only benches that read a lake have candidates of stages")]
+#[allow(
+    dead_code,
+    reason = "only benches that read a lake have candidates of stages"
+)]
 pub(crate) fn screen_of(stage: &str) -> ScreenConfig {
     if stage == REFINED {
         of_file("pipelines/cgf.toml")

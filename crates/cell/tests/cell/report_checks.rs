@@ -514,8 +514,8 @@ fn contradictory_outcome_is_never_recorded() {
 #[test]
 fn contradiction_names_its_numbers() {
     let far = Contradiction::Lift {
-        said_m: -5.0,
-        shown_m: 0.1,
+        reported_m: -5.0,
+        sampled_m: 0.1,
     };
     assert_eq!(
         far.to_string(),
