@@ -231,7 +231,8 @@ class Cell(Checks):
         n, grasp = len(goal.joints), goal.head["grasp"]
         hand = goal.hand[:, 0], goal.hand[:, 1:n + 1], goal.hand[:, n + 1:2 * n + 1], goal.hand[:, 2 * n + 1:]
         palm, parts = goal.palm, (goal.palm[:, 0], goal.palm[:, 1:4], goal.palm[:, 8:11], goal.palm[:, 14:17])
-        closes = abs(hand[1][-1] - between(*hand, grasp["reach_s"])).max() > 1e-3
+        open_s = grasp["reach_s"] * (1 - grasp["close_fraction"])
+        closes = abs(hand[1][-1] - between(*hand, open_s)).max() > 1e-3
         lies, start = np.array(goal.head["table_from_object"]), time.monotonic()
         grasp_z = between(*parts, grasp["reach_s"])[2]
         end = sum(grasp[name] for name in ("reach_s", "squeeze_s", "pause_s", "lift_s", "hold_s"))
