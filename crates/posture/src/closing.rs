@@ -1,6 +1,7 @@
 //! How a hand closes on an object: how open it is over time, and which fingertips touch at the grasp.
 
-/// A fingertip counts as touching in full up to the contact distance and not at all at this multiple of it.
+/// A fingertip counts as touching in full up to the contact distance and not at all at this multiple of it, so that
+/// contacts come and go smoothly.
 const CONTACT_FADE: f64 = 1.5;
 
 /// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.

@@ -39,7 +39,7 @@ pub(crate) struct RefinedGrasp {
     pub(crate) residual_m2: f64,
 }
 
-impl<'a> Refiner<'a> {
+impl Refiner<'_> {
     /// Refines the last step: from the drawn grasp, and along the approach, where the fingers come from outside
     /// and so end on the right side of thin things; where its residual stays large, also from the better of them, rotated
     /// about its fingertips.

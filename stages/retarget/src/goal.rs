@@ -7,8 +7,6 @@ use posture::{Environment, Hand};
 
 use crate::RetargetConfig;
 
-/// A person's tip counts as touching in full up to the configured distance and not at all at this
-
 /// What one step asks of the hand.
 #[derive(Debug, Clone)]
 pub(crate) struct Goal {

@@ -218,7 +218,7 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
         let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
         let approach = approach.map_or("", Approach::as_str);
         if all.squeeze_rad > 0.0 {
-            format!("{approach}, scripted squeeze {} rad", all.squeeze_rad)
+            format!("{approach}, squeeze {} rad", all.squeeze_rad)
         } else {
             format!("{approach}, no scripted squeeze")
         }
@@ -379,7 +379,7 @@ mod tests {
         let text = said(&protocol());
         let (begin, end) = (
             "61.7 % hold, 6 objects (95 % CI ",
-            "); follow, squeeze 0.15",
+            "); follow, squeeze 0.15 rad",
         );
         assert!(text.starts_with(begin) && text.ends_with(end), "{text}");
         // With its place, its stage and its time it fits 100 columns.
@@ -390,7 +390,7 @@ mod tests {
             ..protocol()
         };
         assert!(
-            said(&open).ends_with("; open, squeeze 0"),
+            said(&open).ends_with("; open, no scripted squeeze"),
             "{}",
             said(&open)
         );
@@ -398,7 +398,7 @@ mod tests {
             approach: Approach::AtGrasp,
             ..protocol()
         };
-        assert!(said(&placed).ends_with("; at_grasp, squeeze 0.15"));
+        assert!(said(&placed).ends_with("; at_grasp, squeeze 0.15 rad"));
         let published = Protocol {
             name: ProtocolName::DexgraspbenchForceClosure,
             ..protocol()
