@@ -96,7 +96,7 @@ fn main() -> ExitCode {
     let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
     let objects = lake.newest_partitions("objects", None).unwrap();
     let hand = options::hand();
-    let screen = options::screen_of(&stage);
+    let screen = options::screen(stage == "refine");
     let mut totals = Counts::default();
     let mut unseen = Counts::default();
     let mut apart: (f64, String) = (0.0, "none".to_owned());

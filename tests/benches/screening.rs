@@ -51,7 +51,7 @@ const ENGINE: Engine = Engine {
 fn main() -> ExitCode {
     let mut limits = Limits::with_noise(NOISE);
     let hand = options::hand();
-    let mut screen = options::screen();
+    let mut screen = options::screen(false);
     screen.protocol = grasps::opened(screen.protocol);
     let (scene, protocol) = (&screen.scene, &screen.protocol);
     let object = can::can();

@@ -292,10 +292,10 @@ mod tests {
     }
 
     /// Distance of each touching fingertip's surface from the object at the last step, in meters.
-    fn gaps_m(hand: &Hand, drawn: &Motion<Object>, refined: &Motion<Object>) -> Vec<f64> {
+    fn gaps_m(hand: &Hand, drawn: &Motion<Object>, moved: &Motion<Object>) -> Vec<f64> {
         let (config, environment) = (fixture::config(), fixture::environment());
         let mut refiner = Refiner::new(hand, &config, fixture::payload());
-        let [drawn, grasp] = [drawn.grasp(), refined.grasp()].map(|step| {
+        let [drawn, grasp] = [drawn.grasp(), moved.grasp()].map(|step| {
             let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
             refiner.place(posture).unwrap()
         });
