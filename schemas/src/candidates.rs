@@ -29,7 +29,7 @@ pub struct Candidate {
     /// Its generator, e.g. `cgf`.
     pub generator: String,
     /// Where it comes from.
-    pub lineage: DrawSource,
+    pub source: DrawSource,
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
     /// Pose of the object on the table.
@@ -51,7 +51,7 @@ pub struct Candidate {
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedDraw {
     /// Where it comes from.
-    pub lineage: DrawSource,
+    pub source: DrawSource,
     /// Pose of the object on the table.
     pub table_from_object: Pose<spatial::Table, Object>,
     /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
@@ -90,7 +90,7 @@ columns! {
 }
 
 impl DrawSource {
-    /// Returns the lineage of a demonstration that is replayed.
+    /// Returns the source of a demonstration that is replayed.
     pub fn replayed(sequence: &str) -> Self {
         Self {
             draw_n: 1,
@@ -147,7 +147,7 @@ columns! {
     struct Row {
         candidate_id: String => "unique name of the motion, the same for all its draws",
         generator: String => "what drew it",
-        lineage: DrawSource,
+        source: DrawSource,
         refused: Option<Refusal>
             => "empty for a candidate, else why: too deep in `object` or `table`, or a larger `residual` than it",
         depth_m: f64 ["m"]
@@ -179,7 +179,7 @@ impl From<&Candidate> for Row {
         Self {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
-            lineage: candidate.lineage.clone(),
+            source: candidate.source.clone(),
             refused: None,
             depth_m: candidate.depth_m,
             residual_m2: candidate.residual_m2,
@@ -211,7 +211,7 @@ impl Row {
         let refused = candidate.refused.iter();
         let refused = refused.map(|draw| Self::refused(candidate, draw));
         let mut draws: Vec<Self> = refused.chain([Self::from(candidate)]).collect();
-        draws.sort_by_key(|draw| draw.lineage.draw_n);
+        draws.sort_by_key(|draw| draw.source.draw_n);
         draws
     }
 
@@ -219,7 +219,7 @@ impl Row {
         Self {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
-            lineage: draw.lineage.clone(),
+            source: draw.source.clone(),
             refused: Some(draw.refusal),
             depth_m: draw.depth_m,
             residual_m2: draw.residual_m2,
@@ -279,7 +279,7 @@ impl Row {
             })?,
             candidate_id: self.candidate_id,
             generator: self.generator,
-            lineage: self.lineage,
+            source: self.source,
             latent: self.latent,
             table_from_object: self.table_from_object,
             limit_excess_rad: self.limit_excess_rad,
@@ -322,7 +322,7 @@ impl Table for Candidates {
                     .entry(row.candidate_id)
                     .or_default()
                     .push(RefusedDraw {
-                        lineage: row.lineage,
+                        source: row.source,
                         table_from_object: row.table_from_object,
                         limit_excess_rad: row.limit_excess_rad,
                         depth_m: row.depth_m,

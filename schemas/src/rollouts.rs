@@ -15,7 +15,7 @@ columns! {
         candidate_id: String => "the motion",
         generator: String => "what drew it",
         /// Where the candidate comes from.
-        lineage: DrawSource,
+        source: DrawSource,
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
         verdict as reason: Verdict => "`held`, or why it failed",
@@ -37,7 +37,7 @@ impl Rollout {
         Self {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
-            lineage: candidate.lineage.clone(),
+            source: candidate.source.clone(),
             verdict,
             cost_n: 0,
             saved_n: 0,

@@ -159,7 +159,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
     Rollout {
         candidate_id: format!("{object}-{row:05}"),
         generator: "cgf".to_owned(),
-        lineage: DrawSource::replayed("a"),
+        source: DrawSource::replayed("a"),
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         cost_n: 190,
         saved_n: 0,

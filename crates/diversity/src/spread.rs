@@ -260,7 +260,7 @@ mod tests {
         Candidate {
             candidate_id: String::new(),
             generator: String::new(),
-            lineage: DrawSource::replayed("a"),
+            source: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,

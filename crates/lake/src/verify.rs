@@ -1,6 +1,6 @@
 //! Verification of the whole lake: every byte against its stored digest.
 
-mod shown;
+mod published;
 
 use std::{
     collections::HashMap,
@@ -74,7 +74,7 @@ impl Lake {
         verifier.replicated()?;
         verifier.newest()?;
         verifier.sealed(&self.folder.sources());
-        verifier.all_shown()?;
+        verifier.check_published()?;
         verifier.verified.faults.sort();
         Ok(verifier.verified)
     }

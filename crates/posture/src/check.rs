@@ -33,10 +33,10 @@ impl Task<'_> {
                 return bad("a point before".to_owned());
             }
         }
-        if let Some(rest) = &self.rest {
-            length("joint positions at rest", rest.q.len(), hand.dof())?;
-            weight("the weight of rest", rest.weight)?;
-            finite("a joint position at rest", rest.q)?;
+        if let Some(prior) = &self.prior {
+            length("joint positions of the prior", prior.q.len(), hand.dof())?;
+            weight("the weight of the prior", prior.weight)?;
+            finite("a joint position of the prior", prior.q)?;
         }
         Ok(())
     }

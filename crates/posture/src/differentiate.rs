@@ -79,8 +79,8 @@ impl Evaluation<'_> {
         {
             add(&smoothness.posture.q, smoothness.joint_weight);
         }
-        if let Some(rest) = &task.rest {
-            add(rest.q, rest.weight);
+        if let Some(prior) = &task.prior {
+            add(prior.q, prior.weight);
         }
     }
 
@@ -241,8 +241,8 @@ impl Evaluation<'_> {
         {
             add(&smoothness.posture.q, smoothness.joint_weight);
         }
-        if let Some(rest) = &task.rest {
-            add(rest.q, rest.weight);
+        if let Some(prior) = &task.prior {
+            add(prior.q, prior.weight);
         }
     }
 }

@@ -247,12 +247,12 @@ impl<'a> Evaluation<'a> {
                 cost += smoothness.root_weight * (along.norm_squared() + turned.norm_squared());
             }
         }
-        if let Some(rest) = &task.rest {
+        if let Some(prior) = &task.prior {
             let mut sum = 0.0;
             for (q, &joint) in state.q.iter().zip(joints) {
-                sum += (q - rest.q[joint]).powi(2);
+                sum += (q - prior.q[joint]).powi(2);
             }
-            cost += rest.weight * sum;
+            cost += prior.weight * sum;
         }
         cost
     }

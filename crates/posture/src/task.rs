@@ -19,7 +19,7 @@ pub struct Task<'a> {
     /// What ties this step to the one solved before; `None` for the first.
     pub smoothness: Option<Smoothness<'a>>,
     /// Regularization of otherwise unconstrained joints.
-    pub rest: Option<PosturePrior<'a>>,
+    pub prior: Option<PosturePrior<'a>>,
 }
 
 /// Where a point should be.

@@ -181,7 +181,7 @@ const EMPTY_TASK: Task<'static> = Task {
     targets: &[],
     loss: Loss::Squared,
     smoothness: None,
-    rest: None,
+    prior: None,
 };
 
 impl Case {
@@ -196,7 +196,7 @@ impl Case {
                 joint_weight: 4e-3,
                 root_weight: 3e-3,
             }),
-            rest: Some(PosturePrior {
+            prior: Some(PosturePrior {
                 q: &self.rest,
                 weight: 1e-3,
             }),
@@ -357,7 +357,7 @@ proptest! {
         let mut solver = Solver::new(&hand);
         let task = Task {
             smoothness: None,
-            rest: Some(PosturePrior { q: &case.rest, weight: 1e-3 }),
+            prior: Some(PosturePrior { q: &case.rest, weight: 1e-3 }),
             ..case.task(Loss::Squared)
         };
         let mut found = case.at.clone();

@@ -193,7 +193,7 @@ pub(crate) fn candidates() -> Candidates {
     let motion = |name: &str, times: &[f64]| Candidate {
         candidate_id: name.to_owned(),
         generator: "cgf".to_owned(),
-        lineage: lineage(2),
+        source: source(2),
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
@@ -207,7 +207,7 @@ pub(crate) fn candidates() -> Candidates {
         .unwrap(),
     };
     let refused = |draw_n: u32, refusal: Refusal| RefusedDraw {
-        lineage: lineage(draw_n),
+        source: source(draw_n),
         table_from_object: pose(0.8),
         limit_excess_rad: 0.02,
         depth_m: 0.007,
@@ -228,7 +228,7 @@ pub(crate) fn candidates() -> Candidates {
     }
 }
 
-fn lineage(draw_n: u32) -> DrawSource {
+fn source(draw_n: u32) -> DrawSource {
     DrawSource {
         draw_n,
         origin: Origin::Posterior,
@@ -330,7 +330,7 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
     let rollout = |verdict: Verdict| Rollout {
         candidate_id: verdict.as_str().to_owned(),
         generator: "cgf".to_owned(),
-        lineage: lineage(2),
+        source: source(2),
         verdict,
         cost_n: 65,
         saved_n: 125,

@@ -58,9 +58,9 @@ fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
     // A generator without training says nothing of the object.
     let mut untrained = candidates;
     for candidate in &mut untrained.candidates {
-        candidate.lineage = DrawSource {
+        candidate.source = DrawSource {
             object_split: None,
-            ..candidate.lineage.clone()
+            ..candidate.source.clone()
         };
     }
     let batch = untrained.to_batch().unwrap();

@@ -153,7 +153,7 @@ mod tests {
         let candidate = |(idx, x_m): (usize, &f64)| Candidate {
             candidate_id: idx.to_string(),
             generator: String::new(),
-            lineage: DrawSource::replayed("a"),
+            source: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,

@@ -85,7 +85,7 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
-        lineage: DrawSource::replayed("a"),
+        source: DrawSource::replayed("a"),
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,

@@ -36,10 +36,10 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-line", given.candidate_id),
         generator: GENERATOR.to_owned(),
-        lineage: DrawSource {
+        source: DrawSource {
             draw_n: 1,
             origin: Origin::Line,
-            ..given.lineage.clone()
+            ..given.source.clone()
         },
         latent: given.latent.clone(),
         table_from_object: given.table_from_object,
@@ -146,7 +146,7 @@ mod tests {
         Candidate {
             candidate_id: "can-00007".to_owned(),
             generator: "cgf".to_owned(),
-            lineage: DrawSource {
+            source: DrawSource {
                 draw_n: 3,
                 origin: Origin::Posterior,
                 demonstration: "a".to_owned(),
@@ -189,9 +189,9 @@ mod tests {
         let expected = DrawSource {
             draw_n: 1,
             origin: Origin::Line,
-            ..motion.lineage.clone()
+            ..motion.source.clone()
         };
-        assert_eq!(line.lineage, expected);
+        assert_eq!(line.source, expected);
         assert_eq!(line.table_from_object, motion.table_from_object);
         assert_eq!(line.limit_excess_rad, 0.0);
         let times = |motion: &Candidate| -> Vec<f64> {

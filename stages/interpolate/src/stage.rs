@@ -124,7 +124,7 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
-            lineage: DrawSource::replayed("a"),
+            source: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,

@@ -232,13 +232,13 @@ impl<'a> Refiner<'a> {
 pub(crate) fn task<'t>(
     targets: &'t [Target],
     smoothness: Option<Smoothness<'t>>,
-    rest: Option<PosturePrior<'t>>,
+    prior: Option<PosturePrior<'t>>,
 ) -> Task<'t> {
     Task {
         targets,
         loss: Loss::Squared,
         smoothness,
-        rest,
+        prior,
     }
 }
 

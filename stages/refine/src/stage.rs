@@ -235,11 +235,11 @@ fn best(
     let mut before_n = 0;
     for (number, mut candidate, one) in draws {
         // Each may have draws of its own that were refused when it was drawn.
-        let draws_n = candidate.refused.iter().map(|draw| draw.lineage.draw_n);
-        let draws_n = draws_n.fold(candidate.lineage.draw_n, u32::max);
-        candidate.lineage.draw_n += before_n;
+        let draws_n = candidate.refused.iter().map(|draw| draw.source.draw_n);
+        let draws_n = draws_n.fold(candidate.source.draw_n, u32::max);
+        candidate.source.draw_n += before_n;
         for mut draw in std::mem::take(&mut candidate.refused) {
-            draw.lineage.draw_n += before_n;
+            draw.source.draw_n += before_n;
             refused.push(draw);
         }
         before_n += draws_n;
@@ -255,7 +255,7 @@ fn best(
             }
         };
         refused.extend(worse.map(|worse| RefusedDraw {
-            lineage: worse.lineage,
+            source: worse.source,
             table_from_object: worse.table_from_object,
             limit_excess_rad: worse.limit_excess_rad,
             depth_m: worse.depth_m,
@@ -263,7 +263,7 @@ fn best(
             refusal: Refusal::Residual,
         }));
     }
-    refused.sort_by_key(|draw| draw.lineage.draw_n);
+    refused.sort_by_key(|draw| draw.source.draw_n);
     best.map(|(number, candidate, one)| {
         (
             number,
@@ -315,7 +315,7 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
-            lineage: DrawSource {
+            source: DrawSource {
                 draw_n,
                 origin: Origin::Prior,
                 demonstration: String::new(),
@@ -337,7 +337,7 @@ mod tests {
     fn refused(draw_n: u32) -> RefusedDraw {
         let of = candidate("", draw_n, 0.5);
         RefusedDraw {
-            lineage: of.lineage,
+            source: of.source,
             table_from_object: of.table_from_object,
             limit_excess_rad: 0.0,
             depth_m: 0.03,
@@ -434,7 +434,7 @@ mod tests {
             drawn.push(candidate(name, 1, bend));
         }
         // The second had been drawn before.
-        drawn[1].lineage.draw_n = 2;
+        drawn[1].source.draw_n = 2;
         drawn[1].refused = vec![refused(1)];
         let single = RefineConfig {
             draws: 1,
@@ -460,14 +460,14 @@ mod tests {
         let others: Vec<(u32, Refusal, f64)> = first
             .refused
             .iter()
-            .map(|draw| (draw.lineage.draw_n, draw.refusal, draw.residual_m2))
+            .map(|draw| (draw.source.draw_n, draw.refusal, draw.residual_m2))
             .collect();
         let second = each[1].residual_m2;
         assert_eq!(
             others,
             [(2, Refusal::Table, 0.0), (3, Refusal::Residual, second)]
         );
-        assert_eq!(first.lineage.draw_n, 1);
+        assert_eq!(first.source.draw_n, 1);
         assert!(found[1].refused.is_empty());
         assert!(found.iter().all(|one| one.generator == "refine"));
     }
@@ -498,7 +498,7 @@ mod tests {
             .iter()
             .map(|one| {
                 let name = one.candidate_id.as_str();
-                (name, one.lineage.draw_n, one.refused.len())
+                (name, one.source.draw_n, one.refused.len())
             })
             .collect();
         assert_eq!(kept, [("box-2", 2, 1), ("box-3", 2, 1)]);

@@ -127,7 +127,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
     Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
-        lineage: DrawSource::replayed(&trajectory.sequence),
+        source: DrawSource::replayed(&trajectory.sequence),
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
@@ -241,7 +241,7 @@ mod tests {
             .collect();
         assert_eq!(ids, ["can-a", "can-b"]);
         for (candidate, shown) in read.candidates.iter().zip(&shown) {
-            assert_eq!(candidate.lineage, DrawSource::replayed(&shown.sequence));
+            assert_eq!(candidate.source, DrawSource::replayed(&shown.sequence));
             assert_eq!(candidate.table_from_object, shown.rest.table_from_object());
             let (found, expected) = (&candidate.motion, &shown.motion);
             for (found, expected) in found.steps().iter().zip(expected.steps()) {

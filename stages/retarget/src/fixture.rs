@@ -109,7 +109,7 @@ pub(crate) fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS
         targets: &[],
         loss: posture::Loss::Squared,
         smoothness: None,
-        rest: None,
+        prior: None,
     };
     solver.place(&nothing, posture, &mut NoTerms).unwrap();
     let mut keypoints = [[0.0; 3]; KEYPOINTS];

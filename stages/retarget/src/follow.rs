@@ -247,7 +247,7 @@ impl<'a> Follower<'a> {
             targets: &targets,
             loss: posture::Loss::Squared,
             smoothness: None,
-            rest: None,
+            prior: None,
         };
         Ok(self.solver.aligned_to_targets(&task, posture)?)
     }
@@ -294,7 +294,7 @@ impl<'a> Asks<'a> {
                 joint_weight,
                 root_weight: 0.0,
             }),
-            rest: (before.is_none() || joint_weight == 0.0).then_some(PosturePrior {
+            prior: (before.is_none() || joint_weight == 0.0).then_some(PosturePrior {
                 q: &self.hand.mid_range,
                 weight: TIE_BREAK_WEIGHT.powi(2),
             }),

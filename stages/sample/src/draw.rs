@@ -22,7 +22,7 @@ pub(crate) struct Draw {
     /// The latent code.
     pub(crate) latent: Vec<f64>,
     /// Where the code comes from.
-    pub(crate) lineage: DrawSource,
+    pub(crate) source: DrawSource,
 }
 
 /// The ways of drawing motions for one object.
@@ -104,7 +104,7 @@ impl<'a> Source<'a> {
 
     /// Draws motion `number` of the object for the `draw_n`th time, from 1.
     pub(crate) fn draw(&self, number: usize, draw_n: u32, random: &mut Random) -> Draw {
-        let lineage = |origin: Origin, demonstration: &str| DrawSource {
+        let source = |origin: Origin, demonstration: &str| DrawSource {
             draw_n,
             origin,
             demonstration: demonstration.to_owned(),
@@ -115,7 +115,7 @@ impl<'a> Source<'a> {
             return Draw {
                 rest,
                 latent,
-                lineage: lineage(Origin::Path, &path[0].1.name),
+                source: source(Origin::Path, &path[0].1.name),
             };
         }
         let about_demonstration = random.uniform() < self.config.demonstrated_share;
@@ -132,7 +132,7 @@ impl<'a> Source<'a> {
             return Draw {
                 rest,
                 latent,
-                lineage: lineage(Origin::Posterior, &demonstration.name),
+                source: source(Origin::Posterior, &demonstration.name),
             };
         }
         let rest = choose(&self.weights, random.uniform());
@@ -142,7 +142,7 @@ impl<'a> Source<'a> {
         Draw {
             rest,
             latent,
-            lineage: lineage(Origin::Prior, ""),
+            source: source(Origin::Prior, ""),
         }
     }
 

@@ -70,7 +70,7 @@ pub(crate) fn sample(
     }
     let candidates = kept.into_iter().flatten().map(|kept| {
         let mut candidate = kept.candidate;
-        candidate.refused.sort_by_key(|draw| draw.lineage.draw_n);
+        candidate.refused.sort_by_key(|draw| draw.source.draw_n);
         candidate
     });
     Ok(candidates.collect())
@@ -108,7 +108,7 @@ impl Measured {
         let draw = lost.candidate;
         kept.candidate.refused.extend(draw.refused);
         kept.candidate.refused.push(RefusedDraw {
-            lineage: draw.lineage,
+            source: draw.source,
             table_from_object: draw.table_from_object,
             limit_excess_rad: draw.limit_excess_rad,
             depth_m: draw.depth_m,
@@ -176,7 +176,7 @@ impl<'a> Decoder<'a> {
                 let candidate = Candidate {
                     candidate_id: format!("{}-{number:05}", self.object.name),
                     generator: GENERATOR.to_owned(),
-                    lineage: draw.lineage.clone(),
+                    source: draw.source.clone(),
                     latent,
                     table_from_object: rest.table_from_object(),
                     limit_excess_rad,

@@ -868,9 +868,9 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
     assert!(once.iter().all(|candidate| n(candidate) == 1));
     for candidate in &chosen {
         let refused = candidate.refused.iter();
-        let mut numbers: Vec<u32> = refused.map(|draw| draw.lineage.draw_n).collect();
+        let mut numbers: Vec<u32> = refused.map(|draw| draw.source.draw_n).collect();
         assert!(numbers.is_sorted());
-        numbers.push(candidate.lineage.draw_n);
+        numbers.push(candidate.source.draw_n);
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(1..=n(candidate) as u32));
         for draw in &candidate.refused {
@@ -879,7 +879,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             assert_eq!(draw.refusal, Refusal::Table);
         }
         // The last draw is kept, unless all are too deep and another is the least deep.
-        let is_last = candidate.lineage.draw_n as usize == n(candidate);
+        let is_last = candidate.source.draw_n as usize == n(candidate);
         assert!(is_last || (candidate.depth_m > 0.004 && n(candidate) == 20));
     }
 }
@@ -888,12 +888,12 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
 fn every_draw_says_where_its_code_comes_from() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
-    let lineages = |inputs: &Inputs, config: &SampleConfig| -> Vec<DrawSource> {
+    let sources = |inputs: &Inputs, config: &SampleConfig| -> Vec<DrawSource> {
         let drawn = sample(config, inputs, 7).candidates.into_iter();
         drawn
             .flat_map(|candidate| {
-                let refused = candidate.refused.into_iter().map(|draw| draw.lineage);
-                refused.chain([candidate.lineage]).collect::<Vec<_>>()
+                let refused = candidate.refused.into_iter().map(|draw| draw.source);
+                refused.chain([candidate.source]).collect::<Vec<_>>()
             })
             .collect()
     };
@@ -903,17 +903,17 @@ fn every_draw_says_where_its_code_comes_from() {
         draws: 20,
         ..config()
     };
-    let drawn = lineages(&inputs, &half);
-    let of = |origin: Origin| drawn.iter().filter(move |lineage| lineage.origin == origin);
+    let drawn = sources(&inputs, &half);
+    let of = |origin: Origin| drawn.iter().filter(move |source| source.origin == origin);
     let (prior, posterior) = (of(Origin::Prior).count(), of(Origin::Posterior).count());
     assert_eq!(prior + posterior, drawn.len());
     assert!(prior > drawn.len() / 3 && posterior > drawn.len() / 3);
-    assert!(of(Origin::Prior).all(|lineage| lineage.demonstration.is_empty()));
+    assert!(of(Origin::Prior).all(|source| source.demonstration.is_empty()));
     let named: std::collections::BTreeSet<&str> = of(Origin::Posterior)
-        .map(|lineage| lineage.demonstration.as_str())
+        .map(|source| source.demonstration.as_str())
         .collect();
     assert_eq!(named.into_iter().collect::<Vec<_>>(), ["a", "b"]);
-    let split = |lineage: &DrawSource| lineage.object_split;
+    let split = |source: &DrawSource| source.object_split;
     assert!(
         drawn
             .iter()
@@ -931,9 +931,9 @@ fn every_draw_says_where_its_code_comes_from() {
         object_split: Some(ObjectSplit::Seen),
     };
     assert!(
-        lineages(&inputs, &path)
+        sources(&inputs, &path)
             .iter()
-            .all(|lineage| *lineage == expected)
+            .all(|source| *source == expected)
     );
 
     // The function learned from demonstrations of the can alone.
@@ -954,13 +954,13 @@ fn every_draw_says_where_its_code_comes_from() {
         (input.to_owned(), renamed.collect())
     });
     let inputs = Inputs::new(artifacts.into(), inputs.files().to_vec());
-    let unseen = lineages(&inputs, &half);
+    let unseen = sources(&inputs, &half);
     assert!(
         unseen
             .iter()
             .all(|one| split(one) == Some(ObjectSplit::Unseen))
     );
-    assert!(unseen.iter().all(|lineage| lineage.origin == Origin::Prior));
+    assert!(unseen.iter().all(|source| source.origin == Origin::Prior));
 }
 
 #[test]

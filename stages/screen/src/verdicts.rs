@@ -277,7 +277,7 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "test".to_owned(),
-            lineage: DrawSource::replayed(name),
+            source: DrawSource::replayed(name),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.02)),
             limit_excess_rad: 0.0,
@@ -318,7 +318,7 @@ mod tests {
             ]
         );
         assert_eq!((rows[1].cost_n, rows[1].saved_n), (0, 0));
-        assert_eq!(rows[1].lineage, candidates.candidates[1].lineage);
+        assert_eq!(rows[1].source, candidates.candidates[1].source);
         assert!(rows[0].cost_n > 0);
     }
 }

@@ -168,7 +168,7 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
     Candidate {
         candidate_id: id.to_owned(),
         generator: "test".to_owned(),
-        lineage: DrawSource::replayed("a"),
+        source: DrawSource::replayed("a"),
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,

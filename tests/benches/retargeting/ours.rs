@@ -57,7 +57,7 @@ impl Objective {
                 joint_weight: motion_weight,
                 root_weight: motion_weight,
             }),
-            rest: None,
+            prior: None,
         }
     }
 }
@@ -68,7 +68,7 @@ pub(crate) fn points_at(solver: &mut Solver<'_>, n: usize, posture: &Posture) ->
         targets: &[],
         loss: Problem::loss(),
         smoothness: None,
-        rest: None,
+        prior: None,
     };
     solver.place(&nothing, posture, &mut NoTerms).unwrap();
     (0..n)

@@ -48,7 +48,7 @@ pub(crate) fn retarget(
             joint_weight: MOTION_WEIGHT,
             root_weight: MOTION_WEIGHT,
         }),
-        rest: None,
+        prior: None,
     };
     let start = unknowns(before);
     let ignored = RefCell::new(vec![0.0; start.len()]);

@@ -11,8 +11,8 @@ pub(crate) fn hand() -> RobotModel {
     RobotModel::from_urdf(include_str!("../../../data/robots/allegro_right.urdf")).unwrap()
 }
 
-/// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of others
-/// those of `pipelines/replay.toml`.
+/// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of
+/// others those of `pipelines/replay.toml`.
 pub(crate) fn screen(refined: bool) -> ScreenConfig {
     let path = if refined {
         "pipelines/cgf.toml"

@@ -178,11 +178,11 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
                 candidate: name.to_owned(),
             })?;
         let key = |draw: &DrawSource| (rollout.generator.as_str(), draw.origin, draw.object_split);
-        let kept = groups.entry(key(&candidate.lineage)).or_default();
+        let kept = groups.entry(key(&candidate.source)).or_default();
         kept.draws_n += 1;
         kept.rollouts.push((rollout, candidate));
         for refused in &candidate.refused {
-            groups.entry(key(&refused.lineage)).or_default().draws_n += 1;
+            groups.entry(key(&refused.source)).or_default().draws_n += 1;
         }
     }
     let row = |(key, group): (Key, Group)| group.row(&given.object, key);
@@ -315,7 +315,7 @@ mod tests {
         Candidate {
             candidate_id: name.to_owned(),
             generator: "whatever".to_owned(),
-            lineage: DrawSource::replayed("a"),
+            source: DrawSource::replayed("a"),
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
             limit_excess_rad: 0.0,
@@ -399,14 +399,14 @@ mod tests {
 
     #[test]
     fn every_draw_counts_for_the_origin_of_its_own_code() {
-        let lineage = |origin: Origin, draw_n: u32| DrawSource {
+        let source = |origin: Origin, draw_n: u32| DrawSource {
             draw_n,
             origin,
             object_split: Some(ObjectSplit::Seen),
             ..DrawSource::replayed("a")
         };
         let refused = |origin: Origin, draw_n: u32| RefusedDraw {
-            lineage: lineage(origin, draw_n),
+            source: source(origin, draw_n),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
             depth_m: 0.01,
@@ -417,9 +417,9 @@ mod tests {
         let [a, b, ..] = &mut given.candidates[..] else {
             panic!("there are five");
         };
-        a.lineage = lineage(Origin::Posterior, 3);
+        a.source = source(Origin::Posterior, 3);
         a.refused = vec![refused(Origin::Prior, 1), refused(Origin::Posterior, 2)];
-        b.lineage = lineage(Origin::Posterior, 1);
+        b.source = source(Origin::Posterior, 1);
         let rollouts = [
             rollout("a", "cgf", Verdict::Held),
             rollout("b", "cgf", Verdict::Dropped),

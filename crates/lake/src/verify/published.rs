@@ -19,19 +19,19 @@ use crate::{
 };
 
 /// Tries to compare the published files with the records while runs end.
-const SHOWN_TRIES: usize = 5;
+const TRIES: usize = 5;
 
 impl Verifier<'_> {
     /// Checks the published files against the records.
-    pub(super) fn all_shown(&mut self) -> Result<(), LakeError> {
+    pub(super) fn check_published(&mut self) -> Result<(), LakeError> {
         // Runs may end meanwhile: then the records read are incomplete.
         let n_faults = self.verified.faults.len();
         let n_files = self.verified.n_files;
-        for _ in 0..SHOWN_TRIES {
+        for _ in 0..TRIES {
             let before = self.state_of_runs()?;
             self.verified.faults.truncate(n_faults);
             self.verified.n_files = n_files;
-            self.shown_now()?;
+            self.check_published_once()?;
             if self.verified.faults.len() == n_faults || self.state_of_runs()? == before {
                 break;
             }
@@ -46,10 +46,10 @@ impl Verifier<'_> {
         Ok((self.lake.dirty.marks()?, stamps.collect()))
     }
 
-    fn shown_now(&mut self) -> Result<(), LakeError> {
+    fn check_published_once(&mut self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let faults = self.verified.faults.iter();
-        let shown = Shown {
+        let state = PublishedState {
             damaged: faults
                 .filter(|fault| fault.path.starts_with("blobs"))
                 .filter_map(|fault| digest_named(&fault.path))
@@ -81,8 +81,8 @@ impl Verifier<'_> {
             }
             promised.extend(of_pipeline);
         }
-        for shown_in in [TABLES, FILES, REPORTS] {
-            for path in files_below(&folder.join(shown_in))? {
+        for folder_name in [TABLES, FILES, REPORTS] {
+            for path in files_below(&folder.join(folder_name))? {
                 let name = folder.below(&path);
                 if HISTORY
                     .iter()
@@ -91,32 +91,39 @@ impl Verifier<'_> {
                     continue;
                 }
                 let promise = promised.remove(&*name.to_string_lossy());
-                self.shown_file(&shown, &path, promise);
+                self.check_published_file(&state, &path, promise);
             }
         }
         for (name, _) in promised {
-            if !shown.is_changing(Path::new(&name)) {
+            if !state.is_changing(Path::new(&name)) {
                 self.fault(&folder.join(&name), "is missing: a unit made it");
             }
         }
-        self.history_shown()?;
-        self.every_shown(&shown)?;
-        self.views()
+        self.check_run_tables()?;
+        self.check_unit_tables(&state)?;
+        self.check_views()
     }
 
     /// Checks a file below the newest tables, files and charts.
-    fn shown_file(&mut self, shown: &Shown, path: &Path, promised: Option<Digest>) {
+    fn check_published_file(
+        &mut self,
+        state: &PublishedState,
+        path: &Path,
+        promised: Option<Digest>,
+    ) {
         self.verified.n_files += 1;
-        let digest = match self.digest_shown(path) {
+        let digest = match self.digest_published(path) {
             Ok(digest) => digest,
             Err(err) if err.kind() == io::ErrorKind::NotFound => return,
             Err(err) => return self.fault(path, format!("cannot be read: {err}")),
         };
         let name = self.lake.folder.below(path);
         // A run that is not recorded yet may have published its artifacts.
-        let is_new = || shown.is_changing(name) && self.lake.blobs.path(&digest).exists();
+        let is_new = || state.is_changing(name) && self.lake.blobs.path(&digest).exists();
         match promised {
-            _ if shown.damaged.contains(&digest) => self.fault(path, "it shows damaged bytes"),
+            _ if state.damaged.contains(&digest) => {
+                self.fault(path, "has the bytes of a damaged blob")
+            }
             Some(promised) if promised == digest => {}
             _ if is_new() => {}
             Some(_) => self.fault(path, "does not match the digest in its unit's record"),
@@ -125,7 +132,7 @@ impl Verifier<'_> {
     }
 
     /// The digest of a published file; a linked blob has been read already.
-    fn digest_shown(&self, path: &Path) -> io::Result<Digest> {
+    fn digest_published(&self, path: &Path) -> io::Result<Digest> {
         let metadata = fs::metadata(path)?;
         match self.inodes.get(&(metadata.dev(), metadata.ino())) {
             Some(digest) => Ok(*digest),
@@ -134,7 +141,7 @@ impl Verifier<'_> {
     }
 
     /// Checks the tables of runs.
-    fn history_shown(&mut self) -> Result<(), LakeError> {
+    fn check_run_tables(&mut self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let mut there: BTreeSet<PathBuf> = folder.run_tables()?.into_iter().collect();
         let mut running = BTreeSet::new();
@@ -171,7 +178,7 @@ impl Verifier<'_> {
     }
 
     /// Checks the tables of all units.
-    fn every_shown(&mut self, shown: &Shown) -> Result<(), LakeError> {
+    fn check_unit_tables(&mut self, state: &PublishedState) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let mut promised = self.lake.every_promised()?;
         for path in files_below(&folder.every())? {
@@ -192,9 +199,9 @@ impl Verifier<'_> {
                 continue;
             };
             let made = stored.outcome.file(table::FILE);
-            match (self.digest_shown(&path), made) {
-                (Ok(digest), _) if shown.damaged.contains(&digest) => {
-                    self.fault(&path, "it shows damaged bytes");
+            match (self.digest_published(&path), made) {
+                (Ok(digest), _) if state.damaged.contains(&digest) => {
+                    self.fault(&path, "has the bytes of a damaged blob");
                 }
                 (Ok(digest), Some(file))
                     if digest == file.digest && stored.partition == partition => {}
@@ -213,7 +220,7 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn views(&mut self) -> Result<(), LakeError> {
+    fn check_views(&mut self) -> Result<(), LakeError> {
         let path = self.lake.folder.views();
         let there = atomic::read_if_there(&path)?;
         self.verified.n_files += usize::from(there.is_some());
@@ -223,21 +230,21 @@ impl Verifier<'_> {
             Ok(there.as_deref() == Some(views::text(self.lake)?.as_bytes()))
         };
         if is_due && self.lake.dirty.marks()?.is_empty() && !is_right()? {
-            self.fault(&path, "they are not the views of the tables that there are");
+            self.fault(&path, "is out of date with the tables");
         }
         Ok(())
     }
 }
 
 /// State shared by the checks of published files.
-struct Shown {
+struct PublishedState {
     /// Blobs that are damaged.
     damaged: BTreeSet<Digest>,
     /// Pipelines whose published files are being changed, or were when a program died.
     changing: BTreeSet<String>,
 }
 
-impl Shown {
+impl PublishedState {
     /// Whether a file, named below the lake, is one that its pipeline may be changing.
     fn is_changing(&self, name: &Path) -> bool {
         let mut folders = name.iter().skip(1).filter_map(|folder| folder.to_str());
