@@ -48,6 +48,26 @@ struct ContactPoint {
     arm: Vector3<f64>,
 }
 
+/// The wrench of a unit force along a cone's edge, or of one that replaces another.
+struct Direction {
+    wrench: Vector6<f64>,
+    norm_squared: f64,
+}
+
+impl Direction {
+    fn of(wrench: Vector6<f64>) -> Self {
+        Self {
+            norm_squared: wrench.norm_squared(),
+            wrench,
+        }
+    }
+
+    /// Returns how far to go along it for the least residual.
+    fn best_step(&self, residual_wrench: &Vector6<f64>) -> f64 {
+        -self.wrench.dot(residual_wrench) / self.norm_squared
+    }
+}
+
 impl<'a> ForceBalance<'a> {
     /// Returns the term; `None` unless the thumb and a finger touch.
     pub(crate) fn new(
@@ -164,28 +184,36 @@ impl<'a> ForceBalance<'a> {
             sizes[edge] = 1.0 / of_thumb.len() as f64;
             residual_wrench += cone_edges[edge].2 * sizes[edge];
         }
+        let pairs = of_thumb
+            .iter()
+            .enumerate()
+            .flat_map(|(n, &gains)| of_thumb[..n].iter().map(move |&loses| (gains, loses)));
+        let exchanges = pairs.map(|(gains, loses)| {
+            let wrench = cone_edges[gains].2 - cone_edges[loses].2;
+            (gains, loses, Direction::of(wrench))
+        });
+        // Without friction all edges of a tip's cone coincide.
+        let exchanges: Vec<_> = exchanges
+            .filter(|(_, _, exchange)| exchange.norm_squared >= f64::EPSILON)
+            .collect();
+        let of_fingers: Vec<_> = cone_edges
+            .iter()
+            .enumerate()
+            .filter(|(_, (tip, ..))| !self.tips[*tip].is_thumb)
+            .map(|(edge, (_, _, wrench))| (edge, Direction::of(*wrench)))
+            .collect();
         for _ in 0..SWEEPS {
-            for (n, &gains) in of_thumb.iter().enumerate() {
-                for &loses in &of_thumb[..n] {
-                    let exchange = cone_edges[gains].2 - cone_edges[loses].2;
-                    // Without friction all edges of a tip's cone coincide.
-                    if exchange.norm_squared() < f64::EPSILON {
-                        continue;
-                    }
-                    let step = -exchange.dot(&residual_wrench) / exchange.norm_squared();
-                    let step = step.clamp(-sizes[gains], sizes[loses]);
-                    sizes[gains] += step;
-                    sizes[loses] -= step;
-                    residual_wrench += exchange * step;
-                }
+            for (gains, loses, exchange) in &exchanges {
+                let step = exchange.best_step(&residual_wrench);
+                let step = step.clamp(-sizes[*gains], sizes[*loses]);
+                sizes[*gains] += step;
+                sizes[*loses] -= step;
+                residual_wrench += exchange.wrench * step;
             }
-            for ((tip, _, wrench), size) in cone_edges.iter().zip(&mut sizes) {
-                if self.tips[*tip].is_thumb {
-                    continue;
-                }
-                let step = (-wrench.dot(&residual_wrench) / wrench.norm_squared()).max(-*size);
-                *size += step;
-                residual_wrench += wrench * step;
+            for (edge, direction) in &of_fingers {
+                let step = direction.best_step(&residual_wrench).max(-sizes[*edge]);
+                sizes[*edge] += step;
+                residual_wrench += direction.wrench * step;
             }
         }
         let mut forces = vec![Vector3::zeros(); contacts.len()];
