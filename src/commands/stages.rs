@@ -38,8 +38,9 @@ fn overview(kinds: &[Kind]) -> String {
         let outputs = &kind.outputs;
         let makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
-        if !kind.inputs.is_empty() {
-            let reads = format!("reads  {}", kind.inputs.join(", "));
+        let inputs = kind.all_inputs();
+        if !inputs.is_empty() {
+            let reads = format!("reads  {}", inputs.join(", "));
             rows.push(vec![String::new(), reads]);
         }
         rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);
@@ -54,6 +55,9 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
     let mut text = format!("{}: {}\n\n", kind.name, kind.about);
     for input in kind.inputs {
         text.push_str(&format!("inputs.{input} = \"STAGE.{input}\"\n"));
+    }
+    for input in kind.optional_inputs {
+        text.push_str(&format!("inputs.{input} = \"STAGE.{input}\" (optional)\n"));
     }
     for output in &kind.outputs {
         text.push_str(&format!(

@@ -30,6 +30,8 @@ pub(crate) struct Extended {
     pub(crate) texts: Texts,
     /// Shared values of removed stages: they need no other user.
     pub(crate) taken: BTreeSet<String>,
+    /// Names of removed stages that no file adds again.
+    pub(crate) left_out: BTreeSet<String>,
     /// Faults in the extended files; if there are any, the values must not be used.
     pub(crate) problems: Vec<Problem>,
 }
@@ -39,6 +41,10 @@ impl Extended {
     pub(crate) fn read(path: &Path, text: &str) -> Self {
         let mut extended = Self::default();
         if let Some(root) = extended.load(path, text, &[]) {
+            let stages = root.get("stages").and_then(Value::as_inline_table);
+            extended
+                .left_out
+                .retain(|name| !stages.is_some_and(|stages| stages.contains_key(name)));
             extended.root = root;
         }
         extended
@@ -167,6 +173,7 @@ impl Extended {
                 continue;
             };
             self.taken.extend(shared::names(&stage));
+            self.left_out.insert(word.to_owned());
             let profiles = base
                 .get_mut("profiles")
                 .and_then(Value::as_inline_table_mut);

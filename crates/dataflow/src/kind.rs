@@ -31,6 +31,8 @@ pub struct Kind {
     pub about: &'static str,
     /// The artifacts it reads.
     pub inputs: &'static [&'static str],
+    /// Further artifacts that it reads where they are wired.
+    pub optional_inputs: &'static [&'static str],
     /// The artifacts it makes, in the order in which they are made: results, then reports.
     pub outputs: Vec<OutputInfo>,
     configure: Arc<Configure>,
@@ -255,6 +257,7 @@ impl Kind {
             name: S::KIND,
             about: S::ABOUT,
             inputs: S::INPUTS,
+            optional_inputs: S::OPTIONAL_INPUTS,
             outputs: parts.outputs.iter().map(|listed| listed.info).collect(),
             configure: Arc::new(move |table| {
                 let configured = ConfiguredStage::<S>::read(table, Arc::clone(&parts))?;
@@ -280,6 +283,11 @@ impl Kind {
                 );
             }
         }
+    }
+
+    /// Returns every artifact that it reads, those of [`Kind::optional_inputs`] last.
+    pub fn all_inputs(&self) -> Vec<&'static str> {
+        [self.inputs, self.optional_inputs].concat()
     }
 
     pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {

@@ -11,12 +11,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
     advice::Advised,
+    digest::Fields,
     error::Failure,
     graph::Node,
     kind::{Configured, Kind},
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
-    scope::Scope,
+    scope::{RunFacts, Scope},
     stage::Stage,
     store::Origin,
     unit::Unit,
@@ -139,8 +140,54 @@ impl Pipeline {
         Ok(())
     }
 
+    /// Returns what stages may tell of the pipeline.
+    pub(crate) fn facts(&self) -> RunFacts {
+        let options: BTreeMap<String, serde_json::Value> = self
+            .stages
+            .iter()
+            .map(|stage| (stage.name.to_string(), stage.config()))
+            .collect();
+        let code = self.nodes.iter().map(|node| {
+            let mut fields = Fields::new("code");
+            for (part, digest) in node.output.code.iter() {
+                fields.text(part);
+                fields.text(digest);
+            }
+            (node.name.to_string(), fields.finish().to_string())
+        });
+        let overrides = self.origin.overrides.iter();
+        RunFacts {
+            pipeline: self.name.clone(),
+            seed: self.seed,
+            profile: self.origin.profile.clone(),
+            overrides: overrides.map(|given| told(given, &options)).collect(),
+            code: code.collect(),
+            options,
+        }
+    }
+
     /// Returns the stage of this name.
     pub fn find(&self, name: &str) -> Option<&StageEntry> {
         self.stages.iter().find(|stage| stage.name == *name)
+    }
+}
+
+/// Returns a value given beside the file; without the value if options do not hold it, as those that name a
+/// file or folder.
+fn told(given: &str, options: &BTreeMap<String, serde_json::Value>) -> String {
+    let Some((path, _)) = given.split_once('=') else {
+        return given.to_owned();
+    };
+    let mut keys = path.split('.');
+    let stage = keys.next().unwrap_or_default();
+    let Some(config) = options.get(stage) else {
+        return given.to_owned();
+    };
+    let found = keys.try_fold(config, |value, key| value.get(key));
+    let is_engine = ["max_skipped_fraction", "kind"].iter().any(|key| path.ends_with(key));
+    if found.is_some() || is_engine || path.contains(".inputs.") {
+        given.to_owned()
+    } else {
+        format!("{path}=…")
     }
 }

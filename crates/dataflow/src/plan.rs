@@ -167,7 +167,8 @@ impl Planner<'_> {
             let (state, outcome) = self.unit(node, unit, sure)?;
             match (&state, outcome) {
                 (UnitState::Cached, Some(outcome)) => {
-                    known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
+                    let made = self.state.learn(&node.name, &unit.partition, outcome);
+                    known.extend(made.map(|known| (unit.partition.clone(), known)));
                 }
                 _ => open.push(unit),
             }

@@ -24,7 +24,7 @@ pub struct Readiness {
 /// Fails if the stage cannot begin.
 pub fn outside(stage: &StageEntry) -> Result<Readiness, Failure> {
     stage.prepare()?;
-    if !stage.kind.inputs.is_empty() {
+    if !stage.kind.all_inputs().is_empty() {
         return Ok(Readiness {
             units: None,
             n_files: 0,

@@ -19,7 +19,7 @@ use crate::{
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
     remote::{Forced, RemoteWorker},
-    state::{Known, State},
+    state::State,
     store::{
         NewestUnit, NodeRecord, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
         Store, UnitRef,
@@ -204,11 +204,13 @@ impl Runner<'_> {
                 seconds: report.record.seconds,
             });
         }
-        let known = report.units.iter().filter_map(|unit| {
-            let known = Known::of(Arc::clone(&unit.outcome))?;
-            Some((unit.partition.clone(), known))
-        });
-        self.state.insert(&node.name, known.collect());
+        let mut known = BTreeMap::new();
+        for unit in &report.units {
+            let outcome = Arc::clone(&unit.outcome);
+            let made = self.state.learn(&node.name, &unit.partition, outcome);
+            known.extend(made.map(|made| (unit.partition.clone(), made)));
+        }
+        self.state.insert(&node.name, known);
         self.reports.push(report);
         if let Some(failure) = failure {
             return Err(failure);

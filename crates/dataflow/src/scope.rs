@@ -14,12 +14,70 @@ use crate::{name::PartitionKey, outcome::Labels, record::RecordOutcome};
 #[derive(Debug, Clone, Default)]
 pub struct Scope {
     partitions: BTreeMap<String, Vec<Partition>>,
+    left_out: BTreeMap<String, Vec<SkippedItem>>,
+    run: RunFacts,
+}
+
+/// A partition of an input that there is not.
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SkippedItem {
+    /// Its key.
+    pub key: String,
+    /// Whether it could not be used, rather than excluded by the options.
+    pub is_fault: bool,
+    /// Why, as its stage says.
+    pub reason: String,
+}
+
+/// What a stage may tell of the pipeline it runs in.
+///
+/// A unit that depends on any of it lists it among its [`facts`](crate::Unit::facts).
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct RunFacts {
+    /// The pipeline's name.
+    pub pipeline: String,
+    /// Its seed.
+    pub seed: u64,
+    /// The profile, if one was selected.
+    pub profile: Option<String>,
+    /// Values given beside the file, as `stage.key=value`; of one that names a file or folder outside the
+    /// lake, the value is `…`: it counts by content.
+    pub overrides: Vec<String>,
+    /// The effective options of every stage, as fingerprints hold them.
+    pub options: BTreeMap<String, serde_json::Value>,
+    /// Digest of the code of every stage's outputs, by stage and artifact.
+    pub code: BTreeMap<String, String>,
 }
 
 impl Scope {
     /// Returns the scope that holds these partitions by input name or own output's artifact.
     pub fn new(partitions: BTreeMap<String, Vec<Partition>>) -> Self {
-        Self { partitions }
+        Self {
+            partitions,
+            ..Self::default()
+        }
+    }
+
+    /// Adds the partitions that inputs lack.
+    #[must_use]
+    pub fn with_left_out(self, left_out: BTreeMap<String, Vec<SkippedItem>>) -> Self {
+        Self { left_out, ..self }
+    }
+
+    /// Adds facts of the pipeline.
+    #[must_use]
+    pub fn with_run(self, run: RunFacts) -> Self {
+        Self { run, ..self }
+    }
+
+    /// Returns the partitions of an input that were skipped or filtered, ordered by key.
+    pub fn left_out(&self, name: &str) -> &[SkippedItem] {
+        self.left_out.get(name).map_or(&[], Vec::as_slice)
+    }
+
+    /// Returns facts of the pipeline.
+    pub fn run(&self) -> &RunFacts {
+        &self.run
     }
 
     /// Returns the partitions of an input, or of an output of this stage that is made earlier,

@@ -41,6 +41,9 @@ pub trait Stage: Sized + 'static {
     /// The artifacts it reads: keys under `inputs`, at each of which an artifact of this name must be
     /// wired.
     const INPUTS: &'static [&'static str];
+    /// Further artifacts that it reads where they are wired. One that is wired to a stage that the pipeline
+    /// file leaves out (`without`) counts as not wired.
+    const OPTIONAL_INPUTS: &'static [&'static str] = &[];
     /// The artifacts it makes, in the order in which they are made: each may read those before it.
     const OUTPUTS: Outputs<Self>;
 

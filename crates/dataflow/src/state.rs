@@ -22,7 +22,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    scope::{Partition, Scope},
+    scope::{SkippedItem, Partition, RunFacts, Scope},
     store::Store,
     unit::{ListedUnit, Unit},
 };
@@ -83,6 +83,9 @@ pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     made: BTreeMap<NodeName, BTreeMap<PartitionKey, Known>>,
+    /// What nodes skipped or filtered.
+    left_out: BTreeMap<NodeName, Vec<SkippedItem>>,
+    run: RunFacts,
     /// Nodes that may get more partitions than are known.
     growing: Vec<NodeName>,
     /// The recipe of each node, with its digest.
@@ -109,6 +112,8 @@ impl<'a> State<'a> {
             pipeline,
             store,
             made: BTreeMap::new(),
+            left_out: BTreeMap::new(),
+            run: pipeline.facts(),
             growing: Vec::new(),
             recipes: recipes.collect(),
             sources: Mutex::new(HashMap::new()),
@@ -158,7 +163,8 @@ impl<'a> State<'a> {
             let outcome = outcome.ok_or_else(|| Failure::NotMade {
                 unit: UnitName::new(&node.name, &unit.partition),
             })?;
-            known.extend(Known::of(outcome).map(|known| (unit.partition.clone(), known)));
+            let made = self.learn(&node.name, &unit.partition, outcome);
+            known.extend(made.map(|known| (unit.partition.clone(), known)));
         }
         self.insert(&node.name, known);
         Ok(units)
@@ -183,7 +189,7 @@ impl<'a> State<'a> {
                 _ => None,
             };
             let known = match outcome {
-                Some(outcome) => Known::of(outcome),
+                Some(outcome) => self.learn(&node.name, &unit.partition, outcome),
                 None => Some(Known::Open {
                     labels: Labels::new(),
                     predicted: LabelsPredicted::No,
@@ -323,7 +329,34 @@ impl<'a> State<'a> {
             let made = made.filter_map(|(key, known)| partition(source, key, known));
             (input.to_string(), made.collect())
         });
+        let left_out = node.reads.iter().filter_map(|(input, source)| {
+            let left_out = self.left_out.get(source)?;
+            Some((input.to_string(), left_out.clone()))
+        });
         Scope::new(inputs.collect())
+            .with_left_out(left_out.collect())
+            .with_run(self.run.clone())
+    }
+
+    /// Returns the state of a partition with this outcome; of one that was skipped or filtered, remembers why.
+    pub(crate) fn learn(
+        &mut self,
+        node: &NodeName,
+        key: &PartitionKey,
+        outcome: Arc<RecordOutcome>,
+    ) -> Option<Known> {
+        if let Some(reason) = outcome.reason() {
+            let left_out = self.left_out.entry(node.clone()).or_default();
+            let one = SkippedItem {
+                key: key.to_string(),
+                is_fault: matches!(*outcome, RecordOutcome::Skipped { .. }),
+                reason: reason.to_owned(),
+            };
+            if let Err(idx) = left_out.binary_search(&one) {
+                left_out.insert(idx, one);
+            }
+        }
+        Known::of(outcome)
     }
 
     /// Returns the fingerprint of a unit and its digest, or `None` if an input is not made yet.

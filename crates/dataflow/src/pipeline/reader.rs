@@ -415,11 +415,12 @@ impl FileReader<'_> {
         };
         for (input, value) in wires {
             let path = ["inputs".to_owned(), input.to_owned()];
-            if let Some(kind) = kind
-                && !kind.inputs.contains(&input)
+            let known = kind.map(Kind::all_inputs);
+            if let Some((kind, known)) = kind.zip(known)
+                && !known.contains(&input)
             {
-                let all = || format!("`{}` reads: {}", kind.name, kind.inputs.join(", "));
-                let near = did_you_mean(input, kind.inputs.iter().copied());
+                let all = || format!("`{}` reads: {}", kind.name, known.join(", "));
+                let near = did_you_mean(input, known.iter().copied());
                 let hint = near.unwrap_or_else(all);
                 let place = self.place(name, &path, Part::Key, value.span());
                 self.problem_at(
@@ -429,9 +430,13 @@ impl FileReader<'_> {
                 );
                 continue;
             }
+            let key = input;
             match (input.parse(), value.as_str().and_then(NodeName::parse)) {
                 (Ok(input), Some(node)) => {
-                    inputs.insert(input, node);
+                    let is_optional = kind.is_some_and(|kind| kind.optional_inputs.contains(&key));
+                    if !(is_optional && self.file.left_out.contains(node.stage.as_str())) {
+                        inputs.insert(input, node);
+                    }
                 }
                 _ => self.problem_at(
                     format!("input `{input}` of stage `{name}` must name `stage.artifact`"),
