@@ -10,8 +10,8 @@
 //!
 //! `PIPELINE_LAKE` names the lake; the newest `objects` in it and the newest `candidates` of the stage
 //! `PIPELINE_STAGE`, `refine` where it is not set, are taken, and the options are those of
-//! `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions that are not refined. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not
-//! set. What is missing is skipped.
+//! `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions that are not refined. `PIPELINE_PYTHON`
+//! names the Python that has `mujoco`, `python3` where it is not set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -48,32 +48,27 @@ const MAX_RATE_DIFFERENCE: f64 = 0.25;
 const NOISE: f64 = 0.0;
 /// By how much the physics time step is divided where verdicts are screened once more.
 const FINER: u32 = 4;
-/// The peer, the peer at half the step as the bound of any agreement with it, and its own defaults.
-const ENGINES: [(&str, Engine); 3] = [
-    (
-        "elliptic",
-        Engine {
-            cone: "elliptic",
-            impratio: 10.0,
-            solref: mujoco::SOLREF,
-            steps: 1,
-        },
-    ),
-    (
-        "half steps",
-        Engine {
-            cone: "elliptic",
-            impratio: 10.0,
-            solref: mujoco::SOLREF,
-            steps: 2,
-        },
-    ),
+/// The peer with friction that does not creep.
+const PEER: Engine = Engine {
+    cone: "elliptic",
+    impratio: 10.0,
+    solref: mujoco::SOLREF,
+    noslip: 5,
+    steps: 1,
+};
+/// The peer, the peer at half the step as the bound of any agreement with it, the peer with its regularized
+/// friction, in which what is held creeps, and its own defaults.
+const ENGINES: [(&str, Engine); 4] = [
+    ("no creep", PEER),
+    ("half steps", Engine { steps: 2, ..PEER }),
+    ("creep", Engine { noslip: 0, ..PEER }),
     (
         "defaults",
         Engine {
             cone: "pyramidal",
             impratio: 1.0,
             solref: [0.02, 1.0],
+            noslip: 0,
             steps: 1,
         },
     ),
@@ -112,7 +107,7 @@ fn main() -> ExitCode {
         println!("{name:24} {}", counts.line());
         totals.add(&counts);
         let drawn = candidates.candidates.iter();
-        let mut splits = drawn.map(|candidate| candidate.lineage.object_split);
+        let mut splits = drawn.map(|candidate| candidate.source.object_split);
         if splits.any(|split| split == Some(ObjectSplit::Unseen)) {
             unseen.add(&counts);
         }

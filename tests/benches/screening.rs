@@ -45,6 +45,7 @@ const ENGINE: Engine = Engine {
     cone: "pyramidal",
     impratio: 1.0,
     solref: mujoco::SOLREF,
+    noslip: 0,
     steps: 1,
 };
 

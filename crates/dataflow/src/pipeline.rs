@@ -184,7 +184,9 @@ fn told(given: &str, options: &BTreeMap<String, serde_json::Value>) -> String {
         return given.to_owned();
     };
     let found = keys.try_fold(config, |value, key| value.get(key));
-    let is_engine = ["max_skipped_fraction", "kind"].iter().any(|key| path.ends_with(key));
+    let is_engine = ["max_skipped_fraction", "kind"]
+        .iter()
+        .any(|key| path.ends_with(key));
     if found.is_some() || is_engine || path.contains(".inputs.") {
         given.to_owned()
     } else {

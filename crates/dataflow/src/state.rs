@@ -22,7 +22,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    scope::{SkippedItem, Partition, RunFacts, Scope},
+    scope::{Partition, RunFacts, Scope, SkippedItem},
     store::Store,
     unit::{ListedUnit, Unit},
 };

@@ -104,6 +104,8 @@ pub(crate) struct Engine {
     pub(crate) impratio: f64,
     /// Time constant in seconds and damping ratio of contacts.
     pub(crate) solref: [f64; 2],
+    /// Iterations that take away what its regularized friction lets contacts creep; 0 by default.
+    pub(crate) noslip: u32,
     /// Physics steps there in one here.
     pub(crate) steps: u32,
 }
@@ -138,6 +140,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
             "impratio": engine.impratio,
             "multiccd": "enable",
             "solref": engine.solref,
+            "noslip": engine.noslip,
         },
     })
 }
