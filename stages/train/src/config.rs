@@ -30,6 +30,11 @@ pub struct TrainConfig {
     /// learning from memorizing
     #[serde(default = "defaults::held_out_share")]
     pub held_out_share: f64,
+    /// Accepted motions of each object that is not unseen, the first ones, that are learned from beside its
+    /// trajectories where `inputs.candidates` and `inputs.rollouts` are wired (24): about as many as a dataset has
+    /// demonstrations
+    #[serde(default = "defaults::accepted_per_object")]
+    pub accepted_per_object: usize,
     /// Widths and shapes of the network
     #[serde(default)]
     pub network: NetworkConfig,
@@ -84,4 +89,5 @@ impl TrainConfig {
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn held_out_share() -> f64 { 0.1 }
+    pub(super) fn accepted_per_object() -> usize { 24 }
 }

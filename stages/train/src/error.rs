@@ -49,11 +49,27 @@ pub enum TrainError {
         /// The object.
         object: String,
     },
+    /// An object has candidates without rollouts, or the other way round.
+    #[error("object `{object}` has `{has}` and no `{lacks}`")]
+    OneOfTwo {
+        /// The object.
+        object: String,
+        /// The artifact that it has.
+        has: &'static str,
+        /// The artifact that it lacks.
+        lacks: &'static str,
+    },
+    /// A candidate was not screened.
+    #[error("candidate `{candidate}` has no rollout")]
+    NoRollout {
+        /// Its name.
+        candidate: String,
+    },
     /// The robot cannot be loaded.
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
-    /// A trajectory belongs to another hand.
-    #[error("trajectory `{sequence}` was made for another hand")]
+    /// A trajectory or an accepted motion belongs to another hand.
+    #[error("motion `{sequence}` was made for another hand")]
     AnotherHand {
         /// The trajectory's sequence.
         sequence: String,
@@ -103,6 +119,10 @@ impl Advise for TrainError {
                 Some("choose fewer folds than objects in `unseen_fold`".to_owned())
             }
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::OneOfTwo { .. } | Self::NoRollout { .. } => Some(
+                "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
+                    .to_owned(),
+            ),
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }

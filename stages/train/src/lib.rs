@@ -5,6 +5,7 @@
 //! are those of crate `cgf`; the checkpoint is two files, weights as safetensors and metadata as JSON.
 //! Crate `report-train` reports on the training.
 
+mod accepted;
 mod by_split;
 mod config;
 mod error;

@@ -10,11 +10,12 @@ use dataflow::{
 use lake::ReadInputs;
 use robot::RobotModel;
 use schemas::{
-    Table, checkpoint, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory,
+    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
+    rollouts::Rollouts, trajectories::Trajectory,
 };
 
 use crate::{
-    BySplit, TrainConfig, TrainError,
+    BySplit, TrainConfig, TrainError, accepted,
     resume::{self, Found, Saver},
     set,
     unseen::unseen,
@@ -36,6 +37,8 @@ dataflow::metrics! {
         kl: Option<Mean>,
         /// Number of motions in each set.
         trajectories: BySplit<Sum>,
+        /// Number of accepted motions among those learned from.
+        accepted: Option<Sum>,
         /// Mean error of the palm's position at the grasp that the mean codes give, in meters.
         position_error_m: BySplit<Mean>,
         /// Mean error of the palm's rotation there, in radians.
@@ -56,6 +59,7 @@ impl Stage for Train {
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME, FieldInfo::NAME];
+    const OPTIONAL_INPUTS: &'static [&'static str] = &[Candidates::NAME, Rollouts::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &TrainConfig) -> Vec<OptionFault> {
@@ -112,11 +116,15 @@ impl Output for Train {
                 objects_n: objects.len(),
             });
         }
-        if unseen(config, &objects).len() == objects.len() {
+        let unseen = unseen(config, &objects);
+        if unseen.len() == objects.len() {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
             });
         }
+        let accepted = accepted::partitions(scope, |object| {
+            objects.contains(object) && !unseen.contains(object)
+        })?;
         let keeps_out = config.training.penetration_weight > 0.0;
         let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
         let unit = Unit::new(MODEL)
@@ -128,6 +136,12 @@ impl Output for Train {
                 SourceFile::named("hand", &config.hand),
                 robot_meshes::MODEL_FORM,
             );
+        let unit = if accepted.is_empty() {
+            unit
+        } else {
+            unit.reading(Candidates::NAME, accepted.iter().copied())
+                .reading(Rollouts::NAME, accepted)
+        };
         Ok(vec![
             robot_meshes::sources(&config.hand)?
                 .into_iter()
@@ -143,6 +157,14 @@ impl Output for Train {
         let hand = Arc::new(hand(inputs)?);
         let mut set = set::read(inputs, &hand.joint_names())?;
         set::split(&mut set, config, cx.seed());
+        let accepted = accepted::read(
+            inputs,
+            &set,
+            &hand.joint_names(),
+            config.accepted_per_object,
+        )?;
+        let accepted_n = accepted.len();
+        set.tracks.extend(accepted);
         let trained = train(config, &set, &hand, cx)?;
         for (cgf, files) in [
             (&trained.best, checkpoint::BEST),
@@ -151,7 +173,10 @@ impl Output for Train {
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }
-        Ok(Outcome::Made(TrainMetrics::of(&trained)))
+        Ok(Outcome::Made(TrainMetrics {
+            accepted: (accepted_n > 0).then_some(accepted_n as f64),
+            ..TrainMetrics::of(&trained)
+        }))
     }
 }
 
@@ -219,6 +244,7 @@ impl TrainMetrics {
             loss: BySplit::of(|split| Some(last?.losses(split)?.total.into())),
             kl: last.map(|last| f64::from(last.training.kl)),
             trajectories: BySplit::of(|split| Some(description.of_split(split).count() as f64)),
+            accepted: None,
             position_error_m: mean(|error| error.position_m),
             rotation_error_rad: mean(|error| error.rotation_rad),
             joints_error_rad: mean(|error| error.joints_rad),

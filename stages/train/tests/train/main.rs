@@ -1,5 +1,6 @@
 //! The stage on made-up artifacts of the Allegro hand.
 
+mod accepted;
 mod report;
 
 use std::{collections::BTreeMap, path::Path};
@@ -30,6 +31,7 @@ fn config() -> TrainConfig {
         unseen_objects: Vec::new(),
         unseen_fold: None,
         held_out_share: 0.0,
+        accepted_per_object: 2,
         network: NetworkConfig {
             points: 64,
             point_widths: vec![8, 16],

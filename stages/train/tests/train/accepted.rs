@@ -1,0 +1,140 @@
+//! Training on accepted motions beside the trajectories.
+
+use std::path::Path;
+
+use schemas::{
+    candidates::{Candidate, Candidates, DrawSource},
+    rollouts::{Rollout, Rollouts, Verdict},
+};
+
+use super::*;
+
+/// A motion about an object that lies like this.
+fn candidate(id: &str, up: Vector3<f64>) -> Candidate {
+    let motion = trajectory(id, "can", up).motion;
+    Candidate {
+        candidate_id: id.to_owned(),
+        generator: "refine".to_owned(),
+        source: DrawSource::replayed("a"),
+        latent: Vec::new(),
+        table_from_object: rest(up).table_from_object(),
+        limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        residual_m2: 0.0,
+        motion: motion
+            .with_rates(|_| motion::HandRates::zero(JOINTS))
+            .unwrap(),
+        refused: Vec::new(),
+    }
+}
+
+fn candidates(ups: &[Vector3<f64>]) -> Candidates {
+    let drawn = ups.iter().enumerate();
+    let candidates: Vec<Candidate> = drawn
+        .map(|(idx, up)| candidate(&format!("can-{idx}"), *up))
+        .collect();
+    Candidates {
+        object: "can".to_owned(),
+        joints: candidates[0].motion.joints().clone(),
+        candidates,
+    }
+}
+
+fn rollouts(candidates: &Candidates, verdicts: &[Verdict]) -> Rollouts {
+    let judged = candidates.candidates.iter().zip(verdicts);
+    judged
+        .map(|(candidate, verdict)| Rollout::unsimulated(candidate, *verdict))
+        .collect()
+}
+
+/// The trajectories' inputs and these.
+fn with_accepted(folder: &Path, candidates: &Candidates, rollouts: &Rollouts) -> Inputs {
+    let [of_candidates, of_rollouts] = ["candidates", "rollouts"].map(|name| folder.join(name));
+    for folder in [&of_candidates, &of_rollouts] {
+        std::fs::create_dir(folder).unwrap();
+    }
+    let mut by_name = BTreeMap::from([
+        (
+            "candidates".to_owned(),
+            vec![artifact(&of_candidates, "can", "can", candidates)],
+        ),
+        (
+            "rollouts".to_owned(),
+            vec![artifact(&of_rollouts, "can", "can", rollouts)],
+        ),
+    ]);
+    let given = inputs(folder);
+    for name in ["objects", "trajectories"] {
+        by_name.insert(name.to_owned(), given.artifacts(name).to_vec());
+    }
+    Inputs::new(by_name, vec![SourceFile::named("hand", &config().hand)])
+}
+
+fn made(inputs: &Inputs) -> Result<(Option<f64>, Vec<String>), TrainError> {
+    let out = tempfile::tempdir().unwrap();
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
+    let Outcome::Made(made) = Train::make(&config(), inputs, &cx)? else {
+        panic!("nothing was made");
+    };
+    let file = |name: &str| out.path().join(name);
+    let files = checkpoint::LAST;
+    let cgf = Cgf::load(&file(files.weights), &file(files.description)).unwrap();
+    let names = cgf.description().demonstrations.iter();
+    Ok((made.accepted, names.map(|one| one.name.clone()).collect()))
+}
+
+#[test]
+fn the_first_accepted_motions_are_learned_from_where_the_object_lies_as_recorded() {
+    use Verdict::{Held, Slipped};
+    let ups = [
+        Vector3::z(),
+        // In no trajectory does the can lie like this.
+        Vector3::y(),
+        Vector3::z(),
+        Vector3::x(),
+        Vector3::z(),
+    ];
+    let candidates = candidates(&ups);
+    let rollouts = rollouts(&candidates, &[Slipped, Held, Held, Held, Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let (accepted, names) = made(&with_accepted(folder.path(), &candidates, &rollouts)).unwrap();
+    assert_eq!(accepted, Some(2.0));
+    assert_eq!(names, ["a", "b", "c", "can-2", "can-3"]);
+}
+
+#[test]
+fn a_candidate_without_rollout_is_an_error() {
+    let candidates = candidates(&[Vector3::z(), Vector3::z()]);
+    let rollouts = rollouts(&candidates, &[Verdict::Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let err = made(&with_accepted(folder.path(), &candidates, &rollouts)).unwrap_err();
+    assert!(err.to_string().contains("`can-1`"), "{err}");
+    assert!(err.hint().unwrap().contains("inputs.rollouts"));
+}
+
+#[test]
+fn accepted_motions_of_unseen_objects_are_not_read() {
+    let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
+    let of = |name: &str, keys: &[&str]| {
+        let partitions = keys.iter().map(|key| partition(key)).collect();
+        (name.to_owned(), partitions)
+    };
+    let known = |candidates: &[&str], rollouts: &[&str]| {
+        let mut partitions =
+            BTreeMap::from([of("candidates", candidates), of("rollouts", rollouts)]);
+        for name in ["objects", "trajectories"] {
+            partitions.insert(name.to_owned(), scope().partitions(name).to_vec());
+        }
+        Scope::new(partitions)
+    };
+    let mut config = config();
+    let both = known(&["can", "tin"], &["can", "tin"]);
+    let reads =
+        |config: &TrainConfig| Train::units(config, &both).unwrap()[0].reads["rollouts"].clone();
+    assert_eq!(reads(&config), ["can", "tin"]);
+    config.unseen_objects = vec!["can".to_owned()];
+    assert_eq!(reads(&config), ["tin"]);
+    // A screen of other candidates is refused.
+    let err = Train::units(&config, &known(&["can", "tin"], &["can"])).unwrap_err();
+    assert!(err.to_string().contains("`tin`"), "{err}");
+}
