@@ -21,6 +21,7 @@ use crate::{
     overrides::Override,
     shared::{SHARED, Taken},
     source::Location,
+    stage::Wiring,
     store::Origin,
     suggestions::did_you_mean,
     tables::{found, merge_values, set_value},
@@ -322,10 +323,20 @@ impl FileReader<'_> {
         let inputs = self.inputs(name, &mut table, kind.as_ref());
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
         // The missing inputs have been reported.
-        let kind = kind.filter(|_| is_whole)?;
+        let mut kind = kind.filter(|_| is_whole)?;
         match kind.configure(table.clone()) {
             Ok(configured) => {
-                for fault in configured.check() {
+                let mut faults = configured.check();
+                if let Some(inputs) = &inputs {
+                    let wires = inputs.iter();
+                    let wires = wires.map(|(input, wire)| (input.to_string(), wire.clone()));
+                    faults.extend(configured.check_wired(&wires.collect()));
+                    if kind.wiring == Wiring::Free {
+                        kind.inputs = inputs.keys().map(ToString::to_string).collect();
+                    }
+                }
+                kind.outputs = configured.outputs();
+                for fault in faults {
                     let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
                     let place = self.place(name, &path, Part::Value, span_of(&table, &fault.key));
                     let header = || self.location(span.clone().unwrap_or(0..0));
@@ -416,10 +427,11 @@ impl FileReader<'_> {
         for (input, value) in wires {
             let path = ["inputs".to_owned(), input.to_owned()];
             if let Some(kind) = kind
-                && !kind.inputs.contains(&input)
+                && kind.wiring == Wiring::Declared
+                && !kind.inputs.iter().any(|known| known == input)
             {
                 let all = || format!("`{}` reads: {}", kind.name, kind.inputs.join(", "));
-                let near = did_you_mean(input, kind.inputs.iter().copied());
+                let near = did_you_mean(input, kind.inputs.iter().map(String::as_str));
                 let hint = near.unwrap_or_else(all);
                 let place = self.place(name, &path, Part::Key, value.span());
                 self.problem_at(
