@@ -42,6 +42,8 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
 
 /// Cancels motions, drops the units in flight, reports both, and ends the program.
 pub(crate) fn stop(lake: &Lake) -> ! {
+    // First, so that nothing is written any more into what is dropped below.
+    stage_program::stop_all();
     let motions = stage_dispatch::stop_sending();
     thread::scope(|scope| {
         for motion in &motions {

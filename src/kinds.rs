@@ -8,6 +8,7 @@ use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
 use stage_interpolate::Interpolate;
+use stage_program::{Program, Shipped};
 use stage_refine::Refine;
 use stage_replay::Replay;
 
@@ -25,5 +26,6 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Refine>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
+        Kind::of::<Program<Shipped>>(),
     ]
 }

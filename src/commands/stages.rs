@@ -1,6 +1,6 @@
 //! `pipeline stages`
 
-use dataflow::{Kind, did_you_mean};
+use dataflow::{Kind, Wiring, did_you_mean};
 
 use crate::{
     arguments::StagesArgs,
@@ -36,8 +36,15 @@ fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
         let outputs = &kind.outputs;
-        let makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
+        let mut makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
+        if kind.wiring == Wiring::Free {
+            rows.push(vec![
+                String::new(),
+                "reads  what its `inputs` name".to_owned(),
+            ]);
+            makes = vec!["what it says: an artifact of another kind, or a table of its own"];
+        }
         let inputs = kind.all_inputs();
         if !inputs.is_empty() {
             let reads = format!("reads  {}", inputs.join(", "));
@@ -53,13 +60,21 @@ fn overview(kinds: &[Kind]) -> String {
 
 fn options(kind: &Kind, width: Option<usize>) -> String {
     let mut text = format!("{}: {}\n\n", kind.name, kind.about);
-    for input in kind.inputs {
+    for input in &kind.inputs {
         text.push_str(&format!("inputs.{input} = \"STAGE.{input}\"\n"));
     }
     for input in kind.optional_inputs {
         text.push_str(&format!("inputs.{input} = \"STAGE.{input}\" (optional)\n"));
     }
-    for output in &kind.outputs {
+    if kind.wiring == Wiring::Free {
+        text.push_str("inputs.NAME = \"STAGE.ARTIFACT\", any number of them\n");
+        text.push_str("makes one artifact, named by `makes`\n");
+    }
+    let named = kind
+        .outputs
+        .iter()
+        .filter(|_| kind.wiring == Wiring::Declared);
+    for output in named {
         text.push_str(&format!(
             "makes `{}`, one partition per {}, schema {}\n",
             output.artifact, output.partition, output.schema
@@ -93,6 +108,9 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
             text.push_str(&below(&rows, width));
         }
         _ => text.push_str(&table),
+    }
+    if let Some(example) = kind.example {
+        text.push_str(&format!("\n{example}"));
     }
     text
 }

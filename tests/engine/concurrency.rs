@@ -2,7 +2,10 @@
 
 use std::{collections::BTreeMap, process::Stdio};
 
-use crate::place::{Place, Running, assert_same, stderr};
+use crate::{
+    place::{Place, Running, assert_same, stderr},
+    program_maps::Maps,
+};
 
 /// Two branches that share their first two stages.
 const BRANCHES: &str = r#"
@@ -36,6 +39,11 @@ inputs.parts = "right.parts"
 
 #[test]
 fn processes_with_overlapping_targets_make_each_unit_once() {
+    overlapping_targets(Maps::Stages);
+    overlapping_targets(Maps::Programs);
+}
+
+fn overlapping_targets(maps: Maps) {
     const TARGETS: [&[&str]; 8] = [
         &[],
         &["--until", "left_table"],
@@ -46,7 +54,7 @@ fn processes_with_overlapping_targets_make_each_unit_once() {
         &["--until", "right"],
         &["--until", "split"],
     ];
-    let place = Place::with_inputs(BRANCHES, 12);
+    let place = Place::with_inputs(&maps.of(BRANCHES), 12);
     let processes = TARGETS.map(|target| {
         let mut command = place.command("run", target);
         command.stdout(Stdio::null()).stderr(Stdio::piped());
@@ -91,7 +99,12 @@ fn waiting_process_names_the_lock_holder() {
 
 #[test]
 fn the_lock_of_a_process_that_died_is_taken_over() {
-    let place = Place::with_inputs(BRANCHES, 1);
+    lock_is_taken_over(Maps::Stages);
+    lock_is_taken_over(Maps::Programs);
+}
+
+fn lock_is_taken_over(maps: Maps) {
+    let place = Place::with_inputs(&maps.of(BRANCHES), 1);
     place.input("held", b"a held one");
     place.let_go("p000");
     let mut first = Running::start(place.held(&[]));

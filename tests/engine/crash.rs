@@ -13,7 +13,10 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::place::{CHAIN, Place, assert_same, chances, files_below, published, stdout, well};
+use crate::{
+    place::{CHAIN, Place, assert_same, chances, files_below, published, stdout, well},
+    program_maps::Maps,
+};
 
 /// Time for random moments in the default suite; `PIPELINE_KILLS` asks for a number of them.
 const TIME: Duration = Duration::from_secs(15);
@@ -24,17 +27,28 @@ const PROCESSES: &[&str] = &["--processes"];
 
 #[test]
 fn a_killed_run_is_finished_by_the_next_one() {
-    kill_at_random(THREADS, TIME, "crash");
+    kill_at_random(THREADS, TIME, Maps::Stages, "crash");
+}
+
+#[test]
+fn a_killed_run_of_programs_is_finished_by_the_next_one() {
+    kill_at_random(THREADS, TIME / 2, Maps::Programs, "crash of programs");
+    kill_at_random(
+        PROCESSES,
+        TIME / 3,
+        Maps::Programs,
+        "crash of processes of programs",
+    );
 }
 
 #[test]
 fn a_killed_run_of_processes_is_finished_by_the_next_one() {
-    kill_at_random(PROCESSES, TIME / 3, "crash of processes");
+    kill_at_random(PROCESSES, TIME / 3, Maps::Stages, "crash of processes");
 }
 
-fn kill_at_random(flags: &[&str], time: Duration, test: &str) {
+fn kill_at_random(flags: &[&str], time: Duration, maps: Maps, test: &str) {
     let mut rng = chances(test);
-    let place = Place::with_inputs(CHAIN, 8);
+    let place = Place::with_inputs(&maps.of(CHAIN), 8);
     let expected = place.undisturbed(&[]);
     let mut undisturbed = undisturbed_time(&place, flags);
     let names = place.names_by_seed(&["split", "first", "second", "gather", "group"]);

@@ -22,6 +22,8 @@ mod meanwhile;
 mod memory;
 mod plan_equals_run;
 mod precision;
+mod program_maps;
+mod programs;
 mod remote;
 mod reports;
 mod resume;

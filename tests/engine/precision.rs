@@ -8,7 +8,10 @@ use std::{
 
 use serde_json::Value;
 
-use crate::place::{Place, name, stdout, well};
+use crate::{
+    place::{Place, name, stdout, well},
+    program_maps::Maps,
+};
 
 /// Recordings, so to speak.
 const N_FILES: usize = 200;
@@ -59,7 +62,16 @@ fn planned(place: &Place) -> BTreeMap<String, BTreeMap<String, usize>> {
 
 #[test]
 fn a_change_reruns_only_its_dependents() {
-    let place = Place::with_inputs(FIVE_STAGES, N_FILES);
+    changes_rerun_dependents(Maps::Stages);
+}
+
+#[test]
+fn a_change_reruns_only_its_dependent_programs() {
+    changes_rerun_dependents(Maps::Programs);
+}
+
+fn changes_rerun_dependents(maps: Maps) {
+    let place = Place::with_inputs(&maps.of(FIVE_STAGES), N_FILES);
     place.run_well(&[]);
     let all = [("split", N_FILES), ("map", 3 * N_FILES), ("gather", 1)];
     assert_eq!(place.take_counts(), counts(&all));
@@ -102,7 +114,7 @@ fn a_change_reruns_only_its_dependents() {
     assert_eq!(place.take_counts(), counts(&[("split", 1)]));
 
     // A value of the third mapped stage: its units, and the one that gathers.
-    place.run_well(&["--set", "third.add=9"]);
+    place.run_well(&["--set", &format!("third.{}=9", maps.add())]);
     let below = counts(&[("map", N_FILES), ("gather", 1)]);
     assert_eq!(place.take_counts(), below);
 }

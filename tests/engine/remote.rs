@@ -1,10 +1,18 @@
 //! Units made in separate processes that share only the lake and the pipeline file.
 
-use crate::place::{CHAIN, Place, assert_same, published, well};
+use crate::{
+    place::{CHAIN, Place, assert_same, published, well},
+    program_maps::Maps,
+};
 
 #[test]
 fn processes_give_the_same_bytes_as_threads() {
-    let place = Place::with_inputs(CHAIN, 6);
+    by_processes_and_threads(Maps::Stages);
+    by_processes_and_threads(Maps::Programs);
+}
+
+fn by_processes_and_threads(maps: Maps) {
+    let place = Place::with_inputs(&maps.of(CHAIN), 6);
     place.input("bad", b"bad, so that something is skipped");
     let threads = place.command("run", &[]).output().unwrap();
     assert_eq!(threads.status.code(), Some(3));
@@ -29,7 +37,12 @@ fn processes_give_the_same_bytes_as_threads() {
 
 #[test]
 fn one_unit_is_made_by_its_name() {
-    let place = Place::with_inputs(CHAIN, 3);
+    one_by_name(Maps::Stages);
+    one_by_name(Maps::Programs);
+}
+
+fn one_by_name(maps: Maps) {
+    let place = Place::with_inputs(&maps.of(CHAIN), 3);
     for (artifact, partition) in [("split.parts", "p001"), ("first.parts", "p001")] {
         well(place.command("unit", &[artifact, partition]));
         let made = place.take_log();

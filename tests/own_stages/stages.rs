@@ -1,6 +1,6 @@
 //! Small kinds of stages: one that reads files outside the lake, one that maps partition by partition,
 //! one that gathers every partition, one that gathers by a label, one that goes on where it was
-//! interrupted, and one as a lab would write it (`logged`).
+//! interrupted, one as a lab would write it (`logged`), and programs; `map.sh` is `map` as a program.
 //!
 //! A kind is a type that implements [`dataflow::Stage`], and lists its outputs, types that implement
 //! [`dataflow::Output`]; where there is one, it is the same type. Most need two functions: `units` lists
@@ -23,6 +23,7 @@ use std::{
 
 use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
+use stage_program::{Artifacts, Known, Program};
 
 use self::{gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps};
 
@@ -77,6 +78,13 @@ const fn code(version: u8) -> Code {
     }
 }
 
+/// The artifacts that programs can make here, beside tables of their own.
+pub(crate) enum Own {}
+
+impl Artifacts for Own {
+    const KNOWN: &'static [Known] = &[Known::of_files("parts", "parts/1", "part", &[bytes::DATA])];
+}
+
 /// Returns the kinds, each in the version that `version` says: 1 or 2.
 pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
     let versions = [
@@ -92,5 +100,6 @@ pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
     };
     let mut kinds = Vec::from(versions.map(choose));
     kinds.push(Kind::of::<Logged>());
+    kinds.push(Kind::of::<Program<Own>>());
     kinds
 }

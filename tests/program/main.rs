@@ -15,6 +15,7 @@ mod history;
 mod incremental;
 mod interpolation;
 mod messages;
+mod mujoco_judge;
 mod output;
 mod own_hand;
 #[path = "../../crates/cell/tests/cell/papers.rs"]

@@ -20,7 +20,7 @@ const PRINTED: &str = "tcp/127.0.0.1:7447";
 const LINES: usize = 22;
 
 /// The Python to use, if it has these modules; else it is said why nothing is tried.
-fn python(modules: &[&str]) -> Option<String> {
+pub(crate) fn python(modules: &[&str]) -> Option<String> {
     let Ok(python) = env::var("PIPELINE_PYTHON") else {
         measured_data::print_skipped("`PIPELINE_PYTHON` names no Python");
         return None;

@@ -20,6 +20,8 @@ pub struct Context<'a> {
     pub(crate) folder: PathBuf,
     /// Folder for the resume state of an interrupted unit.
     pub(crate) resume_folder: PathBuf,
+    /// File for the unit's log.
+    pub(crate) log_file: PathBuf,
     /// Where progress goes.
     pub(crate) progress: &'a Progress<'a>,
 }
@@ -34,6 +36,7 @@ impl Context<'_> {
             seed,
             folder: folder.to_owned(),
             resume_folder: folder.join("resume"),
+            log_file: folder.join("log"),
             progress: &|_, _| {},
         }
     }
@@ -63,6 +66,14 @@ impl Context<'_> {
     /// read back. The result must not depend on how often the unit was interrupted.
     pub fn resume_folder(&self) -> &Path {
         &self.resume_folder
+    }
+
+    /// A file for what the making of the unit says about itself, which is not part of the artifact: it
+    /// may differ between attempts, and is kept after a failure too. Its folder does not exist before
+    /// the first log is written (`lake::write_atomic` makes it); the next attempt finds that of the last
+    /// one.
+    pub fn log_file(&self) -> &Path {
+        &self.log_file
     }
 
     /// Reports the unit's progress: a fraction in 0..=1 and a message.
@@ -98,6 +109,11 @@ impl Inputs {
     /// Returns what was found out under this name while the unit was listed.
     pub fn fact(&self, name: &str) -> Option<&str> {
         self.facts.get(name).map(String::as_str)
+    }
+
+    /// Returns the names of the inputs of which partitions are read.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.artifacts.keys().map(String::as_str)
     }
 
     /// Returns the partitions read from an input, in the order in which the unit named them.

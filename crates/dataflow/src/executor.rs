@@ -148,6 +148,7 @@ impl<'a> Maker<'a> {
             seed: unit_seed(self.pipeline.seed, stage, &unit.partition),
             folder: making.folder().to_owned(),
             resume_folder: making.resume_folder().to_owned(),
+            log_file: making.log_file().to_owned(),
             progress: &|fraction, message| {
                 (self.events)(&Event::UnitProgress {
                     unit: name.clone(),

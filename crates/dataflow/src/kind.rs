@@ -1,6 +1,6 @@
 //! Type-erased stage kinds, so that a pipeline can hold stages of every kind.
 
-use std::{any::Any, ops::Range, sync::Arc};
+use std::{any::Any, collections::BTreeMap, ops::Range, sync::Arc};
 
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
@@ -11,13 +11,14 @@ use crate::{
     code::Code,
     context::{Context, Inputs},
     metrics::MissingMetric,
+    name::NodeName,
     option_faults::OptionFault,
     outcome::Outcome,
     output::OutputInfo,
     record::RecordOutcome,
     report::Report,
     scope::Scope,
-    stage::{ErasedLine, Lines, OutputOf, Outputs, Stage},
+    stage::{ErasedLine, Lines, OutputNames, OutputOf, Outputs, Stage, Wiring},
     summary::Summary,
     unit::Unit,
 };
@@ -29,10 +30,14 @@ pub struct Kind {
     pub name: &'static str,
     /// What it does, in one sentence.
     pub about: &'static str,
-    /// The artifacts it reads.
-    pub inputs: &'static [&'static str],
+    /// The artifacts it reads; of a stage of [`Wiring::Free`], its inputs as the file names them.
+    pub inputs: Vec<String>,
     /// Further artifacts that it reads where they are wired.
     pub optional_inputs: &'static [&'static str],
+    /// Whether the kind or the pipeline file says which inputs there are.
+    pub wiring: Wiring,
+    /// What its page of options ends with.
+    pub example: Option<&'static str>,
     /// The artifacts it makes, in the order in which they are made: results, then reports.
     pub outputs: Vec<OutputInfo>,
     configure: Arc<Configure>,
@@ -64,6 +69,9 @@ pub(crate) trait Configured: Send + Sync {
     /// The configuration without the paths of files that its units read.
     fn config(&self) -> Value;
     fn check(&self) -> Vec<OptionFault>;
+    fn check_wired(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault>;
+    /// The outputs, whose names may follow from the options.
+    fn outputs(&self) -> Vec<OutputInfo>;
     fn prepare(&self) -> Result<(), Advised>;
     // Of the output at this position in [`Kind::outputs`]:
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
@@ -161,6 +169,28 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
         S::check(&self.options)
     }
 
+    fn check_wired(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault> {
+        S::check_wired(&self.options, inputs)
+    }
+
+    fn outputs(&self) -> Vec<OutputInfo> {
+        let outputs = self.parts.outputs.iter();
+        let named = outputs.map(|listed| {
+            let OutputNames {
+                artifact,
+                schema,
+                partition,
+            } = listed.output.names(&self.options);
+            OutputInfo {
+                artifact,
+                schema,
+                partition,
+                ..listed.info
+            }
+        });
+        named.collect()
+    }
+
     fn prepare(&self) -> Result<(), Advised> {
         if let Some(generate) = &self.parts.generate {
             generate(&self.options)?;
@@ -256,8 +286,10 @@ impl Kind {
         let kind = Self {
             name: S::KIND,
             about: S::ABOUT,
-            inputs: S::INPUTS,
+            inputs: S::INPUTS.iter().map(|&input| input.to_owned()).collect(),
             optional_inputs: S::OPTIONAL_INPUTS,
+            wiring: S::WIRING,
+            example: S::EXAMPLE,
             outputs: parts.outputs.iter().map(|listed| listed.info).collect(),
             configure: Arc::new(move |table| {
                 let configured = ConfiguredStage::<S>::read(table, Arc::clone(&parts))?;
@@ -286,8 +318,9 @@ impl Kind {
     }
 
     /// Returns every artifact that it reads, those of [`Kind::optional_inputs`] last.
-    pub fn all_inputs(&self) -> Vec<&'static str> {
-        [self.inputs, self.optional_inputs].concat()
+    pub fn all_inputs(&self) -> Vec<&str> {
+        let inputs = self.inputs.iter().map(String::as_str);
+        inputs.chain(self.optional_inputs.iter().copied()).collect()
     }
 
     pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {

@@ -94,7 +94,7 @@ pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, RunFacts, Scope, SkippedItem};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
-pub use stage::{ConfigOf, Lines, Output, OutputOf, Outputs, Stage};
+pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};
 pub use store::{
     NewestUnit, NodeRecord, Origin, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
     Store, UnitRef, UnitTransaction,

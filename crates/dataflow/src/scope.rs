@@ -80,6 +80,11 @@ impl Scope {
         &self.run
     }
 
+    /// Returns the names of the inputs, and of the outputs of this stage that are made earlier.
+    pub fn inputs(&self) -> impl Iterator<Item = &str> {
+        self.partitions.keys().map(String::as_str)
+    }
+
     /// Returns the partitions of an input, or of an output of this stage that is made earlier,
     /// ordered by key.
     pub fn partitions(&self, name: &str) -> &[Partition] {

@@ -1,6 +1,10 @@
 //! The contract of a stage and of its outputs.
 
-use std::{any::TypeId, collections::HashMap, marker::PhantomData};
+use std::{
+    any::TypeId,
+    collections::{BTreeMap, HashMap},
+    marker::PhantomData,
+};
 
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
@@ -10,6 +14,7 @@ use crate::{
     code::Code,
     context::{Context, Inputs},
     metrics::{Metrics, MissingMetric},
+    name::NodeName,
     option_faults::OptionFault,
     outcome::Outcome,
     output::{Execution, OptionsUsed, OutputInfo},
@@ -44,6 +49,10 @@ pub trait Stage: Sized + 'static {
     /// Further artifacts that it reads where they are wired. One that is wired to a stage that the pipeline
     /// file leaves out (`without`) counts as not wired.
     const OPTIONAL_INPUTS: &'static [&'static str] = &[];
+    /// Whether its inputs are those of [`Stage::INPUTS`], or those that the pipeline file names.
+    const WIRING: Wiring = Wiring::Declared;
+    /// What its page of options ends with, e.g. a whole example.
+    const EXAMPLE: Option<&'static str> = None;
     /// The artifacts it makes, in the order in which they are made: each may read those before it.
     const OUTPUTS: Outputs<Self>;
 
@@ -55,6 +64,15 @@ pub trait Stage: Sized + 'static {
         Vec::new()
     }
 
+    /// As [`Stage::check`], of options that name inputs, with the inputs and where each comes from;
+    /// for [`Wiring::Free`].
+    fn check_wired(
+        _config: &Self::Config,
+        _inputs: &BTreeMap<String, NodeName>,
+    ) -> Vec<OptionFault> {
+        Vec::new()
+    }
+
     /// Prepares resources outside the lake, before anything is planned.
     ///
     /// # Errors
@@ -63,6 +81,26 @@ pub trait Stage: Sized + 'static {
     fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
         Ok(())
     }
+}
+
+/// Which inputs a stage has.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wiring {
+    /// Those that its kind declares, each with an artifact of the input's name.
+    Declared,
+    /// Those that the pipeline file names, each with any artifact.
+    Free,
+}
+
+/// The names of an output: its artifact, its schema, and what one partition stands for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct OutputNames {
+    /// As [`Output::ARTIFACT`].
+    pub artifact: &'static str,
+    /// As [`Output::SCHEMA`].
+    pub schema: &'static str,
+    /// As [`Output::PARTITION`].
+    pub partition: &'static str,
 }
 
 /// One artifact that a stage, or its report, makes: one partition at a time.
@@ -95,6 +133,15 @@ pub trait Output: Sync + 'static {
     /// The line's source counts in the output's code digest: for costly results, the stage's
     /// [`Report`](crate::Report) has the line instead.
     const LINE: Option<Line<Self::Metrics>> = None;
+
+    /// Returns its names, which the options of some kinds decide.
+    fn names(_config: &ConfigOf<Self>) -> OutputNames {
+        OutputNames {
+            artifact: Self::ARTIFACT,
+            schema: Self::SCHEMA,
+            partition: Self::PARTITION,
+        }
+    }
 
     /// Lists the partitions and what each of them reads.
     ///
@@ -169,6 +216,8 @@ pub trait OutputOf<S: Stage>: Sync {
     fn id(&self) -> TypeId;
     /// Returns its metadata; the code is that of its stage or report.
     fn info(&self, code: Code) -> OutputInfo;
+    /// As [`Output::names`].
+    fn names(&self, config: &S::Config) -> OutputNames;
     /// Adds [`Output::LINE`].
     fn add_line(&self, lines: &mut Lines<S>);
     /// As [`Output::units`].
@@ -199,6 +248,10 @@ impl<O: Output> OutputOf<O::Stage> for O {
             code,
             options: O::OPTIONS,
         }
+    }
+
+    fn names(&self, config: &ConfigOf<O>) -> OutputNames {
+        O::names(config)
     }
 
     fn add_line(&self, lines: &mut Lines<O::Stage>) {

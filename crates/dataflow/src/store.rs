@@ -27,6 +27,9 @@ pub trait UnitTransaction {
     /// first writer.
     fn resume_folder(&self) -> &Path;
 
+    /// File for the unit's log. Its folder is created by the first writer.
+    fn log_file(&self) -> &Path;
+
     /// Removes the resume state of earlier attempts.
     ///
     /// # Errors

@@ -103,6 +103,20 @@ impl Unit {
         }
     }
 
+    /// Adds all labels of a partition.
+    #[must_use]
+    pub fn with_labels_of(mut self, partition: &Partition) -> Self {
+        match partition.certain_labels() {
+            None => self.labeled_by_data(),
+            Some(found) => {
+                if let Some(labels) = &mut self.labels {
+                    labels.extend(found.clone());
+                }
+                self
+            }
+        }
+    }
+
     /// Leaves the labels to what [`Output::make`](crate::Output::make) finds in the data: its
     /// outcome is [`Outcome::Labeled`](crate::Outcome::Labeled).
     #[must_use]

@@ -125,6 +125,7 @@ impl Lake {
         self.collect_recipes(&recipes, since, collecting)?;
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
         self.collect_resumable(collecting, &mut collected)?;
+        self.collect_logs(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
         if collecting == GcMode::Remove && !gone.is_empty() {
             self.cache.forget(&gone, &self.locks)?;
@@ -274,6 +275,21 @@ impl Lake {
             n_leftovers += 1;
         }
         Ok(n_leftovers)
+    }
+
+    /// Removes the logs of units without a record that nobody has tried to make lately.
+    fn collect_logs(&self, collecting: GcMode, collected: &mut GcReport) -> Result<(), LakeError> {
+        let long_ago = now().checked_sub(RESUMED_WITHIN).unwrap_or(UNIX_EPOCH);
+        for path in files_below(&self.folder.logs())? {
+            let record = digest_named(&path).map(|unit| self.records.path(&unit));
+            let is_kept = record.is_some_and(|record| record.exists());
+            if is_kept || is_newer(&path, long_ago) {
+                continue;
+            }
+            collected.n_leftovers += 1;
+            remove(&path, collecting)?;
+        }
+        Ok(())
     }
 
     /// Removes the resume state of units that are stored by now, and expired resume state.

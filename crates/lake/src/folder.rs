@@ -90,6 +90,15 @@ impl Folder {
         self.join("resume")
     }
 
+    /// Logs of units, by fingerprint.
+    pub(crate) fn logs(&self) -> PathBuf {
+        self.join("logs")
+    }
+
+    pub(crate) fn log(&self, fingerprint: &Digest) -> PathBuf {
+        self.logs().join(format!("{}.log", fingerprint.to_hex()))
+    }
+
     pub(crate) fn blobs(&self) -> PathBuf {
         self.join("blobs")
     }

@@ -23,6 +23,7 @@
 //! changing/PIPELINE.…      marks of pipelines whose tables and files are being changed
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress
+//! logs/abcd….log           what the program of a unit printed, until its unit is collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored
 //! ```
 //!

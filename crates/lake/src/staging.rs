@@ -22,6 +22,7 @@ pub(crate) struct UnitInProgress<'a> {
     lake: &'a Lake,
     folder: PathBuf,
     resume_folder: PathBuf,
+    log_file: PathBuf,
     started: SystemTime,
     /// Held until the unit is stored or abandoned.
     _lock: Lock,
@@ -44,6 +45,7 @@ impl<'a> UnitInProgress<'a> {
         Ok(Self {
             lake,
             folder,
+            log_file: lake.folder.log(fingerprint),
             resume_folder: lake.folder.resume().join(name),
             started: now(),
             _lock: lock,
@@ -106,6 +108,10 @@ impl UnitTransaction for UnitInProgress<'_> {
 
     fn resume_folder(&self) -> &Path {
         &self.resume_folder
+    }
+
+    fn log_file(&self) -> &Path {
+        &self.log_file
     }
 
     fn start_over(&self) -> Result<(), Advised> {

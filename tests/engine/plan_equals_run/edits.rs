@@ -79,7 +79,9 @@ pub(super) fn edit(rng: &mut ChaCha8Rng, world: &mut World) -> String {
             format!("seed = {}", world.seed)
         }
         13 | 14 => {
-            let kind = *["split", "map", "gather", "group"].choose(rng).unwrap();
+            let kind = *["split", "map", "program", "gather", "group"]
+                .choose(rng)
+                .unwrap();
             if !world.second.remove(kind) {
                 world.second.insert(kind.to_owned());
             }
@@ -112,8 +114,8 @@ fn change_a_value(rng: &mut ChaCha8Rng, world: &mut World) -> String {
     let keys: Vec<&'static str> = stage.config.keys().copied().collect();
     let key = *keys.choose(rng).unwrap();
     let value = match key {
-        "add" => json!(rng.random_range(0..4)),
-        "modulo" => json!([0, 1, 2].choose(rng).unwrap()),
+        "add" | "options.add" => json!(rng.random_range(0..4)),
+        "modulo" | "options.modulo" => json!([0, 1, 2].choose(rng).unwrap()),
         "min_bytes" => json!(rng.random_range(0..8)),
         "table" => json!(rng.random_bool(0.5)),
         _ => {
@@ -139,9 +141,11 @@ fn sources(world: &World, reader: Option<&str>) -> Vec<String> {
 }
 
 fn add_a_stage(rng: &mut ChaCha8Rng, world: &mut World) -> String {
-    let kind = *["split", "map", "map", "gather", "group"]
-        .choose(rng)
-        .unwrap();
+    let kind = *[
+        "split", "map", "map", "program", "program", "gather", "group",
+    ]
+    .choose(rng)
+    .unwrap();
     let name = format!("{kind}_{}", rng.random_range(1..4));
     if world.stages.iter().any(|stage| stage.name == name) {
         return format!("nothing: {name} is there");

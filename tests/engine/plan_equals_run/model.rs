@@ -145,7 +145,12 @@ impl Model {
 fn results(world: &World, stage: &StageSpec) -> BTreeMap<String, (Reason, Option<Part>)> {
     let reason = |inputs, files| Reason {
         kind: stage.kind,
-        code: world.version(stage.kind),
+        // That of a program is a file.
+        code: if stage.kind == "program" {
+            1
+        } else {
+            world.version(stage.kind)
+        },
         config: stage.config.clone(),
         inputs,
         files,
@@ -170,16 +175,21 @@ fn results(world: &World, stage: &StageSpec) -> BTreeMap<String, (Reason, Option
     let no_files = BTreeMap::new;
     let whole = |part: &Part| format!("{:?} {} {}", part.data, part.table, part.label);
     match stage.kind {
-        "map" => {
+        "map" | "program" => {
+            let is_program = stage.kind == "program";
+            let files = || match is_program {
+                true => BTreeMap::from([(world.code.display().to_string(), world.code_text())]),
+                false => no_files(),
+            };
             let units = parts.iter().map(|(name, part)| {
                 let inputs = BTreeMap::from([(name.clone(), whole(part))]);
-                let more = world.version("map") - 1;
+                let more = world.version(stage.kind) - 1;
                 let mapped = Part {
                     data: change(&part.data, stage, more),
-                    table: is_on(stage),
+                    table: !is_program && is_on(stage),
                     label: part.label.clone(),
                 };
-                (name.clone(), (reason(inputs, no_files()), Some(mapped)))
+                (name.clone(), (reason(inputs, files()), Some(mapped)))
             });
             units.collect()
         }

@@ -8,7 +8,10 @@ use std::{
 
 use serde_json::{Value, json};
 
-use crate::place::{Place, put};
+use crate::{
+    place::{Place, put},
+    program_maps::{MAP_PROGRAM, program_table},
+};
 
 /// Seed, input files, versions of the code, and stages.
 pub(super) struct World {
@@ -23,6 +26,8 @@ pub(super) struct World {
     /// Kinds of which the code is in its second version.
     pub(super) second: BTreeSet<String>,
     pub(super) stages: Vec<StageSpec>,
+    /// Where the program's code lies.
+    pub(super) code: PathBuf,
     written: BTreeMap<String, Vec<u8>>,
 }
 
@@ -55,6 +60,7 @@ impl StageSpec {
                 ("modulo", json!(0)),
                 ("table", json!(false)),
             ],
+            "program" => vec![("options.add", json!(1)), ("options.modulo", json!(0))],
             _ => vec![("min_bytes", json!(0))],
         };
         Self {
@@ -66,11 +72,13 @@ impl StageSpec {
     }
 
     pub(super) fn makes_parts(&self) -> bool {
-        matches!(self.kind, "split" | "map")
+        matches!(self.kind, "split" | "map" | "program")
     }
 
     pub(super) fn value(&self, key: &str) -> u8 {
-        let value = self.config.get(key).and_then(Value::as_u64);
+        let of_program = || self.config.get(&*format!("options.{key}"));
+        let value = self.config.get(key).or_else(of_program);
+        let value = value.and_then(Value::as_u64);
         u8::try_from(value.unwrap_or(0)).unwrap()
     }
 
@@ -85,6 +93,7 @@ impl World {
         Self {
             seed: 7,
             root: place.inputs(),
+            code: place.path("map.sh"),
             files: [("a", "apple"), ("b", "banana"), ("c", "avocado")]
                 .map(|(name, text)| (name.to_owned(), text.as_bytes().to_vec()))
                 .into(),
@@ -93,6 +102,7 @@ impl World {
             stages: vec![
                 StageSpec::new("split_1", "split", None),
                 StageSpec::new("map_1", "map", Some("split_1")),
+                StageSpec::new("program_1", "program", Some("map_1")),
                 StageSpec::new("gather_1", "gather", Some("map_1")),
                 StageSpec::new("group_1", "group", Some("map_1")),
             ],
@@ -115,7 +125,7 @@ impl World {
     }
 
     pub(super) fn is_map(&self, stage: &str) -> bool {
-        self.stage(stage).kind == "map"
+        matches!(self.stage(stage).kind, "map" | "program")
     }
 
     /// A stage and everything above it.
@@ -141,11 +151,22 @@ impl World {
                 }
                 None => text.push_str(&format!("root = \"{}\"\n", self.root.display())),
             }
+            if kind == "program" {
+                text.push_str(&program_table(&self.code));
+            }
             for (key, value) in &stage.config {
                 text.push_str(&format!("{key} = {value}\n"));
             }
         }
         text
+    }
+
+    /// The program's code, in its version.
+    pub(super) fn code_text(&self) -> Vec<u8> {
+        let more = self.version("program") - 1;
+        MAP_PROGRAM
+            .replace("more=0", &format!("more={more}"))
+            .into_bytes()
     }
 
     /// Brings the folder of input files to this state.
@@ -167,6 +188,7 @@ impl World {
         }
         self.written = self.files.clone();
         self.touched.clear();
+        put(&self.code, &self.code_text());
         put(&place.pipeline(), self.pipeline_file().as_bytes());
     }
 }

@@ -21,6 +21,7 @@ use crate::{
     overrides::Override,
     shared::{SHARED, Taken},
     source::Location,
+    stage::Wiring,
     store::Origin,
     suggestions::did_you_mean,
     tables::{found, merge_values, set_value},
@@ -322,10 +323,20 @@ impl FileReader<'_> {
         let inputs = self.inputs(name, &mut table, kind.as_ref());
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
         // The missing inputs have been reported.
-        let kind = kind.filter(|_| is_whole)?;
+        let mut kind = kind.filter(|_| is_whole)?;
         match kind.configure(table.clone()) {
             Ok(configured) => {
-                for fault in configured.check() {
+                let mut faults = configured.check();
+                if let Some(inputs) = &inputs {
+                    let wires = inputs.iter();
+                    let wires = wires.map(|(input, wire)| (input.to_string(), wire.clone()));
+                    faults.extend(configured.check_wired(&wires.collect()));
+                    if kind.wiring == Wiring::Free {
+                        kind.inputs = inputs.keys().map(ToString::to_string).collect();
+                    }
+                }
+                kind.outputs = configured.outputs();
+                for fault in faults {
                     let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
                     let place = self.place(name, &path, Part::Value, span_of(&table, &fault.key));
                     let header = || self.location(span.clone().unwrap_or(0..0));
@@ -417,6 +428,7 @@ impl FileReader<'_> {
             let path = ["inputs".to_owned(), input.to_owned()];
             let known = kind.map(Kind::all_inputs);
             if let Some((kind, known)) = kind.zip(known)
+                && kind.wiring == Wiring::Declared
                 && !known.contains(&input)
             {
                 let all = || format!("`{}` reads: {}", kind.name, known.join(", "));

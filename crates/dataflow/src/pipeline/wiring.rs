@@ -3,14 +3,14 @@
 use toml_edit::{InlineTable, Key, Value};
 
 use super::{StageEntry, faults::Part, reader::FileReader};
-use crate::suggestions::nearest;
+use crate::{stage::Wiring, suggestions::nearest};
 
 impl FileReader<'_> {
     /// Checks that every input is wired to an output that exists and holds the right artifact.
     pub(super) fn check_wiring(&mut self, stages: &[StageEntry], tables: &InlineTable) {
         for stage in stages {
             let span = tables.key(stage.name.as_str()).and_then(Key::span);
-            for &input in stage.kind.inputs {
+            for input in stage.kind.inputs.iter().map(String::as_str) {
                 let Some(node) = stage.inputs.get(input) else {
                     let offer = stages.iter().find(|other| {
                         other
@@ -66,7 +66,7 @@ impl FileReader<'_> {
                         written,
                         Some(format!("it makes: {}", outputs.join(", "))),
                     );
-                } else if node.artifact != *input {
+                } else if stage.kind.wiring == Wiring::Declared && node.artifact != *input {
                     self.problem_at(
                         format!(
                             "input `{input}` of stage `{}` wants `{input}`, and is wired to `{}`",

@@ -1,0 +1,128 @@
+"""A hand from its URDF: a tree of links with joints, masses and primitives, in meters, kilograms and radians."""
+
+import xml.etree.ElementTree as ElementTree
+
+import numpy as np
+
+KINDS = {"revolute", "continuous", "prismatic", "fixed"}
+
+
+class HandError(Exception):
+    """What the judge cannot simulate of a hand."""
+
+
+def numbers(text, default):
+    return np.array([float(word) for word in text.split()]) if text else np.array(default, float)
+
+
+def rotation(rpy):
+    """The matrix of roll, pitch and yaw about fixed axes, as URDF has them."""
+    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
+    return np.array([
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
+        [-sp, cp * sr, cp * cr],
+    ])
+
+
+def xyzw(matrix):
+    """The unit quaternion of a rotation, w last and not negative (K. Shoemake, 1985)."""
+    m = matrix
+    four = np.array([1 + m[0, 0] + m[1, 1] + m[2, 2], 1 + m[0, 0] - m[1, 1] - m[2, 2],
+                     1 - m[0, 0] + m[1, 1] - m[2, 2], 1 - m[0, 0] - m[1, 1] + m[2, 2]])
+    largest = int(np.argmax(four))
+    rows = [
+        [m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1], four[0]],
+        [four[1], m[1, 0] + m[0, 1], m[0, 2] + m[2, 0], m[2, 1] - m[1, 2]],
+        [m[1, 0] + m[0, 1], four[2], m[2, 1] + m[1, 2], m[0, 2] - m[2, 0]],
+        [m[0, 2] + m[2, 0], m[2, 1] + m[1, 2], four[3], m[1, 0] - m[0, 1]],
+    ]
+    q = np.array(rows[largest])
+    q /= np.linalg.norm(q)
+    return q if q[3] >= 0 else -q
+
+
+def origin(element):
+    """Translation and rotation of an element's `<origin>`."""
+    found = element.find("origin") if element is not None else None
+    given = (lambda key: found.get(key)) if found is not None else (lambda key: None)
+    return numbers(given("xyz"), [0, 0, 0]), rotation(numbers(given("rpy"), [0, 0, 0]))
+
+
+def seven(place, turn):
+    return [*map(float, place), *map(float, xyzw(turn))]
+
+
+def shapes(link):
+    found = []
+    for collision in link.findall("collision"):
+        geometry = collision.find("geometry")[0]
+        size = {
+            "box": lambda: [float(edge) / 2 for edge in geometry.get("size").split()],
+            "sphere": lambda: [float(geometry.get("radius"))],
+            "cylinder": lambda: [float(geometry.get("radius")), float(geometry.get("length")) / 2],
+            "capsule": lambda: [float(geometry.get("radius")), float(geometry.get("length")) / 2],
+        }.get(geometry.tag)
+        if size is None:
+            raise HandError(f"link `{link.get('name')}` collides with a {geometry.tag}: this judge knows primitives")
+        found.append({"type": geometry.tag, "size": size(), "link_from_shape": seven(*origin(collision))})
+    return found
+
+
+def inertial(link):
+    element = link.find("inertial")
+    if element is None:
+        return {"mass": 0.0, "center_of_mass": None, "inertia": None}
+    place, turn = origin(element)
+    given = element.find("inertia")
+    xx, xy, xz, yy, yz, zz = (float(given.get(key)) for key in ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"))
+    m = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
+    return {
+        "mass": float(element.find("mass").get("value")),
+        "center_of_mass": [float(x) for x in place],
+        "inertia": [float(m[at]) for at in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))],
+    }
+
+
+def read(path):
+    """The links, the root first and every link after its parent; independent joints are numbered in that order."""
+    robot = ElementTree.parse(path).getroot()
+    by_name = {link.get("name"): link for link in robot.findall("link")}
+    below = {}
+    for joint in robot.findall("joint"):
+        if joint.get("type") not in KINDS or joint.find("mimic") is not None:
+            raise HandError(f"joint `{joint.get('name')}` is {joint.get('type')} or follows another: not simulated here")
+        below.setdefault(joint.find("parent").get("link"), []).append(joint)
+    children = {joint.find("child").get("link") for joint in robot.findall("joint")}
+    (root,) = [name for name in by_name if name not in children]
+    links, n_joints = [], 0
+
+    def walk(name, parent, joint):
+        nonlocal n_joints
+        entry = {"name": name, "parent": parent, "joint": None, "parent_from_joint": seven(*origin(joint)),
+                 **inertial(by_name[name]), "shapes": shapes(by_name[name])}
+        if joint is not None and joint.get("type") != "fixed":
+            axis = joint.find("axis")
+            axis = numbers(axis.get("xyz") if axis is not None else None, [1, 0, 0])
+            limit = joint.find("limit")
+            bound = lambda key, default: float(limit.get(key, default)) if limit is not None else default
+            is_bounded = joint.get("type") != "continuous"
+            entry["joint"] = {
+                "number": n_joints, "name": joint.get("name"), "kind": joint.get("type"),
+                "axis": [float(x) for x in axis / np.linalg.norm(axis)],
+                "lower": bound("lower", 0.0) if is_bounded else -np.inf,
+                "upper": bound("upper", 0.0) if is_bounded else np.inf,
+            }
+            n_joints += 1
+        links.append(entry)
+        number = len(links) - 1
+        for child in below.get(name, []):
+            walk(child.find("child").get("link"), number, child)
+
+    walk(root, None, None)
+    return links
+
+
+def joints(links):
+    """The independent joints in their order."""
+    return sorted((link["joint"] for link in links if link["joint"]), key=lambda joint: joint["number"])

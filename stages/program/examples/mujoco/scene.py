@@ -1,0 +1,399 @@
+"""The scene, the script and the verdicts of `crates/simulation` in MuJoCo.
+
+A hand as a tree of links with primitives, masses, joint limits and torque limits, one object of convex parts, a
+table. Lengths in meters, quaternions as x y z w.
+
+What is told to the palm is done: its mass is 10 t, and each control step gives it the velocity that takes
+it to its place, so that it yields to nothing; it never touches the table, which yields as little. Finger
+joints are position servos with damping and a torque limit, the hand feels no gravity, and hand touches
+hand nowhere. All contacts have the scene's friction and no friction about the normal.
+"""
+
+import time
+
+import mujoco
+import numpy as np
+
+from script import compose, turned as turned_by
+
+PALM_MASS, PALM_INERTIA = 1e4, 1e2
+HAND, OBJECT = 2, 1
+DIVERGED = [
+    mujoco.mjtWarning.mjWARN_BADQPOS,
+    mujoco.mjtWarning.mjWARN_BADQVEL,
+    mujoco.mjtWarning.mjWARN_BADQACC,
+]
+FINAL_WINDOW_S, TOUCHING_SHARE = 0.5, 0.5
+# How the object is put down: as far above the table as it falls, and when it rests.
+GAP_M, RESTING_SPEED, RESTING_STEPS = 0.0005, 0.002, 10
+# Where the hand waits meanwhile, in meters above the table.
+PARKED_M = 5.0
+GEOM = mujoco.mjtGeom
+
+
+def text(numbers):
+    return " ".join(repr(float(number)) for number in numbers)
+
+
+def placed(pose):
+    """A pose as MJCF writes it: the quaternion's w first."""
+    x, y, z, i, j, k, w = pose
+    return f'pos="{text([x, y, z])}" quat="{text([w, i, j, k])}"'
+
+
+def inertial(body):
+    xx, yy, zz, xy, xz, yz = body["inertia"]
+    return (
+        f'<inertial pos="{text(body["center_of_mass"])}" mass="{body["mass"]!r}" '
+        f'fullinertia="{text([xx, yy, zz, xy, xz, yz])}"/>'
+    )
+
+
+def geom(shape):
+    sizes = text(shape["size"])
+    return (
+        f'<geom type="{shape["type"]}" size="{sizes}" {placed(shape["link_from_shape"])} '
+        f'contype="{HAND}" conaffinity="{OBJECT}"/>'
+    )
+
+
+def link_xml(links, number, armature):
+    link = links[number]
+    if link["parent"] is None:
+        own = (
+            f'<freejoint/><inertial pos="0 0 0" mass="{PALM_MASS}" '
+            f'diaginertia="{PALM_INERTIA} {PALM_INERTIA} {PALM_INERTIA}"/>'
+        )
+        place = ""
+    else:
+        place = placed(link["parent_from_joint"])
+        own = inertial(link) if link["mass"] > 0 else ""
+        if link["joint"] is not None:
+            joint = link["joint"]
+            kind = {"prismatic": "slide"}.get(joint["kind"], "hinge")
+            limits = (
+                'limited="false"'
+                if joint["kind"] == "continuous"
+                else f'limited="true" range="{text([joint["lower"], joint["upper"]])}"'
+            )
+            own += (
+                f'<joint name="{joint["name"]}" type="{kind}" axis="{text(joint["axis"])}" '
+                f'{limits} armature="{armature!r}"/>'
+            )
+    own += "".join(geom(shape) for shape in link["shapes"])
+    children = (idx for idx, other in enumerate(links) if other["parent"] == number)
+    inside = "".join(link_xml(links, child, armature) for child in children)
+    name = "palm" if link["parent"] is None else link["name"]
+    return f'<body name="{name}" {place} gravcomp="1">{own}{inside}</body>'
+
+
+def mjcf(scene):
+    """The scene as MuJoCo reads it; coordinates are palm, fingers, object."""
+    drive, engine = scene["drive"], scene["engine"]
+    links, thing = scene["links"], scene["object"]
+    joints = [link["joint"] for link in links if link["joint"] is not None]
+    joints.sort(key=lambda joint: joint["number"])
+    meshes = "".join(
+        f'<mesh name="part{idx}" inertia="convex" vertex="{text(np.ravel(part))}"/>'
+        for idx, part in enumerate(thing["parts"])
+    )
+    parts = "".join(
+        f'<geom type="mesh" mesh="part{idx}" contype="{OBJECT}" conaffinity="{HAND}"/>'
+        for idx in range(len(thing["parts"]))
+    )
+    k, d, limit = drive["stiffness"], drive["damping"], drive["torque_limit"]
+    servos = "".join(
+        f'<general joint="{joint["name"]}" biastype="affine" gainprm="{k!r}" '
+        f'biasprm="0 {-k!r} {-d!r}" forcelimited="true" forcerange="{-limit!r} {limit!r}"/>'
+        for joint in joints
+    )
+    return f"""<mujoco>
+<compiler angle="radian" fusestatic="true"/>
+<option timestep="{scene["time_step_s"]!r}" integrator="implicitfast" cone="{engine["cone"]}"
+ impratio="{engine["impratio"]!r}"><flag multiccd="{engine["multiccd"]}"/></option>
+<default><geom friction="{scene["friction"]!r} 0 0" condim="3" solref="{text(engine["solref"])}"/></default>
+<asset>{meshes}</asset>
+<worldbody>
+<geom name="table" type="box" size="1 1 0.025" pos="0 0 -0.025" contype="0" conaffinity="{HAND | OBJECT}"/>
+{link_xml(links, 0, drive["armature"])}
+<body name="object"><freejoint/>{inertial(thing)}{parts}</body>
+</worldbody>
+<contact><exclude body1="world" body2="palm"/></contact>
+<actuator>{servos}</actuator>
+</mujoco>"""
+
+
+def turned(xyzw):
+    x, y, z, w = xyzw
+    return np.array([w, x, y, z])
+
+
+class Scene:
+    def __init__(self, scene):
+        self.scene, self.protocol = scene, scene["protocol"]
+        self.model = mujoco.MjModel.from_xml_string(mjcf(scene))
+        self.data = mujoco.MjData(self.model)
+        joints = [link["joint"] for link in scene["links"] if link["joint"] is not None]
+        joints.sort(key=lambda joint: joint["number"])
+        self.lower = np.array([joint["lower"] for joint in joints])
+        self.upper = np.array([joint["upper"] for joint in joints])
+        ids = [mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, j["name"]) for j in joints]
+        self.q = self.model.jnt_qposadr[ids]
+        body = lambda name: mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
+        self.palm, self.thing = body("palm"), body("object")
+        # The coordinates of the two free joints.
+        self.palm_q = self.model.jnt_qposadr[self.model.body_jntadr[self.palm]]
+        self.palm_v = self.model.jnt_dofadr[self.model.body_jntadr[self.palm]]
+        self.thing_q = self.model.jnt_qposadr[self.model.body_jntadr[self.thing]]
+
+    def palm_pose(self):
+        at = self.data.qpos[self.palm_q :]
+        return at[:3].copy(), at[3:7].copy()
+
+    def object_pose(self):
+        at = self.data.qpos[self.thing_q :]
+        return at[:3].copy(), at[3:7].copy()
+
+    def move_palm(self, target, seconds):
+        """Gives the palm the velocity that takes it there."""
+        place, turn = self.palm_pose()
+        velocity = self.data.qvel[self.palm_v :]
+        velocity[:3] = (np.array(target[:3]) - place) / seconds
+        local = np.zeros(3)
+        mujoco.mju_subQuat(local, turned(target[3:]), turn)
+        velocity[3:6] = local / seconds
+
+    def touching(self):
+        """The hand's bodies that press on the object."""
+        bodies, force = set(), np.zeros(6)
+        for idx in range(self.data.ncon):
+            contact = self.data.contact[idx]
+            pair = [int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
+            if self.thing in pair and 0 not in pair:
+                mujoco.mj_contactForce(self.model, self.data, idx, force)
+                if force[0] > 0:
+                    bodies.add(pair[0] if pair[1] == self.thing else pair[1])
+        return bodies
+
+    def deep(self, depth_m):
+        """Contacts of the hand deeper in the object: the point of the object's part, in the object's frame, and the depth."""
+        # The contacts are those of the step's start, as is the body's pose in space.
+        place, turn = self.data.xpos[self.thing], self.data.xquat[self.thing]
+        inverse, local, found = np.zeros(4), np.zeros(3), []
+        mujoco.mju_negQuat(inverse, turn)
+        for idx in range(self.data.ncon):
+            contact = self.data.contact[idx]
+            pair = [int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)]
+            if contact.dist < -depth_m and self.thing in pair and 0 not in pair:
+                # The normal points from the first to the second.
+                side = -0.5 if pair[0] == self.thing else 0.5
+                on_part = contact.pos + side * contact.dist * contact.frame[:3]
+                mujoco.mju_rotVecQuat(local, on_part - place, inverse)
+                found.append([*local, -contact.dist])
+        return found
+
+    def finger(self, body):
+        """The first body of a body's finger; the palm's own is itself."""
+        while body != self.palm and self.model.body_parentid[body] != self.palm:
+            body = int(self.model.body_parentid[body])
+        return body
+
+    def begin(self, start, table_from_object):
+        """Puts hand and object where a script starts."""
+        data = self.data
+        mujoco.mj_resetData(self.model, data)
+        for at, pose in ((self.palm_q, start["palm"]), (self.thing_q, table_from_object)):
+            data.qpos[at : at + 3] = pose[:3]
+            data.qpos[at + 3 : at + 7] = turned(pose[3:])
+        data.qpos[self.q] = start["q"]
+        mujoco.mj_forward(self.model, data)
+
+    def step(self, setpoint):
+        """Carries out one command; returns the seconds that the physics took."""
+        substeps = self.scene["steps_per_control"]
+        self.move_palm(setpoint["palm"], substeps * self.scene["time_step_s"])
+        self.data.ctrl[:] = np.clip(setpoint["q"], self.lower, self.upper)
+        before = time.thread_time()
+        mujoco.mj_step(self.model, self.data, substeps)
+        return time.thread_time() - before
+
+    def roll(self, rollout):
+        """Carries out one script to its end; returns the seconds of stepping, the verdict, and the deep contacts of what is carried."""
+        start, *setpoints = rollout["setpoints"]
+        self.begin(start, rollout["table_from_object"])
+        judge = Judge(self, setpoints, self.scene["steps_per_control"] * self.scene["time_step_s"])
+        seconds = 0.0
+        for setpoint in setpoints:
+            seconds += self.step(setpoint)
+            judge.see(setpoint["phase"])
+        return seconds, judge.verdict(), judge.deep
+
+    def settle(self, table_from_object, parts, settle_s):
+        """Lets the object come to rest alone on the table; returns its pose, or nothing if it does not stay there."""
+        pose = np.array(table_from_object, float)
+        lowest = min(turned_by(pose[3:], part)[:, 2].min() for part in parts) + pose[2]
+        pose[2] += GAP_M - lowest
+        parked = {"palm": np.array([0.0, 0.0, PARKED_M, 0.0, 0.0, 0.0, 1.0]), "q": np.clip(0.0, self.lower, self.upper)}
+        self.begin(parked, pose)
+        self.data.ctrl[:] = parked["q"]
+        at = self.model.jnt_dofadr[self.model.body_jntadr[self.thing]]
+        resting = 0
+        for _ in range(round(settle_s / self.scene["time_step_s"])):
+            mujoco.mj_step(self.model, self.data)
+            speed = self.data.qvel[at : at + 6]
+            is_slow = max(np.linalg.norm(speed[:3]), np.linalg.norm(speed[3:])) < RESTING_SPEED
+            resting = resting + 1 if is_slow else 0
+            if resting == RESTING_STEPS:
+                break
+        place, turn = self.object_pose()
+        pose = np.concatenate([place, turn[1:], turn[:1]])
+        return pose if np.isfinite(pose).all() and place[2] > -0.5 else None
+
+    def refusal(self, start, commands, requested, table_from_object):
+        """Why geometry alone refuses a script, as `crates/simulation/src/rejection.rs` has it, or nothing."""
+        protocol, strict = self.protocol, self.protocol["strict"]
+        tolerance = protocol["limit_tolerance_rad"]
+        for _, q in requested:
+            if (q < self.lower - tolerance).any() or (q > self.upper + tolerance).any():
+                return "limit"
+        for palm, q in requested:
+            self.begin({"palm": compose(table_from_object, palm), "q": q}, table_from_object)
+            if self.is_below(strict["palm_table_tolerance_m"], protocol["table_tolerance_m"]):
+                return "table"
+        depths = [(start, strict["start_tolerance_m"])]
+        depths += [(one, protocol["early_tolerance_m"]) for one in commands if one["phase"] == "reach"]
+        for command, tolerance_m in depths:
+            self.begin({"palm": compose(table_from_object, command["palm"]), "q": command["q"]}, table_from_object)
+            if self.depth() > tolerance_m:
+                return "early_contact"
+        return None
+
+    def is_below(self, palm_m, finger_m):
+        """Whether a shape of the hand is deeper below the table than a palm or a finger may be."""
+        model, data = self.model, self.data
+        for geom in np.flatnonzero(model.geom_contype == HAND):
+            size, row = model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)[2]
+            reach = {
+                GEOM.mjGEOM_BOX: lambda: np.abs(row) @ size,
+                GEOM.mjGEOM_SPHERE: lambda: size[0],
+                GEOM.mjGEOM_CYLINDER: lambda: abs(row[2]) * size[1] + np.sqrt(max(1 - row[2] ** 2, 0)) * size[0],
+                GEOM.mjGEOM_CAPSULE: lambda: abs(row[2]) * size[1] + size[0],
+            }[GEOM(model.geom_type[geom])]()
+            tolerance = palm_m if model.geom_bodyid[geom] == self.palm else finger_m
+            if data.geom_xpos[geom][2] - reach < -tolerance:
+                return True
+        return False
+
+    def depth(self):
+        """How deep the hand is in the object's deepest part, in meters."""
+        contacts = (self.data.contact[idx] for idx in range(self.data.ncon))
+        deep = [-c.dist for c in contacts
+                if {int(self.model.geom_contype[g]) for g in (c.geom1, c.geom2)} == {HAND, OBJECT}]
+        return max(deep, default=0.0)
+
+    def origins(self, palm, q):
+        """Coordinates of the origins of all links, the root's first, for a palm pose in any frame."""
+        places = {}
+        found = []
+        for number, link in enumerate(self.scene["links"]):
+            if link["parent"] is None:
+                pose = np.asarray(palm, float)
+            else:
+                pose = compose(places[link["parent"]], np.array(link["parent_from_joint"]))
+                joint = link["joint"]
+                if joint is not None:
+                    pose = compose(pose, moved(joint, q[joint["number"]]))
+            places[number] = pose
+            found.append(pose[:3])
+        return np.concatenate(found)
+
+
+def moved(joint, position):
+    """The transform of a joint at a position."""
+    axis = np.array(joint["axis"])
+    if joint["kind"] == "prismatic":
+        return np.concatenate([axis * position, [0.0, 0.0, 0.0, 1.0]])
+    return np.concatenate([[0.0] * 3, axis * np.sin(position / 2), [np.cos(position / 2)]])
+
+
+def angle(one, other):
+    return 2 * np.arccos(min(1.0, abs(float(np.dot(one, other)))))
+
+
+class Judge:
+    """What `crates/simulation/src/judge.rs` judges, but that nothing ends early."""
+
+    def __init__(self, scene, setpoints, control_s):
+        self.scene, self.protocol, self.control_s = scene, scene.protocol, control_s
+        self.start = scene.object_pose()
+        self.failure = None
+        self.lift_left = sum(i["phase"] == "lift" for i in setpoints)
+        self.hold_left = sum(i["phase"] == "hold" for i in setpoints)
+        self.window = min(max(round(FINAL_WINDOW_S / control_s), 1), self.hold_left)
+        self.pressed, self.in_palm, self.deep = {}, [], []
+        self.rise_m = self.displacement_m = 0.0
+
+    def fail(self, verdict):
+        self.failure = self.failure or verdict
+
+    def see(self, phase):
+        protocol, (place, turn) = self.protocol, self.scene.object_pose()
+        # MuJoCo starts again from the beginning where numbers overflow, and warns.
+        if any(self.scene.data.warning[idx].number for idx in DIVERGED):
+            self.fail("diverged")
+        rise = self.rise_m = float(place[2] - self.start[0][2])
+        until_lift = protocol["strict"]["knocked_until"] == "lift"
+        if phase in ("reach", "close") or (phase == "squeeze" and until_lift):
+            moved = np.linalg.norm(place - self.start[0])
+            if phase != "squeeze":
+                self.displacement_m = float(moved)
+            if moved > protocol["knocked_m"] or angle(turn, self.start[1]) > protocol["knocked_rad"]:
+                self.fail("knocked_over")
+        if phase in ("lift", "hold"):
+            self.deep += self.scene.deep(self.scene.scene["noted_depth_m"])
+        if phase == "lift":
+            self.lift_left -= 1
+            if self.lift_left == 0:
+                self.follow(place, turn)
+                if rise <= protocol["lifted_m"]:
+                    self.fail("not_grasped")
+        if phase == "hold":
+            self.follow(place, turn)
+            if rise <= protocol["lifted_m"]:
+                self.fail("dropped")
+            if self.hold_left <= self.window:
+                for body in self.scene.touching():
+                    self.pressed[body] = self.pressed.get(body, 0) + 1
+            self.hold_left -= 1
+
+    def follow(self, place, turn):
+        """Notes the object's pose in the palm's frame."""
+        palm, palm_turn = self.scene.palm_pose()
+        inverse, local, local_turn = np.zeros(4), np.zeros(3), np.zeros(4)
+        mujoco.mju_negQuat(inverse, palm_turn)
+        mujoco.mju_rotVecQuat(local, place - palm, inverse)
+        mujoco.mju_mulQuat(local_turn, inverse, turn)
+        self.in_palm.append((local, local_turn))
+
+    def touching(self):
+        """The bodies that pressed for most of the final window."""
+        enough = TOUCHING_SHARE * self.window
+        return [body for body, n in self.pressed.items() if n >= enough]
+
+    def slip_m(self):
+        """How far the object moved in the palm's frame since the end of the lift."""
+        return float(np.linalg.norm(self.in_palm[-1][0] - self.in_palm[0][0])) if self.in_palm else 0.0
+
+    def verdict(self):
+        if self.failure:
+            return self.failure
+        touching = self.touching()
+        fingers = {self.scene.finger(body) for body in touching}
+        protocol, strict = self.protocol, self.protocol["strict"]
+        if len(touching) < protocol["min_links"] or len(fingers) < strict["min_fingers"]:
+            return "dropped"
+        (place, turn), (end, end_turn) = self.in_palm[max(len(self.in_palm) - self.window - 1, 0)], self.in_palm[-1]
+        seconds = self.window * self.control_s
+        slips = np.linalg.norm(end - place) > protocol["max_slip_m_per_s"] * seconds
+        spins = angle(end_turn, turn) > strict["max_spin_rad_per_s"] * seconds
+        return "slipped" if slips or spins else "held"

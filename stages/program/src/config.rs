@@ -1,0 +1,331 @@
+//! Options of `kind = "program"`.
+
+use std::{collections::BTreeMap, path::PathBuf};
+
+use dataflow::{NodeName, OptionFault, OptionFaults, PartitionKey, nearest};
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+use crate::artifacts::Known;
+
+/// Longest time limit, in seconds: a week.
+const MAX_TIMEOUT_S: f64 = 604_800.0;
+/// Largest memory limit, in megabytes.
+const MAX_MEMORY_MB: u64 = 10_000_000;
+/// Most partitions that one is fanned out to.
+const MAX_FAN_OUT: usize = 10_000;
+/// Prefix of a word in `read` that names a label.
+pub(crate) const LABEL: &str = "label:";
+
+/// Options of `kind = "program"`.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+pub struct ProgramConfig {
+    /// The program and its arguments, without a shell. Every element that names a file counts as code and is
+    /// passed as an absolute path: the program starts in a folder of its own.
+    pub command: Vec<String>,
+    /// Files that decide its output, as patterns such as `judge/**/*.py`: a change of one reruns it. The
+    /// files named in `command` are among them without being listed.
+    #[serde(default, skip_serializing)]
+    pub code: Vec<String>,
+    /// Lock file of its environment, e.g. `requirements.txt`: a change reruns it.
+    #[serde(default, skip_serializing)]
+    pub lock: Option<PathBuf>,
+    /// Files or folders that it reads beside its inputs, by name: copied to `files/NAME`; a change reruns it.
+    #[serde(default, skip_serializing)]
+    pub files: BTreeMap<String, PathBuf>,
+    /// The artifact that it makes: a kind of this project's, or a table of its own with `columns`.
+    pub makes: String,
+    /// Columns of a table of its own, by name.
+    #[serde(default)]
+    pub columns: BTreeMap<String, ColumnConfig>,
+    /// What one partition of a table of its own stands for, e.g. `object`: the column of its key.
+    #[serde(default = "defaults::partition")]
+    pub partition: String,
+    /// `INPUT.COLUMN`: a table of its own has one row for each row of this input, with the same values in the
+    /// column of this name.
+    #[serde(default)]
+    pub one_row_per: Option<String>,
+    /// The input of which each partition becomes one; without it, all partitions of all inputs become one.
+    #[serde(default)]
+    pub each: Option<String>,
+    /// What it reads of the other inputs, by name, with `each`: the partition of the `same` key (the default),
+    /// `all`, or, as `label:NAME`, the one whose key is this label of the partition.
+    #[serde(default)]
+    pub read: BTreeMap<String, String>,
+    /// Names of several partitions that are made of one: each has a run of its own, told its name.
+    #[serde(default)]
+    pub fan_out: Vec<String>,
+    /// Values for the program; a change of one reruns it.
+    #[serde(default)]
+    pub options: serde_json::Map<String, serde_json::Value>,
+    /// Time limit of a unit in seconds, after which it is killed: more than a simulation of a few thousand
+    /// motions takes.
+    #[serde(default = "defaults::timeout_s")]
+    pub timeout_s: f64,
+    /// Memory limit of a unit, all its processes together, in megabytes: half of a small workstation's. Enforced
+    /// on Linux.
+    #[serde(default = "defaults::memory_mb")]
+    pub memory_mb: u64,
+}
+
+/// A column of a table.
+#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct ColumnConfig {
+    /// Its type.
+    #[serde(rename = "type")]
+    pub kind: ColumnType,
+    /// Unit of its numbers, e.g. `m`.
+    #[serde(default)]
+    pub unit: Option<String>,
+    /// What it means.
+    #[serde(default)]
+    pub about: String,
+}
+
+/// The type of a column.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum ColumnType {
+    /// UTF-8.
+    Text,
+    /// A floating-point number of 64 bits.
+    Number,
+    /// A signed integer of 64 bits.
+    Integer,
+    /// True or false.
+    Boolean,
+    /// A list of numbers.
+    Numbers,
+    /// A list of integers.
+    Integers,
+}
+
+/// What a unit reads of an input.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Read<'a> {
+    /// The partition of the same key.
+    Same,
+    /// Every partition.
+    All,
+    /// The partition whose key is the value of this label.
+    Label(&'a str),
+}
+
+impl ProgramConfig {
+    /// Returns what a unit reads of an input.
+    pub(crate) fn read_of(&self, input: &str) -> Read<'_> {
+        match (&self.each, self.read.get(input)) {
+            (None, _) => Read::All,
+            (Some(_), None) => Read::Same,
+            (Some(_), Some(word)) => word_of(word).unwrap_or(Read::Same),
+        }
+    }
+
+    /// Returns the input and the column of `one_row_per`.
+    pub(crate) fn rows_of(&self) -> Option<(&str, &str)> {
+        self.one_row_per.as_deref()?.split_once('.')
+    }
+
+    /// Returns what is wrong with the options beyond their types; `known` are the artifacts of this project
+    /// that a program can make.
+    pub(crate) fn faults(&self, known: &[Known]) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        if self.command.first().is_none_or(String::is_empty) {
+            faults.note(
+                "command",
+                "names no program: write, e.g., [\"python3\", \"judge.py\"]",
+            );
+        }
+        self.check_artifact(known, &mut faults);
+        for name in self.files.keys().filter(|name| !is_word(name)) {
+            faults.note(
+                "files",
+                format!("has the name `{name}`: use letters, digits and `_`"),
+            );
+        }
+        let why = "each is a run of the program";
+        faults.within("fan_out", self.fan_out.len(), 0..=MAX_FAN_OUT, why);
+        let mut names = self.fan_out.clone();
+        names.sort();
+        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
+            faults.note("fan_out", format!("has `{}` twice", twice[0]));
+        }
+        for name in &self.fan_out {
+            if let Err(err) = name.parse::<PartitionKey>() {
+                faults.note("fan_out", format!("has the name `{name}`: {}", err.rule));
+            }
+        }
+        if self.each.is_none() && !self.read.is_empty() {
+            faults.note("read", "says what is read beside `each`, which is not set");
+        }
+        for (input, word) in &self.read {
+            if word_of(word).is_none() {
+                let problem = format!("is `{word}`, and must be `same`, `all` or `{LABEL}NAME`");
+                faults.note(&format!("read.{input}"), problem);
+            }
+        }
+        if let Some(date) = self
+            .options
+            .iter()
+            .find_map(|(key, value)| date_in(key, value))
+        {
+            faults.note(
+                "options",
+                format!("has the date `{date}`: write it as text, in quotes"),
+            );
+        }
+        let why = "a program that hangs must end";
+        faults.above("timeout_s", self.timeout_s, 0.0, MAX_TIMEOUT_S, why);
+        let why = "less starts no interpreter";
+        faults.within("memory_mb", self.memory_mb, 10..=MAX_MEMORY_MB, why);
+        faults.found()
+    }
+
+    fn check_artifact(&self, known: &[Known], faults: &mut OptionFaults) {
+        let names = known.iter().map(|known| known.artifact);
+        let is_known = names.clone().any(|name| name == self.makes);
+        match (is_known, self.columns.is_empty()) {
+            (true, true) => {}
+            (true, false) => faults.note(
+                "columns",
+                format!(
+                    "are those of a table of its own, and `{}` has its own",
+                    self.makes
+                ),
+            ),
+            (false, true) => {
+                let near = nearest(&self.makes, names.clone())
+                    .map_or_else(String::new, |near| format!(", did you mean `{near}`"));
+                let all: Vec<&str> = names.collect();
+                faults.note(
+                    "makes",
+                    format!(
+                        "is `{}`{near}? It is not among {}; a table of its own needs `columns`",
+                        self.makes,
+                        all.join(", ")
+                    ),
+                );
+            }
+            (false, false) if !is_word(&self.makes) => faults.note(
+                "makes",
+                format!(
+                    "is `{}`, and must have letters, digits and `_` only",
+                    self.makes
+                ),
+            ),
+            (false, false) => {}
+        }
+        for name in self.columns.keys() {
+            if !is_word(name) {
+                faults.note(
+                    "columns",
+                    format!("has `{name}`: use letters, digits and `_`"),
+                );
+            }
+            if *name == self.partition {
+                let problem = format!("has `{name}`, which is the column of the partition's key");
+                faults.note("columns", problem);
+            }
+        }
+        if !is_word(&self.partition) {
+            let problem = format!("is `{}`: use letters, digits and `_`", self.partition);
+            faults.note("partition", problem);
+        }
+        match (&self.one_row_per, self.rows_of()) {
+            (None, _) => {}
+            (Some(_), _) if is_known => {
+                faults.note(
+                    "one_row_per",
+                    format!("is for a table of its own, not `{}`", self.makes),
+                );
+            }
+            (Some(_), Some((_, column))) if self.columns.contains_key(column) => {}
+            (Some(given), Some((_, column))) => {
+                faults.note(
+                    "one_row_per",
+                    format!("is `{given}`, but `columns` has no `{column}`"),
+                );
+            }
+            (Some(given), None) => {
+                faults.note(
+                    "one_row_per",
+                    format!("is `{given}`, and must be `INPUT.COLUMN`"),
+                );
+            }
+        }
+    }
+
+    /// Returns what is wrong with the options that name inputs.
+    pub(crate) fn wired_faults(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let mut check = |key: &str, input: &str| {
+            if !inputs.contains_key(input) {
+                let near = nearest(input, inputs.keys().map(String::as_str));
+                let help = match near {
+                    Some(near) => format!("did you mean `{near}`?"),
+                    None => format!("write `inputs.{input} = \"STAGE.ARTIFACT\"`"),
+                };
+                faults.note(
+                    key,
+                    format!("names the input `{input}`, which is not wired: {help}"),
+                );
+            }
+        };
+        if let Some(each) = &self.each {
+            check("each", each);
+        }
+        for input in self.read.keys() {
+            check(&format!("read.{input}"), input);
+        }
+        if let Some((input, _)) = self.rows_of() {
+            check("one_row_per", input);
+        }
+        faults.found()
+    }
+}
+
+fn word_of(word: &str) -> Option<Read<'_>> {
+    match word {
+        "same" => Some(Read::Same),
+        "all" => Some(Read::All),
+        word => word
+            .strip_prefix(LABEL)
+            .filter(|label| is_word(label))
+            .map(Read::Label),
+    }
+}
+
+fn is_word(text: &str) -> bool {
+    let mut letters = text.chars();
+    letters
+        .next()
+        .is_some_and(|first| first.is_ascii_alphabetic())
+        && letters.all(|letter| letter.is_ascii_alphanumeric() || letter == '_')
+}
+
+/// Finds a TOML date, which JSON does not have.
+fn date_in(key: &str, value: &serde_json::Value) -> Option<String> {
+    const DATE: &str = "$__toml_private_datetime";
+    match value {
+        serde_json::Value::Object(fields) => fields.iter().find_map(|(name, value)| {
+            if name == DATE {
+                return Some(key.to_owned());
+            }
+            date_in(&format!("{key}.{name}"), value)
+        }),
+        serde_json::Value::Array(values) => values.iter().find_map(|value| date_in(key, value)),
+        _ => None,
+    }
+}
+
+/// Values of options that a pipeline file leaves out; the options say why.
+#[rustfmt::skip]
+mod defaults {
+    pub(super) fn partition() -> String { "part".to_owned() }
+    pub(super) fn timeout_s() -> f64 { 3600.0 }
+    pub(super) fn memory_mb() -> u64 { 8000 }
+}

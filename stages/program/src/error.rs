@@ -1,0 +1,312 @@
+//! Why a unit's program did not make its artifact.
+
+use std::{io, path::PathBuf};
+
+use dataflow::Advise;
+use lake::LakeError;
+use schemas::SchemaError;
+
+/// Why a program could not be run, or did not make its artifact.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProgramError {
+    /// A pattern of `code` cannot be read.
+    #[error("`code` has the pattern `{pattern}`, which cannot be read: {reason}")]
+    Pattern {
+        /// The pattern.
+        pattern: String,
+        /// Why.
+        reason: String,
+    },
+    /// A pattern of `code` matches nothing.
+    #[error("`code` names `{pattern}`, which is no file here")]
+    NoCode {
+        /// The pattern.
+        pattern: String,
+    },
+    /// A file that an option names does not exist.
+    #[error("`{option}` names `{}`, which is no file here", path.display())]
+    NoFile {
+        /// The option.
+        option: String,
+        /// The path.
+        path: PathBuf,
+    },
+    /// An input has no partitions.
+    #[error("its input `{input}` has no partitions")]
+    NoPartitions {
+        /// The input.
+        input: String,
+    },
+    /// An input lacks the column by which rows are counted.
+    #[error(
+        "`one_row_per` names `{input}.{column}`, but partition `{key}` of `{input}` has no such column of text or integers"
+    )]
+    NoRows {
+        /// The input.
+        input: String,
+        /// The column.
+        column: String,
+        /// The partition.
+        key: String,
+    },
+    /// The program cannot be started.
+    #[error("cannot start `{program}`")]
+    NotStarted {
+        /// The program.
+        program: String,
+        /// Why.
+        source: io::Error,
+    },
+    /// It ended with an exit code that is a failure.
+    #[error("`{command}` {ended}{}", said(last_lines))]
+    Failed {
+        /// The command.
+        command: String,
+        /// How it ended, e.g. `ended with exit code 1`.
+        ended: String,
+        /// The end of what it printed.
+        last_lines: String,
+        /// Its whole log.
+        log: PathBuf,
+    },
+    /// It broke a limit.
+    #[error(
+        "`{command}` {problem}; it was killed with all its processes{}",
+        said(last_lines)
+    )]
+    Killed {
+        /// The command.
+        command: String,
+        /// What it did, e.g. `did not end within 60 s`.
+        problem: String,
+        /// The end of what it printed.
+        last_lines: String,
+        /// Its whole log.
+        log: PathBuf,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// It broke a rule of its folder.
+    #[error("`{command}` {problem}{}", said(last_lines))]
+    Folder {
+        /// The command.
+        command: String,
+        /// What it did, e.g. `wrote nothing into \`out\``.
+        problem: String,
+        /// The end of what it printed.
+        last_lines: String,
+        /// Its whole log.
+        log: PathBuf,
+        /// What to do.
+        advice: &'static str,
+    },
+    /// What it wrote is not the artifact.
+    #[error("`{command}` wrote `out/{file}`, which is not `{schema}`")]
+    Table {
+        /// The command.
+        command: String,
+        /// The file.
+        file: String,
+        /// The schema.
+        schema: String,
+        /// Why.
+        source: Broken,
+    },
+    /// The table that it wrote cannot be read.
+    #[error("`{command}` wrote `out/{file}`, which is not a whole Parquet file")]
+    Unreadable {
+        /// The command.
+        command: String,
+        /// The file.
+        file: String,
+        /// Why.
+        source: LakeError,
+    },
+    /// Its folder cannot be written or read.
+    #[error("cannot use `{}`", path.display())]
+    Io {
+        /// The file or folder.
+        path: PathBuf,
+        /// Why.
+        source: io::Error,
+    },
+    /// The lake cannot give an input or keep the table.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+    /// The rows are not those asked for.
+    #[error(transparent)]
+    Broken(#[from] Broken),
+    /// The run is being interrupted.
+    #[error("the run is interrupted")]
+    Interrupted,
+}
+
+/// Why a table is not what was asked for.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum Broken {
+    /// A column is missing.
+    #[error("column `{column}` ({expected}) is missing")]
+    NoColumn {
+        /// The column.
+        column: String,
+        /// Its type.
+        expected: String,
+    },
+    /// There is a column that the schema does not have.
+    #[error("there is no column `{column}`{}", near.as_ref().map_or_else(String::new, |near| format!(", did you mean `{near}`?")))]
+    UnknownColumn {
+        /// The column.
+        column: String,
+        /// A column with a similar name.
+        near: Option<String>,
+    },
+    /// A column has another type.
+    #[error("column `{column}` is {found}, expected {expected}")]
+    WrongType {
+        /// The column.
+        column: String,
+        /// Its type.
+        found: String,
+        /// The type of the schema.
+        expected: String,
+    },
+    /// A cell is null.
+    #[error("column `{column}` is null in row {row}")]
+    Null {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+    },
+    /// A number is NaN or infinite.
+    #[error("column `{column}` is {value} in row {row}, expected a finite number")]
+    NotFinite {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+        /// The number.
+        value: f64,
+    },
+    /// A list has another length.
+    #[error("column `{column}` has a list of {found} in row {row}, expected {expected}")]
+    Length {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+        /// Its length.
+        found: usize,
+        /// The length of the schema.
+        expected: usize,
+    },
+    /// The rows are not those of the input.
+    #[error(
+        "column `{column}` has {} in row {row}, expected {}: {n_found} rows for the {n_expected} of `{input}`, \
+         whose order they keep",
+        shown(found.as_ref()), shown(expected.as_ref())
+    )]
+    Rows {
+        /// The column.
+        column: String,
+        /// The input.
+        input: String,
+        /// The first row that differs, from 0.
+        row: usize,
+        /// Its value.
+        found: Option<String>,
+        /// The value of the input.
+        expected: Option<String>,
+        /// Number of rows.
+        n_found: usize,
+        /// Number of rows of the input.
+        n_expected: usize,
+    },
+    /// A row contradicts the row of the input that it belongs to.
+    #[error("column `{column}` is `{found}` in row {row}, and `{expected}` in `{input}`")]
+    Contradicts {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+        /// Its value.
+        found: String,
+        /// The value of the input.
+        expected: String,
+        /// The input.
+        input: String,
+    },
+    /// The artifact's own rules.
+    #[error(transparent)]
+    Rule(#[from] SchemaError),
+    /// The columns do not fit together.
+    #[error("columns do not fit together")]
+    Arrow(arrow_schema::ArrowError),
+}
+
+fn said(last_lines: &str) -> String {
+    if last_lines.is_empty() {
+        ", and printed nothing".to_owned()
+    } else {
+        format!("; its last lines:\n{last_lines}")
+    }
+}
+
+fn shown(value: Option<&String>) -> String {
+    value.map_or_else(|| "nothing".to_owned(), |value| format!("`{value}`"))
+}
+
+impl ProgramError {
+    /// Returns a function that says which file or folder an error is about.
+    pub(crate) fn at(path: &std::path::Path) -> impl FnOnce(io::Error) -> Self + use<> {
+        let path = path.to_owned();
+        move |source| Self::Io { path, source }
+    }
+}
+
+impl Advise for ProgramError {
+    fn hint(&self) -> Option<String> {
+        let log = |log: &PathBuf| format!("its whole output is in `{}`", log.display());
+        match self {
+            Self::Pattern { .. } | Self::NoCode { .. } => Some(
+                "patterns are relative to the folder in which `pipeline` runs: `*` matches within a folder, `**` \
+                 across folders"
+                    .to_owned(),
+            ),
+            Self::NoFile { path, .. } => Some(dataflow::missing(path)),
+            Self::NoPartitions { input } => {
+                Some(format!("look at its skipped items with `pipeline inspect`, at the artifact that `{input}` names"))
+            }
+            Self::NotStarted { program, source } => Some(match source.kind() {
+                io::ErrorKind::NotFound => format!(
+                    "install `{program}`, put it on PATH, or name it in `command`; a path is relative to the folder \
+                     in which `pipeline` runs"
+                ),
+                io::ErrorKind::PermissionDenied => format!("make it executable: `chmod +x {program}`"),
+                _ => "run it by hand to see why".to_owned(),
+            }),
+            Self::Failed { log: path, ended: _, last_lines, .. } => Some(
+                if let Some((_, module)) = last_lines.rsplit_once("No module named ") {
+                    let module = module.lines().next().unwrap_or_default().trim_matches(['\'', '"']);
+                    format!("install `{module}` for this Python, or name another one in `command`; {}", log(path))
+                } else {
+                    log(path)
+                },
+            ),
+            Self::Killed { log: path, advice, .. } | Self::Folder { log: path, advice, .. } => {
+                Some(format!("{advice}; {}", log(path)))
+            }
+            Self::Table { .. } => Some(
+                "write it with the columns of `template.parquet`, an empty table beside `job.json`: \
+                 `pa.Table.from_pylist(rows, schema=pq.read_schema(\"template.parquet\"))`"
+                    .to_owned(),
+            ),
+            Self::Unreadable { .. } => Some("close the file before the program ends".to_owned()),
+            Self::NoRows { .. } => Some("`pipeline inspect` lists the columns of an artifact".to_owned()),
+            Self::Lake(err) => err.hint(),
+            Self::Io { .. } | Self::Broken(_) | Self::Interrupted => None,
+        }
+    }
+}

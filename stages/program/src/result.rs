@@ -1,0 +1,147 @@
+//! What a program wrote, checked and stored in the form of this program.
+
+use std::{collections::BTreeMap, path::Path};
+
+use arrow_array::RecordBatch;
+use arrow_schema::Schema;
+use dataflow::{Artifact, Inputs, PartitionKey};
+use schemas::{
+    Table,
+    candidates::Candidates,
+    rollouts::{Rollout, Rollouts},
+};
+
+use crate::{
+    artifacts::KnownTable,
+    cells::conformed,
+    config::ProgramConfig,
+    error::{Broken, ProgramError},
+    own_table, process,
+};
+
+/// Reads the table that a program wrote and checks it: its columns, its rows, and the rows against the inputs.
+pub(crate) fn checked(
+    config: &ProgramConfig,
+    known: Option<&KnownTable>,
+    schema: Schema,
+    inputs: &Inputs,
+    key: &PartitionKey,
+    path: &Path,
+) -> Result<RecordBatch, ProgramError> {
+    let file = lake::table::FILE;
+    let version = schema.metadata().get("schema").cloned().unwrap_or_default();
+    let broken = |source| ProgramError::Table {
+        command: process::words(config),
+        file: file.to_owned(),
+        schema: version.clone(),
+        source,
+    };
+    let written = Artifact {
+        key: key.clone(),
+        labels: BTreeMap::new(),
+        files: BTreeMap::from([(file.to_owned(), path.to_owned())]),
+    };
+    let written = lake::table::read_batch(&written).map_err(|source| ProgramError::Unreadable {
+        command: process::words(config),
+        file: file.to_owned(),
+        source,
+    })?;
+    let batch = conformed(&written, schema).map_err(&broken)?;
+    if let Some(known) = known {
+        let batch = (known.checked)(key.as_str(), &batch).map_err(|err| broken(err.into()))?;
+        (known.against)(inputs, key.as_str(), &batch).map_err(&broken)?;
+        return Ok(batch);
+    }
+    if let Some((input, column)) = config.rows_of() {
+        own_table::check_rows(inputs, input, column, &batch).map_err(|err| match err {
+            ProgramError::Broken(source) => broken(source),
+            err => err,
+        })?;
+    }
+    Ok(batch)
+}
+
+/// Checks that there is one rollout for each candidate that the unit reads, in their order, and that it says the
+/// same about where the candidate comes from.
+pub(crate) fn one_rollout_per_candidate(
+    inputs: &Inputs,
+    key: &str,
+    batch: &RecordBatch,
+) -> Result<(), Broken> {
+    let input = Candidates::NAME;
+    let mut asked = Vec::new();
+    let mut is_asked = false;
+    for artifact in inputs.artifacts(input) {
+        // An input of this name may be something else.
+        if let Ok(candidates) = lake::table::read::<Candidates>(artifact) {
+            is_asked = true;
+            asked.extend(candidates.candidates);
+        }
+    }
+    if !is_asked {
+        return Ok(());
+    }
+    let made = Rollouts::from_batch(key, batch)?;
+    let ids = |all: &mut dyn Iterator<Item = &String>| all.cloned().collect::<Vec<String>>();
+    own_table::same_rows(
+        "candidate_id",
+        input,
+        &ids(&mut asked.iter().map(|candidate| &candidate.candidate_id)),
+        &ids(&mut made.iter().map(|rollout| &rollout.candidate_id)),
+    )?;
+    for (row, (rollout, candidate)) in made.iter().zip(&asked).enumerate() {
+        let contradicts = |column: &str, found: String, expected: String| Broken::Contradicts {
+            column: column.to_owned(),
+            row,
+            found,
+            expected,
+            input: input.to_owned(),
+        };
+        if rollout.generator != candidate.generator {
+            let (found, expected) = (rollout.generator.clone(), candidate.generator.clone());
+            return Err(contradicts("generator", found, expected));
+        }
+        let (found, expected) = (&rollout.source, &candidate.source);
+        if found != expected {
+            let (column, found, expected) = if found.draw_n != expected.draw_n {
+                (
+                    "draw_n",
+                    found.draw_n.to_string(),
+                    expected.draw_n.to_string(),
+                )
+            } else if found.origin != expected.origin {
+                (
+                    "origin",
+                    format!("{:?}", found.origin),
+                    format!("{:?}", expected.origin),
+                )
+            } else if found.demonstration != expected.demonstration {
+                (
+                    "demonstration",
+                    found.demonstration.clone(),
+                    expected.demonstration.clone(),
+                )
+            } else {
+                let split = |split| format!("{split:?}");
+                (
+                    "object_split",
+                    split(found.object_split),
+                    split(expected.object_split),
+                )
+            };
+            return Err(contradicts(column, found, expected));
+        }
+    }
+    Ok(())
+}
+
+/// Returns how many rollouts of a table hold, if it is one of rollouts.
+pub(crate) fn accepted_n(key: &str, batch: &RecordBatch) -> Option<usize> {
+    let rollouts: Vec<Rollout> = Rollouts::from_batch(key, batch).ok()?;
+    let verdicts = rollouts.iter().map(|rollout| rollout.verdict);
+    Some(
+        verdicts
+            .filter(|verdict| *verdict == schemas::rollouts::Verdict::Held)
+            .count(),
+    )
+}

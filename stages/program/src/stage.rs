@@ -1,0 +1,231 @@
+//! The stage: one run of the program for each unit.
+
+use std::{
+    collections::BTreeMap,
+    collections::BTreeSet,
+    fs,
+    marker::PhantomData,
+    sync::{Arc, Mutex, PoisonError},
+};
+
+use arrow_schema::Schema;
+use dataflow::{
+    Code, Context, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output, OutputNames,
+    Outputs, Scope, Stage, Sum, Unit, Wiring,
+};
+
+use crate::{
+    artifacts::{Artifacts, Known},
+    code,
+    config::ProgramConfig,
+    error::ProgramError,
+    folder::{JobFolder, Offense},
+    log::Log,
+    own_table, process,
+    result::{accepted_n, checked},
+    units::{FAN_OUT, LACKS, units},
+};
+
+/// Exit code of a program for an item that cannot be used: it is skipped, and the last line printed is the
+/// reason.
+const SKIPPED: i32 = 3;
+
+/// Runs a program of the user's; its artifacts are those of `A`, and tables of its own.
+pub struct Program<A>(PhantomData<A>);
+
+dataflow::metrics! {
+    /// Metrics of a partition that a program made.
+    pub struct ProgramMetrics {
+        /// Number of rows of its table.
+        rows_n: Sum,
+        /// Number of rollouts among them that hold.
+        accepted_n: Option<Sum>,
+    }
+}
+
+impl<A: Artifacts> Program<A> {
+    const OUTPUT: Self = Self(PhantomData);
+
+    fn known(config: &ProgramConfig) -> Option<&'static Known> {
+        A::KNOWN.iter().find(|known| known.artifact == config.makes)
+    }
+}
+
+impl<A: Artifacts> Stage for Program<A> {
+    type Config = ProgramConfig;
+    type Error = ProgramError;
+
+    const KIND: &'static str = "program";
+    const ABOUT: &'static str = "Runs a program of your own for each partition";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [&'static str] = &[];
+    const WIRING: Wiring = Wiring::Free;
+    const EXAMPLE: Option<&'static str> = Some(include_str!("../page.md"));
+    const OUTPUTS: Outputs<Self> = &[&Self::OUTPUT];
+
+    fn check(config: &ProgramConfig) -> Vec<OptionFault> {
+        config.faults(A::KNOWN)
+    }
+
+    fn check_wired(
+        config: &ProgramConfig,
+        inputs: &BTreeMap<String, NodeName>,
+    ) -> Vec<OptionFault> {
+        config.wired_faults(inputs)
+    }
+}
+
+impl<A: Artifacts> Output for Program<A> {
+    type Stage = Self;
+    type Metrics = ProgramMetrics;
+    type Error = ProgramError;
+
+    const ARTIFACT: &'static str = "artifact";
+    const SCHEMA: &'static str = "of `makes`";
+    const PARTITION: &'static str = "partition";
+    // Limits decide whether a program is killed, not what it makes.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["timeout_s", "memory_mb", "fan_out"]);
+    const LINE: Option<Line<ProgramMetrics>> = Some(|summary| {
+        let (partitions, rows) = (summary.n_made, summary.metrics.rows_n);
+        match summary.metrics.accepted_n {
+            Some(accepted) => {
+                format!("{rows} candidates → {accepted} accepted, by a program of your own")
+            }
+            None => format!("{partitions} partitions by a program of your own, {rows} rows"),
+        }
+    });
+
+    fn names(config: &ProgramConfig) -> OutputNames {
+        match Self::known(config) {
+            Some(known) => OutputNames {
+                artifact: known.artifact,
+                schema: known.schema,
+                partition: known.partition,
+            },
+            None => OutputNames {
+                artifact: lasting(&config.makes),
+                schema: lasting(&own_table::version(&config.makes)),
+                partition: lasting(&config.partition),
+            },
+        }
+    }
+
+    fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, ProgramError> {
+        units(config, scope)
+    }
+
+    fn make(
+        config: &ProgramConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ProgramMetrics>, ProgramError> {
+        if let Some(input) = inputs.fact(LACKS) {
+            return Ok(Outcome::skipped(format!(
+                "`{input}` has no partition for it"
+            )));
+        }
+        let known = Self::known(config);
+        let table = known.map(|known| known.table.as_ref());
+        let schema: Option<Schema> = match table {
+            Some(table) => table.map(|table| (table.schema)()),
+            None => Some(own_table::schema(config)),
+        };
+        let folder = JobFolder::new(
+            config,
+            known,
+            schema.clone(),
+            inputs,
+            cx,
+            inputs.fact(FAN_OUT),
+        )?;
+        let log = Arc::new(Log::begin(cx.log_file())?);
+        let command = code::absolute(config)?;
+        let ended = process::run(config, &command, folder.path(), &log, |share, message| {
+            cx.progress(share, message);
+        })?;
+        let failed = |offense: Offense| ProgramError::Folder {
+            command: process::words(config),
+            problem: offense.problem,
+            last_lines: log.last_lines(),
+            log: log.path().to_owned(),
+            advice: offense.advice,
+        };
+        match ended.status.code() {
+            Some(0) => {}
+            Some(SKIPPED) => {
+                let reason = log
+                    .last_line()
+                    .unwrap_or_else(|| "the program gave no reason".to_owned());
+                return Ok(Outcome::skipped(reason));
+            }
+            _ => {
+                return Err(ProgramError::Failed {
+                    command: process::words(config),
+                    ended: ended.words(),
+                    last_lines: log.last_lines(),
+                    log: log.path().to_owned(),
+                });
+            }
+        }
+        if let Some(offense) = folder.offense()? {
+            return Err(failed(offense));
+        }
+        let made = folder.made()?.map_err(&failed)?;
+        let asked = schema.iter().map(|_| lake::table::FILE);
+        let asked = asked.chain(
+            known
+                .into_iter()
+                .flat_map(|known| known.files.iter().copied()),
+        );
+        for name in asked {
+            if !made.iter().any(|(found, _)| found == name) {
+                return Err(failed(Offense {
+                    problem: format!("ended well, but there is no `out/{name}`"),
+                    advice: "write it into the folder in which the program starts",
+                }));
+            }
+        }
+        let mut metrics = ProgramMetrics {
+            rows_n: 0.0,
+            accepted_n: None,
+        };
+        for (name, path) in made {
+            match &schema {
+                Some(schema) if name == lake::table::FILE => {
+                    let batch = checked(
+                        config,
+                        table.flatten(),
+                        schema.clone(),
+                        inputs,
+                        cx.partition(),
+                        &path,
+                    )?;
+                    lake::table::write_batch(cx.folder(), &batch)?;
+                    metrics.rows_n = batch.num_rows() as f64;
+                    metrics.accepted_n =
+                        accepted_n(cx.partition().as_str(), &batch).map(|accepted| accepted as f64);
+                }
+                _ => {
+                    let to = cx.folder().join(&name);
+                    fs::rename(&path, &to).map_err(ProgramError::at(&path))?;
+                }
+            }
+        }
+        folder.remove()?;
+        Ok(Outcome::Made(metrics))
+    }
+}
+
+/// Returns the text for as long as this process lives: names of artifacts are those of kinds, which last as
+/// long. A process reads few pipeline files, and each text is kept once.
+fn lasting(text: &str) -> &'static str {
+    static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
+    // Whole even if a thread panicked: every change is one call.
+    let mut texts = TEXTS.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some(known) = texts.get(text) {
+        return known;
+    }
+    let lasting: &'static str = Box::leak(text.to_owned().into_boxed_str());
+    texts.insert(lasting);
+    lasting
+}

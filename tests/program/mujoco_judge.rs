@@ -1,0 +1,427 @@
+//! The judge in `MuJoCo` beside the screen: one script, one object, one set of limits; verdicts on grasps that were
+//! recorded.
+
+use std::{collections::BTreeMap, fs, path::Path, process::Command, sync::Arc};
+
+use dataflow::{Artifact, Pipeline};
+use lake::Lake;
+use measured_data::named_by;
+use motion::{HandRates, JointRates, Motion, Step};
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
+use robot::RobotModel;
+use schemas::{
+    candidates::{Candidate, Candidates, DrawSource},
+    objects::{Object, RestingOrientation},
+    rollouts::{Rollouts, Verdict},
+};
+use serde_json::{Value, json};
+use simulation::{ObjectShape, Phase, SettledScene};
+use spatial::{Object as InObject, Palm, Pose, RestingPose, Table, Twist};
+use stage_screen::Screen;
+use tempfile::TempDir;
+
+use crate::{
+    bench::{Bench, stderr},
+    python::python,
+};
+
+const JUDGE: &str = "stages/program/examples/mujoco/judge.py";
+const MODULES: [&str; 3] = ["mujoco", "numpy", "pyarrow"];
+
+/// Motions that are compared step by step.
+const COMPARED: usize = 5;
+/// Greatest difference of a commanded position, in meters, radians and parts of a quaternion.
+const COMMANDED: f64 = 1e-9;
+/// Greatest difference of where the object comes to rest: each engine lets it fall half a millimeter and settle. Most
+/// differ by less than 0.05 mm and 1 mrad; a bottle that rocks on its bottom by 15 mrad.
+const START_M: f64 = 5e-4;
+const START_RAD: f64 = 2e-2;
+/// Verdicts of 62 recorded ones that have to agree; the screen agrees with 58 of them.
+const MIN_AGREEMENTS: usize = 56;
+
+/// Demonstrations of the sample, replayed, with one motion of each object recorded by the judge.
+const PIPELINE: &str = r#"
+extends = "ROOT/pipelines/replay.toml"
+
+[stages.mujoco]
+kind = "program"
+command = ["PYTHON", "stages/program/examples/mujoco/judge.py"]
+code = ["stages/program/examples/mujoco/*.py"]
+inputs.candidates = "replay.candidates"
+inputs.objects = "ingest.objects"
+each = "candidates"
+makes = "rollouts"
+files.hand = "data/robots/allegro_right.urdf"
+shared.options.protocol = "protocol"
+shared.options.scene.drive = "drive"
+options.recorded = 1
+"#;
+
+#[test]
+fn script_start_and_limits_are_those_of_the_screen_step_by_step() {
+    let Some(python) = python(&MODULES) else {
+        return;
+    };
+    let bench = Bench::new();
+    let root = env!("CARGO_MANIFEST_DIR");
+    let file = bench.lake().parent().unwrap().join("judged.toml");
+    let text = PIPELINE.replace("ROOT", root).replace("PYTHON", &python);
+    fs::write(&file, text).unwrap();
+    let ran = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+        .current_dir(root)
+        .arg("run")
+        .arg(&file)
+        .arg("--lake")
+        .arg(bench.lake())
+        .args(["--set", &format!("ingest.root={}", bench.root().display())])
+        .output()
+        .unwrap();
+    assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
+
+    let read = Pipeline::parse(
+        &file,
+        &fs::read_to_string(&file).unwrap(),
+        &pipeline::kinds(),
+        None,
+        &[],
+    );
+    let read = read.unwrap();
+    let screen = read
+        .find("screen")
+        .unwrap()
+        .options::<Screen>()
+        .unwrap()
+        .resolved();
+    let hand = RobotModel::from_urdf(include_str!("../../data/robots/allegro_right.urdf")).unwrap();
+    let lake = Lake::open(&bench.lake());
+    let objects = lake.newest_partitions("objects", Some("ingest")).unwrap();
+    let candidates = lake
+        .newest_partitions("candidates", Some("replay"))
+        .unwrap();
+    let mut compared = 0;
+    for (key, artifact) in candidates.iter().take(COMPARED) {
+        let object: Object = lake::table::read(&objects[key]).unwrap();
+        let candidates: Candidates = lake::table::read(artifact).unwrap();
+        let candidate = &candidates.candidates[0];
+        let rest = RestingPose::of(&candidate.table_from_object);
+        let shape = ObjectShape::from_artifact(&object);
+        let settled = SettledScene::new(&screen.scene, &hand, &shape, &rest).unwrap();
+        let motion = candidate.motion.reordered(&hand.joint_names()).unwrap();
+        let trace = bench
+            .lake()
+            .join("files/judged/mujoco/rollouts")
+            .join(key.as_str());
+        let trace = fs::read(trace.join(format!("{}.json", candidate.candidate_id))).unwrap();
+        let trace: Value = serde_json::from_slice(&trace).unwrap();
+
+        let there = pose(&trace["table_from_object"]);
+        let here = settled.table_from_object();
+        let apart = here.inv_mul(&there);
+        let (apart_m, apart_rad) = (apart.translation.vector.norm(), apart.rotation.angle());
+        println!(
+            "{key}: object {:.3} mm and {:.3} mrad apart",
+            apart_m * 1e3,
+            apart_rad * 1e3
+        );
+        assert!(
+            apart_m < START_M && apart_rad < START_RAD,
+            "{key}: {apart_m} m, {apart_rad} rad"
+        );
+
+        let steps = trace["steps"].as_array().unwrap();
+        let setpoints = settled.setpoints(&motion, &screen.protocol).unwrap();
+        assert_eq!(steps.len(), setpoints.len(), "{key}");
+        let mut worst: f64 = 0.0;
+        for (idx, (step, setpoint)) in steps.iter().zip(&setpoints).enumerate() {
+            assert_eq!(step["phase"], phase(setpoint.phase), "{key} step {idx}");
+            // In the frame of the object as it lay, before the hand is carried.
+            let lifted = |start: &Pose<Table, InObject>, palm: Pose<Table, Palm>, last: f64| {
+                start.inv_mul(&palm.translated(&Vector3::new(0.0, 0.0, -last)))
+            };
+            let carried_m = setpoint.table_from_palm.translation.z
+                - setpoints[setpoints.len() - 1 - lift_back(&setpoints, idx)]
+                    .table_from_palm
+                    .translation
+                    .z;
+            let ours = lifted(&here, setpoint.table_from_palm, carried_m);
+            let theirs = lifted(&there, pose(&step["palm"]), carried_m);
+            let q: Vec<f64> = serde_json::from_value(step["q"].clone()).unwrap();
+            let of_q = q.iter().zip(&setpoint.q).map(|(a, b)| (a - b).abs());
+            let of_palm = (ours.translation.vector - theirs.translation.vector).norm();
+            let of_turn = ours.rotation.angle_to(&theirs.rotation);
+            worst = of_q.fold(worst, f64::max).max(of_palm).max(of_turn);
+        }
+        println!("{key}: {} commands, at most {worst:.1e} apart", steps.len());
+        assert!(worst < COMMANDED, "{key}: {worst}");
+
+        let limits: Vec<[f64; 2]> = serde_json::from_value(trace["limits"].clone()).unwrap();
+        let ours: Vec<[f64; 2]> = hand
+            .joints()
+            .iter()
+            .map(|joint| [joint.lower, joint.upper])
+            .collect();
+        assert_eq!(limits, ours);
+        assert_eq!(trace["torque_limit"], screen.scene.drive.torque_limit);
+        compared += 1;
+    }
+    assert_eq!(compared, COMPARED);
+
+    // Every motion has a row of each, and geometry alone refuses the same ones.
+    let rollouts = |stage: &str| -> BTreeMap<String, Verdict> {
+        let parts = lake.newest_partitions("rollouts", Some(stage)).unwrap();
+        let rows = parts
+            .values()
+            .flat_map(|part| lake::table::read::<Rollouts>(part).unwrap());
+        rows.map(|row| (row.candidate_id, row.verdict)).collect()
+    };
+    let (ours, theirs) = (rollouts("screen"), rollouts("mujoco"));
+    assert_eq!(
+        ours.keys().collect::<Vec<_>>(),
+        theirs.keys().collect::<Vec<_>>()
+    );
+    let is_refused = |verdict: &Verdict| {
+        matches!(
+            verdict,
+            Verdict::Limit | Verdict::Table | Verdict::EarlyContact
+        )
+    };
+    for (candidate, ours) in &ours {
+        let theirs = &theirs[candidate];
+        if is_refused(ours) || is_refused(theirs) {
+            assert_eq!(ours, theirs, "{candidate}");
+        }
+    }
+}
+
+/// How many commands before the last one the command is to which the lift of this one is relative: 0 for the
+/// commands before the lift, which are compared as they are.
+fn lift_back(setpoints: &[simulation::Setpoint], idx: usize) -> usize {
+    let is_carried = |at: usize| matches!(setpoints[at].phase, Phase::Lift | Phase::Hold);
+    let before = (0..setpoints.len()).rfind(|&at| !is_carried(at)).unwrap();
+    let reference = if is_carried(idx) { before } else { idx };
+    setpoints.len() - 1 - reference
+}
+
+fn phase(phase: Phase) -> &'static str {
+    match phase {
+        Phase::Reach => "reach",
+        Phase::Close => "close",
+        Phase::Squeeze => "squeeze",
+        Phase::Lift => "lift",
+        Phase::Hold => "hold",
+        Phase::Pull => "pull",
+    }
+}
+
+fn pose<To, From>(value: &Value) -> Pose<To, From> {
+    Pose::from_array(serde_json::from_value(value.clone()).unwrap()).unwrap()
+}
+
+#[test]
+fn verdicts_on_recorded_grasps_agree() {
+    let (Some(python), Some(folder)) = (python(&MODULES), named_by("PIPELINE_MUJOCO_GRASPS"))
+    else {
+        return;
+    };
+    let xml = fs::read_to_string(folder.join("scene.xml")).unwrap();
+    let grasps: Vec<Value> =
+        serde_json::from_slice(&fs::read(folder.join("grasps.json")).unwrap()).unwrap();
+    let (object, height_m) = can(&xml);
+    let hand = RobotModel::from_urdf(include_str!("../../data/robots/allegro_right.urdf")).unwrap();
+    let candidates = Candidates {
+        object: "can".to_owned(),
+        joints: hand.joint_names().into(),
+        candidates: grasps
+            .iter()
+            .enumerate()
+            .map(|(idx, grasp)| candidate(&hand, idx, grasp, height_m))
+            .collect(),
+    };
+    let job = TempDir::new().unwrap();
+    let part = |input: &str| {
+        let folder = job.path().join(input);
+        fs::create_dir_all(&folder).unwrap();
+        folder
+    };
+    lake::table::write(&part("candidates"), &candidates).unwrap();
+    lake::table::write(&part("objects"), &object).unwrap();
+    lake::table::write(&part("out"), &Rollouts::new()).unwrap();
+    fs::rename(
+        part("out").join(lake::table::FILE),
+        job.path().join("template.parquet"),
+    )
+    .unwrap();
+    let input = |name: &str| json!([{"partition": "can", "files": {"part.parquet": format!("{name}/part.parquet")}}]);
+    let none = 1e9;
+    let description = json!({
+        "partition": "can",
+        "options": {
+            "scene": {"drive": {"stiffness": 20.0, "damping": 2.0, "torque_limit": 1.0, "armature": 0.001}},
+            "protocol": {
+                "flexion_joints": [], "reach_s": 1.0, "squeeze_rad": 0.0, "squeeze_s": 0.0, "pause_s": 0.0,
+                "lift_s": 0.3, "hold_s": 1.0, "min_links": 0, "max_slip_m_per_s": none, "knocked_m": none,
+                "knocked_rad": none, "limit_tolerance_rad": none, "table_tolerance_m": none,
+                "early_tolerance_m": none,
+                "strict": {
+                    "min_fingers": 0, "max_spin_rad_per_s": none, "palm_table_tolerance_m": none,
+                    "start_tolerance_m": none,
+                },
+            },
+            "max_penetration_m": 1.0,
+        },
+        "files": {"hand": format!("{}/data/robots/allegro_right.urdf", env!("CARGO_MANIFEST_DIR"))},
+        "inputs": {"candidates": input("candidates"), "objects": input("objects")},
+        "output": {"template": "template.parquet", "table": "out/part.parquet"},
+    });
+    fs::write(job.path().join("job.json"), description.to_string()).unwrap();
+    let judged = Command::new(python)
+        .arg("-B")
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join(JUDGE))
+        .current_dir(job.path())
+        .output()
+        .unwrap();
+    assert!(judged.status.success(), "{}", stderr(&judged));
+    let made = Artifact {
+        key: "can".parse().unwrap(),
+        labels: BTreeMap::new(),
+        files: BTreeMap::from([(
+            lake::table::FILE.to_owned(),
+            job.path().join("out/part.parquet"),
+        )]),
+    };
+    // What the program writes lacks the schema's name, which the stage adds.
+    let rows = lake::table::read_batch(&made).unwrap();
+    let text = |name: &str| -> Vec<String> {
+        let column = rows.column_by_name(name).unwrap();
+        let column = column
+            .as_any()
+            .downcast_ref::<arrow_array::StringArray>()
+            .unwrap();
+        column.iter().map(|text| text.unwrap().to_owned()).collect()
+    };
+    let lift = rows.column_by_name("lift_m").unwrap();
+    let lift = lift
+        .as_any()
+        .downcast_ref::<arrow_array::Float64Array>()
+        .unwrap();
+    let verdicts = text("reason")
+        .into_iter()
+        .zip(lift.iter().map(Option::unwrap));
+    // The recorded script judges by height alone.
+    let held: Vec<bool> = verdicts
+        .map(|(reason, lift_m)| reason == "held" && (0.1..0.3).contains(&lift_m))
+        .collect();
+    let recorded: Vec<bool> = grasps
+        .iter()
+        .map(|grasp| grasp["held"].as_bool().unwrap())
+        .collect();
+    let agreements = held.iter().zip(&recorded).filter(|(a, b)| a == b).count();
+    let said = format!(
+        "{agreements} of {} verdicts agree; held: {} here, {} recorded",
+        recorded.len(),
+        held.iter().filter(|held| **held).count(),
+        recorded.iter().filter(|held| **held).count(),
+    );
+    println!("{said}");
+    assert!(
+        recorded.len() == 62 && agreements >= MIN_AGREEMENTS,
+        "{said}"
+    );
+}
+
+/// The numbers of an attribute of the first element after `start`.
+fn numbers(xml: &str, start: &str, attribute: &str) -> Vec<f64> {
+    let element = &xml[xml.find(start).unwrap()..];
+    let from = element.find(&format!(" {attribute}=\"")).unwrap() + attribute.len() + 3;
+    let text = &element[from..];
+    let text = &text[..text.find('"').unwrap()];
+    text.split_whitespace()
+        .map(|number| number.parse().unwrap())
+        .collect()
+}
+
+/// The can of the recorded scene, and the height of its origin above the table.
+fn can(xml: &str) -> (Object, f64) {
+    let body = &xml[xml.find(r#"<body name="can""#).unwrap()..];
+    let of_mass = |attribute| numbers(body, "<inertial", attribute);
+    let axes = of_mass("quat");
+    let axes = UnitQuaternion::from_quaternion(Quaternion::new(axes[0], axes[1], axes[2], axes[3]));
+    let axes = axes.to_rotation_matrix();
+    let moments = nalgebra::Matrix3::from_diagonal(&Vector3::from_vec(of_mass("diaginertia")));
+    let m = axes * moments * axes.inverse();
+    let vertices = numbers(xml, r#"<mesh name="can""#, "vertex");
+    let vertices: Vec<[f64; 3]> = vertices.chunks(3).map(|p| [p[0], p[1], p[2]]).collect();
+    let height_m = numbers(body, "<body", "pos")[2];
+    let center = of_mass("pos");
+    let object = Object {
+        name: "can".to_owned(),
+        mass_kg: of_mass("mass")[0],
+        center_of_mass_m: [center[0], center[1], center[2]],
+        inertia_kg_m2: [
+            m[(0, 0)],
+            m[(1, 1)],
+            m[(2, 2)],
+            m[(0, 1)],
+            m[(0, 2)],
+            m[(1, 2)],
+        ],
+        points_m: vertices.clone(),
+        normals: vec![[0.0, 0.0, 1.0]; vertices.len()],
+        watertight: true,
+        mirror: None,
+        triangles: vec![[0, 1, 2]],
+        parts_m: vec![vertices.clone()],
+        vertices_m: vertices,
+        rests: vec![RestingOrientation {
+            rest: RestingPose {
+                up_in_object: Vector3::z_axis(),
+                height_m,
+            },
+            seen_n: 1,
+            probability: 1.0,
+        }],
+    };
+    (object, height_m)
+}
+
+/// The palm stands still; the fingers wait 0.2 s, close in 0.6 s, and press for 0.2 s.
+fn candidate(hand: &RobotModel, idx: usize, grasp: &Value, height_m: f64) -> Candidate {
+    let numbers = |key: &str| -> Vec<f64> { serde_json::from_value(grasp[key].clone()).unwrap() };
+    let at = |finger: &[f64], thumb: &[f64]| {
+        let mut q = vec![0.0; hand.dof()];
+        let positions = finger.repeat(3).into_iter().chain(thumb.iter().copied());
+        for (joint, position) in positions.enumerate() {
+            q[hand.joint(&format!("joint_{joint}.0")).unwrap()] = position;
+        }
+        q
+    };
+    let open = at(&[0.0, 0.1, 0.1, 0.1], &[1.0, 0.0, 0.0, 0.0]);
+    let closed = at(&numbers("finger_close_rad"), &numbers("thumb_close_rad"));
+    let root = numbers("root_in_world");
+    let turn = UnitQuaternion::from_quaternion(Quaternion::new(0.5, 0.5, 0.5, 0.5));
+    let place = Translation3::new(root[0], root[1], root[2] - height_m);
+    let step = |(time_s, q): (f64, &Vec<f64>)| Step {
+        time_s,
+        frame_from_palm: Pose::new(Isometry3::from_parts(place, turn)),
+        q_rad: q.clone(),
+        rates: HandRates {
+            palm_velocity: Twist::from_array([0.0; 6]),
+            palm_acceleration: Twist::from_array([0.0; 6]),
+            joints: JointRates::zero(q.len()),
+        },
+    };
+    let steps = [(0.0, &open), (0.2, &open), (0.8, &closed), (1.0, &closed)].map(step);
+    let joints: Arc<[String]> = hand.joint_names().into();
+    Candidate {
+        candidate_id: format!("can-{idx:04}"),
+        generator: "scripted".to_owned(),
+        source: DrawSource::replayed("scripted"),
+        latent: Vec::new(),
+        table_from_object: Pose::from_parts([0.0, 0.0, height_m], UnitQuaternion::identity()),
+        limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        residual_m2: 0.0,
+        motion: Motion::of_joints(joints, steps.to_vec()).unwrap(),
+        refused: Vec::new(),
+    }
+}
