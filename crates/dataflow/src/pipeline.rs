@@ -161,6 +161,12 @@ impl Pipeline {
             seed: self.seed,
             profile: self.origin.profile.clone(),
             overrides: overrides.map(|given| told(given, &options)).collect(),
+            wired: BTreeMap::new(),
+            kinds: self
+                .stages
+                .iter()
+                .map(|stage| (stage.name.to_string(), stage.kind.name.to_owned()))
+                .collect(),
             code: code.collect(),
             options,
         }
@@ -184,7 +190,9 @@ fn told(given: &str, options: &BTreeMap<String, serde_json::Value>) -> String {
         return given.to_owned();
     };
     let found = keys.try_fold(config, |value, key| value.get(key));
-    let is_engine = ["max_skipped_fraction", "kind"].iter().any(|key| path.ends_with(key));
+    let is_engine = ["max_skipped_fraction", "kind"]
+        .iter()
+        .any(|key| path.ends_with(key));
     if found.is_some() || is_engine || path.contains(".inputs.") {
         given.to_owned()
     } else {

@@ -22,7 +22,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    scope::{SkippedItem, Partition, RunFacts, Scope},
+    scope::{Partition, RunFacts, Scope, SkippedItem},
     store::Store,
     unit::{ListedUnit, Unit},
 };
@@ -335,7 +335,14 @@ impl<'a> State<'a> {
         });
         Scope::new(inputs.collect())
             .with_left_out(left_out.collect())
-            .with_run(self.run.clone())
+            .with_run(RunFacts {
+                wired: node
+                    .reads
+                    .iter()
+                    .map(|(input, source)| (input.to_string(), source.to_string()))
+                    .collect(),
+                ..self.run.clone()
+            })
     }
 
     /// Returns the state of a partition with this outcome; of one that was skipped or filtered, remembers why.
