@@ -10,6 +10,7 @@ use report_train::TrainReport;
 use stage_interpolate::Interpolate;
 use stage_refine::Refine;
 use stage_replay::Replay;
+use stage_report::Report;
 
 use crate::sample;
 
@@ -25,5 +26,6 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Refine>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
+        Kind::of::<Report>(),
     ]
 }
