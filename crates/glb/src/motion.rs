@@ -129,7 +129,7 @@ const MATERIALS: [Material; 5] = [
     },
     Material {
         name: "ghost",
-        color: [0.0, 0.34, 0.17, 0.28],
+        color: [0.6, 0.19, 0.39, 0.45],
     },
     Material {
         name: "contact",

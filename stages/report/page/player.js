@@ -175,6 +175,9 @@ class Player {
   show(glb) {
     this.glb = glb;
     this.time = 0;
+    // So far away that hand and object are in view at the start.
+    const [a, b] = this.ends(glb.poses(0));
+    this.camera.distance = Math.min(Math.max(0.42 + 1.1 * Math.hypot(...[12, 13, 14].map((i) => a[i] - b[i])), 0.45), 1.6);
     const gl = this.gl;
     if (!gl) return;
     for (const { array, buffers } of this.meshes || []) {
@@ -204,6 +207,14 @@ class Player {
     });
   }
 
+  /* The poses of object and hand. */
+  ends(poses) {
+    const object = this.glb.json.nodes.findIndex((node) => node.name === "object");
+    const hand = this.glb.json.nodes.findIndex((node, idx) => this.glb.parents[idx] === 0 && node.children);
+    const both = [object, hand].filter((idx) => idx >= 0).map((idx) => poses[idx]);
+    return [both[0] || Pose.identity(), both[both.length - 1] || Pose.identity()];
+  }
+
   eye() {
     const { turn, rise, distance, target } = this.camera;
     return [target[0] + distance * Math.cos(rise) * Math.sin(turn), target[1] + distance * Math.sin(rise),
@@ -224,11 +235,8 @@ class Player {
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
     const poses = this.glb.poses(this.time);
     if (this.follow) {
-      const object = this.glb.json.nodes.findIndex((node) => node.name === "object");
-      const hand = this.glb.json.nodes.findIndex((node, idx) => this.glb.parents[idx] === 0 && node.children);
-      const both = [object, hand].filter((idx) => idx >= 0).map((idx) => poses[idx]);
-      const [a, b] = [both[0], both[both.length - 1]];
-      this.camera.target = [12, 13, 14].map((i) => 0.6 * a[i] + 0.4 * b[i]);
+      const [a, b] = this.ends(poses);
+      this.camera.target = [12, 13, 14].map((i) => 0.55 * a[i] + 0.45 * b[i]);
     }
     const eye = this.eye();
     const clip = Pose.times(Pose.perspective(0.75, this.canvas.width / this.canvas.height, 0.01, 10),
@@ -237,11 +245,13 @@ class Player {
     gl.uniformMatrix4fv(this.at.clipFromWorld, false, Float32Array.from(clip));
     gl.uniform3fv(this.at.eye, eye);
     gl.enable(gl.DEPTH_TEST);
-    for (const blends of [false, true]) {
-      if (blends) { gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false); }
+    // Opaque things, then transparent ones, then contacts, which lie between surfaces, before everything.
+    for (const turn of [0, 1, 2]) {
+      if (turn === 2) { gl.disable(gl.DEPTH_TEST); gl.disable(gl.BLEND); }
+      if (turn === 1) { gl.enable(gl.BLEND); gl.blendFuncSeparate(gl.SRC_ALPHA, gl.ONE_MINUS_SRC_ALPHA, gl.ONE, gl.ONE_MINUS_SRC_ALPHA); gl.depthMask(false); }
       this.glb.json.nodes.forEach((node, idx) => {
         const mesh = node.mesh === undefined ? null : this.meshes[node.mesh];
-        if (!mesh || mesh.blends !== blends || this.hidden[mesh.name]) return;
+        if (!mesh || (mesh.name === "contact" ? 2 : mesh.blends ? 1 : 0) !== turn || this.hidden[mesh.name]) return;
         gl.uniformMatrix4fv(this.at.worldFromMesh, false, Float32Array.from(poses[idx]));
         gl.uniform4fv(this.at.color, mesh.color);
         gl.uniform1i(this.at.table, mesh.name === "table" ? 1 : 0);

@@ -33,6 +33,16 @@ impl Facts {
         }
     }
 
+    /// Returns the facts of a recorded run, with what inputs left out.
+    pub fn recorded(run: RunFacts, left_out: &BTreeMap<String, Vec<SkippedItem>>) -> Self {
+        let left_out = left_out.iter();
+        let left_out = left_out.map(|(input, items)| (input.clone(), reasons(items)));
+        Self {
+            run,
+            left_out: left_out.collect(),
+        }
+    }
+
     /// Writes them as a unit's fact.
     ///
     /// # Errors

@@ -72,7 +72,8 @@ pub struct Draws {
 }
 
 impl Gathered {
-    /// Reads what a page shows; `hand` is the hand's URDF, written plainly, and its model.
+    /// Reads what a page shows; `hand` is the hand's URDF, written plainly, and its model with the shapes of its
+    /// meshes: without it, hands of recordings have no meshes.
     ///
     /// # Errors
     ///
@@ -81,7 +82,7 @@ impl Gathered {
         config: &ReportConfig,
         facts: Facts,
         inputs: &Inputs,
-        hand: (&str, &RobotModel),
+        hand: Option<(&str, &RobotModel)>,
     ) -> Result<Self, ReportError> {
         let counted = |input: &str| {
             let is_wired = facts.run.wired.contains_key(input);
@@ -129,7 +130,7 @@ impl Gathered {
         &mut self,
         config: &ReportConfig,
         artifacts: &[Artifact],
-        hand: (&str, &RobotModel),
+        hand: Option<(&str, &RobotModel)>,
     ) -> Result<(), ReportError> {
         let mut recorded: Vec<(&Artifact, &str, Recorded<'_>)> = Vec::new();
         for artifact in artifacts {

@@ -97,12 +97,16 @@ fn of_table(table: &DataTable) -> String {
         "<div class=\"wide\" tabindex=\"0\" role=\"region\" aria-label=\"{caption}\">\n\
          <table id=\"table-{id}\">\n<caption>{caption}</caption>\n<thead><tr>"
     );
+    let has_numbers = |idx: usize| {
+        let mut cells = table.rows.iter().filter_map(|row| row.get(idx));
+        cells.any(|cell| matches!(cell, Cell::Number(..)))
+    };
     for (idx, column) in table.columns.iter().enumerate() {
-        let is_number = table.rows.iter().any(|row| {
-            row.get(idx)
-                .is_some_and(|cell| matches!(cell, Cell::Number(..)))
-        });
-        let class = if is_number { " class=\"number\"" } else { "" };
+        let class = if has_numbers(idx) {
+            " class=\"number\""
+        } else {
+            ""
+        };
         text.push_str(&format!(
             "<th scope=\"col\"{class}>{}</th>",
             escaped(&column.label)
@@ -115,7 +119,7 @@ fn of_table(table: &DataTable) -> String {
             let shown = of_cell(cell);
             if idx == 0 {
                 text.push_str(&format!("<th scope=\"row\">{shown}</th>"));
-            } else if cell.is_number() {
+            } else if cell.is_number() || has_numbers(idx) {
                 text.push_str(&format!("<td class=\"number\">{shown}</td>"));
             } else {
                 text.push_str(&format!("<td>{shown}</td>"));
@@ -158,7 +162,7 @@ fn motions(gathered: &Gathered) -> String {
     let rollouts_n = gathered.rollouts.values().flatten().count();
     text.push_str(&format!(
         "<p>{} of {} recorded rollouts, of {rollouts_n}: one of each reason for failing, a success of each object, near \
-         misses. Blue: the hand. Green, transparent: where its joints were commanded. Orange: the object. Red: contacts, \
+         misses. Blue: the hand. Purple, transparent: where its joints were commanded. Orange: the object. Red: contacts, \
          larger with more force. Drag to turn, with the right button or Shift to shift, scroll to zoom.</p>\n",
         all.len(),
         gathered.recorded_n

@@ -2,7 +2,7 @@
 
 /// Returns a share in percent, to one decimal.
 pub(crate) fn percent(share: f64) -> String {
-    format!("{:.1} %", 100.0 * share)
+    format!("{:.1}\u{a0}%", 100.0 * share)
 }
 
 /// Returns a whole number with thin spaces between thousands.
@@ -54,7 +54,7 @@ mod tests {
         ] {
             assert_eq!(count(n), expected);
         }
-        assert_eq!(percent(0.916), "91.6 %");
+        assert_eq!(percent(0.916), "91.6\u{a0}%");
         assert_eq!(
             (duration(3.04), duration(85.9)),
             ("3.0 s".to_owned(), "1 min 25 s".to_owned())

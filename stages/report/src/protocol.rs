@@ -84,3 +84,18 @@ pub(crate) fn protocol(gathered: &Gathered) -> Option<DataTable> {
     );
     Some(table)
 }
+
+/// Returns the protocol in a line, for the headline; `None` if no rates are wired.
+pub(crate) fn line(gathered: &Gathered) -> Option<String> {
+    let rate = gathered.rates.first()?;
+    let mass = &rate.object_mass;
+    let mass = if mass == "measured" {
+        "measured masses"
+    } else {
+        mass
+    };
+    Some(format!(
+        "judged by {}: friction {}, torque limit {} Nm, {mass}, approach {}",
+        rate.protocol, rate.friction, rate.torque_limit_nm, rate.approach
+    ))
+}

@@ -37,8 +37,8 @@ pub struct RecordedMotion {
 }
 
 impl RecordedMotion {
-    /// Takes the motion out of a recording; `hand` is the robot if the recording is of it: a recording has no
-    /// meshes.
+    /// Takes the motion out of a recording; `hand` is the robot with its meshes if the recording is of it: a
+    /// recording has none.
     ///
     /// # Errors
     ///
@@ -46,7 +46,7 @@ impl RecordedMotion {
     pub fn read(
         name: &str,
         contents: &Contents,
-        hand: (&str, &RobotModel),
+        hand: Option<(&str, &RobotModel)>,
     ) -> Result<Self, ReportError> {
         let problem = |problem: &str| ReportError::Recording {
             name: name.to_owned(),
@@ -55,11 +55,9 @@ impl RecordedMotion {
         let urdf = contents.attachments.get(URDF);
         let urdf = urdf.ok_or_else(|| problem("it has no robot"))?;
         let urdf = String::from_utf8_lossy(urdf);
-        let (plain, model) = hand;
-        let robot = if urdf == plain {
-            model.clone()
-        } else {
-            RobotModel::from_urdf(&urdf).map_err(|err| problem(&err.to_string()))?
+        let robot = match hand.filter(|(plain, _)| *plain == urdf) {
+            Some((_, model)) => model.clone(),
+            None => RobotModel::from_urdf(&urdf).map_err(|err| problem(&err.to_string()))?,
         };
         let poses = messages::<TfMessage>(contents, TF).map_err(|err| problem(&err))?;
         let states = messages::<JointState>(contents, JOINT_STATES).map_err(|err| problem(&err))?;
@@ -138,6 +136,10 @@ impl RecordedMotion {
 }
 
 /// Returns the motion of a candidate as it was drawn, about an object that lies still.
+///
+/// # Errors
+///
+/// Fails if the candidate is for another hand.
 pub fn of_candidate(
     candidate: &Candidate,
     joints: &[String],

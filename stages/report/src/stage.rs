@@ -110,7 +110,7 @@ impl Output for Report {
         let urdf = robot::plain_urdf(&loaded.urdf);
         let facts = Facts::from_text(inputs.fact(FACTS).unwrap_or_default())?;
         cx.progress(0.1, "reading");
-        let gathered = Gathered::read(config, facts, inputs, (&urdf, &loaded.model))?;
+        let gathered = Gathered::read(config, facts, inputs, Some((&urdf, &loaded.model)))?;
         cx.progress(0.8, "writing");
         let name = gathered.facts.run.pipeline.clone();
         let runs = [(name, gathered)];

@@ -76,7 +76,12 @@ impl Cell {
 
     /// An interval of shares.
     pub(crate) fn interval([low, high]: [f64; 2]) -> Self {
-        Self::Text(format!("{:.1} to {:.1} %", 100.0 * low, 100.0 * high))
+        // It does not break.
+        Self::Text(format!(
+            "{:.1}\u{a0}to\u{a0}{:.1}\u{a0}%",
+            100.0 * low,
+            100.0 * high
+        ))
     }
 
     /// The cell as it is read.

@@ -104,7 +104,7 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
             ("candidates_n", "Candidates"),
             ("draws_n", "Draws"),
             ("control_steps_per_success", "Steps per success"),
-            ("succeeded_n", "Executed well"),
+            ("succeeded_n", "Executions that succeed"),
             ("trials_n", "Executions"),
             ("motions_n", "Motions here"),
         ],

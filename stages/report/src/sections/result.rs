@@ -106,6 +106,7 @@ pub(crate) fn head(gathered: &Gathered) -> Head {
         });
     }
     let headline = lines.remove(0);
+    lines.extend(protocol::line(gathered));
     Head {
         title: format!("{}: what was learned", gathered.facts.run.pipeline),
         headline: headline.replace('`', ""),
@@ -150,12 +151,15 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         ]);
     }
     for rate in &gathered.rates {
-        let split = rate.object_split.map_or("", |split| split.as_str());
-        let of = format!("{}, {} origins {split}", rate.generator, rate.origin);
-        let of = of
-            .replace("all origins", "all")
-            .replace("prior origins", "prior");
-        let of = of.replace("posterior origins", "posterior");
+        let split = rate.object_split.map_or(String::new(), |split| {
+            format!(", {} objects", split.as_str())
+        });
+        let origin = if rate.origin == ALL_ORIGINS {
+            "all origins".to_owned()
+        } else {
+            format!("origin {}", rate.origin)
+        };
+        let of = format!("{}, {origin}{split}", rate.generator);
         for (what, mean, ends, n) in [
             (
                 "candidates that hold",
@@ -171,7 +175,7 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
             ),
         ] {
             table.row([
-                Cell::text(format!("{what} ({})", of.trim())),
+                Cell::text(format!("{what} ({of})")),
                 Cell::share(mean),
                 Cell::interval(ends),
                 Cell::count(rate.successes_n),

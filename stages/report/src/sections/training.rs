@@ -67,7 +67,7 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         ]);
     }
     section.tables.push(table);
-    let curve = |name: &'static str, number: fn(&EpochLosses) -> f64| {
+    let curve = |name: &'static str, unit: &'static str, number: fn(&EpochLosses) -> f64| {
         let series: Vec<Series> = splits
             .into_iter()
             .filter(|split| of(*split).next().is_some())
@@ -88,17 +88,19 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         let captions = Captions {
             title: name,
             x: "epoch",
-            y: "loss",
+            y: unit,
         };
         lines(&captions, Scale::Log, &series)
     };
     section.chart(
         "Weighted sum of the losses by epoch",
-        curve("Total loss", |row| row.total),
+        curve("Total loss", "loss", |row| row.total),
     );
     section.chart(
         "Divergence of the latent codes by epoch",
-        curve("Divergence of latent codes [nat]", |row| row.kl_nats),
+        curve("Divergence of latent codes", "divergence [nat]", |row| {
+            row.kl_nats
+        }),
     );
     section
 }
