@@ -17,6 +17,7 @@ mod interpolation;
 mod messages;
 mod output;
 mod own_hand;
+mod page;
 #[path = "../../crates/cell/tests/cell/papers.rs"]
 mod papers;
 mod projects;

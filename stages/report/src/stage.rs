@@ -29,6 +29,12 @@ pub const INPUTS: &[&str] = &[
     Executions::NAME,
 ];
 
+/// The panels in which other programs show the recordings: a layout of Foxglove, a blueprint of Rerun.
+const PANELS: [(&str, &[u8]); 2] = [
+    ("foxglove.json", include_bytes!("../page/foxglove.json")),
+    ("rollout.rbl", include_bytes!("../page/rollout.rbl")),
+];
+
 /// Key of the one partition.
 const ALL: &str = "all";
 
@@ -118,6 +124,9 @@ impl Output for Report {
         for (name, bytes) in &files {
             cx.write_file(name, bytes)?;
         }
+        for (name, bytes) in PANELS {
+            cx.write_file(name, bytes)?;
+        }
         let [(_, gathered)] = &runs;
         let page_bytes = files.get("index.html").map_or(0, Vec::len);
         Ok(Outcome::Made(metrics(gathered, page_bytes)))
@@ -163,5 +172,49 @@ fn metrics(gathered: &Gathered, page_bytes: usize) -> PageMetrics {
         successes_n: trials.successes_n as f64,
         trials_n: trials.trials_n as f64,
         simulated_n: trials.simulated_n as f64,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use schemas::ros2::motion::{CONTACT_FORCES, CONTACTS, JOINT_STATES, MARKERS, TABLE};
+
+    use super::*;
+
+    #[test]
+    fn panels_name_the_topics_and_the_frame_of_recordings() {
+        let [(_, layout), (_, blueprint)] = PANELS;
+        let layout: serde_json::Value = serde_json::from_slice(layout).unwrap();
+        let configs = layout["configById"].as_object().unwrap();
+        let shown = &configs["3D!motion"];
+        assert_eq!(shown["followTf"], TABLE);
+        for topic in [MARKERS, CONTACTS] {
+            assert_eq!(shown["topics"][topic]["visible"], true, "{topic}");
+        }
+        for (panel, topic) in [
+            ("Plot!positions", JOINT_STATES),
+            ("Plot!forces", CONTACT_FORCES),
+        ] {
+            let path = configs[panel]["paths"][0]["value"].as_str().unwrap();
+            assert!(path.starts_with(&format!("{topic}.")), "{path}");
+        }
+        // Every panel that is placed has a configuration, and the other way around.
+        let placed = layout["layout"].to_string();
+        for name in configs.keys() {
+            assert!(placed.contains(name.as_str()), "{name}");
+        }
+        let blueprint = String::from_utf8_lossy(blueprint);
+        assert!(blueprint.starts_with("RRF2"));
+    }
+
+    #[test]
+    fn options_out_of_bounds_are_faults() {
+        let config = |motions: usize, object_triangles: usize| ReportConfig {
+            hand: "hand.urdf".into(),
+            motions,
+            object_triangles,
+        };
+        assert!(Report::check(&config(0, 100)).is_empty());
+        assert_eq!(Report::check(&config(2001, 99)).len(), 2);
     }
 }
