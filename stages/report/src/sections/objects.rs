@@ -161,7 +161,7 @@ fn chart(rows: &[(&str, Row)]) -> Option<String> {
         let captions = Captions {
             title: "Objects by the share of their candidates that hold",
             x: "share of the candidates [%]",
-            y: "objects",
+            y: "share of the objects [%]",
         };
         let sample = Sample {
             name: "objects".to_owned(),
