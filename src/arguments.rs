@@ -48,6 +48,10 @@ pub(crate) enum Command {
     Query(QueryArgs),
     /// Show an artifact: columns, rows, provenance, skipped items
     Inspect(InspectArgs),
+    /// Make a page of a run, or of several side by side
+    Report(ReportArgs),
+    /// Write a motion as a file for other programs
+    Export(ExportArgs),
     /// List runs with their dates, values and outcomes
     Runs(RunsArgs),
     /// Show what differs between two runs
@@ -108,6 +112,56 @@ pub(crate) struct PipelineArgs {
     /// Even if they are in the lake; without a name, those of every stage. May be repeated.
     #[arg(long, value_name = "STAGE", num_args = 0..=1, default_missing_value = "")]
     pub(crate) fresh: Vec<String>,
+}
+
+/// Which runs, and how they are shown.
+#[derive(Args)]
+pub(crate) struct ReportArgs {
+    /// Runs by number, tag, `newest` or `newest~1`; several are compared [default: newest]
+    pub(crate) runs: Vec<String>,
+    /// Folder for the page and its tables
+    #[arg(long, value_name = "DIR", default_value = "report")]
+    pub(crate) out: PathBuf,
+    /// URDF of the robot hand with its meshes [default: that of the recordings, without meshes]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hand: Option<PathBuf>,
+    /// Motions of the first run to look at
+    #[arg(long, value_name = "N", default_value_t = 48)]
+    pub(crate) motions: usize,
+}
+
+/// What is written as a file for other programs.
+#[derive(Args)]
+pub(crate) struct ExportArgs {
+    #[command(subcommand)]
+    pub(crate) format: ExportFormat,
+}
+
+/// The format of an exported motion.
+#[derive(Subcommand)]
+pub(crate) enum ExportFormat {
+    /// Write glTF 2.0 for Blender, browsers and viewers, one animation
+    Glb(GlbArgs),
+}
+
+/// Which motion.
+#[derive(Args)]
+pub(crate) struct GlbArgs {
+    /// The artifact: candidates, trajectories, rollouts or executions, e.g. `screen.rollouts`
+    pub(crate) artifact: String,
+    /// The motion: its candidate or sequence, e.g. `025_mug-00000`
+    pub(crate) name: String,
+    /// The run [default: the newest]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) run: Option<String>,
+    /// File to write [default: the motion's name and `.glb`]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) out: Option<PathBuf>,
+    /// URDF of the robot hand
+    ///
+    /// For candidates, and for the meshes that a recording lacks. [default: that of the recording]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hand: Option<PathBuf>,
 }
 
 /// Which cell, and how it serves.

@@ -60,6 +60,8 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Plan(args) => commands::plan(&program, args),
         Command::Query(args) => commands::query(&program, args),
         Command::Inspect(args) => commands::inspect(&program, args),
+        Command::Report(args) => commands::report(&program, args),
+        Command::Export(args) => commands::export(&program, args),
         Command::Runs(args) => commands::runs(&program, args),
         Command::Diff(args) => commands::diff(&program, args),
         Command::Lineage(args) => commands::lineage(&program, args),

@@ -11,6 +11,7 @@ use stage_interpolate::Interpolate;
 use stage_program::{Program, Shipped};
 use stage_refine::Refine;
 use stage_replay::Replay;
+use stage_report::Report;
 
 use crate::sample;
 
@@ -27,5 +28,6 @@ pub fn kinds() -> Vec<Kind> {
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
         Kind::of::<Program<Shipped>>(),
+        Kind::of::<Report>(),
     ]
 }

@@ -1,6 +1,9 @@
 //! `pipeline run`
 
-use std::sync::Arc;
+use std::{
+    path::{Path, PathBuf},
+    sync::Arc,
+};
 
 use dataflow::{Event, NodeReport, RemoteWorker, RunReport};
 use lake::Lake;
@@ -19,6 +22,9 @@ use crate::{
     progress::{Quiet, Screen},
     report,
 };
+
+/// The artifact that is a page of a run.
+const PAGE: &str = "page";
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
 pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, CommandError> {
@@ -57,7 +63,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let remote = args.processes.then_some(&processes as &dyn RemoteWorker);
     let events = |event: &Event| screen.show(event);
     let ran = dataflow::run(&pipeline, store, &options, remote, &events)?;
-    let last = ran.nodes.last();
+    // A page shows what the other outputs say.
+    let is_page = |node: &&NodeReport| node.record.node.artifact == *PAGE;
+    let last = ran.nodes.iter().rev().find(|node| !is_page(node));
     let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
         let line = if ran.made_now_count() == 0 {
@@ -76,9 +84,6 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             format!("done   {said} in {}", report::duration(ran.seconds))
         };
         report::short_line(&line);
-        if let Some(folder) = store.report_folder(&pipeline.name) {
-            report::line(&format!("report `{}`", folder.display()));
-        }
     }
     let n_skipped = ran.skipped_count();
     let outcome = if n_skipped > 0 {
@@ -103,7 +108,27 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         }
         CommandOutcome::Done
     };
+    if program.quiet == Quiet::No
+        && let Some(folder) = store.report_folder(&pipeline.name)
+    {
+        let page = ran.nodes.iter().rev().find(is_page);
+        let page = page
+            .and_then(|page| page_of(&folder, page))
+            .unwrap_or(folder);
+        report::line(&format!("report `{}`", page.display()));
+    }
     Ok(Done { outcome, said })
+}
+
+/// Returns where the page of a report is published, if it is.
+fn page_of(folder: &Path, page: &NodeReport) -> Option<PathBuf> {
+    let node = &page.record.node;
+    let unit = page.units.first()?;
+    let below = folder
+        .join(node.stage.as_str())
+        .join(node.artifact.as_str());
+    let path = below.join(unit.partition.as_str()).join("index.html");
+    path.is_file().then_some(path)
 }
 
 /// Returns the run to inspect for an output: this one, or, if it recorded nothing, the newest with

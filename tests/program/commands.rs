@@ -260,7 +260,7 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
         }
     }
     assert!(nodes.contains("screen-2.rollouts"), "{dot}");
-    assert_eq!((nodes.len(), n_edges), (19, 65), "{dot}");
+    assert_eq!((nodes.len(), n_edges), (20, 75), "{dot}");
 
     let mermaid = draw("mermaid");
     assert!(mermaid.starts_with("flowchart LR\n"), "{mermaid}");

@@ -18,14 +18,14 @@ fn the_same_command_again_runs_nothing_and_says_so() {
     let bench = Bench::new();
     let ran = bench.run_well(&[]);
     for stage in [
-        "ingest", "retarget", "train", "sample", "refine", "screen", "dispatch",
+        "ingest", "retarget", "train", "sample", "refine", "screen", "dispatch", "report",
     ] {
         assert!(stderr(&ran).contains(stage), "{}", stderr(&ran));
     }
     let shown = bench.published();
     let again = bench.run_well(&[]);
     assert!(
-        stderr(&again).contains("7 stages cached, nothing to run"),
+        stderr(&again).contains("8 stages cached, nothing to run"),
         "{}",
         stderr(&again)
     );

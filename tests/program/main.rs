@@ -18,6 +18,7 @@ mod messages;
 mod mujoco_judge;
 mod output;
 mod own_hand;
+mod page;
 #[path = "../../crates/cell/tests/cell/papers.rs"]
 mod papers;
 mod projects;

@@ -6,7 +6,7 @@ use std::{
 };
 
 use crate::{
-    bench::{Bench, stderr},
+    bench::{Bench, first, stderr},
     commands::{finished, subcommands},
 };
 
@@ -74,7 +74,33 @@ fn commands(bench: &Bench) -> Vec<Command> {
     });
     let small = small.iter();
     let small = small.map(|(command, arguments)| bench.command(command, arguments));
-    plain.chain(small).collect()
+    let beside = |name: &str| bench.lake().with_file_name(name).display().to_string();
+    let trajectories = bench.lake().join("files/cgf/retarget/trajectories");
+    let motion = first(&trajectories, |_| true);
+    let motion = motion.file_name().unwrap().to_str().unwrap();
+    let written = [
+        vec!["report".to_owned(), "--out".to_owned(), beside("report")],
+        [
+            "export",
+            "glb",
+            "retarget.trajectories",
+            motion,
+            "--out",
+            &beside("motion.glb"),
+        ]
+        .map(str::to_owned)
+        .to_vec(),
+    ];
+    let written = written.map(|arguments| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_pipeline"));
+        command
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .args(arguments)
+            .arg("--lake")
+            .arg(bench.lake());
+        command
+    });
+    plain.chain(small).chain(written).collect()
 }
 
 fn with_stdout(command: &mut Command, stdout: impl Into<Stdio>) -> Output {

@@ -8,6 +8,7 @@ use std::{fs, path::Path, process::Command};
 
 use crate::{
     bench::{stderr, stdout},
+    page,
     tables::readme::Readme,
 };
 
@@ -162,6 +163,7 @@ fn every_command_of_a_readme_prints_what_stands_below_it() {
             printed.join("\n")
         );
     }
+    page::check(&lab);
 }
 
 #[test]

@@ -49,7 +49,13 @@ pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<St
             let upper = middle + (idx as f64 - series.len() as f64 / 2.0) * bar;
             let ([from, _], [to, _]) = (figure.at([zero, 0.0]), figure.at([end, 0.0]));
             let corners = [[from, upper], [to, upper + bar - 1.0]];
-            figure.canvas.rectangle(corners, color(idx), 1.0);
+            let series = if bars.name.is_empty() {
+                String::new()
+            } else {
+                format!(", {}", bars.name)
+            };
+            let title = format!("{name}{series}: {}", value.unwrap_or(&0.0));
+            figure.canvas.titled_rectangle(corners, color(idx), &title);
         }
     }
     let (from, to) = (figure.at([zero, 0.0]), figure.at([zero, 1.0]));

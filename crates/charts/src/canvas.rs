@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use crate::style::INK;
+use crate::style::{DARK, INK};
 
 /// Where a text stands relative to its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -81,6 +81,35 @@ impl Canvas {
         self.put("/>\n");
     }
 
+    /// A rectangle by two corners, of which a viewer says the title where it is pointed at.
+    pub(crate) fn titled_rectangle(&mut self, corners: [[f64; 2]; 2], color: &str, title: &str) {
+        self.put("<g>");
+        self.title(title);
+        self.rectangle(corners, color, 1.0);
+        self.put("</g>\n");
+    }
+
+    /// A dot of which a viewer says the title where it is pointed at, or near it.
+    pub(crate) fn titled_dot(&mut self, place: [f64; 2], radius: f64, color: &str, title: &str) {
+        /// How far from its place a dot is still pointed at.
+        const NEAR: f64 = 7.0;
+        self.put("<g>");
+        self.title(title);
+        if radius < NEAR {
+            self.dot(place, NEAR, color, 0.0);
+        }
+        if radius > 0.0 {
+            self.dot(place, radius, color, 1.0);
+        }
+        self.put("</g>\n");
+    }
+
+    fn title(&mut self, title: &str) {
+        self.put("<title>");
+        self.put(&escaped(title));
+        self.put("</title>");
+    }
+
     /// A rectangle by two corners.
     pub(crate) fn rectangle(&mut self, corners: [[f64; 2]; 2], color: &str, opacity: f64) {
         let [[x0, y0], [x1, y1]] = corners;
@@ -136,7 +165,7 @@ impl Canvas {
         self.body.push_str(text);
     }
 
-    /// The whole picture, on white.
+    /// The whole picture, on white; on black for a viewer that prefers that, except in print.
     pub(crate) fn finish(self) -> String {
         let Self {
             body,
@@ -144,9 +173,10 @@ impl Canvas {
             height,
         } = self;
         format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{width:.0}\" height=\"{height:.0}\" \
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" class=\"chart\" width=\"{width:.0}\" height=\"{height:.0}\" \
              viewBox=\"0 0 {width:.0} {height:.0}\" \
              font-family=\"Helvetica, Arial, 'DejaVu Sans', sans-serif\">\n\
+             <style>{DARK}</style>\n\
              <rect width=\"100%\" height=\"100%\" fill=\"#ffffff\"/>\n{body}</svg>\n"
         )
     }

@@ -62,6 +62,10 @@ pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) ->
                 continue;
             };
             let y = top + (number as f64 + 0.5) * share + below;
+            let title = estimate.map_or_else(String::new, |it| {
+                let Estimate { value, low, high } = it;
+                format!("{name}, {}: {value:.1} ({low:.1} to {high:.1})", all.name)
+            });
             let [low, value, high] = [low, value, high].map(|place| figure.at([place, 0.0])[0]);
             let stroke = Stroke::solid(color(idx), 1.5);
             figure.canvas.line([low, y], [high, y], stroke);
@@ -69,7 +73,9 @@ pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) ->
                 let (above, below) = ([end, y - HALF_END], [end, y + HALF_END]);
                 figure.canvas.line(above, below, stroke);
             }
-            figure.canvas.dot([value, y], 4.0, color(idx), 1.0);
+            figure
+                .canvas
+                .titled_dot([value, y], 4.0, color(idx), &title);
         }
     }
     Some(figure.canvas.finish())

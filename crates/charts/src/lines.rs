@@ -10,6 +10,8 @@ use crate::{
 
 /// Lines of at most this many points have a dot at each.
 const FEW: usize = 40;
+/// Points of longer lines are too close to be pointed at.
+const POINTED_AT: usize = 200;
 
 /// Draws a line through the points of each series; `scale` is that of the upward axis. A line breaks
 /// where a point has no place; `None` if none has one.
@@ -35,13 +37,25 @@ pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Option<Str
             .iter()
             .map(|[right, up]| Some(figure.at([x.place(*right)?, y.place(*up)?])))
             .collect();
+        // An isolated point would be invisible as a line.
+        let mut isolated: Vec<[f64; 2]> = Vec::new();
         for piece in places.split(Option::is_none) {
             let piece: Vec<[f64; 2]> = piece.iter().flatten().copied().collect();
             figure.canvas.path(&piece, stroke);
-            // An isolated point would be invisible otherwise.
-            for place in piece.iter().filter(|_| has_dots || piece.len() == 1) {
-                figure.canvas.dot(*place, 3.0, color(idx), 1.0);
+            isolated.extend(piece.first().filter(|_| piece.len() == 1));
+        }
+        for (place, [right, up]) in places.iter().zip(&series.points) {
+            let Some(place) = place else { continue };
+            if series.points.len() > POINTED_AT && !isolated.contains(place) {
+                continue;
             }
+            let radius = if has_dots || isolated.contains(place) {
+                3.0
+            } else {
+                0.0
+            };
+            let title = format!("{}: {up:.4} at {right}", series.name);
+            figure.canvas.titled_dot(*place, radius, color(idx), &title);
         }
     }
     Some(figure.canvas.finish())

@@ -19,6 +19,16 @@ pub(crate) const FAINT_GRID: &str = "#f3f3f3";
 /// The base line.
 pub(crate) const BASE: &str = "#888888";
 
+/// The colors in the dark, by those on white; series keep their hue and become lighter where they must.
+pub(crate) const DARK: &str = "@media screen and (prefers-color-scheme:dark){\
+.chart [fill='#ffffff']{fill:#16181d}.chart [fill='#222222']{fill:#e6e8eb}.chart [fill='#555555']{fill:#b4b9c1}\
+.chart [stroke='#e6e6e6']{stroke:#34383f}.chart [stroke='#f3f3f3']{stroke:#23262c}\
+.chart [stroke='#888888']{stroke:#8b919b}\
+.chart [fill='#0072b2']{fill:#4aa8e0}.chart [stroke='#0072b2']{stroke:#4aa8e0}\
+.chart [fill='#d55e00']{fill:#f08a3c}.chart [stroke='#d55e00']{stroke:#f08a3c}\
+.chart [fill='#009e73']{fill:#2fc79a}.chart [stroke='#009e73']{stroke:#2fc79a}\
+.chart [stroke='#555555']{stroke:#b4b9c1}}";
+
 /// Width of the area for data.
 pub(crate) const DATA_WIDTH: f64 = 640.0;
 /// Height of the area for data, where it does not follow from the number of bars.

@@ -31,8 +31,25 @@ impl Element {
     }
 }
 
-/// Parses a chart: fails if it is not well-formed.
+/// Parses a chart: fails if it is not well-formed. Leaves out what is not drawn: titles, which
+/// [`titles`] has, what they are for, and the colors in the dark.
 fn elements(svg: &str) -> Vec<Element> {
+    let mut all = all_elements(svg);
+    all.retain(|element| {
+        let is_drawn = !["g", "title", "style"].contains(&element.name.as_str());
+        is_drawn && element.attribute("fill-opacity") != "0"
+    });
+    all
+}
+
+/// What a viewer says of the points and bars of a chart.
+fn titles(svg: &str) -> Vec<String> {
+    let all = all_elements(svg).into_iter();
+    let titles = all.filter(|element| element.name == "title");
+    titles.map(|title| title.text).collect()
+}
+
+fn all_elements(svg: &str) -> Vec<Element> {
     let mut reader = Reader::from_str(svg);
     let mut elements: Vec<Element> = Vec::new();
     loop {
@@ -361,11 +378,46 @@ fn empty_data_gives_no_chart() {
 }
 
 #[test]
+fn values_are_said_where_they_are_pointed_at() {
+    let svg = lines(
+        &CAPTIONS,
+        Scale::Linear,
+        &[series("a", &[[1.0, 0.5], [2.0, 0.25]])],
+    );
+    assert_eq!(titles(&svg.unwrap()), ["a: 0.5000 at 1", "a: 0.2500 at 2"]);
+    let names = ["can".to_owned()];
+    let share = Estimates {
+        name: "cgf".to_owned(),
+        values: [(
+            names[0].clone(),
+            Estimate {
+                value: 90.0,
+                low: 80.5,
+                high: 96.0,
+            },
+        )]
+        .into(),
+    };
+    let svg = intervals(&CAPTIONS, &names, &[share]).unwrap();
+    assert_eq!(titles(&svg), ["can, cgf: 90.0 (80.5 to 96.0)"]);
+    assert!(svg.contains("prefers-color-scheme:dark"));
+    let counts = Bars {
+        name: "slipped".to_owned(),
+        values: [(names[0].clone(), 3.0)].into(),
+    };
+    assert_eq!(
+        titles(&bars(&CAPTIONS, &names, &[counts]).unwrap()),
+        ["can, slipped: 3"]
+    );
+}
+
+#[test]
 fn equal_data_gives_equal_bytes() {
     let points: Vec<[f64; 2]> = (0..500_u32)
         .map(|x| [f64::from(x), (f64::from(x) * 0.37).sin().exp()])
         .collect();
-    let draw = || lines(&CAPTIONS, Scale::Log, &[series("a", &points)]).unwrap();
-    assert_eq!(draw(), draw());
-    assert!(draw().len() < 20 * points.len(), "{} bytes", draw().len());
+    let draw = |points: &[[f64; 2]]| lines(&CAPTIONS, Scale::Log, &[series("a", points)]).unwrap();
+    assert_eq!(draw(&points), draw(&points));
+    let grown = draw(&points).len() - draw(&points[..250]).len();
+    assert!(grown < 20 * 250, "{grown} bytes for 250 points");
 }

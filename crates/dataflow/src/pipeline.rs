@@ -18,8 +18,9 @@ use crate::{
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
     scope::{RunFacts, Scope},
+    seed,
     stage::Stage,
-    store::Origin,
+    store::{Origin, RunRecord},
     unit::Unit,
 };
 
@@ -72,6 +73,11 @@ impl StageEntry {
             left_out: lacking.cloned().map(Into::into),
             source,
         }
+    }
+
+    /// Returns the seed of one of its units, of the pipeline's seed.
+    pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
+        seed::unit_seed(seed, self, partition)
     }
 
     /// Returns the full configuration of a stage of kind `S`; `None` for another kind.
@@ -148,12 +154,8 @@ impl Pipeline {
             .map(|stage| (stage.name.to_string(), stage.config()))
             .collect();
         let code = self.nodes.iter().map(|node| {
-            let mut fields = Fields::new("code");
-            for (part, digest) in node.output.code.iter() {
-                fields.text(part);
-                fields.text(digest);
-            }
-            (node.name.to_string(), fields.finish().to_string())
+            let digest = RunFacts::code_digest(node.output.code.iter());
+            (node.name.to_string(), digest)
         });
         let overrides = self.origin.overrides.iter();
         RunFacts {
@@ -161,6 +163,12 @@ impl Pipeline {
             seed: self.seed,
             profile: self.origin.profile.clone(),
             overrides: overrides.map(|given| told(given, &options)).collect(),
+            wired: BTreeMap::new(),
+            kinds: self
+                .stages
+                .iter()
+                .map(|stage| (stage.name.to_string(), stage.kind.name.to_owned()))
+                .collect(),
             code: code.collect(),
             options,
         }
@@ -169,6 +177,38 @@ impl Pipeline {
     /// Returns the stage of this name.
     pub fn find(&self, name: &str) -> Option<&StageEntry> {
         self.stages.iter().find(|stage| stage.name == *name)
+    }
+}
+
+impl RunFacts {
+    /// Returns the facts of a recorded run, as far as the record has them: without [`RunFacts::wired`] and
+    /// [`RunFacts::code`].
+    pub fn recorded(record: &RunRecord) -> Self {
+        let stages = || record.stages.iter();
+        let options = stages().map(|(name, stage)| (name.to_string(), stage.config.clone()));
+        let options: BTreeMap<String, serde_json::Value> = options.collect();
+        let overrides = record.origin.overrides.iter();
+        Self {
+            pipeline: record.pipeline.clone(),
+            seed: record.seed,
+            profile: record.origin.profile.clone(),
+            overrides: overrides.map(|given| told(given, &options)).collect(),
+            kinds: stages()
+                .map(|(name, stage)| (name.to_string(), stage.kind.clone()))
+                .collect(),
+            options,
+            ..Self::default()
+        }
+    }
+
+    /// Returns the digest of the code of an output: of the crates that it links, each with its own.
+    pub fn code_digest<'a>(parts: impl Iterator<Item = (&'a str, &'a str)>) -> String {
+        let mut fields = Fields::new("code");
+        for (part, digest) in parts {
+            fields.text(part);
+            fields.text(digest);
+        }
+        fields.finish().to_string()
     }
 }
 

@@ -8,6 +8,8 @@ use std::{
     },
 };
 
+use serde::{Deserialize, Serialize};
+
 use crate::{name::PartitionKey, outcome::Labels, record::RecordOutcome};
 
 /// The input partitions from which a stage lists its units.
@@ -19,7 +21,8 @@ pub struct Scope {
 }
 
 /// A partition of an input that there is not.
-#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct SkippedItem {
     /// Its key.
     pub key: String,
@@ -32,7 +35,8 @@ pub struct SkippedItem {
 /// What a stage may tell of the pipeline it runs in.
 ///
 /// A unit that depends on any of it lists it among its [`facts`](crate::Unit::facts).
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct RunFacts {
     /// The pipeline's name.
     pub pipeline: String,
@@ -43,6 +47,10 @@ pub struct RunFacts {
     /// Values given beside the file, as `stage.key=value`; of one that names a file or folder outside the
     /// lake, the value is `…`: it counts by content.
     pub overrides: Vec<String>,
+    /// The output to which each input of the stage is wired, as `stage.artifact`.
+    pub wired: BTreeMap<String, String>,
+    /// The kind of every stage.
+    pub kinds: BTreeMap<String, String>,
     /// The effective options of every stage, as fingerprints hold them.
     pub options: BTreeMap<String, serde_json::Value>,
     /// Digest of the code of every stage's outputs, by stage and artifact.

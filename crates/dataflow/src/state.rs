@@ -335,7 +335,14 @@ impl<'a> State<'a> {
         });
         Scope::new(inputs.collect())
             .with_left_out(left_out.collect())
-            .with_run(self.run.clone())
+            .with_run(RunFacts {
+                wired: node
+                    .reads
+                    .iter()
+                    .map(|(input, source)| (input.to_string(), source.to_string()))
+                    .collect(),
+                ..self.run.clone()
+            })
     }
 
     /// Returns the state of a partition with this outcome; of one that was skipped or filtered, remembers why.

@@ -20,7 +20,7 @@ pub(crate) const TABLES: &str = "tables";
 /// Folder of published files that are neither tables nor charts, below the lake.
 pub(crate) const FILES: &str = "files";
 
-/// Folder of charts, below the lake.
+/// Folder of charts and pages, below the lake.
 pub(crate) const REPORTS: &str = "reports";
 
 /// Folder of every table ever made, by the unit that made it, below the lake.
@@ -29,8 +29,8 @@ pub(crate) const EVERY: &str = "every";
 /// Folder of backup copies, below the lake.
 const COPIES: &str = "copies";
 
-/// Ending of a chart's name.
-const CHART: &str = ".svg";
+/// Endings of the names of what people look at: charts, pages, and the tables in pages.
+const SHOWN: [&str; 4] = [".svg", ".html", ".md", ".csv"];
 
 /// Prefix of a run's table folder, before its number.
 const RUN: &str = "run=";
@@ -242,7 +242,7 @@ impl ShownFolders {
     pub(crate) fn path(&self, column: &str, partition: &PartitionKey, name: &str) -> String {
         let folder = if name == table::FILE {
             self.tables.join(format!("{column}={partition}"))
-        } else if name.ends_with(CHART) {
+        } else if SHOWN.iter().any(|ending| name.ends_with(ending)) {
             self.charts.join(partition.as_str())
         } else {
             self.files.join(partition.as_str())

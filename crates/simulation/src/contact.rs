@@ -6,7 +6,7 @@ use rapier3d::{
     math::Vector,
     prelude::{Collider, ContactPair, RigidBodyHandle},
 };
-use spatial::{Palm, Pose};
+use spatial::{Palm, Pose, Table};
 
 use crate::{
     units::{EngineFrame, forces_in_newtons, meters, vector_in_meters},
@@ -108,6 +108,61 @@ pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, P
     [force_n.norm(), torque_nm.norm()]
 }
 
+/// Contact of the hand with the object in one physics step.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ContactPoint {
+    /// The hand's link, by its place in the model: of links fixed to each other, the one that moves.
+    pub link: usize,
+    /// Where it is, table frame, in meters.
+    pub point_in_table_m: Point3<f64>,
+    /// The force on the object, friction included, table frame, in newtons.
+    pub force_in_table_n: Vector3<f64>,
+}
+
+/// Returns where the hand pressed on the object in the last physics step, and how; `links` are those of the
+/// hand's bodies.
+pub(crate) fn contact_points(
+    world: &World,
+    object: RigidBodyHandle,
+    links: &[usize],
+    table_from_engine: &Pose<Table, EngineFrame>,
+) -> Vec<ContactPoint> {
+    let mut found = Vec::new();
+    for (pair, [first, second]) in pairs(world) {
+        // The normal leads from the first to the second.
+        let is_first = first.parent() == Some(object);
+        let (of_hand, towards_object) = match (is_first, second.parent() == Some(object)) {
+            (true, false) => (second, -1.0),
+            (false, true) => (first, 1.0),
+            _ => continue,
+        };
+        if !groups::is_hand(of_hand.collision_groups()) {
+            continue;
+        }
+        let body = usize::try_from(of_hand.user_data).ok();
+        let Some(&link) = body.and_then(|body| links.get(body)) else {
+            continue;
+        };
+        for manifold in pair.manifolds() {
+            let normal = Vector3::from(manifold.data.normal.to_array().map(f64::from));
+            for contact in manifold.points.iter().filter(|it| it.data.impulse > 0.0) {
+                // The friction is that of the last substep, on the first body.
+                let rubbing = contact.data.warmstart_tangent_world.to_array();
+                let rubbing = Vector3::from(rubbing.map(f64::from)) * world.substep_count();
+                let impulse = normal * f64::from(contact.data.impulse) - rubbing;
+                let force = forces_in_newtons(&(impulse * (towards_object / world.step_s())));
+                let point = first.position().transform_point(contact.local_p1);
+                found.push(ContactPoint {
+                    link,
+                    point_in_table_m: *table_from_engine * Point3::from(vector_in_meters(point)),
+                    force_in_table_n: *table_from_engine * force,
+                });
+            }
+        }
+    }
+    found
+}
+
 /// Returns how far a point of a part sticks out of the surface, in meters.
 fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
     let on_part_m = Point3::from(vector_in_meters(on_part));
@@ -142,12 +197,22 @@ mod tests {
             );
             let cube = testing::cube();
             let above = Pose::identity().translated(&Vector3::new(0.0, 0.0, 0.01 + 0.025));
-            cube.insert(&mut world, &scene, &above).unwrap();
+            let object = cube.insert(&mut world, &scene, &above).unwrap();
             for _ in 0..250 {
                 world.step().unwrap();
             }
             let weight_n = cube.mass_kg * 9.81;
             let beside = Pose::from_parts([0.1, 0.0, 0.0], UnitQuaternion::identity());
+            let points = contact_points(&world, object, &[7], &Pose::identity());
+            let force: Vector3<f64> = points.iter().map(|it| it.force_in_table_n).sum();
+            assert!((force.z / weight_n - 1.0).abs() < 0.02, "{force}");
+            assert!(force.xy().norm() < 0.02 * weight_n, "{force}");
+            for contact in &points {
+                let point = contact.point_in_table_m;
+                assert_eq!(contact.link, 7);
+                assert!((point.z - 0.01).abs() < 1e-3, "{point}");
+                assert!(point.x.abs().max(point.y.abs()) < 0.026, "{point}");
+            }
             let [force_n, torque_nm] = load_on_palm(&world, &beside);
             assert!(
                 (force_n / weight_n - 1.0).abs() < 0.02,

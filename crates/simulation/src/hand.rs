@@ -48,6 +48,8 @@ const DIMENSIONS: usize = 6;
 pub(crate) struct HandBodies {
     /// The palm, then the movable links.
     bodies: Vec<RigidBodyHandle>,
+    /// For each body, the link whose frame is its own.
+    links: Vec<usize>,
     /// For each body, the first of its finger; the palm's own is 0.
     fingers: Vec<usize>,
     /// The root of each finger, where the palm is.
@@ -222,6 +224,7 @@ impl HandBodies {
         }
         let mut hand = Self {
             bodies,
+            links: groups.iter().map(|group| group.root).collect(),
             fingers,
             roots,
             drives: Vec::new(),
@@ -232,6 +235,11 @@ impl HandBodies {
         };
         hand.configure(world, scene, model, &groups);
         Ok(hand)
+    }
+
+    /// The link of each body, by its place in the model.
+    pub(crate) fn links(&self) -> &[usize] {
+        &self.links
     }
 
     /// Sets damping, armature and drives once the multibodies know that their roots are fixed.

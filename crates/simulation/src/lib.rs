@@ -40,6 +40,7 @@ pub use config::{
     Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, Protocol, PullConfig,
     SceneConfig, StrictConfig, Support, Trial,
 };
+pub use contact::ContactPoint;
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;

@@ -5,6 +5,7 @@ use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
+    contact::{ContactPoint, contact_points},
     desired::DesiredStep,
     judge::Judge,
     script::{Command, Phase, Script},
@@ -86,6 +87,8 @@ pub struct TraceStep {
     pub q_command: Vec<f64>,
     /// Pose of the object in the table frame.
     pub table_from_object: Pose<Table, Object>,
+    /// Where the hand presses on the object.
+    pub contacts: Vec<ContactPoint>,
 }
 
 /// Decision of the observer of a rollout after each step.
@@ -363,5 +366,11 @@ fn trace_step(settled: &SettledScene, world: &World, time_s: f64, q_command: &[f
         q: settled.hand.positions(world),
         q_command: q_command.to_vec(),
         table_from_object: settled.table_from_object_in(world),
+        contacts: contact_points(
+            world,
+            settled.object,
+            settled.hand.links(),
+            &world.table_from_engine(),
+        ),
     }
 }

@@ -302,7 +302,8 @@ impl World {
         self.table_from_engine() * self.engine_from_body(body)
     }
 
-    fn table_from_engine(&self) -> Pose<Table, EngineFrame> {
+    /// Pose of the engine's frame in the table's.
+    pub(crate) fn table_from_engine(&self) -> Pose<Table, EngineFrame> {
         Pose::from_parts(self.frame.offset_m, UnitQuaternion::identity())
     }
 }

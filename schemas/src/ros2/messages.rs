@@ -343,6 +343,8 @@ fields!(Marker {
 });
 
 impl Marker {
+    /// An arrow from the first of two points to the second.
+    pub const ARROW: i32 = 0;
     /// A sphere at every point.
     pub const SPHERE_LIST: i32 = 7;
     /// A triangle for every three points.

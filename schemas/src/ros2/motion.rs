@@ -4,8 +4,12 @@
 //! `table` holds `object` and the hand's root link; every other link hangs below its parent link,
 //! as in the URDF. A motion's first step has the stamp [`START_NS`].
 
+mod contacts;
 mod scene;
 
+pub use contacts::{
+    CONTACT_FORCES, CONTACTS, ContactForce, METERS_PER_NEWTON, contact_forces, contact_markers,
+};
 pub use scene::{RecordingScene, SceneStep, fixed_links, moving_links};
 
 use nalgebra::Point3;

@@ -10,6 +10,7 @@
 //!
 //! Crate `report-screen` has success rates, failure reasons and the diversity of grasps.
 
+mod alone;
 mod by_verdict;
 mod config;
 mod error;
@@ -21,6 +22,7 @@ mod smoothness;
 mod stage;
 mod verdicts;
 
+pub use alone::record_alone;
 pub use by_verdict::ByVerdict;
 pub use config::{RobustnessConfig, ScreenConfig};
 pub use error::ScreenError;

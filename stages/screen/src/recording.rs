@@ -8,7 +8,10 @@ use schemas::{
     Table,
     objects::Object,
     rollouts::{Rollout as Row, Rollouts},
-    ros2::motion::{self, JOINT_TRAJECTORY, RecordingScene, START_NS, SceneStep, TrajectoryPoint},
+    ros2::motion::{
+        self, CONTACT_FORCES, CONTACTS, ContactForce, JOINT_TRAJECTORY, RecordingScene, START_NS,
+        SceneStep, TrajectoryPoint,
+    },
 };
 use simulation::{Rollout, Trace};
 use spatial::Palm;
@@ -63,18 +66,38 @@ pub(crate) fn record(
         START_NS,
         &motion::joint_trajectory(START_NS, &joints, commands),
     )?;
+    let links: Vec<String> = stage
+        .model
+        .links()
+        .iter()
+        .map(|link| link.name.clone())
+        .collect();
     for step in steps {
-        recording.write_step(
-            &scene,
-            &SceneStep {
-                time_s: step.time_s,
-                table_from_root: step.table_from_palm.reinterpret(),
-                table_from_object: step.table_from_object,
-                root_from_links: &stage.model.forward_kinematics(&step.q)?,
-                q_rad: &step.q,
-                q_velocity_rad_per_s: &[],
-            },
+        let moment = SceneStep {
+            time_s: step.time_s,
+            table_from_root: step.table_from_palm.reinterpret(),
+            table_from_object: step.table_from_object,
+            root_from_links: &stage.model.forward_kinematics(&step.q)?,
+            q_rad: &step.q,
+            q_velocity_rad_per_s: &[],
+        };
+        recording.write_step(&scene, &moment)?;
+        let contacts = step.contacts.iter().filter_map(|contact| {
+            Some(ContactForce {
+                link: links.get(contact.link)?,
+                point_in_table_m: contact.point_in_table_m,
+                force_in_table_n: contact.force_in_table_n,
+            })
+        });
+        let contacts: Vec<ContactForce<'_>> = contacts.collect();
+        let time_ns = moment.time_ns();
+        recording.write(
+            CONTACTS,
+            time_ns,
+            &motion::contact_markers(time_ns, &contacts),
         )?;
+        let forces = motion::contact_forces(time_ns, &links, &contacts);
+        recording.write(CONTACT_FORCES, time_ns, &forces)?;
     }
     Ok(recording.finish()?)
 }

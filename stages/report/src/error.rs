@@ -1,0 +1,59 @@
+//! Why a page could not be made.
+
+use dataflow::Advise;
+use glb::GlbError;
+use lake::LakeError;
+use robot_meshes::LoadError;
+
+/// Why a page could not be made.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ReportError {
+    /// The hand cannot be loaded.
+    #[error(transparent)]
+    LoadRobot(#[from] LoadError),
+    /// Facts of the pipeline cannot be written or read.
+    #[error("facts of the pipeline are not as this program writes them")]
+    Facts(#[from] serde_json::Error),
+    /// A recording is not one of a hand and an object.
+    #[error("recording `{name}` cannot be shown: {problem}")]
+    Recording {
+        /// Its file's name.
+        name: String,
+        /// What is wrong.
+        problem: String,
+    },
+    /// A motion cannot be shown.
+    #[error("motion `{name}` cannot be shown")]
+    Motion {
+        /// The motion.
+        name: String,
+        /// What is wrong.
+        source: GlbError,
+    },
+    /// A recording is of a motion that its table does not have.
+    #[error("recording `{name}` is of no row of its table")]
+    Stray {
+        /// Its file's name.
+        name: String,
+    },
+    /// A file cannot be compressed.
+    #[error("a motion cannot be compressed")]
+    Compress(#[source] std::io::Error),
+    /// An artifact cannot be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+impl Advise for ReportError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::LoadRobot(err) => err.hint(),
+            Self::Lake(err) => err.hint(),
+            Self::Recording { .. } | Self::Stray { .. } => {
+                Some("make it again with `pipeline run … --fresh`".to_owned())
+            }
+            Self::Facts(_) | Self::Motion { .. } | Self::Compress(_) => None,
+        }
+    }
+}

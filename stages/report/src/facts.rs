@@ -1,0 +1,147 @@
+//! What a page tells of the pipeline, beyond the tables that it reads.
+
+use std::collections::BTreeMap;
+
+use dataflow::{RunFacts, Scope, SkippedItem};
+use serde::{Deserialize, Serialize};
+
+use crate::ReportError;
+
+/// Name of the unit's fact.
+pub(crate) const FACTS: &str = "pipeline";
+
+/// What a page tells of the pipeline, beyond the tables that it reads.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Facts {
+    /// The pipeline.
+    pub run: RunFacts,
+    /// What inputs left out: by input, the number of items of each reason.
+    pub left_out: BTreeMap<String, BTreeMap<String, usize>>,
+}
+
+impl Facts {
+    /// Returns the facts of a stage's scope.
+    pub fn of(scope: &Scope, inputs: &[&str]) -> Self {
+        let left_out = inputs.iter().filter_map(|&input| {
+            let reasons = reasons(scope.left_out(input));
+            (!reasons.is_empty()).then(|| (input.to_owned(), reasons))
+        });
+        Self {
+            run: scope.run().clone(),
+            left_out: left_out.collect(),
+        }
+    }
+
+    /// Returns the facts of a recorded run, with what inputs left out.
+    pub fn recorded(run: RunFacts, left_out: &BTreeMap<String, Vec<SkippedItem>>) -> Self {
+        let left_out = left_out.iter();
+        let left_out = left_out.map(|(input, items)| (input.clone(), reasons(items)));
+        Self {
+            run,
+            left_out: left_out.collect(),
+        }
+    }
+
+    /// Writes them as a unit's fact.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an option cannot be written as JSON.
+    pub fn to_text(&self) -> Result<String, ReportError> {
+        Ok(serde_json::to_string(self)?)
+    }
+
+    /// Reads what [`Facts::to_text`] wrote.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it is another text.
+    pub fn from_text(text: &str) -> Result<Self, ReportError> {
+        Ok(serde_json::from_str(text)?)
+    }
+
+    /// Returns the options of the stage that makes an input.
+    pub(crate) fn options_of(&self, input: &str) -> Option<&serde_json::Value> {
+        let (stage, _) = self.run.wired.get(input)?.split_once('.')?;
+        self.run.options.get(stage)
+    }
+
+    /// Returns the command that makes the run again.
+    pub(crate) fn command(&self) -> String {
+        let run = &self.run;
+        let mut command = format!("pipeline run pipelines/{}.toml", run.pipeline);
+        if let Some(profile) = &run.profile {
+            command.push_str(&format!(" --profile {profile}"));
+        }
+        for given in &run.overrides {
+            let is_plain = given
+                .chars()
+                .all(|c| c.is_alphanumeric() || "._=-+/…".contains(c));
+            if is_plain {
+                command.push_str(&format!(" --set {given}"));
+            } else {
+                command.push_str(&format!(" --set '{given}'"));
+            }
+        }
+        command
+    }
+}
+
+/// Counts items by reason; figures in a reason are of one item each, and do not part reasons.
+pub(crate) fn reasons(items: &[SkippedItem]) -> BTreeMap<String, usize> {
+    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+    for item in items {
+        *reasons.entry(without_figures(&item.reason)).or_default() += 1;
+    }
+    reasons
+}
+
+fn without_figures(reason: &str) -> String {
+    let mut words = Vec::new();
+    for word in reason.split_whitespace() {
+        let is_figure = word.starts_with(|c: char| c.is_ascii_digit());
+        words.push(if is_figure { "…" } else { word });
+    }
+    words.join(" ")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_are_counted_by_reason_without_their_own_figures() {
+        let item = |key: &str, reason: &str| SkippedItem {
+            key: key.to_owned(),
+            is_fault: false,
+            reason: reason.to_owned(),
+        };
+        let found = reasons(&[
+            item("a", "only 7 of 21 landmarks"),
+            item("b", "only 9 of 21 landmarks"),
+            item("c", "another hand"),
+        ]);
+        let expected = [("another hand", 1), ("only … of … landmarks", 2)];
+        let found: Vec<(&str, usize)> = found.iter().map(|(k, n)| (k.as_str(), *n)).collect();
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn the_command_has_what_was_given() {
+        let facts = Facts {
+            run: RunFacts {
+                pipeline: "cgf".to_owned(),
+                profile: Some("paper".to_owned()),
+                overrides: vec!["seed=3".to_owned(), "a.b=[1, 2]".to_owned()],
+                ..RunFacts::default()
+            },
+            ..Facts::default()
+        };
+        let expected =
+            "pipeline run pipelines/cgf.toml --profile paper --set seed=3 --set 'a.b=[1, 2]'";
+        assert_eq!(facts.command(), expected);
+        let text = facts.to_text().unwrap();
+        assert_eq!(Facts::from_text(&text).unwrap(), facts);
+    }
+}

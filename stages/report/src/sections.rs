@@ -1,0 +1,9 @@
+//! The sections of the page, one file each.
+
+pub(crate) mod compare;
+pub(crate) mod cost;
+pub(crate) mod failures;
+pub(crate) mod objects;
+pub(crate) mod provenance;
+pub(crate) mod result;
+pub(crate) mod training;

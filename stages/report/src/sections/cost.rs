@@ -1,0 +1,111 @@
+//! What each stage made, what that cost, and how long it took.
+
+use std::collections::BTreeMap;
+
+use schemas::training::Split;
+
+use crate::{
+    Gathered,
+    numbers::{count, duration, signed},
+    table::{Cell, DataTable, Section},
+};
+
+/// What was worked through, by kind of stage.
+fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
+    let mut work: BTreeMap<&'static str, String> = BTreeMap::new();
+    if let Some(n) = gathered.demonstrations_n {
+        let left_out = gathered
+            .facts
+            .left_out
+            .get("demonstrations")
+            .into_iter()
+            .flatten();
+        let left_out_n: usize = left_out.map(|(_, n)| n).sum();
+        work.insert(
+            "ingest",
+            format!("{} recordings", count(signed(n + left_out_n))),
+        );
+    }
+    if let Some(n) = gathered.trajectories_n {
+        work.insert("retarget", format!("{} trajectories", count(signed(n))));
+    }
+    let epochs = gathered
+        .training
+        .iter()
+        .filter(|row| row.split == Split::Training);
+    if let Some(n) = epochs.map(|row| row.epoch).max() {
+        work.insert("train", format!("{} epochs", count(n)));
+    }
+    if let Some(draws) = &gathered.draws {
+        let refused_n: i64 = draws.refused.values().sum();
+        let drawn = format!("{} draws", count(draws.candidates_n + refused_n));
+        work.insert("sample", drawn.clone());
+        work.insert("refine", drawn);
+    }
+    let rollouts = || gathered.rollouts.values().flatten();
+    if rollouts().next().is_some() {
+        let steps_n: i64 = rollouts().map(|one| i64::from(one.cost_n)).sum();
+        let saved_n: i64 = rollouts().map(|one| i64::from(one.saved_n)).sum();
+        let mut text = format!(
+            "{} control steps simulated, {} saved",
+            count(steps_n),
+            count(saved_n)
+        );
+        if gathered.robustness_steps_n > 0 {
+            let errors = count(gathered.robustness_steps_n);
+            text.push_str(&format!("; {errors} under drawn errors"));
+        }
+        work.insert("screen", text);
+    }
+    let executed_s: f64 = gathered
+        .executions
+        .values()
+        .flatten()
+        .map(|one| one.duration_s)
+        .sum();
+    if executed_s > 0.0 {
+        work.insert(
+            "dispatch",
+            format!("{} of motion executed", duration(executed_s)),
+        );
+    }
+    work
+}
+
+pub(crate) fn section(gathered: &Gathered) -> Section {
+    let mut section = Section::new("cost", "Cost by stage");
+    let work = work(gathered);
+    let facts = &gathered.facts.run;
+    if facts.kinds.is_empty() {
+        section.say("The stages of this run are not known here.");
+        return section;
+    }
+    let has_times = !gathered.seconds.is_empty();
+    if has_times {
+        section.say("Times are those for which each result was made, in this run or an earlier one, summed over units that ran side by side.");
+    } else {
+        section.say("Equal inputs give an equal page, so that it holds no measured times; `pipeline report` adds those of a run's record.");
+    }
+    let mut columns = vec![("stage", "Stage"), ("kind", "Kind"), ("work", "Work")];
+    if has_times {
+        columns.push(("seconds", "Time"));
+    }
+    let mut table = DataTable::new("cost", "Stages with their work", &columns);
+    for (stage, kind) in &facts.kinds {
+        let mut row = vec![
+            Cell::text(stage),
+            Cell::text(kind),
+            Cell::text(work.get(kind.as_str()).cloned().unwrap_or_default()),
+        ];
+        if has_times {
+            let of_stage = gathered.seconds.iter();
+            let of_stage = of_stage
+                .filter(|(node, _)| node.split_once('.').is_some_and(|(name, _)| name == stage));
+            let seconds: f64 = of_stage.map(|(_, seconds)| seconds).sum();
+            row.push(Cell::Number(seconds, duration(seconds)));
+        }
+        table.row(row);
+    }
+    section.tables.push(table);
+    section
+}
