@@ -51,6 +51,7 @@ const FILES: [(&str, &str); 37] = files![
     "pipelines/arm.toml",
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
+    "pipelines/expert.toml",
     "pipelines/feedforward.toml",
     "pipelines/frames.toml",
     "pipelines/interpolation.toml",

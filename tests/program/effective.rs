@@ -10,10 +10,11 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 17] = [
+const FILES: [&str; 18] = [
     "cgf",
     "arm",
     "baseline",
+    "expert",
     "feedforward",
     "frames",
     "interpolation",
