@@ -41,9 +41,9 @@ fn overview(kinds: &[Kind]) -> String {
         if kind.wiring == Wiring::Free {
             rows.push(vec![
                 String::new(),
-                "reads  what its `inputs` name".to_owned(),
+                "reads  any".to_owned(),
             ]);
-            makes = vec!["what it says: an artifact of another kind, or a table of its own"];
+            makes = vec!["any"];
         }
         if !kind.inputs.is_empty() {
             let reads = format!("reads  {}", kind.inputs.join(", "));

@@ -115,7 +115,7 @@ fn a_good_program_is_run_once_for_each_part() {
     put(&place.path("break.sh"), script.as_bytes());
     let said = stderr(&place.run_well(&[]));
     assert!(
-        said.contains("2 partitions by a program of your own, 2 rows"),
+        said.contains("2 made by a program of your own, 2 rows"),
         "{said}"
     );
     let again = stderr(&place.run_well(&[]));

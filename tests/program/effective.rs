@@ -10,12 +10,14 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 17] = [
+const FILES: [&str; 19] = [
     "cgf",
+    "agreement",
     "arm",
     "baseline",
     "feedforward",
     "frames",
+    "generator",
     "interpolation",
     "noise",
     "paper",

@@ -91,7 +91,7 @@ impl<A: Artifacts> Output for Program<A> {
             Some(accepted) => {
                 format!("{rows} candidates → {accepted} accepted, by a program of your own")
             }
-            None => format!("{partitions} partitions by a program of your own, {rows} rows"),
+            None => format!("{partitions} made by a program of your own, {rows} rows"),
         }
     });
 
