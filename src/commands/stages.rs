@@ -39,10 +39,7 @@ fn overview(kinds: &[Kind]) -> String {
         let mut makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
         if kind.wiring == Wiring::Free {
-            rows.push(vec![
-                String::new(),
-                "reads  any".to_owned(),
-            ]);
+            rows.push(vec![String::new(), "reads  any".to_owned()]);
             makes = vec!["any"];
         }
         if !kind.inputs.is_empty() {

@@ -238,6 +238,14 @@ pub enum Broken {
         /// The input.
         input: String,
     },
+    /// A column contradicts those from which it follows.
+    #[error("column `{column}` in row {row} is not what follows from the row's other columns")]
+    NotDerived {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+    },
     /// The artifact's own rules.
     #[error(transparent)]
     Rule(#[from] SchemaError),
