@@ -23,18 +23,18 @@ use crate::{
 pub(crate) fn checked(
     config: &ProgramConfig,
     known: Option<&KnownTable>,
-    schema: Schema,
+    schema: &Schema,
     inputs: &Inputs,
     key: &PartitionKey,
     path: &Path,
 ) -> Result<RecordBatch, ProgramError> {
     let file = lake::table::FILE;
     let version = schema.metadata().get("schema").cloned().unwrap_or_default();
-    let broken = |source| ProgramError::Table {
+    let broken = |source: Broken| ProgramError::Table {
         command: process::words(config),
         file: file.to_owned(),
         schema: version.clone(),
-        source,
+        source: Box::new(source),
     };
     let written = Artifact {
         key: key.clone(),
@@ -44,7 +44,7 @@ pub(crate) fn checked(
     let written = lake::table::read_batch(&written).map_err(|source| ProgramError::Unreadable {
         command: process::words(config),
         file: file.to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     let batch = conformed(&written, schema).map_err(&broken)?;
     if let Some(known) = known {
@@ -55,7 +55,7 @@ pub(crate) fn checked(
     }
     if let Some((input, column)) = config.rows_of() {
         own_table::check_rows(inputs, input, column, &batch).map_err(|err| match err {
-            ProgramError::Broken(source) => broken(source),
+            ProgramError::Broken(source) => broken(*source),
             err => err,
         })?;
     }
