@@ -155,7 +155,10 @@ fn a_program_that_fails_says_what_it_printed_and_where_its_log_is() {
         &[],
         &["`sh ", "ended with exit code 1", "no such can", "logs/"],
     );
-    let log = said.split('`').find(|word| word.ends_with(".log")).unwrap();
+    let log = said
+        .split('`')
+        .find(|word| word.contains("/logs/"))
+        .unwrap();
     assert_eq!(fs::read_to_string(log).unwrap().lines().count(), 2);
     let silent = place_of(TABLE, "exit 7");
     fails(
