@@ -128,6 +128,10 @@ fn a_good_program_is_run_once_for_each_part() {
         rows.lines().collect::<Vec<_>>(),
         ["part,name,length_m", "p000,a,1.5", "p001,a,1.5"]
     );
+    let mut one = place.bare(&place.lake(), "inspect");
+    one.args(["lines.lines", "p000"]);
+    let one = stdout(&well(one));
+    assert!(one.contains("\nlog ") && one.contains("/logs/"), "{one}");
     // An edit of the script and an option are named as causes.
     put(
         &place.path("break.sh"),
