@@ -152,6 +152,9 @@ fn one(
                 .map(|(name, value)| vec![format!("metric {name}"), value.to_string()]),
         );
     }
+    if let Some(log) = lake.log(&unit.fingerprint) {
+        rows.push(vec!["log".to_owned(), log.display().to_string()]);
+    }
     let mut text = report::columns(&rows, &[]);
     let json = serde_json::to_string_pretty(&record.fingerprint)
         .map_err(|err| CommandError::failed(err, None))?;

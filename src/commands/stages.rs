@@ -39,11 +39,8 @@ fn overview(kinds: &[Kind]) -> String {
         let mut makes: Vec<&str> = outputs.iter().map(|output| output.artifact).collect();
         rows.push(vec![kind.name.to_owned(), kind.about.to_owned()]);
         if kind.wiring == Wiring::Free {
-            rows.push(vec![
-                String::new(),
-                "reads  what its `inputs` name".to_owned(),
-            ]);
-            makes = vec!["what it says: an artifact of another kind, or a table of its own"];
+            rows.push(vec![String::new(), "reads  any".to_owned()]);
+            makes = vec!["any"];
         }
         let inputs = kind.all_inputs();
         if !inputs.is_empty() {

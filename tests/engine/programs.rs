@@ -1,18 +1,13 @@
 //! Programs that break a rule: each ends in an error that says what, where and what to do, nothing of it is
 //! kept but its log, none of its processes lives on, and the lake is whole.
 
-use std::{
-    fs,
-    path::Path,
-    process::Command,
-    sync::Arc,
-    thread,
-    time::{Duration, Instant},
-};
+mod limits;
+
+use std::{fs, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 
-use crate::place::{LONG, Place, Running, put, stderr, stdout, well};
+use crate::place::{Place, put, stderr, stdout, well};
 
 /// A program `break.sh` that makes a table of one row for each part.
 const TABLE: &str = r#"
@@ -115,7 +110,7 @@ fn a_good_program_is_run_once_for_each_part() {
     put(&place.path("break.sh"), script.as_bytes());
     let said = stderr(&place.run_well(&[]));
     assert!(
-        said.contains("2 partitions by a program of your own, 2 rows"),
+        said.contains("2 made by a program of your own, 2 rows"),
         "{said}"
     );
     let again = stderr(&place.run_well(&[]));
@@ -128,6 +123,10 @@ fn a_good_program_is_run_once_for_each_part() {
         rows.lines().collect::<Vec<_>>(),
         ["part,name,length_m", "p000,a,1.5", "p001,a,1.5"]
     );
+    let mut one = place.bare(&place.lake(), "inspect");
+    one.args(["lines.lines", "p000"]);
+    let one = stdout(&well(one));
+    assert!(one.contains("\nlog ") && one.contains("/logs/"), "{one}");
     // An edit of the script and an option are named as causes.
     put(
         &place.path("break.sh"),
@@ -155,7 +154,10 @@ fn a_program_that_fails_says_what_it_printed_and_where_its_log_is() {
         &[],
         &["`sh ", "ended with exit code 1", "no such can", "logs/"],
     );
-    let log = said.split('`').find(|word| word.ends_with(".log")).unwrap();
+    let log = said
+        .split('`')
+        .find(|word| word.contains("/logs/"))
+        .unwrap();
     assert_eq!(fs::read_to_string(log).unwrap().lines().count(), 2);
     let silent = place_of(TABLE, "exit 7");
     fails(
@@ -304,96 +306,6 @@ columns.name = { type = "text" }
 }
 
 #[test]
-fn a_program_that_floods_its_output_is_killed() {
-    let errors = place("yes this is what it prints forever >&2");
-    let said = fails(
-        &errors,
-        &[],
-        &[
-            "printed more than 32 MB to stderr",
-            "it was killed",
-            "print less",
-        ],
-    );
-    assert!(said.lines().count() < 40, "{said}");
-    for entry in fs::read_dir(errors.lake().join("logs")).unwrap() {
-        assert!(entry.unwrap().metadata().unwrap().len() < 40 << 20);
-    }
-    let one_line = place("yes | tr -d '\\n'");
-    fails(&one_line, &[], &["printed more than 32 MB to stdout"]);
-    let progress = place("yes 'progress 0.5 still at it' | head -n 1000000");
-    fails(
-        &progress,
-        &[],
-        &[
-            "printed more than 100000 lines of progress",
-            "one for each percent",
-        ],
-    );
-}
-
-#[test]
-fn a_program_that_hangs_is_killed_with_all_its_processes() {
-    let hangs =
-        "sleep 1000 & echo $! >> PIDS; setsid sleep 1000 & echo $! >> PIDS; echo $$ >> PIDS; ";
-    for (end, message) in [
-        ("wait", "did not end within 1 s (`timeout_s`)"),
-        ("sleep 1000", "did not end within 1 s (`timeout_s`)"),
-        ("exit 0", "ended and left processes behind"),
-    ] {
-        for flags in [&[][..], &["--processes"]] {
-            let place = place("true");
-            let pids = place.path("pids");
-            let script = format!("{hangs}{end}").replace("PIDS", &pids.display().to_string());
-            put(&place.path("break.sh"), script.as_bytes());
-            let flags = [flags, &["--set", "lines.timeout_s=1", "--jobs", "1"]].concat();
-            fails(
-                &place,
-                &flags,
-                &[message, "it was killed with all its processes"],
-            );
-            all_ended(&pids, 3);
-        }
-    }
-}
-
-/// Waits until none of the processes named in a file lives.
-fn all_ended(pids: &Path, at_least: usize) {
-    let text = fs::read_to_string(pids).unwrap();
-    let pids: Vec<u32> = text.lines().map(|line| line.parse().unwrap()).collect();
-    assert!(pids.len() >= at_least, "{pids:?}");
-    let until = Instant::now() + LONG;
-    for pid in pids {
-        while is_alive(pid) {
-            assert!(Instant::now() < until, "process {pid} lives on");
-            thread::park_timeout(Duration::from_millis(5));
-        }
-    }
-}
-
-fn is_alive(pid: u32) -> bool {
-    let stat = fs::read_to_string(format!("/proc/{pid}/stat")).unwrap_or_default();
-    let state = stat
-        .rsplit_once(") ")
-        .and_then(|(_, after)| after.chars().next());
-    state.is_some_and(|state| state != 'Z')
-}
-
-#[test]
-fn a_program_that_takes_too_much_memory_is_killed() {
-    // A text that doubles, in a process of its own.
-    let place = place("sh -c 'x=xxxxxxxx; while :; do x=$x$x; done'");
-    fails(
-        &place,
-        &["--set", "lines.memory_mb=50"],
-        &[
-            "MB of memory, more than 50 (`memory_mb`)",
-            "raise `memory_mb`",
-        ],
-    );
-}
-
-#[test]
 fn a_program_that_writes_where_it_may_not_is_refused() {
     for (script, message) in [
         ("echo x > result.txt", "wrote `result.txt` beside `out`"),
@@ -453,48 +365,6 @@ fn a_program_may_skip_a_part_and_says_why() {
     skipped.args(["lines.lines", "--skipped"]);
     let skipped = stdout(&well(skipped));
     assert!(skipped.contains("it is too short"), "{skipped}");
-}
-
-#[test]
-fn an_interrupted_run_ends_its_programs_with_all_their_processes() {
-    let hangs =
-        "sleep 1000 & echo $! >> PIDS; setsid sleep 1000 & echo $! >> PIDS; echo $$ >> PIDS; wait";
-    for flags in [&["--jobs", "1"][..], &["--jobs", "1", "--processes"]] {
-        for signal in ["-INT", "-KILL"] {
-            let place = place("true");
-            let pids = place.path("pids");
-            let script = hangs.replace("PIDS", &pids.display().to_string());
-            put(&place.path("break.sh"), script.as_bytes());
-            let mut run = Running::start(place.command("run", flags));
-            let until = Instant::now() + LONG;
-            while fs::read_to_string(&pids)
-                .unwrap_or_default()
-                .lines()
-                .count()
-                < 3
-            {
-                assert!(Instant::now() < until && run.child.try_wait().unwrap().is_none());
-                thread::park_timeout(Duration::from_millis(5));
-            }
-            let mut kill = Command::new("kill");
-            kill.args([signal, &run.child.id().to_string()]);
-            well(kill);
-            let (code, said) = run.finish();
-            assert_eq!(code, (signal == "-INT").then_some(130), "{said}");
-            all_ended(&pids, 3);
-            let path = table(
-                &place,
-                vec![("length_m", numbers(&[1.5])), ("name", texts(&["a"]))],
-            );
-            put(
-                &place.path("break.sh"),
-                format!("cp {path} out/part.parquet").as_bytes(),
-            );
-            place.run_well(flags);
-            let verified = place.bare(&place.lake(), "verify");
-            well(verified);
-        }
-    }
 }
 
 #[test]

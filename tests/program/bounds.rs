@@ -11,6 +11,15 @@ const FILE: &str = include_str!("../../pipelines/cgf.toml");
 /// The same with an arm, so that it has every option.
 const ARM: &str = include_str!("../../pipelines/arm.toml");
 
+/// A program, which no shipped job has.
+const PROGRAM: &str = "
+[stages.program]
+kind = 'program'
+command = ['true']
+makes = 'lengths'
+columns.length_m = { type = 'number' }
+";
+
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
 
@@ -18,7 +27,8 @@ const NAMES: [&str; 1] = ["dispatch.attempt"];
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    Pipeline::parse(path, ARM, &pipeline::kinds(), None, &[given])
+    let text = format!("{ARM}{PROGRAM}");
+    Pipeline::parse(path, &text, &pipeline::kinds(), None, &[given])
 }
 
 /// The options of these types of every stage of the pipeline.

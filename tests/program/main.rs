@@ -25,6 +25,7 @@ mod projects;
 mod python;
 mod questions;
 mod readme;
+mod recipes;
 mod refinement;
 mod repeatable;
 mod retargeting;

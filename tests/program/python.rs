@@ -25,7 +25,8 @@ pub(crate) fn python(modules: &[&str]) -> Option<String> {
         measured_data::print_skipped("`PIPELINE_PYTHON` names no Python");
         return None;
     };
-    let imports = format!("import {}", modules.join(", "));
+    let imports = modules.iter().map(|module| format!("import {module}\n"));
+    let imports: String = imports.collect();
     let has = Command::new(&python).args(["-c", &imports]).status();
     if has.is_ok_and(|status| status.success()) {
         return Some(python);

@@ -28,7 +28,7 @@ pub struct Context<'a> {
 
 impl Context<'_> {
     /// Returns a context for making an output outside a run, as tests do. Its resume folder is
-    /// `resume` in `folder`: a second context of the same folder continues where the first one
+    /// `resume` in `folder`, its log beside it: a second context of the same folder continues where the first one
     /// stopped.
     pub fn detached(partition: &PartitionKey, seed: u64, folder: &Path) -> Self {
         Self {
@@ -36,7 +36,7 @@ impl Context<'_> {
             seed,
             folder: folder.to_owned(),
             resume_folder: folder.join("resume"),
-            log_file: folder.join("log"),
+            log_file: folder.with_extension("log"),
             progress: &|_, _| {},
         }
     }

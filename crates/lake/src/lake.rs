@@ -183,6 +183,11 @@ impl Lake {
         Ok(record.map(|record| (record, provenance)))
     }
 
+    /// Returns what was printed while the unit of this fingerprint was made, if anything was kept.
+    pub fn log(&self, fingerprint: &Digest) -> Option<PathBuf> {
+        Some(self.folder.log(fingerprint)).filter(|path| path.is_file())
+    }
+
     /// Returns the path of an artifact's file.
     pub fn file(&self, file: &FileRef) -> PathBuf {
         self.blobs.path(&file.digest)

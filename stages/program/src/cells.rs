@@ -27,7 +27,7 @@ const SCHEMA: &str = "schema";
 /// # Errors
 ///
 /// Fails if a column is missing, unknown or of another type, or a cell is null or not finite.
-pub(crate) fn conformed(written: &RecordBatch, schema: Schema) -> Result<RecordBatch, Broken> {
+pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<RecordBatch, Broken> {
     let found = written.schema();
     let names = || schema.fields().iter().map(|field| field.name().clone());
     if let Some(unknown) = found
@@ -319,7 +319,7 @@ mod tests {
     }
 
     fn message(array: ArrayRef, kind: DataType) -> String {
-        conformed(&batch(array), schema(kind))
+        conformed(&batch(array), &schema(kind))
             .unwrap_err()
             .to_string()
     }
@@ -338,7 +338,7 @@ mod tests {
             ),
         ];
         for (array, kind) in cases {
-            let taken = conformed(&batch(array), schema(kind.clone())).unwrap();
+            let taken = conformed(&batch(array), &schema(kind.clone())).unwrap();
             assert_eq!(taken.column(0).data_type(), &kind);
             assert_eq!(taken.num_rows(), 2);
         }
@@ -350,10 +350,10 @@ mod tests {
         let lists: ArrayRef = Arc::new(lists.finish());
         let item = Arc::new(Field::new("item", DataType::Float64, false));
         for kind in [list_of(DataType::Float64), DataType::FixedSizeList(item, 2)] {
-            let taken = conformed(&batch(Arc::clone(&lists)), schema(kind.clone())).unwrap();
+            let taken = conformed(&batch(Arc::clone(&lists)), &schema(kind.clone())).unwrap();
             assert_eq!(taken.column(0).data_type(), &kind);
             // A part of a table too.
-            let second = conformed(&batch(lists.slice(1, 1)), schema(kind)).unwrap();
+            let second = conformed(&batch(lists.slice(1, 1)), &schema(kind)).unwrap();
             assert_eq!(second.column(0).as_ref(), &*taken.column(0).slice(1, 1));
         }
     }
@@ -391,13 +391,13 @@ mod tests {
         );
         let other = batch(numbers(vec![Some(1.0)]));
         let renamed = Schema::new(vec![Field::new("lift_m", DataType::Float64, false)]);
-        let unknown = conformed(&other, renamed).unwrap_err().to_string();
+        let unknown = conformed(&other, &renamed).unwrap_err().to_string();
         assert_eq!(unknown, "there is no column `x`");
         let both = Schema::new(vec![
             Field::new("x", DataType::Float64, false),
             Field::new("lift_m", DataType::Float64, false),
         ]);
-        let missing = conformed(&other, both).unwrap_err().to_string();
+        let missing = conformed(&other, &both).unwrap_err().to_string();
         assert_eq!(missing, "column `lift_m` (float64) is missing");
     }
 }

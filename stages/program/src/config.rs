@@ -151,8 +151,8 @@ impl ProgramConfig {
         faults.within("fan_out", self.fan_out.len(), 0..=MAX_FAN_OUT, why);
         let mut names = self.fan_out.clone();
         names.sort();
-        if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
-            faults.note("fan_out", format!("has `{}` twice", twice[0]));
+        if let Some([twice, _]) = names.array_windows().find(|[a, b]| a == b) {
+            faults.note("fan_out", format!("has `{twice}` twice"));
         }
         for name in &self.fan_out {
             if let Err(err) = name.parse::<PartitionKey>() {
@@ -189,7 +189,6 @@ impl ProgramConfig {
         let names = known.iter().map(|known| known.artifact);
         let is_known = names.clone().any(|name| name == self.makes);
         match (is_known, self.columns.is_empty()) {
-            (true, true) => {}
             (true, false) => faults.note(
                 "columns",
                 format!(
@@ -217,7 +216,7 @@ impl ProgramConfig {
                     self.makes
                 ),
             ),
-            (false, false) => {}
+            (true, true) | (false, false) => {}
         }
         for name in self.columns.keys() {
             if !is_word(name) {

@@ -92,7 +92,7 @@ pub enum ProgramError {
     Folder {
         /// The command.
         command: String,
-        /// What it did, e.g. `wrote nothing into \`out\``.
+        /// What it did, e.g. `changed its input`.
         problem: String,
         /// The end of what it printed.
         last_lines: String,
@@ -111,7 +111,7 @@ pub enum ProgramError {
         /// The schema.
         schema: String,
         /// Why.
-        source: Broken,
+        source: Box<Broken>,
     },
     /// The table that it wrote cannot be read.
     #[error("`{command}` wrote `out/{file}`, which is not a whole Parquet file")]
@@ -121,7 +121,7 @@ pub enum ProgramError {
         /// The file.
         file: String,
         /// Why.
-        source: LakeError,
+        source: Box<LakeError>,
     },
     /// Its folder cannot be written or read.
     #[error("cannot use `{}`", path.display())]
@@ -136,7 +136,7 @@ pub enum ProgramError {
     Lake(#[from] LakeError),
     /// The rows are not those asked for.
     #[error(transparent)]
-    Broken(#[from] Broken),
+    Broken(Box<Broken>),
     /// The run is being interrupted.
     #[error("the run is interrupted")]
     Interrupted,
@@ -238,6 +238,14 @@ pub enum Broken {
         /// The input.
         input: String,
     },
+    /// A column contradicts those from which it follows.
+    #[error("column `{column}` in row {row} is not what follows from the row's other columns")]
+    NotDerived {
+        /// The column.
+        column: String,
+        /// The row, from 0.
+        row: usize,
+    },
     /// The artifact's own rules.
     #[error(transparent)]
     Rule(#[from] SchemaError),
@@ -256,6 +264,12 @@ fn said(last_lines: &str) -> String {
 
 fn shown(value: Option<&String>) -> String {
     value.map_or_else(|| "nothing".to_owned(), |value| format!("`{value}`"))
+}
+
+impl From<Broken> for ProgramError {
+    fn from(source: Broken) -> Self {
+        Self::Broken(Box::new(source))
+    }
 }
 
 impl ProgramError {

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeSet,
-    io::Write,
+    io::{self, Write},
     os::unix::process::{CommandExt, ExitStatusExt},
     path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
@@ -100,7 +100,7 @@ impl Started {
         let child = command.spawn().map_err(failed)?;
         let lost = || ProgramError::NotStarted {
             program: program.to_string_lossy().into_owned(),
-            source: std::io::Error::other("it has no process id"),
+            source: io::Error::other("it has no process id"),
         };
         let processes = Processes::of(child.id(), folder).ok_or_else(lost)?;
         running.all.insert(processes.clone());
@@ -142,12 +142,12 @@ pub(crate) fn run(
     command: &[PathBuf],
     folder: &Path,
     log: &Arc<Log>,
-    progress: impl Fn(f64, &str),
+    progress: &dyn Fn(f64, &str),
 ) -> Result<Ended, ProgramError> {
     let [program, arguments @ ..] = command else {
         return Err(ProgramError::NotStarted {
             program: String::new(),
-            source: std::io::ErrorKind::NotFound.into(),
+            source: io::ErrorKind::NotFound.into(),
         });
     };
     let mut command = Command::new(program);
@@ -163,8 +163,33 @@ pub(crate) fn run(
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .process_group(0);
-    let until = Instant::now() + Duration::from_secs_f64(config.timeout_s);
-    let (started, mut child) = Started::new(&mut command, folder)?;
+    let (started, child) = Started::new(&mut command, folder)?;
+    let mut watch = Watch {
+        config,
+        log,
+        progress,
+        started,
+        events: follow(child, log),
+        n_closed: 0,
+    };
+    let status = watch.until_it_ends();
+    let ended = status.and_then(|status| {
+        watch.until_the_others_end()?;
+        Ok(Ended {
+            status: status.map_err(ProgramError::at(folder))?,
+        })
+    });
+    // Kills what is left.
+    drop(watch);
+    let ended = ended?;
+    if running().stopped {
+        return Err(ProgramError::Interrupted);
+    }
+    Ok(ended)
+}
+
+/// Reads both outputs of a program and waits for its end, in threads.
+fn follow(mut child: Child, log: &Arc<Log>) -> mpsc::Receiver<Happened> {
     let (sender, events) = mpsc::channel();
     if let Some(stdout) = child.stdout.take() {
         let (log, sender) = (Arc::clone(log), sender.clone());
@@ -174,81 +199,99 @@ pub(crate) fn run(
         let (log, sender) = (Arc::clone(log), sender.clone());
         thread::spawn(move || read(stderr, "stderr", &log, &sender));
     }
-    let waiting = thread::spawn(move || {
+    thread::spawn(move || {
         let _nobody_asks = sender.send(Happened::Ended(child.wait()));
     });
-    let killed = |problem: String, advice: &'static str| ProgramError::Killed {
-        command: words(config),
-        problem,
-        last_lines: log.last_lines(),
-        log: log.path().to_owned(),
-        advice,
-    };
-    let mut n_closed = 0;
-    let mut measured = Instant::now();
-    let status = loop {
-        let now = Instant::now();
-        if now >= until {
-            drop(started);
-            let problem = format!("did not end within {} s (`timeout_s`)", config.timeout_s);
-            return Err(killed(
-                problem,
-                "find out what it waits for, or raise `timeout_s`",
-            ));
-        }
-        if now - measured >= MEASURE_EVERY {
-            measured = now;
-            let resident_mb = started.processes.resident_bytes() / 1_000_000;
-            if resident_mb > config.memory_mb {
-                drop(started);
-                let problem = format!(
-                    "held {resident_mb} MB of memory, more than {} (`memory_mb`)",
-                    config.memory_mb
-                );
-                return Err(killed(problem, "read less at a time, or raise `memory_mb`"));
-            }
-        }
-        match events.recv_timeout(MEASURE_EVERY.min(until - now)) {
-            Ok(Happened::Progress(share, message)) => progress(share, &message),
-            Ok(Happened::Closed) => n_closed += 1,
-            Ok(Happened::Flooded(problem, advice)) => {
-                drop(started);
-                return Err(killed(problem, advice));
-            }
-            Ok(Happened::Ended(status)) => break status,
-            Err(_nothing_yet) => {}
-        }
-    };
-    let _joined = waiting.join();
-    let status = status.map_err(ProgramError::at(folder))?;
-    let since = Instant::now();
-    while n_closed < OUTPUTS || started.processes.others_live() {
-        if since.elapsed() >= GRACE {
-            drop(started);
-            let problem = "ended and left processes behind".to_owned();
-            return Err(killed(
-                problem,
-                "have it wait for the processes that it starts",
-            ));
-        }
-        match events.recv_timeout(ASK_EVERY) {
-            Ok(Happened::Progress(share, message)) => progress(share, &message),
-            Ok(Happened::Closed) => n_closed += 1,
-            Ok(Happened::Flooded(problem, advice)) => {
-                drop(started);
-                return Err(killed(problem, advice));
-            }
-            Ok(Happened::Ended(_)) => {}
-            // Both readers have ended.
-            Err(mpsc::RecvTimeoutError::Disconnected) => thread::sleep(ASK_EVERY),
-            Err(mpsc::RecvTimeoutError::Timeout) => {}
+    events
+}
+
+/// A program that is being watched.
+struct Watch<'a> {
+    config: &'a ProgramConfig,
+    log: &'a Log,
+    progress: &'a dyn Fn(f64, &str),
+    started: Started,
+    events: mpsc::Receiver<Happened>,
+    /// How many of its outputs have closed.
+    n_closed: usize,
+}
+
+impl Watch<'_> {
+    fn killed(&self, problem: String, advice: &'static str) -> ProgramError {
+        self.started.processes.kill();
+        ProgramError::Killed {
+            command: words(self.config),
+            problem,
+            last_lines: self.log.last_lines(),
+            log: self.log.path().to_owned(),
+            advice,
         }
     }
-    drop(started);
-    if running().stopped {
-        return Err(ProgramError::Interrupted);
+
+    /// Takes what has happened; returns the program's end.
+    fn take(&mut self, happened: Happened) -> Result<Option<io::Result<ExitStatus>>, ProgramError> {
+        match happened {
+            Happened::Progress(share, message) => (self.progress)(share, &message),
+            Happened::Closed => self.n_closed += 1,
+            Happened::Flooded(problem, advice) => return Err(self.killed(problem, advice)),
+            Happened::Ended(status) => return Ok(Some(status)),
+        }
+        Ok(None)
     }
-    Ok(Ended { status })
+
+    /// Waits for the program's first process, within the limits.
+    fn until_it_ends(&mut self) -> Result<io::Result<ExitStatus>, ProgramError> {
+        let ProgramConfig {
+            timeout_s,
+            memory_mb,
+            ..
+        } = *self.config;
+        let until = Instant::now() + Duration::from_secs_f64(timeout_s);
+        let mut measured = Instant::now();
+        loop {
+            let now = Instant::now();
+            if now >= until {
+                let problem = format!("did not end within {timeout_s} s (`timeout_s`)");
+                let advice = "find out what it waits for, or raise `timeout_s`";
+                return Err(self.killed(problem, advice));
+            }
+            if now - measured >= MEASURE_EVERY {
+                measured = now;
+                let resident_mb = self.started.processes.resident_bytes() / 1_000_000;
+                if resident_mb > memory_mb {
+                    let problem = format!(
+                        "held {resident_mb} MB of memory, more than {memory_mb} (`memory_mb`)"
+                    );
+                    let advice = "read less at a time, or raise `memory_mb`";
+                    return Err(self.killed(problem, advice));
+                }
+            }
+            if let Ok(happened) = self.events.recv_timeout(MEASURE_EVERY.min(until - now))
+                && let Some(status) = self.take(happened)?
+            {
+                return Ok(status);
+            }
+        }
+    }
+
+    /// Waits a moment for the processes that it has started.
+    fn until_the_others_end(&mut self) -> Result<(), ProgramError> {
+        let since = Instant::now();
+        while self.n_closed < OUTPUTS || self.started.processes.others_live() {
+            if since.elapsed() >= GRACE {
+                let problem = "ended and left processes behind".to_owned();
+                let advice = "have it wait for the processes that it starts";
+                return Err(self.killed(problem, advice));
+            }
+            match self.events.recv_timeout(ASK_EVERY) {
+                Ok(happened) => drop(self.take(happened)?),
+                // Both readers have ended.
+                Err(mpsc::RecvTimeoutError::Disconnected) => thread::sleep(ASK_EVERY),
+                Err(mpsc::RecvTimeoutError::Timeout) => {}
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Returns the command as a person would write it, for errors.

@@ -2,8 +2,8 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use arrow_array::RecordBatch;
-use arrow_schema::Schema;
+use arrow_array::{Array, RecordBatch};
+use arrow_schema::{DataType, Schema};
 use dataflow::{Artifact, Inputs, PartitionKey};
 use schemas::{
     Table,
@@ -23,18 +23,18 @@ use crate::{
 pub(crate) fn checked(
     config: &ProgramConfig,
     known: Option<&KnownTable>,
-    schema: Schema,
+    schema: &Schema,
     inputs: &Inputs,
     key: &PartitionKey,
     path: &Path,
 ) -> Result<RecordBatch, ProgramError> {
     let file = lake::table::FILE;
     let version = schema.metadata().get("schema").cloned().unwrap_or_default();
-    let broken = |source| ProgramError::Table {
+    let broken = |source: Broken| ProgramError::Table {
         command: process::words(config),
         file: file.to_owned(),
         schema: version.clone(),
-        source,
+        source: Box::new(source),
     };
     let written = Artifact {
         key: key.clone(),
@@ -44,21 +44,53 @@ pub(crate) fn checked(
     let written = lake::table::read_batch(&written).map_err(|source| ProgramError::Unreadable {
         command: process::words(config),
         file: file.to_owned(),
-        source,
+        source: Box::new(source),
     })?;
     let batch = conformed(&written, schema).map_err(&broken)?;
     if let Some(known) = known {
-        let batch = (known.checked)(key.as_str(), &batch).map_err(|err| broken(err.into()))?;
-        (known.against)(inputs, key.as_str(), &batch).map_err(&broken)?;
-        return Ok(batch);
+        let stored = (known.checked)(key.as_str(), &batch).map_err(|err| broken(err.into()))?;
+        check_derived(&batch, &stored).map_err(&broken)?;
+        (known.against)(inputs, key.as_str(), &stored).map_err(&broken)?;
+        return Ok(stored);
     }
     if let Some((input, column)) = config.rows_of() {
         own_table::check_rows(inputs, input, column, &batch).map_err(|err| match err {
-            ProgramError::Broken(source) => broken(source),
+            ProgramError::Broken(source) => broken(*source),
             err => err,
         })?;
     }
     Ok(batch)
+}
+
+/// Checks that the columns that follow from others, such as `success` from `reason`, are those that follow: what is
+/// stored is computed anew. Numbers may differ by rounding.
+fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), Broken> {
+    for field in stored.schema_ref().fields() {
+        let exact = matches!(
+            field.data_type(),
+            DataType::Utf8 | DataType::Boolean | DataType::Int64
+        );
+        let columns = (
+            written.column_by_name(field.name()),
+            stored.column_by_name(field.name()),
+        );
+        let (Some(written), Some(stored)) = columns else {
+            continue;
+        };
+        // Rows of some artifacts are put in order.
+        if !exact || written.len() != stored.len() {
+            continue;
+        }
+        let differs =
+            |&row: &usize| written.slice(row, 1).as_ref() != stored.slice(row, 1).as_ref();
+        if let Some(row) = (0..written.len()).find(differs) {
+            return Err(Broken::NotDerived {
+                column: field.name().clone(),
+                row,
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Checks that there is one rollout for each candidate that the unit reads, in their order, and that it says the

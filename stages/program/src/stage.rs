@@ -91,7 +91,7 @@ impl<A: Artifacts> Output for Program<A> {
             Some(accepted) => {
                 format!("{rows} candidates → {accepted} accepted, by a program of your own")
             }
-            None => format!("{partitions} partitions by a program of your own, {rows} rows"),
+            None => format!("{partitions} made by a program of your own, {rows} rows"),
         }
     });
 
@@ -140,7 +140,7 @@ impl<A: Artifacts> Output for Program<A> {
         )?;
         let log = Arc::new(Log::begin(cx.log_file())?);
         let command = code::absolute(config)?;
-        let ended = process::run(config, &command, folder.path(), &log, |share, message| {
+        let ended = process::run(config, &command, folder.path(), &log, &|share, message| {
             cx.progress(share, message);
         })?;
         let failed = |offense: Offense| ProgramError::Folder {
@@ -195,7 +195,7 @@ impl<A: Artifacts> Output for Program<A> {
                     let batch = checked(
                         config,
                         table.flatten(),
-                        schema.clone(),
+                        schema,
                         inputs,
                         cx.partition(),
                         &path,

@@ -127,7 +127,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
         "friction": scene.friction,
         "drive": scene.drive,
         "protocol": screen.protocol,
-        "max_depth_m": screen.max_penetration_m,
+        "noted_depth_m": screen.max_penetration_m,
         "links": links,
         "object": {
             "parts": parts,

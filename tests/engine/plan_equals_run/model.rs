@@ -177,9 +177,12 @@ fn results(world: &World, stage: &StageSpec) -> BTreeMap<String, (Reason, Option
     match stage.kind {
         "map" | "program" => {
             let is_program = stage.kind == "program";
-            let files = || match is_program {
-                true => BTreeMap::from([(world.code.display().to_string(), world.code_text())]),
-                false => no_files(),
+            let files = || {
+                if is_program {
+                    BTreeMap::from([(world.code.display().to_string(), world.code_text())])
+                } else {
+                    no_files()
+                }
             };
             let units = parts.iter().map(|(name, part)| {
                 let inputs = BTreeMap::from([(name.clone(), whole(part))]);

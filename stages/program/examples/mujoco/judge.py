@@ -37,12 +37,12 @@ STRICT = {
     "knocked_until": "squeeze",
 }
 # Contacts about as soft as those of `screen`: a held object is about as deep in the fingers.
-ENGINE = {"cone": "elliptic", "impratio": 10.0, "solref": [0.01, 1.0], "multiccd": "enable", "steps": 1}
+ENGINE = {"cone": "elliptic", "impratio": 10.0, "solref": [0.01, 1.0], "multiccd": "enable", "noslip": 0, "steps": 1}
 OPTIONS = {"max_penetration_m": 0.005, "recorded": 0}
 # Contacts that are measured against the mesh, in meters.
 NOTED_DEPTH_M = 0.001
 # Columns of a candidate that its rollout repeats.
-LINEAGE = ["candidate_id", "generator", "draw_n", "origin", "demonstration", "object_split"]
+SOURCE = ["candidate_id", "generator", "draw_n", "origin", "demonstration", "object_split"]
 
 
 def given(name, options, defaults, required=()):
@@ -83,7 +83,7 @@ def candidates(path, joints):
         sys.exit(f"the candidates are of a hand with the joints {names}, and not of the one in `files.hand`")
     order = [names.index(joint["name"]) for joint in joints]
     table = table.filter(pa.compute.equal(table["refused"], ""))
-    rows = table.select(LINEAGE + ["table_from_object"]).to_pylist()
+    rows = table.select(SOURCE + ["table_from_object"]).to_pylist()
     times, palms, positions = (column(table, name) for name in ("time_s", "object_from_palm", "q_rad"))
     for row, time_s, palm, q in zip(rows, times, palms, positions):
         row["motion"] = script.Motion(time_s, palm.reshape(-1, 7), q.reshape(len(time_s), -1)[:, order])
@@ -155,7 +155,7 @@ class Bench:
 
     def judge(self, candidate, trace=None):
         """The row of a candidate; its steps are added to `trace`."""
-        row = {key: candidate[key] for key in LINEAGE}
+        row = {key: candidate[key] for key in SOURCE}
         row |= {"cost_n": 0, "saved_n": 0, "lift_m": 0.0, "slip_m": 0.0, "displacement_m": 0.0, "penetration_m": 0.0,
                 "contacts_n": 0}
         motion, start_pose = candidate["motion"], self.lies(candidate["table_from_object"])

@@ -110,7 +110,7 @@ def mjcf(scene):
     return f"""<mujoco>
 <compiler angle="radian" fusestatic="true"/>
 <option timestep="{scene["time_step_s"]!r}" integrator="implicitfast" cone="{engine["cone"]}"
- impratio="{engine["impratio"]!r}"><flag multiccd="{engine["multiccd"]}"/></option>
+ impratio="{engine["impratio"]!r}" noslip_iterations="{engine["noslip"]}"><flag multiccd="{engine["multiccd"]}"/></option>
 <default><geom friction="{scene["friction"]!r} 0 0" condim="3" solref="{text(engine["solref"])}"/></default>
 <asset>{meshes}</asset>
 <worldbody>
