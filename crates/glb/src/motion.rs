@@ -133,7 +133,7 @@ const MATERIALS: [Material; 5] = [
     },
     Material {
         name: "contact",
-        color: [0.67, 0.11, 0.0, 1.0],
+        color: [0.012, 0.012, 0.012, 1.0],
     },
 ];
 
@@ -155,7 +155,7 @@ impl MotionScene<'_> {
         let world = scene.add_node(Node {
             name: "world".to_owned(),
             parent: None,
-            parent_from_node: Isometry3::from_parts(Vector3::zeros().into(), quarter),
+            pose_in_parent: Isometry3::from_parts(Vector3::zeros().into(), quarter),
             mesh: None,
         });
         add_table(&mut scene, world);
@@ -255,7 +255,7 @@ impl MotionScene<'_> {
         scene.add_node(Node {
             name: "object".to_owned(),
             parent: Some(world),
-            parent_from_node: first.unwrap_or_else(Isometry3::identity),
+            pose_in_parent: first.unwrap_or_else(Isometry3::identity),
             mesh,
         })
     }
@@ -281,7 +281,7 @@ impl MotionScene<'_> {
             nodes.push(scene.add_node(Node {
                 name: link.name.clone(),
                 parent: Some(parent.unwrap_or(world)),
-                parent_from_node: if is_root {
+                pose_in_parent: if is_root {
                     *first.table_from_root
                 } else {
                     parent_from_link
@@ -392,7 +392,7 @@ impl MotionScene<'_> {
             nodes.push(scene.add_node(Node {
                 name,
                 parent: Some(parent.unwrap_or(root)),
-                parent_from_node: parent_from_link,
+                pose_in_parent: parent_from_link,
                 mesh,
             }));
         }
@@ -409,7 +409,7 @@ fn add_table(scene: &mut Scene, world: usize) {
     scene.add_node(Node {
         name: "table".to_owned(),
         parent: Some(world),
-        parent_from_node: below,
+        pose_in_parent: below,
         mesh,
     });
 }
@@ -506,7 +506,7 @@ fn add_contacts(scene: &mut Scene, world: usize, moments: &[Moment]) {
         let node = scene.add_node(Node {
             name: format!("contact_{place}"),
             parent: Some(world),
-            parent_from_node: Isometry3::identity(),
+            pose_in_parent: Isometry3::identity(),
             mesh,
         });
         let contacts = || shown.iter().map(|(_, contacts)| contacts.get(place));
