@@ -18,7 +18,6 @@ use crate::{
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
     scope::{RunFacts, Scope},
-    seed,
     stage::Stage,
     store::{Origin, RunRecord},
     unit::Unit,
@@ -73,11 +72,6 @@ impl StageEntry {
             left_out: lacking.cloned().map(Into::into),
             source,
         }
-    }
-
-    /// Returns the seed of one of its units, of the pipeline's seed.
-    pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
-        seed::unit_seed(seed, self, partition)
     }
 
     /// Returns the full configuration of a stage of kind `S`; `None` for another kind.
