@@ -11,11 +11,11 @@ use crate::{
 };
 
 /// How it looks.
-const STYLE: &str = include_str!("../page/page.css");
+const STYLE: &str = include_str!("page/page.css");
 /// Reads and draws `.glb` files.
-const PLAYER: &str = include_str!("../page/player.js");
+const PLAYER: &str = include_str!("page/player.js");
 /// Filters, buttons and keys.
-const CONTROLS: &str = include_str!("../page/controls.js");
+const CONTROLS: &str = include_str!("page/controls.js");
 
 /// Writes the page.
 pub(crate) fn page(

@@ -31,8 +31,8 @@ pub const INPUTS: &[&str] = &[
 
 /// The panels in which other programs show the recordings: a layout of Foxglove, a blueprint of Rerun.
 const PANELS: [(&str, &[u8]); 2] = [
-    ("foxglove.json", include_bytes!("../page/foxglove.json")),
-    ("rollout.rbl", include_bytes!("../page/rollout.rbl")),
+    ("foxglove.json", include_bytes!("page/foxglove.json")),
+    ("rollout.rbl", include_bytes!("page/rollout.rbl")),
 ];
 
 /// Key of the one partition.
