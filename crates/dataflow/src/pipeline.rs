@@ -195,14 +195,15 @@ impl RunFacts {
         }
     }
 
-    /// Returns the digest of the code of an output: of the crates that it links, each with its own.
+    /// Returns the first digits of the digest of an output's code: of the crates that it links, each with
+    /// its own.
     pub fn code_digest<'a>(parts: impl Iterator<Item = (&'a str, &'a str)>) -> String {
         let mut fields = Fields::new("code");
         for (part, digest) in parts {
             fields.text(part);
             fields.text(digest);
         }
-        fields.finish().to_string()
+        fields.finish().short()
     }
 }
 
