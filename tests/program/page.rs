@@ -96,7 +96,7 @@ fn in_browser(lab: &Path, page: &Path, rates: &[Value]) {
         return;
     };
     let files = lab.join("data/lake/files/cgf/screen/rollouts/025_mug");
-    let recording = crate::bench::first(&files, |name| name.ends_with(".mcap"));
+    let recording = crate::bench::first(&files, |_recording| true);
     let id = recording.file_stem().unwrap().to_str().unwrap();
     let motion = RecordedMotion::read(id, &recording::read(&recording).unwrap(), None).unwrap();
     let n = motion.moments.len();
