@@ -125,6 +125,10 @@ fn gathered(
     let hand = hand.map(|(urdf, model)| (urdf.as_str(), model));
     let mut gathered = Gathered::read(config, facts, &inputs, hand).map_err(failed)?;
     gathered.seconds = seconds;
+    // They are relative to a page in the lake.
+    for motion in &mut gathered.motions {
+        motion.recording = None;
+    }
     Ok(gathered)
 }
 

@@ -56,10 +56,11 @@ fn copy(from: &Path, to: &Path) {
         let (path, to) = (entry.path(), to.join(entry.file_name()));
         if path.is_dir() {
             copy(&path, &to);
-        } else if path
-            .extension()
-            .is_some_and(|kind| ["rs", "toml", "lock"].iter().any(|known| kind == *known))
-        {
+        } else if path.extension().is_some_and(|kind| {
+            ["rs", "toml", "lock", "css", "js"]
+                .iter()
+                .any(|known| kind == *known)
+        }) {
             fs::copy(&path, &to).unwrap();
         }
     }
@@ -88,8 +89,22 @@ fn an_edit_of_charts_reports_or_the_generator_is_in_no_result_of_this_workspace(
     };
     assert_eq!(
         changed_by("crates/charts/src/style.rs"),
-        ["report-sample", "report-screen", "report-train"]
+        [
+            "report-sample",
+            "report-screen",
+            "report-train",
+            "stage-report"
+        ]
     );
+    // The page's text, colors and motions are in no other result.
+    for of_page in [
+        "stages/report/src/page/page.css",
+        "stages/report/src/page/player.js",
+        "stages/report/src/html.rs",
+        "crates/glb/src/motion.rs",
+    ] {
+        assert_eq!(changed_by(of_page), ["stage-report"], "{of_page}");
+    }
     assert_eq!(
         changed_by("crates/demonstrator/src/hand.rs"),
         [] as [&str; 0]

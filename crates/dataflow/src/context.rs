@@ -116,6 +116,12 @@ impl Inputs {
         self.artifacts.keys().map(String::as_str)
     }
 
+    /// Iterates over everything that was found out while the unit was listed, by name.
+    pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
+        let facts = self.facts.iter();
+        facts.map(|(name, value)| (name.as_str(), value.as_str()))
+    }
+
     /// Returns the partitions read from an input, in the order in which the unit named them.
     pub fn artifacts(&self, input: &str) -> &[Artifact] {
         self.artifacts.get(input).map_or(&[], Vec::as_slice)

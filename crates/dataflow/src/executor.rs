@@ -16,7 +16,7 @@ use crate::{
     graph::Node,
     name::{NodeName, PartitionKey, UnitName},
     outcome::{Labels, Outcome},
-    pipeline::Pipeline,
+    pipeline::{Pipeline, StageEntry},
     record::{FileRef, Record, RecordOutcome},
     remote::{Forced, Relay, RemoteWorker},
     seed::unit_seed,
@@ -36,6 +36,13 @@ pub struct UnitReport {
     pub outcome: Arc<RecordOutcome>,
     /// Whether this run made it.
     pub made_now: bool,
+}
+
+impl StageEntry {
+    /// Returns the seed of one of its units, of the pipeline's seed.
+    pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
+        unit_seed(seed, self, partition)
+    }
 }
 
 impl UnitReport {

@@ -18,7 +18,6 @@ use crate::{
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
     scope::{RunFacts, Scope},
-    seed,
     stage::Stage,
     store::{Origin, RunRecord},
     unit::Unit,
@@ -73,11 +72,6 @@ impl StageEntry {
             left_out: lacking.cloned().map(Into::into),
             source,
         }
-    }
-
-    /// Returns the seed of one of its units, of the pipeline's seed.
-    pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
-        seed::unit_seed(seed, self, partition)
     }
 
     /// Returns the full configuration of a stage of kind `S`; `None` for another kind.
@@ -201,14 +195,15 @@ impl RunFacts {
         }
     }
 
-    /// Returns the digest of the code of an output: of the crates that it links, each with its own.
+    /// Returns the first digits of the digest of an output's code: of the crates that it links, each with
+    /// its own.
     pub fn code_digest<'a>(parts: impl Iterator<Item = (&'a str, &'a str)>) -> String {
         let mut fields = Fields::new("code");
         for (part, digest) in parts {
             fields.text(part);
             fields.text(digest);
         }
-        fields.finish().to_string()
+        fields.finish().short()
     }
 }
 

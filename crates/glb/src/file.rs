@@ -70,11 +70,13 @@ pub(crate) struct MaterialEntry {
 }
 
 #[derive(Debug, Serialize, Deserialize)]
-#[serde(rename_all = "camelCase")]
 pub(crate) struct Pbr {
-    pub(crate) base_color_factor: [f32; 4],
-    pub(crate) metallic_factor: f32,
-    pub(crate) roughness_factor: f32,
+    #[serde(rename = "baseColorFactor")]
+    pub(crate) base_color: [f32; 4],
+    #[serde(rename = "metallicFactor")]
+    pub(crate) metallic: f32,
+    #[serde(rename = "roughnessFactor")]
+    pub(crate) roughness: f32,
 }
 
 #[derive(Debug, Serialize, Deserialize)]

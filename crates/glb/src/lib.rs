@@ -27,6 +27,7 @@
 //!
 //! It opens no file, knows no lake and judges nothing.
 
+mod contacts;
 mod error;
 mod file;
 mod keyframes;
@@ -37,8 +38,9 @@ mod shapes;
 mod simplify;
 mod write;
 
+pub use contacts::{CONTACTS_N, Contact};
 pub use error::GlbError;
 pub use keyframes::TOLERANCE_M;
-pub use motion::{CONTACTS_N, Contact, Moment, MotionScene, ObjectMesh};
+pub use motion::{Moment, MotionScene, ObjectMesh};
 pub use play::Player;
 pub use simplify::simplified;

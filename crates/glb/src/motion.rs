@@ -5,21 +5,12 @@ use robot::{JointKind, Link, RobotModel};
 use spatial::{Object, Pose, Table};
 
 use crate::{
-    GlbError,
+    Contact, GlbError, contacts,
     keyframes::keyframes,
     scene::{Geometry, Material, Node, Scene, Track, Values, single, single_rotation},
     shapes, write,
 };
 
-/// Contacts that are shown at once; the strongest of more.
-pub const CONTACTS_N: usize = 10;
-
-/// Seconds between changes of the contacts shown: they are looked at, and flicker at every control step.
-const CONTACT_STEP_S: f64 = 0.04;
-/// Radius of a contact that presses with nothing, in meters.
-const CONTACT_RADIUS_M: f64 = 0.002;
-/// What a newton adds to the radius of a contact, in meters; the radius is bounded by four times the least.
-const CONTACT_RADIUS_M_PER_N: f64 = 0.0006;
 /// How far the farthest point of a robot's links may be from a joint that moves it, in meters: a rotation
 /// error counts as that much error of position.
 const REACH_M: f64 = 0.2;
@@ -65,15 +56,6 @@ pub struct Moment {
     pub contacts: Vec<Contact>,
 }
 
-/// A contact of robot and object.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Contact {
-    /// Where it is, table frame, in meters.
-    pub point_in_table_m: [f64; 3],
-    /// Size of its force, in newtons.
-    pub force_n: f64,
-}
-
 impl Moment {
     /// Returns a moment of a robot without joints, with everything at the table's origin.
     pub fn still(time_s: f64) -> Self {
@@ -106,7 +88,7 @@ impl Moment {
 /// Materials, by their place in a scene. Colors are those of Okabe and Ito, linear, so that they can be told
 /// apart by color-blind readers.
 #[derive(Debug, Clone, Copy)]
-enum Look {
+pub(crate) enum Look {
     Table,
     Object,
     Hand,
@@ -133,7 +115,7 @@ const MATERIALS: [Material; 5] = [
     },
     Material {
         name: "contact",
-        color: [0.67, 0.11, 0.0, 1.0],
+        color: [0.012, 0.012, 0.012, 1.0],
     },
 ];
 
@@ -155,7 +137,7 @@ impl MotionScene<'_> {
         let world = scene.add_node(Node {
             name: "world".to_owned(),
             parent: None,
-            parent_from_node: Isometry3::from_parts(Vector3::zeros().into(), quarter),
+            pose_in_parent: Isometry3::from_parts(Vector3::zeros().into(), quarter),
             mesh: None,
         });
         add_table(&mut scene, world);
@@ -176,7 +158,7 @@ impl MotionScene<'_> {
             |one| *one.table_from_object,
         );
         self.add_ghost(&mut scene, &links, moments);
-        add_contacts(&mut scene, world, moments);
+        contacts::add(&mut scene, world, moments);
         write::to_glb(&scene, self.name, self.about)
     }
 
@@ -255,7 +237,7 @@ impl MotionScene<'_> {
         scene.add_node(Node {
             name: "object".to_owned(),
             parent: Some(world),
-            parent_from_node: first.unwrap_or_else(Isometry3::identity),
+            pose_in_parent: first.unwrap_or_else(Isometry3::identity),
             mesh,
         })
     }
@@ -281,7 +263,7 @@ impl MotionScene<'_> {
             nodes.push(scene.add_node(Node {
                 name: link.name.clone(),
                 parent: Some(parent.unwrap_or(world)),
-                parent_from_node: if is_root {
+                pose_in_parent: if is_root {
                     *first.table_from_root
                 } else {
                     parent_from_link
@@ -392,7 +374,7 @@ impl MotionScene<'_> {
             nodes.push(scene.add_node(Node {
                 name,
                 parent: Some(parent.unwrap_or(root)),
-                parent_from_node: parent_from_link,
+                pose_in_parent: parent_from_link,
                 mesh,
             }));
         }
@@ -409,12 +391,12 @@ fn add_table(scene: &mut Scene, world: usize) {
     scene.add_node(Node {
         name: "table".to_owned(),
         parent: Some(world),
-        parent_from_node: below,
+        pose_in_parent: below,
         mesh,
     });
 }
 
-fn times(moments: &[Moment], kept: &[usize]) -> Vec<f32> {
+pub(crate) fn times(moments: &[Moment], kept: &[usize]) -> Vec<f32> {
     #[expect(clippy::cast_possible_truncation, reason = "seconds of a motion")]
     let time = |idx: &usize| moments.get(*idx).map(|one| one.time_s as f32);
     kept.iter().filter_map(time).collect()
@@ -477,59 +459,5 @@ fn move_node(
             times,
             values,
         });
-    }
-}
-
-/// Adds a ball for each contact, as large as its force; one that there is not has no size.
-fn add_contacts(scene: &mut Scene, world: usize, moments: &[Moment]) {
-    let mut shown: Vec<(usize, Vec<Contact>)> = Vec::new();
-    let mut next_s = f64::NEG_INFINITY;
-    for (idx, moment) in moments.iter().enumerate() {
-        if moment.time_s >= next_s {
-            let mut contacts = moment.contacts.clone();
-            contacts.sort_by(|a, b| b.force_n.total_cmp(&a.force_n));
-            contacts.truncate(CONTACTS_N);
-            shown.push((idx, contacts));
-            next_s = moment.time_s + CONTACT_STEP_S;
-        }
-    }
-    let most = shown.iter().map(|(_, contacts)| contacts.len()).max();
-    let most = most.unwrap_or_default();
-    if most == 0 {
-        return;
-    }
-    let ball = shapes::triangles(&robot::Shape::Sphere { radius_m: 1.0 });
-    let mesh = scene.add_mesh("contact", ball, Look::Contact as usize);
-    let kept: Vec<usize> = shown.iter().map(|(idx, _)| *idx).collect();
-    let times = scene.add_times(times(moments, &kept));
-    for place in 0..most {
-        let node = scene.add_node(Node {
-            name: format!("contact_{place}"),
-            parent: Some(world),
-            parent_from_node: Isometry3::identity(),
-            mesh,
-        });
-        let contacts = || shown.iter().map(|(_, contacts)| contacts.get(place));
-        let points = contacts().map(|contact| {
-            single(contact.map_or_else(Vector3::zeros, |contact| contact.point_in_table_m.into()))
-        });
-        let radius = |contact: &Contact| {
-            let grown = CONTACT_RADIUS_M + CONTACT_RADIUS_M_PER_N * contact.force_n.abs();
-            grown.min(4.0 * CONTACT_RADIUS_M)
-        };
-        let sizes = contacts().map(|contact| {
-            let radius = contact.map_or(0.0, radius);
-            single(Vector3::repeat(radius))
-        });
-        for values in [
-            Values::Jump(points.collect()),
-            Values::Scale(sizes.collect()),
-        ] {
-            scene.tracks.push(Track {
-                node,
-                times,
-                values,
-            });
-        }
     }
 }

@@ -19,7 +19,8 @@ pub(crate) struct Scene {
 pub(crate) struct Node {
     pub(crate) name: String,
     pub(crate) parent: Option<usize>,
-    pub(crate) parent_from_node: Isometry3<f64>,
+    /// From its own frame to its parent's.
+    pub(crate) pose_in_parent: Isometry3<f64>,
     pub(crate) mesh: Option<usize>,
 }
 

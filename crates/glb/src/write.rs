@@ -115,7 +115,7 @@ pub(crate) fn to_glb(
         }],
     };
     let json = serde_json::to_vec(&root).map_err(|err| GlbError::Malformed(err.to_string()))?;
-    binary(json, buffer.bytes)
+    binary(json, &buffer.bytes)
 }
 
 /// Returns a rotation in 16 bits, `w ≥ 0`.
@@ -134,8 +134,8 @@ fn entry(scene: &Scene, idx: usize, node: &Node, is_scaled: bool) -> NodeEntry {
         name: node.name.clone(),
         children: children.map(|(child, _)| child).collect(),
         mesh: node.mesh,
-        translation: single(node.parent_from_node.translation.vector),
-        rotation: single_rotation(&node.parent_from_node.rotation),
+        translation: single(node.pose_in_parent.translation.vector),
+        rotation: single_rotation(&node.pose_in_parent.rotation),
         // Until it is there.
         scale: is_scaled.then_some([0.0; 3]),
     }
@@ -145,9 +145,9 @@ fn material(material: &crate::scene::Material) -> MaterialEntry {
     MaterialEntry {
         name: material.name.to_owned(),
         pbr_metallic_roughness: Pbr {
-            base_color_factor: material.color,
-            metallic_factor: 0.0,
-            roughness_factor: 0.75,
+            base_color: material.color,
+            metallic: 0.0,
+            roughness: 0.75,
         },
         alpha_mode: (material.color[3] < 1.0).then(|| "BLEND".to_owned()),
     }
@@ -285,7 +285,7 @@ fn floats(numbers: &[f32]) -> Vec<u8> {
 }
 
 /// Returns header, JSON and bytes as one file.
-fn binary(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
+fn binary(mut json: Vec<u8>, bytes: &[u8]) -> Result<Vec<u8>, GlbError> {
     json.resize(json.len().next_multiple_of(4), b' ');
     let word = |n: usize| u32::try_from(n).map_err(|_too_large| GlbError::TooLarge);
     let all = word(12 + 8 + json.len() + 8 + bytes.len())?;
@@ -297,6 +297,6 @@ fn binary(mut json: Vec<u8>, bytes: Vec<u8>) -> Result<Vec<u8>, GlbError> {
     for number in [word(bytes.len())?, BIN] {
         file.extend_from_slice(&number.to_le_bytes());
     }
-    file.extend_from_slice(&bytes);
+    file.extend_from_slice(bytes);
     Ok(file)
 }

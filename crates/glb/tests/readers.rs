@@ -5,7 +5,7 @@
 
 mod motions;
 
-use std::{env, fs, path::Path, process::Command};
+use std::{fs, path::Path, process::Command};
 
 use glb::Moment;
 use motions::{Wild, hand, motion, object, scene};
@@ -40,14 +40,6 @@ fn files() -> Vec<(&'static str, Vec<Moment>, Vec<u8>)> {
     ]
 }
 
-fn tool(name: &str, test: &str) -> Option<String> {
-    let found = env::var(name).ok();
-    if found.is_none() {
-        eprintln!("skipped {test}: {name} is not set");
-    }
-    found
-}
-
 fn script(name: &str) -> String {
     format!("{}/tests/{name}", env!("CARGO_MANIFEST_DIR"))
 }
@@ -65,7 +57,7 @@ fn folder(name: &str) -> std::path::PathBuf {
 
 #[test]
 fn the_validator_finds_no_error_and_no_warning() {
-    let Some(modules) = tool("PIPELINE_NODE_MODULES", "the validator") else {
+    let Some(modules) = measured_data::named_by("PIPELINE_NODE_MODULES") else {
         return;
     };
     let folder = folder("validated");
@@ -88,7 +80,7 @@ fn the_validator_finds_no_error_and_no_warning() {
 /// Links are where forward kinematics has them, at three times between key frames.
 #[test]
 fn trimesh_finds_every_node_and_the_links_where_they_were() {
-    let Some(python) = tool("PIPELINE_PYTHON", "trimesh") else {
+    let Some(python) = measured_data::named_by("PIPELINE_PYTHON") else {
         return;
     };
     let has_it = Command::new(&python)
@@ -96,7 +88,7 @@ fn trimesh_finds_every_node_and_the_links_where_they_were() {
         .output()
         .unwrap();
     if !has_it.status.success() {
-        eprintln!("skipped trimesh: `{python}` has none");
+        measured_data::print_skipped("`PIPELINE_PYTHON` has no trimesh");
         return;
     }
     let folder = folder("loaded");

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 
 use dataflow::{RunFacts, Scope, SkippedItem};
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
 use crate::ReportError;
-
-/// Name of the unit's fact.
-pub(crate) const FACTS: &str = "pipeline";
 
 /// What a page tells of the pipeline, beyond the tables that it reads.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -43,22 +41,38 @@ impl Facts {
         }
     }
 
-    /// Writes them as a unit's fact.
+    /// Writes them as facts of a unit, one for each value, so that a plan names those that changed.
     ///
     /// # Errors
     ///
     /// Fails if an option cannot be written as JSON.
-    pub fn to_text(&self) -> Result<String, ReportError> {
-        Ok(serde_json::to_string(self)?)
+    pub fn to_facts(&self) -> Result<BTreeMap<String, String>, ReportError> {
+        let mut facts = BTreeMap::new();
+        flatten("", &serde_json::to_value(self)?, &mut facts);
+        Ok(facts)
     }
 
-    /// Reads what [`Facts::to_text`] wrote.
+    /// Reads what [`Facts::to_facts`] wrote.
     ///
     /// # Errors
     ///
-    /// Fails if it is another text.
-    pub fn from_text(text: &str) -> Result<Self, ReportError> {
-        Ok(serde_json::from_str(text)?)
+    /// Fails if they are others.
+    pub fn from_facts<'a>(
+        facts: impl IntoIterator<Item = (&'a str, &'a str)>,
+    ) -> Result<Self, ReportError> {
+        let mut value = Value::Object(Map::new());
+        for (path, text) in facts {
+            let mut at = &mut value;
+            for key in path.split('/') {
+                let key = key.replace("~1", "/").replace("~0", "~");
+                if !at.is_object() {
+                    *at = Value::Object(Map::new());
+                }
+                at = &mut at[key];
+            }
+            *at = serde_json::from_str(text)?;
+        }
+        Ok(serde_json::from_value(value)?)
     }
 
     /// Returns the options of the stage that makes an input.
@@ -85,6 +99,26 @@ impl Facts {
             }
         }
         command
+    }
+}
+
+/// Lists the values below a path (RFC 6901, without the first slash) that are not themselves tables of values.
+fn flatten(path: &str, value: &Value, facts: &mut BTreeMap<String, String>) {
+    match value {
+        Value::Object(values) if !values.is_empty() => {
+            for (key, value) in values {
+                let key = key.replace('~', "~0").replace('/', "~1");
+                let below = if path.is_empty() {
+                    key
+                } else {
+                    format!("{path}/{key}")
+                };
+                flatten(&below, value, facts);
+            }
+        }
+        value => {
+            facts.insert(path.to_owned(), value.to_string());
+        }
     }
 }
 
@@ -141,7 +175,23 @@ mod tests {
         let expected =
             "pipeline run pipelines/cgf.toml --profile paper --set seed=3 --set 'a.b=[1, 2]'";
         assert_eq!(facts.command(), expected);
-        let text = facts.to_text().unwrap();
-        assert_eq!(Facts::from_text(&text).unwrap(), facts);
+        let of = |facts: &Facts| -> Facts {
+            let written = facts.to_facts().unwrap();
+            let pairs = written
+                .iter()
+                .map(|(name, value)| (name.as_str(), value.as_str()));
+            Facts::from_facts(pairs).unwrap()
+        };
+        assert_eq!(of(&facts), facts);
+        let mut other = facts.clone();
+        let options = serde_json::json!({"scene": {"friction": 0.9}, "a/b~c": [1, 2], "none": {}});
+        other.run.options.insert("screen".to_owned(), options);
+        other.left_out.insert(
+            "demonstrations".to_owned(),
+            [("left/right".to_owned(), 2)].into(),
+        );
+        assert_eq!(of(&other), other);
+        let written = other.to_facts().unwrap();
+        assert_eq!(written["run/options/screen/scene/friction"], "0.9");
     }
 }

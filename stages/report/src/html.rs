@@ -1,19 +1,21 @@
 //! The page: one file that needs no other and no network.
 
+mod player;
+
+use self::player::motions;
 use crate::{
-    Gathered, Motion, ReportError,
+    Gathered, ReportError,
     embed::embedded,
-    numbers::words,
     render::Head,
     table::{Cell, DataTable, Section},
 };
 
 /// How it looks.
-const STYLE: &str = include_str!("../page/page.css");
+const STYLE: &str = include_str!("page/page.css");
 /// Reads and draws `.glb` files.
-const PLAYER: &str = include_str!("../page/player.js");
+const PLAYER: &str = include_str!("page/player.js");
 /// Filters, buttons and keys.
-const CONTROLS: &str = include_str!("../page/controls.js");
+const CONTROLS: &str = include_str!("page/controls.js");
 
 /// Writes the page.
 pub(crate) fn page(
@@ -34,15 +36,13 @@ pub(crate) fn page(
         .map(|section| (section.id, section.title))
         .collect();
     contents.insert(1.min(contents.len()), ("motions", "Motions"));
-    let links: String = contents
-        .iter()
-        .map(|(id, title)| format!("<li><a href=\"#{id}\">{}</a></li>", escaped(title)))
-        .collect();
-    let below: String = head
-        .below
-        .iter()
-        .map(|line| format!("<p>{}</p>\n", escaped(line)))
-        .collect();
+    let links = contents.iter();
+    let links =
+        links.map(|(id, title)| format!("<li><a href=\"#{id}\">{}</a></li>", escaped(title)));
+    let links = links.collect::<Vec<_>>().concat();
+    let below = head.below.iter();
+    let below = below.map(|line| format!("<p>{}</p>\n", escaped(line)));
+    let below = below.collect::<Vec<_>>().concat();
     let mut scripts = String::new();
     for (idx, motion) in gathered.motions.iter().enumerate() {
         let data = embedded(&motion.glb)?;
@@ -146,114 +146,6 @@ fn of_cell(cell: &Cell) -> String {
     }
 }
 
-/// The player with its list of motions.
-fn motions(gathered: &Gathered) -> String {
-    let mut text = String::from(
-        "<section id=\"motions\" aria-labelledby=\"motions-title\">\n<h2 id=\"motions-title\">Motions</h2>\n",
-    );
-    let all = &gathered.motions;
-    if all.is_empty() {
-        text.push_str(
-            "<p>No rollout of this run has a recording: nothing was screened, or <code>recorded_per_object</code> of \
-             the screen is 0.</p>\n</section>\n",
-        );
-        return text;
-    }
-    let rollouts_n = gathered.rollouts.values().flatten().count();
-    text.push_str(&format!(
-        "<p>{} of {} recorded rollouts, of {rollouts_n}: one of each reason for failing, a success of each object, near \
-         misses. Blue: the hand. Purple, transparent: where its joints were commanded. Orange: the object. Red: contacts, \
-         larger with more force. Drag to turn, with the right button or Shift to shift, scroll to zoom.</p>\n",
-        all.len(),
-        gathered.recorded_n
-    ));
-    let select = |id: &str, label: &str, values: Vec<(String, String)>| {
-        let options: String = values
-            .iter()
-            .map(|(value, shown)| {
-                format!(
-                    "<option value=\"{}\">{}</option>",
-                    escaped(value),
-                    escaped(shown)
-                )
-            })
-            .collect();
-        format!(
-            "<label for=\"{id}\">{label} <select id=\"{id}\"><option value=\"\">all</option>{options}</select></label>\n"
-        )
-    };
-    let distinct = |of: &dyn Fn(&Motion) -> (String, String)| -> Vec<(String, String)> {
-        let mut values: Vec<(String, String)> = all.iter().map(of).collect();
-        values.sort();
-        values.dedup();
-        values
-    };
-    text.push_str("<div class=\"filters\">\n");
-    text.push_str(&select(
-        "filter-object",
-        "Object",
-        distinct(&|one| (one.object.clone(), one.object.clone())),
-    ));
-    text.push_str(&select(
-        "filter-verdict",
-        "Verdict",
-        distinct(&|one| (one.verdict.clone(), words(&one.verdict))),
-    ));
-    let standing = |one: &Motion| {
-        let word = one.standing.as_str();
-        (word.to_owned(), word.to_owned())
-    };
-    text.push_str(&select("filter-standing", "Standing", distinct(&standing)));
-    text.push_str(&select(
-        "filter-generator",
-        "Generator",
-        distinct(&|one| (one.generator.clone(), one.generator.clone())),
-    ));
-    text.push_str("<span id=\"shown-count\" role=\"status\"></span>\n</div>\n");
-    text.push_str(
-        "<div class=\"player\">\n<div class=\"stage\">\n\
-         <canvas id=\"view\" width=\"960\" height=\"600\" role=\"img\" tabindex=\"0\" \
-         aria-label=\"The motion in three dimensions\"></canvas>\n\
-         <p id=\"no-webgl\" hidden>This browser draws no 3D (WebGL 2 is missing or switched off).</p>\n\
-         <p id=\"motion-name\" role=\"status\"></p>\n\
-         <div class=\"controls\">\n\
-         <button type=\"button\" id=\"previous\" title=\"Previous motion (P)\">Previous</button>\n\
-         <button type=\"button\" id=\"play\" title=\"Play or pause (space)\">Play</button>\n\
-         <button type=\"button\" id=\"next\" title=\"Next motion (N)\">Next</button>\n\
-         <label for=\"scrub\" class=\"grow\">Time <input type=\"range\" id=\"scrub\" min=\"0\" max=\"1\" step=\"0.001\" value=\"0\"></label>\n\
-         <output id=\"time\" for=\"scrub\">0.00 s</output>\n\
-         <label for=\"speed\">Speed <select id=\"speed\"><option value=\"0.1\">0.1</option><option value=\"0.25\">0.25</option>\
-         <option value=\"0.5\">0.5</option><option value=\"1\" selected>1</option><option value=\"2\">2</option></select></label>\n\
-         <label for=\"camera\">View <select id=\"camera\"><option value=\"oblique\">oblique</option><option value=\"front\">front</option>\
-         <option value=\"side\">side</option><option value=\"top\">top</option></select></label>\n\
-         <label for=\"ghost\"><input type=\"checkbox\" id=\"ghost\" checked> Command</label>\n\
-         <label for=\"contacts\"><input type=\"checkbox\" id=\"contacts\" checked> Contacts</label>\n\
-         <label for=\"follow\"><input type=\"checkbox\" id=\"follow\" checked> Follow</label>\n\
-         </div>\n\
-         <p class=\"keys\">Keys: space plays, N and P change the motion, comma and point step, \
-         arrow keys turn the view while it is in focus.</p>\n\
-         </div>\n<ol id=\"list\">\n",
-    );
-    for (idx, motion) in all.iter().enumerate() {
-        let standing = motion.standing.as_str();
-        text.push_str(&format!(
-            "<li><button type=\"button\" id=\"motion-{idx}\" class=\"motion {}\" data-idx=\"{idx}\" data-id=\"{}\" data-object=\"{}\" \
-             data-verdict=\"{}\" data-standing=\"{standing}\" data-generator=\"{}\" data-recording=\"{}\">\
-             <span>{}</span> <span class=\"verdict\">{}</span></button></li>\n",
-            standing.replace(' ', "-"),
-            escaped(&motion.id),
-            escaped(&motion.object),
-            escaped(&motion.verdict),
-            escaped(&motion.generator),
-            escaped(motion.recording.as_deref().unwrap_or_default()),
-            escaped(&motion.id),
-            escaped(&words(&motion.verdict)),
-        ));
-    }
-    text.push_str("</ol>\n</div>\n</section>\n");
-    text
-}
-
 /// Text with what stands between backticks as code.
 fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
@@ -269,7 +161,7 @@ fn with_code(text: &str) -> String {
 }
 
 /// Text that HTML takes as text, in elements and in quoted attributes.
-fn escaped(text: &str) -> String {
+pub(super) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {

@@ -2,7 +2,7 @@
 //!
 //! The stage `report` reads whatever of a run is wired to it and writes `index.html`, which needs no
 //! other file and no network, `report.md` for reviews of code, and the tables that they show as CSV.
-//! [`Gathered`] is what they show; [`render`] writes it, of one run or of several side by side.
+//! [`Gathered`] is what they show; [`render()`] writes it, of one run or of several side by side.
 //!
 //! Equal inputs give equal bytes: there is no clock, no host and no path in a page. Times that stages
 //! took are no inputs; who knows them from a run's record adds them ([`Gathered::seconds`]).

@@ -88,6 +88,9 @@ fn paper_number(number: f64) -> Cell {
     Cell::Number(number, format!("{number:.2}"))
 }
 
+/// Takes one definition of smoothness of a rollout.
+type Definition = fn(&Rollout) -> &Variations;
+
 fn smoothness(gathered: &Gathered) -> DataTable {
     let mut table = DataTable::new(
         "paper_smoothness",
@@ -121,7 +124,6 @@ fn smoothness(gathered: &Gathered) -> DataTable {
     let mean = |number: &dyn Fn(&Rollout) -> f64| {
         motions.iter().map(|one| number(one)).sum::<f64>() / motions.len() as f64
     };
-    type Definition = fn(&Rollout) -> &Variations;
     let definitions: [(&str, &str, Definition); 2] = [
         (
             "this run, the paper's definition",

@@ -61,8 +61,8 @@ impl RecordedMotion {
         };
         let poses = messages::<TfMessage>(contents, TF).map_err(|err| problem(&err))?;
         let states = messages::<JointState>(contents, JOINT_STATES).map_err(|err| problem(&err))?;
-        let root = robot.links().first().map(|link| link.name.clone());
-        let root = root.unwrap_or_default();
+        let base = robot.links().first().map(|link| link.name.clone());
+        let base = base.unwrap_or_default();
         let commands = commands(contents, &robot).map_err(|err| problem(&err))?;
         let contacts = contacts(contents).map_err(|err| problem(&err))?;
         let mut moments: Vec<Moment> = Vec::with_capacity(states.len());
@@ -85,7 +85,7 @@ impl RecordedMotion {
                 .map_err(|err| problem(&err.to_string()))?;
             let moment = Moment {
                 time_s: (time_ns - START_NS) as f64 / 1e9,
-                table_from_root: pose(&root)?.reinterpret(),
+                table_from_root: pose(&base)?.reinterpret(),
                 table_from_object: pose(OBJECT)?.reinterpret(),
                 q,
                 q_command: None,

@@ -11,9 +11,7 @@ use schemas::{
     success::Successes, training::Training, trajectories::Trajectory,
 };
 
-use crate::{
-    Facts, Gathered, ReportConfig, ReportError, facts::FACTS, render::render, sections::result,
-};
+use crate::{Facts, Gathered, ReportConfig, ReportError, render::render, sections::result};
 
 /// Everything that a report may read.
 pub const INPUTS: &[&str] = &[
@@ -31,8 +29,8 @@ pub const INPUTS: &[&str] = &[
 
 /// The panels in which other programs show the recordings: a layout of Foxglove, a blueprint of Rerun.
 const PANELS: [(&str, &[u8]); 2] = [
-    ("foxglove.json", include_bytes!("../page/foxglove.json")),
-    ("rollout.rbl", include_bytes!("../page/rollout.rbl")),
+    ("foxglove.json", include_bytes!("page/foxglove.json")),
+    ("rollout.rbl", include_bytes!("page/rollout.rbl")),
 ];
 
 /// Key of the one partition.
@@ -114,7 +112,7 @@ impl Output for Report {
     ) -> Result<Outcome<PageMetrics>, ReportError> {
         let loaded = robot_meshes::load(&inputs.source("hand")?.path)?;
         let urdf = robot::plain_urdf(&loaded.urdf);
-        let facts = Facts::from_text(inputs.fact(FACTS).unwrap_or_default())?;
+        let facts = Facts::from_facts(inputs.facts())?;
         cx.progress(0.1, "reading");
         let gathered = Gathered::read(config, facts, inputs, Some((&urdf, &loaded.model)))?;
         cx.progress(0.8, "writing");
@@ -139,12 +137,12 @@ impl Output for Report {
 ///
 /// Fails if the hand cannot be read, or facts not be written.
 pub fn unit(config: &ReportConfig, facts: &Facts) -> Result<Unit, ReportError> {
-    let unit = Unit::new(ALL)
-        .with_fact(FACTS, facts.to_text()?)
-        .with_file_of_form(
-            SourceFile::named("hand", &config.hand),
-            robot_meshes::URDF_FORM,
-        );
+    let unit = Unit::new(ALL).with_file_of_form(
+        SourceFile::named("hand", &config.hand),
+        robot_meshes::URDF_FORM,
+    );
+    let facts = facts.to_facts()?.into_iter();
+    let unit = facts.fold(unit, |unit, (name, value)| unit.with_fact(&name, value));
     let meshes = robot_meshes::sources(&config.hand)?;
     Ok(meshes.into_iter().fold(unit, Unit::with_file))
 }

@@ -82,11 +82,12 @@ fn figures(runs: &[Named<'_>]) -> DataTable {
             ))
         });
     }
-    let names: BTreeSet<&str> = runs
-        .iter()
-        .flat_map(|run| steps(run.gathered))
-        .map(|step| step.name)
-        .collect();
+    let mut names: Vec<&str> = Vec::new();
+    for step in runs.iter().flat_map(|run| steps(run.gathered)) {
+        if !names.contains(&step.name) {
+            names.push(step.name);
+        }
+    }
     for name in names {
         put(name.to_owned(), &|run| {
             let all = steps(run);

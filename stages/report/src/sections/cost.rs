@@ -10,6 +10,20 @@ use crate::{
     table::{Cell, DataTable, Section},
 };
 
+/// Kinds of stages in the order of the flow; others follow.
+const FLOW: [&str; 10] = [
+    "ingest",
+    "retarget",
+    "replay",
+    "train",
+    "sample",
+    "interpolate",
+    "refine",
+    "screen",
+    "dispatch",
+    "report",
+];
+
 /// What was worked through, by kind of stage.
 fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
     let mut work: BTreeMap<&'static str, String> = BTreeMap::new();
@@ -91,7 +105,10 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         columns.push(("seconds", "Time"));
     }
     let mut table = DataTable::new("cost", "Stages with their work", &columns);
-    for (stage, kind) in &facts.kinds {
+    let mut stages: Vec<(&String, &String)> = facts.kinds.iter().collect();
+    let place = |kind: &str| FLOW.iter().position(|known| *known == kind);
+    stages.sort_by_key(|(name, kind)| (place(kind).unwrap_or(FLOW.len()), *name));
+    for (stage, kind) in stages {
         let mut row = vec![
             Cell::text(stage),
             Cell::text(kind),

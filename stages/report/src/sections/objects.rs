@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use charts::{Captions, Estimate, Estimates, Sample, histogram, intervals};
 use schemas::{
+    candidates::ObjectSplit,
     executions::Outcome,
     rollouts::Verdict,
     tally::{OutcomeClass, wilson},
@@ -20,6 +21,7 @@ const DRAWN: usize = 60;
 
 /// What is known of one object.
 #[derive(Debug, Clone, Copy, Default)]
+#[expect(clippy::struct_field_names, reason = "they are counts")]
 struct Row {
     candidates_n: i64,
     held_n: i64,
@@ -78,7 +80,7 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         .successes
         .iter()
         .filter_map(|success| success.object_split)
-        .map(|split| split.as_str())
+        .map(ObjectSplit::as_str)
         .collect();
     section.say(match (splits.contains("unseen"), splits.contains("seen")) {
         (true, true) => "Some of these objects were seen in training, others were not.",

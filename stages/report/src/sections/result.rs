@@ -16,6 +16,7 @@ use crate::{
 
 /// Executions that count, by outcome.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[expect(clippy::struct_field_names, reason = "they are counts")]
 pub(crate) struct TrialCounts {
     pub(crate) trials_n: i64,
     pub(crate) successes_n: i64,
@@ -205,7 +206,7 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
     match protocol::protocol(gathered) {
         Some(protocol) => section.tables.push(protocol),
         None => {
-            section.say("No screen is wired to this report, so that there is no protocol to name.")
+            section.say("No screen is wired to this report, so that there is no protocol to name.");
         }
     }
     section

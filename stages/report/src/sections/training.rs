@@ -50,20 +50,20 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
         ],
     );
     for split in splits {
-        let Some(last) = of(split).last() else {
+        let Some(end) = of(split).next_back() else {
             continue;
         };
         let least = of(split).min_by(|a, b| a.total.total_cmp(&b.total));
-        let least = least.unwrap_or(last);
+        let least = least.unwrap_or(end);
         let figure = |number: f64| Cell::Number(number, format!("{number:.3e}"));
         table.row([
             Cell::text(word(split)),
-            Cell::count(last.epoch),
-            figure(last.total),
+            Cell::count(end.epoch),
+            figure(end.total),
             figure(least.total),
             Cell::count(least.epoch),
-            Cell::Number(last.kl_nats, format!("{:.2}", last.kl_nats)),
-            figure(last.penetration_m2),
+            Cell::Number(end.kl_nats, format!("{:.2}", end.kl_nats)),
+            figure(end.penetration_m2),
         ]);
     }
     section.tables.push(table);
