@@ -22,7 +22,7 @@ Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml
 #[command(
     version,
     override_usage = "pipeline [-q] [--lake DIR] COMMAND …; `pipeline COMMAND -h` says more",
-    help_template = "{about}\n\nUsage: {usage}\n\nCommands:\n{subcommands}{after-help}",
+    help_template = "{about}\nUsage: {usage}\nCommands:\n{subcommands}{after-help}",
     after_long_help = LONG
 )]
 pub(crate) struct Cli {

@@ -32,6 +32,9 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<CommandOutc
     Ok(CommandOutcome::Done)
 }
 
+/// Inputs in a line of the overview: as many as fit a narrow terminal.
+const INPUTS_IN_A_LINE: usize = 5;
+
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
     for kind in kinds {
@@ -44,8 +47,13 @@ fn overview(kinds: &[Kind]) -> String {
         }
         let inputs = kind.all_inputs();
         if !inputs.is_empty() {
-            let reads = format!("reads  {}", inputs.join(", "));
-            rows.push(vec![String::new(), reads]);
+            for (idx, inputs) in inputs.chunks(INPUTS_IN_A_LINE).enumerate() {
+                let word = if idx == 0 { "reads" } else { "     " };
+                rows.push(vec![
+                    String::new(),
+                    format!("{word}  {}", inputs.join(", ")),
+                ]);
+            }
         }
         rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);
     }

@@ -9,6 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::unseen::Fold;
 
+/// Largest number of accepted motions of an object that are learned from.
+const MAX_ACCEPTED_PER_OBJECT: usize = 10_000;
+
 /// Options of `kind = "train"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
@@ -50,6 +53,13 @@ impl TrainConfig {
         if !(0.0..1.0).contains(&share) {
             let problem = format!("is {share:?}, and must be from 0 to below 1: it is a share");
             faults.note("held_out_share", problem);
+        }
+        let accepted = self.accepted_per_object;
+        if accepted > MAX_ACCEPTED_PER_OBJECT {
+            let problem = format!(
+                "is {accepted}, and must be at most {MAX_ACCEPTED_PER_OBJECT}: all of them are in memory"
+            );
+            faults.note("accepted_per_object", problem);
         }
         let network = self.network.check();
         let training = self.training.check();

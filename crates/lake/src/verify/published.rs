@@ -122,7 +122,7 @@ impl Verifier<'_> {
         let is_new = || state.is_changing(name) && self.lake.blobs.path(&digest).exists();
         match promised {
             _ if state.damaged.contains(&digest) => {
-                self.fault(path, "has the bytes of a damaged blob")
+                self.fault(path, "has the bytes of a damaged blob");
             }
             Some(promised) if promised == digest => {}
             _ if is_new() => {}
