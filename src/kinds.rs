@@ -27,7 +27,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Refine>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
-        Kind::of::<Program<Shipped>>(),
         Kind::of::<Report>(),
+        Kind::of::<Program<Shipped>>(),
     ]
 }

@@ -47,12 +47,9 @@ fn overview(kinds: &[Kind]) -> String {
         }
         let inputs = kind.all_inputs();
         if !inputs.is_empty() {
-            for (idx, inputs) in inputs.chunks(INPUTS_IN_A_LINE).enumerate() {
-                let word = if idx == 0 { "reads" } else { "     " };
-                rows.push(vec![
-                    String::new(),
-                    format!("{word}  {}", inputs.join(", ")),
-                ]);
+            for inputs in inputs.chunks(INPUTS_IN_A_LINE) {
+                let reads = format!("reads  {}", inputs.join(", "));
+                rows.push(vec![String::new(), reads]);
             }
         }
         rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);

@@ -10,12 +10,11 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 20] = [
+const FILES: [&str; 19] = [
     "cgf",
     "agreement",
     "arm",
     "baseline",
-    "expert",
     "feedforward",
     "frames",
     "generator",

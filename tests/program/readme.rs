@@ -223,13 +223,13 @@ fn the_table_of_stages_is_that_of_the_program() {
     let mut kinds: Vec<[Vec<String>; 3]> = Vec::new();
     let text = stdout(&listed);
     for line in text.lines().take_while(|line| !line.is_empty()) {
-        let names = |list: &str| {
+        let names = |list: &str| -> Vec<String> {
             list.split(", ")
                 .map(|name| name.trim().to_owned())
                 .collect()
         };
         match line.trim().split_once("  ") {
-            Some(("reads", list)) => kinds.last_mut().unwrap()[1] = names(list),
+            Some(("reads", list)) => kinds.last_mut().unwrap()[1].extend(names(list)),
             Some(("makes", list)) => kinds.last_mut().unwrap()[2] = names(list),
             _ => {
                 let kind = line.split_whitespace().next().unwrap().to_owned();
