@@ -143,9 +143,9 @@ impl MotionScene<'_> {
         add_table(&mut scene, world);
         let object = self.add_object(&mut scene, world, moments);
         let links = self.add_links(&mut scene, world, moments);
-        let poses: Vec<Vec<Isometry3<f64>>> =
-            moments.iter().map(|one| self.local(&one.q)).collect();
-        let kept = self.hand_keys(moments, |one| &one.q);
+        let positions: Vec<&[f64]> = moments.iter().map(|one| one.q.as_slice()).collect();
+        let poses: Vec<Vec<Isometry3<f64>>> = positions.iter().map(|q| self.local(q)).collect();
+        let kept = self.hand_keys(moments, &positions);
         move_node(&mut scene, links.first().copied(), moments, &kept, |one| {
             *one.table_from_root
         });
@@ -208,9 +208,7 @@ impl MotionScene<'_> {
 
     /// The pose of each link in its parent; of the root, the identity.
     fn local(&self, q: &[f64]) -> Vec<Isometry3<f64>> {
-        let root_from_links = self
-            .robot
-            .link_poses::<Link>(|joint| q.get(joint).copied().unwrap_or_default());
+        let root_from_links = self.robot.link_poses::<Link>(|joint| q[joint]);
         let links = self.robot.links().iter().zip(&root_from_links);
         links
             .map(|(link, root_from_link)| {
@@ -274,12 +272,8 @@ impl MotionScene<'_> {
         nodes
     }
 
-    /// The moments between which the robot moves linearly, within the tolerance.
-    fn hand_keys<'m>(
-        &self,
-        moments: &'m [Moment],
-        q: impl Fn(&'m Moment) -> &'m [f64],
-    ) -> Vec<usize> {
+    /// The moments between which the robot moves linearly, within the tolerance, with these joint positions.
+    fn hand_keys(&self, moments: &[Moment], q: &[&[f64]]) -> Vec<usize> {
         let links = self.robot.links();
         keyframes(moments.len(), |from, to, at| {
             let (Some(a), Some(b), Some(c)) = (moments.get(from), moments.get(to), moments.get(at))
@@ -293,14 +287,13 @@ impl MotionScene<'_> {
                 share,
                 &c.table_from_root,
             );
-            let (qa, qb, qc) = (q(a), q(b), q(c));
             // Along each chain the errors of the joints add up, at most.
             let mut chains = vec![0.0_f64; links.len()];
             let mut worst = 0.0_f64;
             for (idx, link) in links.iter().enumerate() {
                 let above = link.parent.and_then(|parent| chains.get(parent).copied());
                 let own = link.joint.map_or(0.0, |joint| {
-                    let [a, b, c] = [qa, qb, qc].map(|q| q.get(joint).copied().unwrap_or_default());
+                    let [a, b, c] = [from, to, at].map(|moment| q[moment][joint]);
                     let arm = if link.kind == Some(JointKind::Prismatic) {
                         1.0
                     } else {
@@ -354,8 +347,8 @@ impl MotionScene<'_> {
 
     /// Adds the robot as it was commanded, on the same root, if every moment knows that.
     fn add_ghost(&self, scene: &mut Scene, links: &[usize], moments: &[Moment]) {
-        let commands: Option<Vec<&Vec<f64>>> =
-            moments.iter().map(|one| one.q_command.as_ref()).collect();
+        let commands: Option<Vec<&[f64]>> =
+            moments.iter().map(|one| one.q_command.as_deref()).collect();
         let (Some(commands), Some(&root)) = (commands, links.first()) else {
             return;
         };
@@ -379,7 +372,7 @@ impl MotionScene<'_> {
             }));
         }
         let poses: Vec<Vec<Isometry3<f64>>> = commands.iter().map(|q| self.local(q)).collect();
-        let kept = self.hand_keys(moments, |one| one.q_command.as_deref().unwrap_or_default());
+        let kept = self.hand_keys(moments, &commands);
         self.move_joints(scene, &nodes, moments, &kept, &poses);
     }
 }

@@ -1,7 +1,8 @@
 //! Motions of a hand and a box, as a screen would record them.
 
+use geometry::TriMesh;
 use glb::{Contact, Moment, MotionScene, ObjectMesh};
-use nalgebra::{UnitQuaternion, Vector3};
+use nalgebra::{Point3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use spatial::Pose;
 
@@ -13,27 +14,15 @@ pub(crate) fn hand() -> RobotModel {
 
 /// A box of 4 by 6 by 10 cm.
 pub(crate) fn object() -> ObjectMesh {
-    let corner = |idx: u32| {
-        let side = |bit: u32, half: f64| if idx & bit == 0 { -half } else { half };
-        [side(1, 0.02), side(2, 0.03), side(4, 0.05)]
-    };
-    let triangles = vec![
-        [0, 2, 1],
-        [1, 2, 3],
-        [4, 5, 6],
-        [5, 7, 6],
-        [0, 1, 4],
-        [1, 5, 4],
-        [2, 6, 3],
-        [3, 6, 7],
-        [0, 4, 2],
-        [2, 4, 6],
-        [1, 3, 5],
-        [3, 7, 5],
-    ];
+    let half = Vector3::new(0.02, 0.03, 0.05);
+    let mesh = TriMesh::cuboid(Point3::from(-half), Point3::from(half));
     ObjectMesh {
-        vertices_m: (0..8).map(corner).collect(),
-        triangles,
+        vertices_m: mesh
+            .vertices_m
+            .iter()
+            .map(|&vertex| vertex.into())
+            .collect(),
+        triangles: mesh.triangles,
     }
 }
 
