@@ -102,6 +102,20 @@ impl Bench {
         program
     }
 
+    /// Runs a pipeline file of the test's own on the dataset, with the values that it has.
+    pub(crate) fn run_own(&self, file: &Path) {
+        let ran = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .arg("run")
+            .arg(file)
+            .arg("--lake")
+            .arg(self.lake())
+            .args(["--set", &format!("ingest.root={}", self.root.display())])
+            .output()
+            .unwrap();
+        assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
+    }
+
     pub(crate) fn run(&self, arguments: &[&str]) -> Output {
         self.command("run", arguments).output().unwrap()
     }

@@ -157,16 +157,7 @@ fn the_printed_program_works_as_it_stands() {
     let root = env!("CARGO_MANIFEST_DIR");
     let text = format!("extends = \"{root}/pipelines/replay.toml\"\n\n{stage}\n");
     fs::write(&file, text).unwrap();
-    let ran = Command::new(env!("CARGO_BIN_EXE_pipeline"))
-        .current_dir(root)
-        .arg("run")
-        .arg(&file)
-        .arg("--lake")
-        .arg(bench.lake())
-        .args(["--set", &format!("ingest.root={}", bench.root().display())])
-        .output()
-        .unwrap();
-    assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
+    bench.run_own(&file);
     let query = "select count(*) as n, sum(abs(margin_m - (lift_m - 0.08))) as off from margins \
                  join rollouts on margins.candidate_id = rollouts.candidate_id";
     let asked = bench.ask(&["query", query, "--format", "csv"]);

@@ -6,8 +6,8 @@
 use std::sync::Arc;
 
 use arrow_array::{
-    Array, ArrayRef, BooleanArray, FixedSizeListArray, Float64Array, Int64Array, ListArray,
-    RecordBatch, StringArray,
+    Array, ArrayRef, BooleanArray, FixedSizeListArray, Float64Array, GenericListArray, Int64Array,
+    ListArray, OffsetSizeTrait, RecordBatch, StringArray,
     cast::AsArray,
     types::{
         Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type,
@@ -197,30 +197,14 @@ impl Rows<'_> {
     /// Returns the items of all lists, one after another, and how many each list has.
     fn items(&self, from: &ArrayRef, to: &DataType) -> Result<(ArrayRef, Vec<usize>), Broken> {
         let wrong = || self.wrong_type(from, to);
-        let of = |values: &ArrayRef, ends: Vec<(usize, usize)>| {
-            let lengths: Vec<usize> = ends.iter().map(|(start, end)| end - start).collect();
-            let start = ends.first().map_or(0, |(start, _)| *start);
-            (values.slice(start, lengths.iter().sum()), lengths)
-        };
-        let pairs = |offsets: &[usize]| offsets.windows(2).map(|pair| (pair[0], pair[1])).collect();
         Ok(match from.data_type() {
             DataType::List(_) => {
                 let lists = from.as_list_opt::<i32>().ok_or_else(wrong)?;
-                let offsets: Option<Vec<usize>> = lists
-                    .offsets()
-                    .iter()
-                    .map(|&offset| usize::try_from(offset).ok())
-                    .collect();
-                of(lists.values(), pairs(&offsets.ok_or_else(wrong)?))
+                items_of(lists).ok_or_else(wrong)?
             }
             DataType::LargeList(_) => {
                 let lists = from.as_list_opt::<i64>().ok_or_else(wrong)?;
-                let offsets: Option<Vec<usize>> = lists
-                    .offsets()
-                    .iter()
-                    .map(|&offset| usize::try_from(offset).ok())
-                    .collect();
-                of(lists.values(), pairs(&offsets.ok_or_else(wrong)?))
+                items_of(lists).ok_or_else(wrong)?
             }
             DataType::FixedSizeList(_, size) => {
                 let lists = from.as_fixed_size_list_opt().ok_or_else(wrong)?;
@@ -295,6 +279,17 @@ impl Rows<'_> {
         let lists = FixedSizeListArray::try_new(Arc::clone(item), size, values, None);
         Ok(Arc::new(lists.map_err(Broken::Arrow)?))
     }
+}
+
+/// Returns the items of lists, one after another, and how many each list has; `None` if an offset is negative.
+fn items_of<O: OffsetSizeTrait>(lists: &GenericListArray<O>) -> Option<(ArrayRef, Vec<usize>)> {
+    let offsets = lists.offsets().iter();
+    let offsets: Option<Vec<usize>> = offsets.map(|offset| offset.to_usize()).collect();
+    let offsets = offsets?;
+    let lengths: Vec<usize> = offsets.windows(2).map(|pair| pair[1] - pair[0]).collect();
+    let start = offsets.first().copied().unwrap_or_default();
+    let items = lists.values().slice(start, lengths.iter().sum());
+    Some((items, lengths))
 }
 
 #[cfg(test)]
