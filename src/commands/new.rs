@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 37] = files![
+const FILES: [(&str, &str); 38] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -51,6 +51,7 @@ const FILES: [(&str, &str); 37] = files![
     "pipelines/arm.toml",
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
+    "pipelines/expert.toml",
     "pipelines/feedforward.toml",
     "pipelines/frames.toml",
     "pipelines/interpolation.toml",

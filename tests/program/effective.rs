@@ -10,11 +10,12 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 19] = [
+const FILES: [&str; 20] = [
     "cgf",
     "agreement",
     "arm",
     "baseline",
+    "expert",
     "feedforward",
     "frames",
     "generator",
