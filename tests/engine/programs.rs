@@ -7,7 +7,10 @@ use std::{fs, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 
-use crate::place::{Place, put, stderr, stdout, well};
+use crate::{
+    place::{CHAIN, Place, put, stderr, stdout, well},
+    program_maps::Maps,
+};
 
 /// A program `break.sh` that makes a table of one row for each part.
 const TABLE: &str = r#"
@@ -144,6 +147,23 @@ fn a_good_program_is_run_once_for_each_part() {
         place.command("plan", &["--set", "lines.timeout_s=9"]),
     ));
     assert!(!plan.contains("run "), "{plan}");
+}
+
+#[test]
+fn programs_publish_equal_bytes_with_any_number_of_jobs() {
+    let place = Place::with_inputs(&Maps::Programs.of(CHAIN), 9);
+    let one = place.undisturbed(&["--jobs", "1"]);
+    for flags in [&["--jobs", "8"][..], &["--jobs", "8", "--processes"]] {
+        assert_eq!(place.undisturbed(flags), one, "{flags:?}");
+    }
+    // The same as the stages that they stand for.
+    let stages = Place::with_inputs(CHAIN, 9).undisturbed(&["--jobs", "8"]);
+    let data = |published: &std::collections::BTreeMap<String, String>| -> Vec<(String, String)> {
+        let of_maps = published.iter().filter(|(name, _)| name.contains("second"));
+        of_maps.map(|(a, b)| (a.clone(), b.clone())).collect()
+    };
+    assert!(!data(&one).is_empty(), "{one:?}");
+    assert_eq!(data(&one), data(&stages));
 }
 
 #[test]
