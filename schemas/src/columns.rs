@@ -9,7 +9,8 @@ mod words;
 mod writer;
 
 pub(crate) use cell::{Cell, Column};
-pub(crate) use reader::{JOINTS, Reader};
+pub use reader::JOINTS;
+pub(crate) use reader::Reader;
 pub(crate) use words::words;
 pub(crate) use writer::Writer;
 

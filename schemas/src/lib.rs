@@ -39,5 +39,6 @@ pub mod training;
 pub mod trajectories;
 pub mod trials;
 
+pub use columns::JOINTS;
 pub use error::SchemaError;
 pub use table::Table;

@@ -190,6 +190,60 @@ fn a_program_that_fails_says_what_it_printed_and_where_its_log_is() {
 }
 
 #[test]
+fn a_script_that_is_not_there_is_named_as_it_was_written() {
+    let place = place("true");
+    let flags = ["--set", "lines.command=[\"sh\",\"brake.sh\"]"];
+    fails(
+        &place,
+        &flags,
+        &["`command` names `brake.sh`, and there is no such file here"],
+    );
+}
+
+#[test]
+fn a_program_reads_the_partitions_that_its_own_one_labels() {
+    const PIPELINE: &str = r#"
+[stages.split]
+kind = "split"
+root = "INPUTS"
+
+[stages.group]
+kind = "group"
+inputs.parts = "split.parts"
+
+[stages.lines]
+kind = "program"
+command = ["sh", "SCRIPT"]
+inputs.groups = "group.groups"
+inputs.parts = "split.parts"
+each = "groups"
+read.parts = "where:group"
+makes = "lines"
+columns.name = { type = "text" }
+max_skipped_fraction = 1.0
+"#;
+    let place = place_of(PIPELINE, "echo it reads $(ls in/parts); exit 3");
+    place.input("p002", b"b2");
+    let run = || place.command("run", &[]).output().unwrap();
+    let skipped = |partition: &str| {
+        let mut skipped = place.bare(&place.lake(), "inspect");
+        skipped.args(["lines.lines", "--skipped"]);
+        let text = stdout(&well(skipped));
+        let line = text.lines().find(|line| line.contains(partition));
+        line.unwrap_or_else(|| panic!("{text}")).to_owned()
+    };
+    run();
+    assert!(skipped("a ").contains("it reads p000 p001"));
+    assert!(skipped("b ").contains("it reads p002"));
+    // What another group has changes nothing here.
+    place.input("p002", b"b3");
+    place.run_well(&["--until", "group"]);
+    let plan = stdout(&well(place.command("plan", &[])));
+    assert!(plan.contains("cached  lines.lines   1 of 2"), "{plan}");
+    assert!(plan.contains("run     lines.lines   `b`"), "{plan}");
+}
+
+#[test]
 fn a_program_that_is_not_there_says_how_to_name_one() {
     let pipeline = TABLE.replace(r#"["sh", "SCRIPT"]"#, r#"["no_such_simulator", "--fast"]"#);
     let place = place_of(&pipeline, "");
@@ -256,6 +310,9 @@ fn wrong_columns_and_cells_are_named_with_column_type_and_row() {
         ),
     ];
     for (columns, message) in cases {
+        let is_cell = message.contains(" in row ");
+        let hint =
+            ["columns of `template.parquet`", "every row needs a value"][usize::from(is_cell)];
         let place = place("true");
         let path = table(&place, columns);
         put(
@@ -268,7 +325,7 @@ fn wrong_columns_and_cells_are_named_with_column_type_and_row() {
             &[
                 "wrote `out/part.parquet`, which is not `lines/1`",
                 message,
-                "template.parquet",
+                hint,
             ],
         );
     }
@@ -403,7 +460,7 @@ fn a_wrong_table_is_refused_where_it_stands() {
         ),
         (
             "lines.read.parts=\"some\"",
-            "must be `same`, `all` or `label:NAME`",
+            "must be `same`, `all`, `label:NAME` or `where:NAME`",
         ),
         ("lines.timeout_s=0", "`timeout_s` is 0.0"),
         ("lines.memory_mb=1", "`memory_mb` is 1"),

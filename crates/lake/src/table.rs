@@ -1,6 +1,6 @@
 //! Tables: one Parquet file per partition of an artifact.
 
-use std::{fs::File, path::Path};
+use std::{collections::BTreeMap, fs::File, path::Path};
 
 use arrow_array::RecordBatch;
 use arrow_select::concat::concat_batches;
@@ -119,6 +119,8 @@ pub struct Description {
     pub rows: i64,
     /// The columns in their order.
     pub columns: Vec<ColumnDescription>,
+    /// The schema's metadata, e.g. the names of joints.
+    pub metadata: BTreeMap<String, String>,
 }
 
 /// Metadata of a column.
@@ -150,8 +152,11 @@ pub fn describe(path: &Path) -> Result<Description, LakeError> {
             description: note("description"),
         }
     });
+    let metadata = reader.schema().metadata().iter();
+    let metadata = metadata.map(|(key, value)| (key.clone(), value.clone()));
     Ok(Description {
         rows: reader.metadata().file_metadata().num_rows(),
         columns: columns.collect(),
+        metadata: metadata.collect(),
     })
 }

@@ -11,7 +11,7 @@ use crate::SchemaError;
 /// Key of the schema's name and version in the file's metadata.
 pub(super) const SCHEMA: &str = "schema";
 /// Key of the joints' names, separated by commas, in the file's metadata.
-pub(crate) const JOINTS: &str = "joints";
+pub const JOINTS: &str = "joints";
 
 /// Reads the columns of one version of a schema by name.
 pub(crate) struct Reader<'a> {

@@ -76,6 +76,17 @@ pub(crate) fn absolute(config: &ProgramConfig) -> Result<Vec<PathBuf>, ProgramEr
     elements.collect()
 }
 
+/// Returns the elements of the command that look like files, by an extension such as `.py`, and are none.
+pub(crate) fn missing(config: &ProgramConfig) -> Vec<String> {
+    let elements = config.command.iter().filter(|element| {
+        let path = Path::new(element);
+        let extension = path.extension().and_then(|extension| extension.to_str());
+        extension.is_some_and(|text| text.chars().all(|letter| letter.is_ascii_alphabetic()))
+            && !path.exists()
+    });
+    elements.cloned().collect()
+}
+
 /// Whether an element of a command is meant as a path: a bare word such as `python3` is looked up in PATH, even
 /// beside a file of that name.
 fn names_a_file(element: &str) -> bool {

@@ -14,8 +14,10 @@ const MAX_TIMEOUT_S: f64 = 604_800.0;
 const MAX_MEMORY_MB: u64 = 10_000_000;
 /// Most partitions that one is fanned out to.
 const MAX_FAN_OUT: usize = 10_000;
-/// Prefix of a word in `read` that names a label.
+/// Prefix of a word in `read` that names a label of the partition.
 pub(crate) const LABEL: &str = "label:";
+/// Prefix of a word in `read` that names a label of the partitions that are read.
+pub(crate) const WHERE: &str = "where:";
 
 /// Options of `kind = "program"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -50,7 +52,8 @@ pub struct ProgramConfig {
     #[serde(default)]
     pub each: Option<String>,
     /// What it reads of the other inputs, by name, with `each`: the partition of the `same` key (the default),
-    /// `all`, or, as `label:NAME`, the one whose key is this label of the partition.
+    /// `all`, as `label:NAME` the one whose key is this label of the partition, or as `where:NAME` every one
+    /// whose label of this name is the key of the partition.
     #[serde(default)]
     pub read: BTreeMap<String, String>,
     /// Names of several partitions that are made of one: each has a run of its own, told its name.
@@ -113,6 +116,8 @@ pub(crate) enum Read<'a> {
     All,
     /// The partition whose key is the value of this label.
     Label(&'a str),
+    /// Every partition that has the key as this label.
+    Where(&'a str),
 }
 
 impl ProgramConfig {
@@ -164,7 +169,10 @@ impl ProgramConfig {
         }
         for (input, word) in &self.read {
             if word_of(word).is_none() {
-                let problem = format!("is `{word}`, and must be `same`, `all` or `{LABEL}NAME`");
+                let problem = format!(
+                    "is `{word}`, and must be `same`, `all`, `{LABEL}NAME` or \
+                     `{WHERE}NAME`"
+                );
                 faults.note(&format!("read.{input}"), problem);
             }
         }
@@ -291,10 +299,11 @@ fn word_of(word: &str) -> Option<Read<'_>> {
     match word {
         "same" => Some(Read::Same),
         "all" => Some(Read::All),
-        word => word
-            .strip_prefix(LABEL)
-            .filter(|label| is_word(label))
-            .map(Read::Label),
+        word => {
+            let name = |prefix| word.strip_prefix(prefix).filter(|label| is_word(label));
+            let label = name(LABEL).map(Read::Label);
+            label.or_else(|| name(WHERE).map(Read::Where))
+        }
     }
 }
 

@@ -69,6 +69,8 @@ pub enum ProgramError {
         last_lines: String,
         /// Its whole log.
         log: PathBuf,
+        /// Elements of the command that look like files and are none.
+        missing: Vec<String>,
     },
     /// It broke a limit.
     #[error(
@@ -254,6 +256,34 @@ pub enum Broken {
     Arrow(arrow_schema::ArrowError),
 }
 
+impl Broken {
+    /// Returns what to do about it.
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::NoColumn { .. } | Self::UnknownColumn { .. } | Self::WrongType { .. } | Self::Arrow(_) => Some(
+                "write it with the columns of `template.parquet`, an empty table beside `job.json`: \
+                 `pa.Table.from_pylist(rows).select(columns.names).cast(columns)` with \
+                 `columns = pq.read_schema(\"template.parquet\")`"
+                    .to_owned(),
+            ),
+            Self::Null { column, .. } | Self::NotFinite { column, .. } => Some(format!(
+                "every row needs a value: leave the row out, or say in another column that `{column}` is unknown"
+            )),
+            Self::Length { .. } => Some("the template's column says how long its lists are".to_owned()),
+            Self::Rows { .. } | Self::Contradicts { .. } => {
+                Some("go through the rows of the input one by one, and add one for each".to_owned())
+            }
+            Self::NotDerived { .. } => Some("the schema's README says how it follows from them".to_owned()),
+            Self::Rule(SchemaError::Invalid { column, .. }) if column == schemas::JOINTS => Some(format!(
+                "the schema's metadata names the hand's joints in the order of the lists: \
+                 `columns.with_metadata({{**columns.metadata, b\"{column}\": b\"joint_0.0,joint_1.0,…\"}})`; the \
+                 template has them where an input has"
+            )),
+            Self::Rule(_) => Some("schemas/README.md has the rules of each artifact".to_owned()),
+        }
+    }
+}
+
 fn said(last_lines: &str) -> String {
     if last_lines.is_empty() {
         ", and printed nothing".to_owned()
@@ -301,10 +331,12 @@ impl Advise for ProgramError {
                 io::ErrorKind::PermissionDenied => format!("make it executable: `chmod +x {program}`"),
                 _ => "run it by hand to see why".to_owned(),
             }),
-            Self::Failed { log: path, ended: _, last_lines, .. } => Some(
+            Self::Failed { log: path, ended: _, last_lines, missing, .. } => Some(
                 if let Some((_, module)) = last_lines.rsplit_once("No module named ") {
                     let module = module.lines().next().unwrap_or_default().trim_matches(['\'', '"']);
                     format!("install `{module}` for this Python, or name another one in `command`; {}", log(path))
+                } else if let Some(missing) = missing.first() {
+                    format!("`command` names `{missing}`, and there is no such file here; {}", log(path))
                 } else {
                     log(path)
                 },
@@ -312,11 +344,7 @@ impl Advise for ProgramError {
             Self::Killed { log: path, advice, .. } | Self::Folder { log: path, advice, .. } => {
                 Some(format!("{advice}; {}", log(path)))
             }
-            Self::Table { .. } => Some(
-                "write it with the columns of `template.parquet`, an empty table beside `job.json`: \
-                 `pa.Table.from_pylist(rows, schema=pq.read_schema(\"template.parquet\"))`"
-                    .to_owned(),
-            ),
+            Self::Table { source, .. } => source.hint(),
             Self::Unreadable { .. } => Some("close the file before the program ends".to_owned()),
             Self::NoRows { .. } => Some("`pipeline inspect` lists the columns of an artifact".to_owned()),
             Self::Lake(err) => err.hint(),

@@ -75,8 +75,8 @@ impl JobFolder {
             given: Vec::new(),
         };
         let mut job = Job::new(config, known, cx, fan_out);
-        if let Some(schema) = schema {
-            folder.write_template(schema)?;
+        let has_template = schema.is_some();
+        if has_template {
             job.output.template = Some(TEMPLATE.to_owned());
             job.output.table = Some(format!("{OUT}/{}", lake::table::FILE));
         }
@@ -121,6 +121,9 @@ impl JobFolder {
                 });
             }
             job.inputs.insert(input.to_owned(), partitions);
+        }
+        if let Some(schema) = schema {
+            folder.write_template(with_joints(schema, inputs)?)?;
         }
         let text = job.to_json();
         let at = folder.path.join(JOB);
@@ -249,6 +252,28 @@ impl JobFolder {
     pub(crate) fn remove(self) -> Result<(), ProgramError> {
         fs::remove_dir_all(&self.path).map_err(ProgramError::at(&self.path))
     }
+}
+
+/// Adds the joints' names to the template's metadata, if the inputs name them and agree.
+fn with_joints(schema: Schema, inputs: &Inputs) -> Result<Schema, ProgramError> {
+    let mut joints: Option<String> = None;
+    for artifact in inputs.names().flat_map(|input| inputs.artifacts(input)) {
+        let Some(table) = artifact.files.get(lake::table::FILE) else {
+            continue;
+        };
+        let named = lake::table::describe(table)?
+            .metadata
+            .remove(schemas::JOINTS);
+        match (&joints, named) {
+            (_, None) => {}
+            (None, named) => joints = named,
+            (Some(known), Some(named)) if *known == named => {}
+            (Some(_), Some(_)) => return Ok(schema),
+        }
+    }
+    let mut metadata = schema.metadata.clone();
+    metadata.extend(joints.map(|joints| (schemas::JOINTS.to_owned(), joints)));
+    Ok(schema.with_metadata(metadata))
 }
 
 fn stamp(path: &Path) -> std::io::Result<[i64; 4]> {

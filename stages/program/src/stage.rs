@@ -121,7 +121,7 @@ impl<A: Artifacts> Output for Program<A> {
     ) -> Result<Outcome<ProgramMetrics>, ProgramError> {
         if let Some(input) = inputs.fact(LACKS) {
             return Ok(Outcome::skipped(format!(
-                "`{input}` has no partition for it"
+                "`{input}` has no partition for it: `read.{input}` says which it reads, e.g. \"all\""
             )));
         }
         let known = Self::known(config);
@@ -164,6 +164,7 @@ impl<A: Artifacts> Output for Program<A> {
                     ended: ended.words(),
                     last_lines: log.last_lines(),
                     log: log.path().to_owned(),
+                    missing: code::missing(config),
                 });
             }
         }

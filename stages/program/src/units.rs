@@ -47,6 +47,22 @@ pub(crate) fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, 
                     unit = unit.reading(input, others.iter().map(|other| &other.key));
                     continue;
                 }
+                Read::Where(label) => {
+                    let has_key = |other: &&dataflow::Partition| {
+                        other.label(label) == Some(partition.key.as_str())
+                    };
+                    let keys: Vec<_> = others
+                        .iter()
+                        .filter(has_key)
+                        .map(|other| &other.key)
+                        .collect();
+                    unit = if keys.is_empty() {
+                        unit.with_fact(LACKS, input)
+                    } else {
+                        unit.reading(input, keys)
+                    };
+                    continue;
+                }
                 Read::Same => Some(partition.key.as_str()),
                 Read::Label(label) => partition.label(label),
             };

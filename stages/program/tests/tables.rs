@@ -1,4 +1,4 @@
-//! Rollouts that a program writes are checked against the candidates that it was given and against themselves.
+//! Tables that a program writes are checked against what it was given and against themselves.
 
 use std::{collections::BTreeMap, fs, path::Path, sync::Arc};
 
@@ -61,14 +61,15 @@ fn made(rollouts: &Rollouts) -> Result<f64, ProgramError> {
     };
     lake::table::write(&part("candidates"), &candidates()).unwrap();
     lake::table::write(&part("rollouts"), rollouts).unwrap();
-    run(&folder, &part("made"))
+    let table = folder.path().join("rollouts").join(lake::table::FILE);
+    run(&folder, "rollouts", &table, &part("made"))
 }
 
-fn run(folder: &TempDir, made: &Path) -> Result<f64, ProgramError> {
-    let table = folder.path().join("rollouts").join(lake::table::FILE);
+/// Has a program copy a file as what it makes.
+fn run(folder: &TempDir, makes: &str, table: &Path, made: &Path) -> Result<f64, ProgramError> {
     let config: ProgramConfig = serde_json::from_value(serde_json::json!({
         "command": ["cp", table, "out/part.parquet"],
-        "makes": "rollouts",
+        "makes": makes,
         "each": "candidates",
     }))
     .unwrap();
@@ -85,7 +86,7 @@ fn run(folder: &TempDir, made: &Path) -> Result<f64, ProgramError> {
     let inputs = Inputs::new(inputs, Vec::new());
     let cx = Context::detached(&candidates.key, 7, made);
     match <Program<Shipped> as Output>::make(&config, &inputs, &cx)? {
-        Outcome::Made(metrics) => Ok(metrics.accepted_n.unwrap()),
+        Outcome::Made(metrics) => Ok(metrics.accepted_n.unwrap_or(f64::NAN)),
         other => panic!("{other:?}"),
     }
 }
@@ -95,6 +96,20 @@ fn refused(rollouts: &Rollouts) -> String {
     let err = made(rollouts).unwrap_err();
     let source = std::error::Error::source(&err).unwrap();
     format!("{err}: {source}")
+}
+
+#[test]
+fn the_template_names_the_joints_that_the_inputs_name() {
+    let folder = TempDir::new().unwrap();
+    for name in ["candidates", "made"] {
+        fs::create_dir(folder.path().join(name)).unwrap();
+    }
+    lake::table::write(&folder.path().join("candidates"), &candidates()).unwrap();
+    let made = folder.path().join("made");
+    // An empty table with the template's metadata: without joints it is refused.
+    run(&folder, "candidates", Path::new("template.parquet"), &made).unwrap();
+    let table = lake::table::describe(&made.join(lake::table::FILE)).unwrap();
+    assert_eq!(table.metadata[schemas::JOINTS], "j");
 }
 
 #[test]
