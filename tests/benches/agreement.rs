@@ -8,10 +8,11 @@
 //! 1960): 1 if all verdicts are equal, 0 if no more are than by chance. McNemar's test says whether one
 //! engine is more lenient than the other.
 //!
-//! `PIPELINE_LAKE` names the lake; the newest `objects` in it and the newest `candidates` of the stage
-//! `PIPELINE_STAGE`, `refine` where it is not set, are taken, and the options are those of
-//! `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions that are not refined. `PIPELINE_PYTHON`
-//! names the Python that has `mujoco`, `python3` where it is not set. What is missing is skipped.
+//! `PIPELINE_LAKE` names the lake, or several with `:` between them, which are counted together. The newest
+//! `objects` in each and the newest `candidates` of the stage `PIPELINE_STAGE`, `refine` where it is not set,
+//! are taken, and the options are those of `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions
+//! that are not refined. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set.
+//! What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -26,6 +27,7 @@ mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
+use dataflow::PartitionKey;
 use lake::Lake;
 use limits::Limits;
 use mujoco::{Engine, Mujoco};
@@ -75,10 +77,14 @@ const ENGINES: [(&str, Engine); 4] = [
 ];
 
 fn main() -> ExitCode {
-    let Some(lake) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) else {
+    let lakes = env::var_os("PIPELINE_LAKE").unwrap_or_default();
+    let lakes: Vec<PathBuf> = env::split_paths(&lakes)
+        .filter(|lake| lake.is_dir())
+        .collect();
+    if lakes.is_empty() {
         println!("skipped: PIPELINE_LAKE names no lake with candidates and objects");
         return ExitCode::SUCCESS;
-    };
+    }
     let mut mujoco = match Mujoco::start() {
         Ok(mujoco) => mujoco,
         Err(reason) => {
@@ -87,30 +93,43 @@ fn main() -> ExitCode {
         }
     };
     println!("MuJoCo {}", mujoco.version);
-    let lake = Lake::open(&lake);
     let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
-    let objects = lake.newest_partitions("objects", None).unwrap();
     let hand = options::hand();
     let screen = options::screen(stage == "refine");
-    let mut totals = Counts::default();
+    let mut by_object: BTreeMap<PartitionKey, Counts> = BTreeMap::new();
     let mut unseen = Counts::default();
-    let mut apart: (f64, String) = (0.0, "none".to_owned());
     println!("{:24} {}", "object", Counts::header());
-    for (name, candidates) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
-        let Some(object) = objects.get(&name) else {
-            continue;
-        };
-        let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
-        let candidates: Candidates = lake::table::read(&candidates).unwrap();
-        assert_eq!(*candidates.joints, *hand.joint_names());
-        let counts = compare(&mut mujoco, &hand, &object, &candidates, &screen);
-        println!("{name:24} {}", counts.line());
-        totals.add(&counts);
-        let drawn = candidates.candidates.iter();
-        let mut splits = drawn.map(|candidate| candidate.source.object_split);
-        if splits.any(|split| split == Some(ObjectSplit::Unseen)) {
-            unseen.add(&counts);
+    let n_lakes = lakes.len();
+    for lake in lakes {
+        let lake = Lake::open(&lake);
+        let objects = lake.newest_partitions("objects", None).unwrap();
+        for (name, candidates) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
+            let Some(object) = objects.get(&name) else {
+                continue;
+            };
+            let object = ObjectShape::from_artifact(&lake::table::read(object).unwrap());
+            let candidates: Candidates = lake::table::read(&candidates).unwrap();
+            assert_eq!(*candidates.joints, *hand.joint_names());
+            let counts = compare(&mut mujoco, &hand, &object, &candidates, &screen);
+            println!("{name:24} {}", counts.line());
+            let drawn = candidates.candidates.iter();
+            let mut splits = drawn.map(|candidate| candidate.source.object_split);
+            if splits.any(|split| split == Some(ObjectSplit::Unseen)) {
+                unseen.add(&counts);
+            }
+            by_object.entry(name).or_default().add(&counts);
         }
+    }
+    let mut totals = Counts::default();
+    let mut apart: (f64, String) = (0.0, "none".to_owned());
+    if n_lakes > 1 {
+        println!("\n{:24} {}", "of all lakes", Counts::header());
+    }
+    for (name, counts) in &by_object {
+        if n_lakes > 1 {
+            println!("{name:24} {}", counts.line());
+        }
+        totals.add(counts);
         if counts.rate_difference() > apart.0 {
             apart = (counts.rate_difference(), name.to_string());
         }
