@@ -12,6 +12,7 @@ use stage_program::{Program, Shipped};
 use stage_refine::Refine;
 use stage_replay::Replay;
 use stage_report::Report;
+use stage_transfer::Transfer;
 
 use crate::sample;
 
@@ -21,6 +22,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::generated::<IngestReport, _>(sample::generate),
         Kind::reported::<RetargetReport>(),
         Kind::of::<Replay>(),
+        Kind::of::<Transfer>(),
         Kind::reported::<TrainReport>(),
         Kind::reported::<SampleReport>(),
         Kind::of::<Interpolate>(),

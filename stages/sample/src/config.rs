@@ -80,6 +80,9 @@ pub struct SampleConfig {
     /// along each axis of this share of the object's extent (0); paper: 0 to 1
     #[serde(default)]
     pub point_noise: f64,
+    /// Whose shape the function sees, for a study: that of the object itself, or of the next one by name
+    #[serde(default)]
+    pub shape: SeenShape,
     /// Motions per object that are shown side by side in one recording for a viewer (0)
     #[serde(default)]
     pub recorded_per_object: usize,
@@ -97,6 +100,18 @@ pub enum RestingPoses {
     Stable,
     /// The one of `rest_up`, with the mesh's lowest point on the table.
     Given,
+}
+
+/// Whose shape the function sees.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum SeenShape {
+    /// That of the object.
+    #[default]
+    Own,
+    /// That of the next object by name, as it rests most often; the motion is placed about the object all
+    /// the same.
+    Other,
 }
 
 impl SampleConfig {

@@ -19,6 +19,12 @@ pub enum SampleError {
         /// The objects that there are.
         known: Vec<String>,
     },
+    /// The function is to see another object's shape, and there is none.
+    #[error("`shape` is \"other\", and there is no other object than `{0}`")]
+    NoOther(String),
+    /// An object has no resting orientation.
+    #[error("object `{0}` has no resting orientation")]
+    NoRest(String),
     /// A name in the configuration is no demonstration that the function knows.
     #[error("the grasping function knows no demonstration `{name}`")]
     UnknownDemonstration {
@@ -71,6 +77,12 @@ impl Advise for SampleError {
                 Some(near.unwrap_or_else(|| {
                     format!("there are {}, such as {}", known.len(), some.join(", "))
                 }))
+            }
+            Self::NoOther(_) => {
+                Some("leave `shape` out, or ingest recordings of several objects".to_owned())
+            }
+            Self::NoRest(_) => {
+                Some("`pipeline inspect ingest.objects` shows its orientations".to_owned())
             }
             Self::AnotherHand { .. } => Some(
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"

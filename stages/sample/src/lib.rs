@@ -17,6 +17,6 @@ pub mod penetration;
 mod recording;
 mod stage;
 
-pub use config::{CheckpointWeights, RestingPoses, SampleConfig};
+pub use config::{CheckpointWeights, RestingPoses, SampleConfig, SeenShape};
 pub use error::SampleError;
 pub use stage::{Sample, SampleMetrics};

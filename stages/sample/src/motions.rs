@@ -24,7 +24,8 @@ const GENERATOR: &str = "cgf";
 
 /// Draws and decodes all motions of one object, in the order of their names. With a probe, a motion whose
 /// hand is too deep in object or table is drawn again, as often as the configuration says; the least
-/// deep is kept, and the others are refused draws of it.
+/// deep is kept, and the others are refused draws of it. The function sees the shape of `other`, if there is
+/// one.
 ///
 /// # Errors
 ///
@@ -33,12 +34,13 @@ pub(crate) fn sample(
     config: &SampleConfig,
     cgf: &Cgf,
     object: &Object,
+    other: Option<&Object>,
     probe: Option<PenetrationProbe<'_>>,
     seed: u64,
 ) -> Result<Vec<Candidate>, SampleError> {
     let rests = draw::rests(config, object);
     let source = Source::new(config, cgf, object, &rests)?;
-    let decoder = Decoder::new(config, cgf, object, &rests, seed)?;
+    let decoder = Decoder::new(config, cgf, object, other, &rests, seed)?;
     // Every motion has its own random numbers, whatever becomes of the others.
     let mut randoms: Vec<Random> = (0..config.per_object)
         .map(|number| Random::new(seed, number as u64))
@@ -135,14 +137,21 @@ impl<'a> Decoder<'a> {
         config: &'a SampleConfig,
         cgf: &'a Cgf,
         object: &'a Object,
+        other: Option<&Object>,
         rests: &'a [RestingPose],
         seed: u64,
     ) -> Result<Self, SampleError> {
-        let points = seen_points(object, config.point_noise, seed);
+        let seen = other.unwrap_or(object);
+        let points = seen_points(seen, config.point_noise, seed);
+        let most_often = other.map(|other| {
+            let rest = other.rests.first().map(|orientation| orientation.rest);
+            rest.ok_or_else(|| SampleError::NoRest(other.name.clone()))
+        });
+        let most_often = most_often.transpose()?;
         let with_feature = |rest: &'a RestingPose| {
             let feature = cgf.feature(&RestingObject {
-                object: object.name.clone(),
-                rest: *rest,
+                object: seen.name.clone(),
+                rest: most_often.unwrap_or(*rest),
                 points_in_object: points.clone(),
             })?;
             Ok((rest, feature))

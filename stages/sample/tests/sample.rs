@@ -37,7 +37,7 @@ use schemas::{
 };
 use spatial::{Object as InObject, Pose, RestingPose};
 use stage_sample::{
-    CheckpointWeights, RestingPoses, Sample, SampleConfig, SampleError, SampleMetrics,
+    CheckpointWeights, RestingPoses, Sample, SampleConfig, SampleError, SampleMetrics, SeenShape,
 };
 use tempfile::TempDir;
 
@@ -284,6 +284,7 @@ fn config() -> SampleConfig {
         rests: RestingPoses::Seen,
         rest_up: None,
         point_noise: 0.0,
+        shape: SeenShape::Own,
         recorded_per_object: 0,
     }
 }
@@ -1073,5 +1074,45 @@ fn noisy_points_change_the_motions_by_the_seed_and_leave_the_draws() {
     for noise in [-1.0, f64::NAN] {
         let said = faults(&with(noise));
         assert!(said.contains("point_noise"), "{said}");
+    }
+}
+
+#[test]
+fn the_shape_of_another_object_changes_the_motions_and_leaves_the_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = inputs(folder.path());
+    let config = |shape: SeenShape| SampleConfig { shape, ..config() };
+    let alone = refused(&config(SeenShape::Other), &inputs);
+    assert!(
+        alone.contains("there is no other object than `can`"),
+        "{alone}"
+    );
+    let mut tin = object();
+    tin.name = "tin".to_owned();
+    for point in &mut tin.points_m {
+        *point = point.map(|coord| 2.0 * coord);
+    }
+    let of_tin = folder.path().join("tin");
+    fs::create_dir(&of_tin).unwrap();
+    lake::table::write(&of_tin, &tin).unwrap();
+    let tin = Artifact {
+        key: "tin".parse().unwrap(),
+        ..made_in(&of_tin)
+    };
+    let both = ["checkpoint", "objects"].map(|input| {
+        let extra = (input == "objects").then(|| tin.clone());
+        let known = inputs.artifacts(input).iter().cloned();
+        (input.to_owned(), known.chain(extra).collect())
+    });
+    let both = Inputs::new(both.into(), inputs.files().to_vec());
+    let own = sample(&config(SeenShape::Own), &both, 7).candidates;
+    let other = sample(&config(SeenShape::Other), &both, 7).candidates;
+    assert_eq!(own, sample(&config(SeenShape::Own), &inputs, 7).candidates);
+    assert_eq!(own.len(), other.len());
+    for (own, other) in own.iter().zip(&other) {
+        assert_eq!(own.latent, other.latent);
+        assert_eq!(own.table_from_object, other.table_from_object);
+        assert_eq!(own.source, other.source);
+        assert_ne!(own.motion, other.motion);
     }
 }

@@ -1,7 +1,7 @@
 //! The motions of one object.
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Outcome, Scope, Unit};
+use dataflow::{Artifact, Context, Inputs, Outcome, Partition, Scope, Unit};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -14,7 +14,7 @@ use schemas::{
 
 use super::SampleMetrics;
 use crate::{
-    CheckpointWeights, SampleConfig, SampleError,
+    CheckpointWeights, SampleConfig, SampleError, SeenShape,
     inputs::{hand_file, order},
     motions::sample,
     penetration::{CollisionModel, PenetrationProbe},
@@ -54,6 +54,10 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
                 .with_label("object", object)
                 .reading(checkpoint::NAME, checkpoint.clone())
                 .reading(Object::NAME, [object]);
+            let unit = match config.shape {
+                SeenShape::Own => unit,
+                SeenShape::Other => unit.reading(Object::NAME, next(objects, object)),
+            };
             let unit = if config.redraws() {
                 // An object without a field is planned without, and not chosen for.
                 let field = fields.iter().find(|field| field.key == *object);
@@ -74,6 +78,17 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
     Ok(units.collect())
 }
 
+/// Returns the object after this one by name, the first after the last.
+fn next<'a>(objects: &'a [Partition], object: &str) -> Option<&'a str> {
+    let mut names: Vec<&str> = objects.iter().map(|known| known.key.as_str()).collect();
+    names.sort_unstable();
+    let after = names.iter().find(|name| **name > object);
+    after
+        .or(names.first())
+        .copied()
+        .filter(|name| *name != object)
+}
+
 /// Draws the motions of one object.
 pub(super) fn make(
     config: &SampleConfig,
@@ -81,7 +96,21 @@ pub(super) fn make(
     cx: &Context,
 ) -> Result<Outcome<SampleMetrics>, SampleError> {
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
-    let object: Object = inputs.one()?;
+    let seen: Vec<Object> = inputs.all()?;
+    let object = seen
+        .iter()
+        .find(|object| object.name == cx.partition().as_str())
+        .ok_or_else(|| SampleError::UnknownObject {
+            object: cx.partition().to_string(),
+            known: seen.iter().map(|object| object.name.clone()).collect(),
+        })?;
+    let other = match config.shape {
+        SeenShape::Own => None,
+        SeenShape::Other => {
+            let other = seen.iter().find(|other| other.name != object.name);
+            Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
+        }
+    };
     let hand = inputs.files().first();
     let hand = hand
         .map(|file| robot_meshes::load(&file.path))
@@ -111,7 +140,7 @@ pub(super) fn make(
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
-        candidates: sample(config, &cgf, &object, probe, cx.seed())?,
+        candidates: sample(config, &cgf, object, other, probe, cx.seed())?,
     };
     cx.write(&drawn)?;
     if config.recorded_per_object > 0
@@ -126,7 +155,7 @@ pub(super) fn make(
         let stage = recording::RecordingContext {
             urdf: &robot::plain_urdf(&hand.urdf),
             model: &hand.model,
-            object: &object,
+            object,
             order,
         };
         recording::record(&stage, &motions, cx.folder())?;

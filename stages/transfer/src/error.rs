@@ -1,0 +1,61 @@
+//! Why demonstrations could not be carried over.
+
+use dataflow::Advise;
+use lake::LakeError;
+use motion::MotionError;
+
+/// Why demonstrations could not be carried over.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum TransferError {
+    /// A name in the configuration is no object.
+    #[error("there is no object `{object}`")]
+    UnknownObject {
+        /// The name.
+        object: String,
+        /// The objects.
+        known: Vec<String>,
+    },
+    /// There are no demonstrations.
+    #[error("there are no trajectories")]
+    NoTrajectories,
+    /// An object has no points or no resting orientation.
+    #[error("object `{object}` has no {lacks}")]
+    Incomplete {
+        /// The object.
+        object: String,
+        /// What it lacks.
+        lacks: &'static str,
+    },
+    /// The trajectories are of hands with different joints.
+    #[error("trajectories `{first}` and `{second}` are of different hands")]
+    DifferentHands {
+        /// A sequence.
+        first: String,
+        /// A sequence whose hand has other joints.
+        second: String,
+    },
+    /// A motion has rates that are no numbers.
+    #[error("a motion is too fast for its rates to be numbers")]
+    Motion(#[from] MotionError),
+    /// An artifact cannot be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+impl Advise for TransferError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::DifferentHands { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
+            }
+            Self::Lake(err) => err.hint(),
+            Self::NoTrajectories | Self::Incomplete { .. } | Self::Motion(_) => None,
+        }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(self, Self::NoTrajectories).then_some("trajectories")
+    }
+}
