@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 38] = files![
+const FILES: [(&str, &str); 39] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -42,6 +42,7 @@ const FILES: [(&str, &str); 38] = files![
     "data/hands/allegro_left.toml",
     "data/hands/allegro_right.toml",
     "data/hands/allegro_right_paper.toml",
+    "data/hands/allegro_right_released.toml",
     "data/hands/leap_right.toml",
     "data/hands/shadow_right.toml",
     "data/robots/allegro_left.urdf",

@@ -10,11 +10,12 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 20] = [
+const FILES: [&str; 21] = [
     "cgf",
     "agreement",
     "arm",
     "baseline",
+    "contribution",
     "expert",
     "feedforward",
     "frames",
@@ -116,8 +117,56 @@ fn every_shipped_file_is_short() {
         assert!(text.lines().count() <= 80, "{file}");
     }
     let n_files = fs::read_dir("pipelines").unwrap().count();
-    // And the README.
-    assert_eq!(n_files, FILES.len() + 1);
+    // And the README and the page of the paper's profiles.
+    assert_eq!(n_files, FILES.len() + 2);
+}
+
+/// The rows of `profiles.md`: a setting with its value in each of the two files, `None` where it is the default's.
+fn profiles() -> BTreeMap<String, [Option<String>; 2]> {
+    let page = fs::read_to_string("pipelines/profiles.md").unwrap();
+    let rows = page.lines().filter(|line| line.starts_with("| `"));
+    let cells = rows.map(|row| {
+        row.split('|')
+            .map(|cell| cell.trim().trim_matches('`').to_owned())
+    });
+    let rows = cells.map(|mut cells| {
+        let (setting, values) = (cells.nth(1).unwrap(), [cells.nth(1), cells.next()]);
+        (
+            setting,
+            values.map(|value| value.filter(|value| !value.is_empty())),
+        )
+    });
+    rows.collect()
+}
+
+#[test]
+fn no_setting_of_the_papers_profiles_is_silent() {
+    let whole = effective("cgf");
+    let table = profiles();
+    for (idx, file) in ["paper", "released"].into_iter().enumerate() {
+        let values = effective(file);
+        // Wiring, and a second screen with the default's protocol.
+        let is_setting =
+            |key: &str| !key.contains(".inputs.") && !key.starts_with("screen_table_lift.");
+        let differs = |key: &String| whole.get(key) != values.get(key);
+        for key in values.keys().filter(|key| is_setting(key) && differs(key)) {
+            let told = table.get(key).and_then(|row| row[idx].as_ref());
+            assert_eq!(told, values.get(key), "{file}: {key}");
+        }
+        for (key, row) in &table {
+            let told = row[idx].as_ref().filter(|_| key != "retarget.hand_table");
+            if let Some(told) = told {
+                assert_eq!(values.get(key), Some(told), "{file}: {key}");
+                assert_ne!(whole.get(key), Some(told), "{file}: {key} is the default");
+            }
+        }
+        for key in whole.keys().filter(|key| {
+            key.starts_with("screen.protocol.") && *key != "screen.protocol.squeeze_rad"
+        }) {
+            let own = key.replacen("screen.", "screen_table_lift.", 1);
+            assert_eq!(values.get(&own), whole.get(key), "{file}: {own}");
+        }
+    }
 }
 
 #[test]
