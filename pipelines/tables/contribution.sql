@@ -1,0 +1,40 @@
+-- What the learned function adds: motions of each generator, one draw each, refined alike, palm and fingers following the
+-- motion to its planned squeeze: means over the objects of the share that holds, with Student's 95 % interval. Four folds,
+-- so that every object is unseen once; generators that learn nothing are the same in each.
+--
+-- pipeline run pipelines/contribution.toml --set ingest.root=$DEXYCB --set seed=1
+with
+    generators as (
+        select run as of_run,
+            case when overrides like '%shuffled%' then 30 when overrides like '%replay%' then 40
+                when overrides like '%nearest%' then 50 when overrides like '%other.%' then 60
+                when overrides like '%mean%' then 70 else 10 end as place
+        from runs),
+    counts as (
+        select case when place = 10 and origin = 'posterior' then 20 else place end as place,
+            case when place < 40 then object_split else '' end as split, object,
+            1.0 * candidates_n as n, 1.0 * successes_n as s
+        from all_success join generators on all_success.run = generators.of_run),
+    by_object as (
+        select place, split, object, sum(n) as n, 100 * sum(s) / sum(n) as share
+        from counts group by place, split, object),
+    means as (
+        select place, split, count(share) as objects_n, sum(n) as n, avg(share) as share, min(share) as least,
+            2.093 * stddev(share) / sqrt(20.0) as reach
+        from by_object group by place, split),
+    names as (
+        select * from (values
+            (10, 'the function, codes of the prior'), (20, 'the function, codes of demonstrations'),
+            (30, 'the function, shown another object'), (40, 'the object''s own demonstrations'),
+            (50, 'demonstrations of the most similar object'), (60, 'demonstrations of any other object'),
+            (70, 'the mean of the object''s own demonstrations')) as names(number, shown))
+select
+    shown as "motions",
+    split as "object in training",
+    objects_n as "objects",
+    round(n, 0) as "motions tried",
+    round(share, 1) as "hold, %",
+    round(share - reach, 0) as "from",
+    round(share + reach, 0) as "to",
+    round(least, 0) as "least object"
+from means join names on means.place = names.number order by means.place, split
