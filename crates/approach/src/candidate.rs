@@ -2,18 +2,19 @@
 
 use std::sync::Arc;
 
+use posture::Environment;
 use schemas::candidates::{Candidate, DrawSource, Origin};
-use spatial::{Object, RestingPose};
+use spatial::Object;
 
-use crate::{ApproachConfig, ApproachError, HandBody, HandPose, Start, Way, pregrasp};
+use crate::{
+    ApproachConfig, ApproachError, HandBody, HandPose, Start, Way, pregrasp, way::is_clear,
+};
 
-/// A grasp of an object that lies in a resting pose.
+/// A grasp of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grasp {
     /// The hand.
     pub hand: HandPose<Object>,
-    /// How the object lies.
-    pub rest: RestingPose,
     /// How deep the hand is in object or table, in meters.
     pub depth_m: f64,
     /// What a search left of its conditions, in m²; 0 if nothing was searched.
@@ -52,7 +53,8 @@ impl<'a> Reach<'a> {
         &self.joints
     }
 
-    /// Returns the motion from a start to a grasp as the candidate of this number.
+    /// Returns the motion from a start to a grasp as the candidate of this number: from the nearest side from which the
+    /// straight way to the pregrasp is clear of object and table, from the nearest of all if none is.
     ///
     /// # Errors
     ///
@@ -60,12 +62,20 @@ impl<'a> Reach<'a> {
     pub fn candidate(
         &self,
         number: usize,
+        environment: &Environment,
         grasp: &Grasp,
         start: &Start,
     ) -> Result<Candidate, ApproachError> {
-        let table_from_object = grasp.rest.table_from_object();
-        let before = pregrasp(self.body, &grasp.hand, self.config);
-        let first = start.carried(&table_from_object, &before);
+        let table_from_object = environment.rest().table_from_object();
+        let before = pregrasp(self.body, environment, &grasp.hand, self.config)?;
+        let starts = start.carried(&table_from_object, &before);
+        let mut first = starts.first().ok_or(ApproachError::NoStart)?;
+        for other in &starts {
+            if is_clear(self.body, environment, other, &before)? {
+                first = other;
+                break;
+            }
+        }
         let way = Way::new(self.config);
         Ok(Candidate {
             candidate_id: format!("{}-{number:05}", self.object),
@@ -81,7 +91,7 @@ impl<'a> Reach<'a> {
             limit_excess_rad: 0.0,
             depth_m: grasp.depth_m,
             residual_m2: grasp.residual_m2,
-            motion: way.motion(&self.joints, &first, &before, &grasp.hand)?,
+            motion: way.motion(&self.joints, first, &before, &grasp.hand)?,
             refused: Vec::new(),
         })
     }
@@ -104,7 +114,6 @@ mod tests {
                 frame_from_palm: Pose::from_parts([-0.1, 0.0, 0.05], UnitQuaternion::identity()),
                 q_rad: body.open(),
             },
-            rest: fixture::rest(),
             depth_m: 1e-3,
             residual_m2: 2e-6,
         };
@@ -116,7 +125,9 @@ mod tests {
             },
         };
         let reach = Reach::new(&body, &config, "force_closure", "box");
-        let made = reach.candidate(7, &grasp, &start).unwrap();
+        let made = reach
+            .candidate(7, &fixture::environment(), &grasp, &start)
+            .unwrap();
         assert_eq!(made.candidate_id, "box-00007");
         assert_eq!(
             (made.source.origin, made.source.demonstration.as_str()),

@@ -1,22 +1,43 @@
 //! The pregrasp: the grasp, backed off and opened.
 
+use posture::Environment;
 use spatial::Object;
 
-use crate::{ApproachConfig, HandBody, HandPose};
+use crate::{ApproachConfig, ApproachError, HandBody, HandPose};
+
+/// Shares of the opening that are tried, the widest first.
+const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
 
 /// Returns the hand before a grasp: its palm backed off along its approach, its fingers opened, within the joints'
-/// limits.
+/// limits. Where opened fingers would be in the object or the table, they open less; the least deep if none is clear.
+///
+/// # Errors
+///
+/// Fails if there is not one position per joint.
 pub fn pregrasp(
     body: &HandBody,
+    environment: &Environment,
     grasp: &HandPose<Object>,
     config: &ApproachConfig,
-) -> HandPose<Object> {
-    let mut hand = body.backed_off(grasp, config.back_off_m);
-    for &joint in body.flexion() {
-        let opened = hand.q_rad[joint] - config.opening_rad;
-        hand.q_rad[joint] = opened.max(body.model().joints()[joint].lower);
+) -> Result<HandPose<Object>, ApproachError> {
+    let back = body.backed_off(grasp, config.back_off_m);
+    let mut best: Option<(HandPose<Object>, f64)> = None;
+    for share in SHARES {
+        let mut hand = back.clone();
+        for &joint in body.flexion() {
+            let opened = hand.q_rad[joint] - share * config.opening_rad;
+            hand.q_rad[joint] = opened.max(body.model().joints()[joint].lower);
+        }
+        let depth_m = body.clearance(environment, &hand)?.depth_m();
+        let is_clear = depth_m <= 0.0;
+        if best.as_ref().is_none_or(|(_, least_m)| depth_m < *least_m) {
+            best = Some((hand, depth_m));
+        }
+        if is_clear {
+            break;
+        }
     }
-    hand
+    Ok(best.map_or(back, |(hand, _)| hand))
 }
 
 #[cfg(test)]
@@ -38,12 +59,12 @@ mod tests {
         // A quarter turn about z takes the palm's x to the object's y.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
         let mut grasp = HandPose {
-            frame_from_palm: Pose::from_parts([0.1, 0.2, 0.3], turn),
+            frame_from_palm: Pose::from_parts([0.1, 0.4, 0.3], turn),
             q_rad: vec![0.5; body.model().dof()],
         };
         let (near, far) = (body.flexion()[0], body.flexion()[1]);
         grasp.q_rad[near] = -0.1;
-        let found = pregrasp(&body, &grasp, &config);
+        let found = pregrasp(&body, &fixture::environment(), &grasp, &config).unwrap();
         let by =
             found.frame_from_palm.translation.vector - grasp.frame_from_palm.translation.vector;
         let expected = turn * *body.axes().approach_in_palm * -0.05;
@@ -52,5 +73,30 @@ mod tests {
         assert_eq!(found.q_rad[near], body.model().joints()[near].lower);
         assert!((found.q_rad[far] - 0.1).abs() < 1e-12);
         assert_eq!(found.q_rad[0], 0.5);
+    }
+    #[test]
+    fn fingers_that_would_open_into_the_table_open_less() {
+        let (body, environment) = (fixture::body(), fixture::environment());
+        let config = ApproachConfig {
+            back_off_m: 0.0,
+            opening_rad: 1.0,
+            ..ApproachConfig::default()
+        };
+        // The palm looks along x, its fingers bent from downward to forward, just above the table beside the box.
+        let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
+        let mut grasp = HandPose {
+            frame_from_palm: Pose::from_parts([-0.4, 0.0, 0.4], down),
+            q_rad: body.open(),
+        };
+        for &joint in body.flexion() {
+            grasp.q_rad[joint] = 0.9;
+        }
+        let height_m = body.clearance(&environment, &grasp).unwrap().table_m;
+        let lower = Vector3::new(0.0, 0.0, 0.002 - height_m);
+        grasp.frame_from_palm = grasp.frame_from_palm.translated(&lower);
+        let found = pregrasp(&body, &environment, &grasp, &config).unwrap();
+        assert!(body.clearance(&environment, &found).unwrap().least_m() >= 0.0);
+        let opened = grasp.q_rad[body.flexion()[0]] - found.q_rad[body.flexion()[0]];
+        assert!(opened < 0.99, "{opened}");
     }
 }

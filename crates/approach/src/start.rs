@@ -8,7 +8,7 @@ use spatial::{Object, Pose, Table};
 use crate::{ApproachError, HandPose};
 
 /// Turns about the vertical that are tried.
-const YAWS: u32 = 72;
+const YAWS: u32 = 24;
 /// Length that a turn of one radian counts as, in meters: a hand's width.
 const M_PER_RAD: f64 = 0.1;
 
@@ -61,14 +61,14 @@ impl Start {
         Ok((0..joints.len()).map(mean).collect())
     }
 
-    /// Returns the start of a motion toward a hand, as high above the table and as far from the object's origin as
-    /// the demonstration's: what is left to choose, the side from which it comes, is the one with the shortest way,
-    /// of the palm and of its orientation.
+    /// Returns starts of a motion toward a hand, as high above the table and as far from the object's origin as the
+    /// demonstration's: what is left to choose is the side from which it comes, the one with the shortest way, of the
+    /// palm and of its orientation, first.
     pub fn carried(
         &self,
         table_from_object: &Pose<Table, Object>,
         toward: &HandPose<Object>,
-    ) -> HandPose<Object> {
+    ) -> Vec<HandPose<Object>> {
         let object_from_table = table_from_object.inverse();
         let here = &self.hand_in_table.frame_from_palm;
         let turned = |yaw: u32| {
@@ -83,12 +83,13 @@ impl Start {
             let along = (to.translation.vector - from.translation.vector).norm();
             along + M_PER_RAD * from.rotation.angle_to(&to.rotation)
         };
-        let poses = (0..YAWS).map(turned);
-        let nearest = poses.min_by(|a, b| way(a).total_cmp(&way(b)));
-        HandPose {
-            frame_from_palm: nearest.unwrap_or_else(|| turned(0)),
+        let mut poses: Vec<Pose<Object, spatial::Palm>> = (0..YAWS).map(turned).collect();
+        poses.sort_by(|a, b| way(a).total_cmp(&way(b)));
+        let hand = |frame_from_palm| HandPose {
+            frame_from_palm,
             q_rad: self.hand_in_table.q_rad.clone(),
-        }
+        };
+        poses.into_iter().map(hand).collect()
     }
 }
 
@@ -202,7 +203,9 @@ mod tests {
                 frame_from_palm: Pose::from_parts(turn * Vector3::new(-0.1, 0.0, 0.0), turn),
                 q_rad: vec![1.0],
             };
-            let found = start.carried(&table_from_object, &toward);
+            let all = start.carried(&table_from_object, &toward);
+            assert_eq!(all.len(), 24);
+            let found = &all[0];
             let expected = turn * Vector3::new(-0.4, 0.0, 0.15);
             let place = found.frame_from_palm.translation.vector;
             assert!((place - expected).norm() < 1e-9, "{yaw}: {place}");

@@ -4,9 +4,15 @@ use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
+use posture::Environment;
 use spatial::{Object, Pose, Twist};
 
-use crate::{ApproachConfig, HandPose};
+use crate::{ApproachConfig, ApproachError, HandBody, HandPose};
+
+/// Places of a straight way that are checked.
+const CHECKS: u32 = 16;
+/// Depth up to which a way counts as clear, in meters: what the grid of distances is exact to.
+const CLEAR_DEPTH_M: f64 = 1e-3;
 
 /// How long the two parts of the way take.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -82,6 +88,36 @@ impl Way {
     }
 }
 
+/// Returns whether the straight way from one hand to another is nowhere deep in object or table.
+///
+/// # Errors
+///
+/// Fails if there is not one position per joint.
+pub(crate) fn is_clear(
+    body: &HandBody,
+    environment: &Environment,
+    from: &HandPose<Object>,
+    to: &HandPose<Object>,
+) -> Result<bool, ApproachError> {
+    let leg = Leg {
+        from,
+        to,
+        start_s: 0.0,
+        duration_s: 1.0,
+    };
+    for idx in (0..CHECKS).rev() {
+        let step = leg.at(f64::from(idx) / f64::from(CHECKS));
+        let hand = HandPose {
+            frame_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad,
+        };
+        if !body.is_clear(environment, &body.placed(&hand)?, CLEAR_DEPTH_M) {
+            return Ok(false);
+        }
+    }
+    Ok(true)
+}
+
 impl Leg<'_> {
     fn at(&self, time_s: f64) -> Step<Object> {
         let share = (time_s - self.start_s) / self.duration_s;
@@ -117,6 +153,7 @@ mod tests {
     use std::f64::consts::FRAC_PI_2;
 
     use super::*;
+    use crate::fixture;
 
     fn hand(place: [f64; 3], yaw: f64, q_rad: f64) -> HandPose<Object> {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
@@ -165,6 +202,21 @@ mod tests {
         check(1, 0.5, [0.1, 0.0, 0.2], FRAC_PI_2 / 3.0, 0.1);
         check(3, 1.5, [0.3, 0.0, 0.6], FRAC_PI_2, 0.3);
         check(4, 2.0, [0.3, 0.1, 0.6], FRAC_PI_2, 1.3);
+    }
+
+    #[test]
+    fn a_way_through_the_box_is_not_clear_and_one_beside_it_is() {
+        let (body, environment) = (fixture::body(), fixture::environment());
+        let at = |x: f64, y: f64| HandPose {
+            frame_from_palm: Pose::from_parts([x, y, 0.06], UnitQuaternion::identity()),
+            q_rad: body.open(),
+        };
+        let check = |from: HandPose<Object>, to: HandPose<Object>| {
+            is_clear(&body, &environment, &from, &to).unwrap()
+        };
+        assert!(!check(at(-0.5, 0.0), at(0.5, 0.0)));
+        assert!(check(at(-0.5, 0.4), at(0.5, 0.4)));
+        assert!(check(at(-0.5, 0.0), at(-0.3, 0.0)));
     }
 
     #[test]

@@ -183,11 +183,12 @@ impl Output for Eigengrasp {
         let candidates = ranked.iter().enumerate().map(|(number, (rest, finished))| {
             let grasp = Grasp {
                 hand: finished.hand.clone(),
-                rest: *rest,
                 depth_m: finished.depth_m,
                 residual_m2: 0.0,
             };
-            reach.candidate(number, &grasp, &starts[rng.random_range(0..starts.len())])
+            let environment = Environment::new(Arc::clone(&annealer.field), *rest);
+            let start = &starts[rng.random_range(0..starts.len())];
+            reach.candidate(number, &environment, &grasp, start)
         });
         let candidates = candidates.collect::<Result<_, _>>()?;
         cx.write(&Candidates {

@@ -252,11 +252,13 @@ impl Maker<'_> {
         );
         let grasp = Grasp {
             hand: found.hand.clone(),
-            rest,
             depth_m: found.depth_m,
             residual_m2: found.residual_m2,
         };
-        Ok(Some((reach.candidate(number, &grasp, start)?, found)))
+        Ok(Some((
+            reach.candidate(number, &environment, &grasp, start)?,
+            found,
+        )))
     }
 }
 
