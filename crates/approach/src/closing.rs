@@ -14,7 +14,7 @@ const ARRIVED_M: f64 = 2e-4;
 
 impl HandBody {
     /// Returns the hand with its flexion joints closed, one step each in turn: a joint stops at its limit, and where
-    /// a link that it moves would enter the object or the table; those beyond it go on (GraspIt's automatic grasp).
+    /// a link that it moves would enter the object or the table; those beyond it go on (`GraspIt`'s automatic grasp).
     /// Fingers do not stop at each other.
     ///
     /// # Errors

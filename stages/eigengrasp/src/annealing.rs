@@ -1,9 +1,9 @@
-//! GraspIt's simulated annealing: its temperature, its jumps and when it accepts.
+//! `GraspIt`'s simulated annealing: its temperature, its jumps and when it accepts.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 
-/// The constants of GraspIt's default schedule.
+/// The constants of `GraspIt`'s default schedule.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Schedule {
     /// Temperature at step 0.
@@ -18,7 +18,7 @@ pub(crate) struct Schedule {
     pub(crate) energy_factor: f64,
 }
 
-/// GraspIt's default schedule.
+/// `GraspIt`'s default schedule.
 pub(crate) const DEFAULT: Schedule = Schedule {
     initial: 1e6,
     cooling: 7.0,

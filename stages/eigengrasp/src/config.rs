@@ -43,7 +43,7 @@ pub struct EigengraspConfig {
     /// Steps of each run, the published budget
     #[serde(default = "defaults::steps")]
     pub steps: usize,
-    /// States of each run that are finished, the best that differ: GraspIt's number
+    /// States of each run that are finished, the best that differ: `GraspIt`'s number
     #[serde(default = "defaults::kept")]
     pub kept: usize,
     /// Number of eigengrasps: the published one

@@ -1,4 +1,4 @@
-//! GraspIt's search in a space of eigengrasps: the classical planner of grasps.
+//! `GraspIt`'s search in a space of eigengrasps: the classical planner of grasps.
 //!
 //! The hand's joints move along the principal components of retargeted grasps. The palm's pose and the components'
 //! amplitudes are annealed so that virtual contacts on palm and fingers come near the object and face it (Ciocarlie and

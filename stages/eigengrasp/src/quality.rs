@@ -5,7 +5,7 @@ use nalgebra::{Point3, Unit, Vector3, Vector6};
 
 use crate::hull::ball_radius;
 
-/// Edges of a contact's linearized friction cone, GraspIt's number.
+/// Edges of a contact's linearized friction cone, `GraspIt`'s number.
 const EDGES: usize = 8;
 
 /// Returns the largest wrench in the worst direction that touching links withstand, relative to the sum of their normal
@@ -89,7 +89,7 @@ mod tests {
     }
 
     /// Six contacts in the middles of a cube's faces. A pure torque t, over r, is withstood by the contact at face k with
-    /// μ |t × e_k|: in the worst direction, (1, 1, 1) / √3, each with μ √(2/3), along an edge of the eight.
+    /// μ times the part of t across k: in the worst direction, (1, 1, 1) / √3, each with μ √(2/3), along an edge of the eight.
     #[test]
     fn a_cube_held_from_six_sides_is_limited_by_its_friction() {
         let r = 0.05;

@@ -16,7 +16,7 @@ use crate::{
     virtual_contacts::VirtualContact,
 };
 
-/// Draws of a neighbor until one collides with nothing, GraspIt's number.
+/// Draws of a neighbor until one collides with nothing, `GraspIt`'s number.
 const MAX_DRAWS: usize = 10;
 /// Draws of a first state until one collides with nothing.
 const MAX_STARTS: usize = 10_000;

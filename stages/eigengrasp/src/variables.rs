@@ -29,7 +29,7 @@ struct Variable {
 pub(crate) struct Variables(Vec<Variable>);
 
 impl Variables {
-    /// Returns GraspIt's ranges and longest jumps, with amplitudes in standard deviations.
+    /// Returns `GraspIt`'s ranges and longest jumps, with amplitudes in standard deviations.
     pub(crate) fn new(eigengrasps: usize, max_amplitude: f64) -> Self {
         let bounded = |least: f64, most: f64, longest_jump: f64| Variable {
             least,

@@ -15,7 +15,7 @@ pub(crate) struct MinWeight {
 
 impl MinWeight {
     /// Returns the greatest least weight of a balance of the wrenches: `max l` over weights `aᵢ ≥ l` with `Σ aᵢ wᵢ = 0`
-    /// and `Σ aᵢ = 1` (Li et al., *FRoGGeR*, 2023, section III). It is more than 0 if and only if the wrenches span
+    /// and `Σ aᵢ = 1` (Li et al., *`FRoGGeR`*, 2023). It is more than 0 if and only if the wrenches span
     /// every direction and zero is inside their hull; less than 0 where a balance needs wrenches that pull.
     ///
     /// Returns `None` if no weights balance at all, pulling or not: where every force has a part in one direction.

@@ -200,7 +200,7 @@ impl Output for ForceClosure {
                 "something is in the way of every palm about the object",
             ));
         }
-        let metrics = metrics(made.iter().map(|(_, found)| found));
+        let metrics = metrics(&made);
         cx.write(&Candidates {
             object: object.name.clone(),
             joints: joints.into(),
@@ -277,9 +277,10 @@ fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
     }
 }
 
-fn metrics<'a>(found: impl Iterator<Item = &'a Found> + Clone) -> ForceClosureMetrics {
-    let sum = |of: fn(&Found) -> u64| found.clone().map(of).sum::<u64>() as f64;
-    let weights: Vec<f64> = found.clone().filter_map(|one| one.min_weight).collect();
+fn metrics(made: &[(Candidate, Found)]) -> ForceClosureMetrics {
+    let found = || made.iter().map(|(_, found)| found);
+    let sum = |of: fn(&Found) -> u64| found().map(of).sum::<u64>() as f64;
+    let weights: Vec<f64> = found().filter_map(|one| one.min_weight).collect();
     ForceClosureMetrics {
         candidates: sum(|_| 1),
         feasible: sum(|one| u64::from(one.is_feasible)),
