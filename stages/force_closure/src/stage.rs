@@ -330,3 +330,159 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, ForceClosureEr
         })?;
     Hand::new(model, &table).map_err(of_urdf)
 }
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use dataflow::{Advise, Artifact, Partition};
+    use schemas::candidates::Origin;
+
+    use super::*;
+    use crate::fixture;
+
+    /// Runs the stage on the box; returns what it wrote.
+    fn run(
+        config: &ForceClosureConfig,
+        seed: u64,
+        with_field: bool,
+    ) -> (Outcome<ForceClosureMetrics>, Option<Candidates>) {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        let inputs = fixture::inputs(folder.path(), &fixture::trajectories(), with_field);
+        let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
+        let outcome = ForceClosure::make(config, &inputs, &cx).unwrap();
+        let made = Artifact {
+            key: "box".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: [(lake::table::FILE.to_owned(), out.join(lake::table::FILE))].into(),
+        };
+        let is_made = matches!(outcome, Outcome::Made(_));
+        let read = is_made.then(|| lake::table::read(&made).unwrap());
+        (outcome, read)
+    }
+
+    fn small() -> ForceClosureConfig {
+        ForceClosureConfig {
+            per_object: 3,
+            ..fixture::config()
+        }
+    }
+
+    #[test]
+    fn every_grasp_of_the_box_is_a_motion_that_ends_in_it() {
+        let (outcome, made) = run(&small(), 3, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        let made = made.unwrap();
+        assert_eq!([metrics.candidates, metrics.feasible], [3.0, 3.0]);
+        assert!(metrics.searches >= 3.0 && metrics.evaluations > metrics.searches);
+        assert!((0.3..=1.0).contains(&metrics.min_weight), "{metrics:?}");
+        let names: Vec<&str> = made
+            .candidates
+            .iter()
+            .map(|one| one.candidate_id.as_str())
+            .collect();
+        assert_eq!(names, ["box-00000", "box-00001", "box-00002"]);
+        for one in &made.candidates {
+            assert_eq!(
+                (one.generator.as_str(), one.source.origin),
+                ("force_closure", Origin::Grasp)
+            );
+            assert_eq!(one.motion.steps().len(), 40);
+            assert!(one.depth_m <= 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_iterations_there_are_random_palms_of_another_name() {
+        let config = ForceClosureConfig {
+            max_iterations: 0,
+            ..small()
+        };
+        let (outcome, made) = run(&config, 3, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        assert!(metrics.searches.abs() < 1e-12 && metrics.palms >= 3.0);
+        assert!(
+            made.unwrap()
+                .candidates
+                .iter()
+                .all(|one| one.generator == "random_palm")
+        );
+    }
+
+    #[test]
+    fn grasps_are_those_of_the_seed_on_any_number_of_threads() {
+        let config = small();
+        let on_one = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
+        let [one, other] = [
+            on_one.install(|| run(&config, 3, true).1),
+            run(&config, 3, true).1,
+        ];
+        assert_eq!(one, other);
+        let another = run(&config, 4, true).1;
+        assert_ne!(one, another);
+    }
+
+    #[test]
+    fn an_object_without_distances_is_skipped_with_the_reason() {
+        let (outcome, made) = run(&small(), 3, false);
+        let Outcome::Skipped { reason } = outcome else {
+            panic!("not skipped");
+        };
+        assert!(
+            reason.contains("distance field") && made.is_none(),
+            "{reason}"
+        );
+    }
+
+    #[test]
+    fn objects_are_chosen_by_name() {
+        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
+        let of = |keys: &[&str]| keys.iter().map(|key| partition(key)).collect::<Vec<_>>();
+        let scope = Scope::new(BTreeMap::from([
+            (Object::NAME.to_owned(), of(&["box", "can"])),
+            (FieldInfo::NAME.to_owned(), of(&["can"])),
+            (Trajectory::NAME.to_owned(), of(&["a", "b"])),
+        ]));
+        let units = |objects: &[&str], scope: &Scope| {
+            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+            ForceClosure::units(&ForceClosureConfig { objects, ..small() }, scope)
+        };
+        assert_eq!(units(&[], &scope).unwrap().len(), 2);
+        let one = units(&["can"], &scope).unwrap();
+        assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
+        assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
+        assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
+        let unknown = units(&["cup"], &scope).unwrap_err();
+        assert!(unknown.to_string().contains("`cup`"));
+        assert!(unknown.hint().unwrap().contains("box, can"));
+        let nothing = units(&[], &Scope::default()).unwrap_err();
+        assert_eq!(nothing.lacks(), Some("objects"));
+    }
+
+    #[test]
+    fn options_out_of_bounds_are_named() {
+        assert!(ForceClosure::check(&small()).is_empty());
+        let mut bad = small();
+        bad.per_object = 0;
+        bad.friction = f64::NAN;
+        bad.flexion_joints = Vec::new();
+        bad.approach.steps = 1;
+        let keys: Vec<String> = ForceClosure::check(&bad)
+            .into_iter()
+            .map(|fault| fault.key)
+            .collect();
+        assert_eq!(
+            keys,
+            ["per_object", "friction", "flexion_joints", "approach.steps"]
+        );
+    }
+}
