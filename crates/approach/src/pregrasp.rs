@@ -6,10 +6,13 @@ use spatial::Object;
 use crate::{ApproachConfig, ApproachError, HandBody, HandPose};
 
 /// Shares of the opening that are tried, the widest first.
-const SHARES: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
+const OPENINGS: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
+/// Shares of the way back that are tried, the farthest first.
+const WAYS_BACK: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 
 /// Returns the hand before a grasp: its palm backed off along its approach, its fingers opened, within the joints'
-/// limits. Where opened fingers would be in the object or the table, they open less; the least deep if none is clear.
+/// limits. Where it would be in the object or the table, its fingers open less, and then its palm backs off less; the
+/// least deep if none is clear.
 ///
 /// # Errors
 ///
@@ -20,24 +23,26 @@ pub fn pregrasp(
     grasp: &HandPose<Object>,
     config: &ApproachConfig,
 ) -> Result<HandPose<Object>, ApproachError> {
-    let back = body.backed_off(grasp, config.back_off_m);
     let mut best: Option<(HandPose<Object>, f64)> = None;
-    for share in SHARES {
-        let mut hand = back.clone();
+    for (back, share) in WAYS_BACK
+        .iter()
+        .flat_map(|back| OPENINGS.map(|share| (back, share)))
+    {
+        let mut hand = body.backed_off(grasp, back * config.back_off_m);
         for &joint in body.flexion() {
             let opened = hand.q_rad[joint] - share * config.opening_rad;
-            hand.q_rad[joint] = opened.max(body.model().joints()[joint].lower);
+            let limits = &body.model().joints()[joint];
+            hand.q_rad[joint] = opened.max(limits.lower.min(hand.q_rad[joint]));
         }
         let depth_m = body.clearance(environment, &hand)?.depth_m();
-        let is_clear = depth_m <= 0.0;
+        if depth_m <= 0.0 {
+            return Ok(hand);
+        }
         if best.as_ref().is_none_or(|(_, least_m)| depth_m < *least_m) {
             best = Some((hand, depth_m));
         }
-        if is_clear {
-            break;
-        }
     }
-    Ok(best.map_or(back, |(hand, _)| hand))
+    Ok(best.map_or_else(|| grasp.clone(), |(hand, _)| hand))
 }
 
 #[cfg(test)]
@@ -98,5 +103,27 @@ mod tests {
         assert!(body.clearance(&environment, &found).unwrap().least_m() >= 0.0);
         let opened = grasp.q_rad[body.flexion()[0]] - found.q_rad[body.flexion()[0]];
         assert!(opened < 0.99, "{opened}");
+    }
+    #[test]
+    fn a_palm_that_would_back_off_into_the_table_backs_off_less() {
+        let (body, environment) = (fixture::body(), fixture::environment());
+        let config = ApproachConfig {
+            back_off_m: 0.1,
+            ..ApproachConfig::default()
+        };
+        // The palm looks up, far from the box, 4 cm above the table.
+        let up = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -std::f64::consts::FRAC_PI_2);
+        let mut grasp = HandPose {
+            frame_from_palm: Pose::from_parts([-0.5, 0.0, 0.3], up),
+            q_rad: body.open(),
+        };
+        let height_m = body.clearance(&environment, &grasp).unwrap().table_m;
+        let lower = Vector3::new(0.0, 0.0, 0.04 - height_m);
+        grasp.frame_from_palm = grasp.frame_from_palm.translated(&lower);
+        let found = pregrasp(&body, &environment, &grasp, &config).unwrap();
+        assert!(body.clearance(&environment, &found).unwrap().least_m() >= 0.0);
+        let gone =
+            grasp.frame_from_palm.translation.vector - found.frame_from_palm.translation.vector;
+        assert!((gone.norm() - 0.025).abs() < 1e-9, "{gone}");
     }
 }
