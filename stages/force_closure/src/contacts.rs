@@ -7,8 +7,8 @@ use crate::min_weight::MinWeight;
 
 /// Distance over which a surface's normal is averaged, and differences of wrenches are taken, in meters.
 const NEAR_M: f64 = 0.003;
-/// What the metric lacks where it is not defined: more than almost anywhere else.
-const UNDEFINED: f64 = 3.0;
+/// What the metric lacks where it is not defined: more than random palms lack.
+const UNDEFINED: f64 = 10.0;
 
 /// A point of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
