@@ -7,6 +7,8 @@ use report_retarget::RetargetReport;
 use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
+use stage_eigengrasp::Eigengrasp;
+use stage_force_closure::ForceClosure;
 use stage_interpolate::Interpolate;
 use stage_program::{Program, Shipped};
 use stage_refine::Refine;
@@ -26,6 +28,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::reported::<TrainReport>(),
         Kind::reported::<SampleReport>(),
         Kind::of::<Interpolate>(),
+        Kind::of::<Eigengrasp>(),
+        Kind::of::<ForceClosure>(),
         Kind::of::<Refine>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),

@@ -8,7 +8,8 @@ with
         select run as of_run,
             case when overrides like '%shuffled%' then 30 when overrides like '%replay%' then 40
                 when overrides like '%nearest%' then 50 when overrides like '%other.%' then 60
-                when overrides like '%mean%' then 70 else 10 end as place
+                when overrides like '%mean.%' then 70 when overrides like '%random_palm%' then 80
+                when overrides like '%force_closure%' then 90 else 10 end as place
         from runs),
     counts as (
         select case when place = 10 and origin = 'posterior' then 20 else place end as place,
@@ -27,7 +28,8 @@ with
             (10, 'the function, codes of the prior'), (20, 'the function, codes of demonstrations'),
             (30, 'the function, shown another object'), (40, 'the object''s own demonstrations'),
             (50, 'demonstrations of the most similar object'), (60, 'demonstrations of any other object'),
-            (70, 'the mean of the object''s own demonstrations')) as names(number, shown))
+            (70, 'the mean of the object''s own demonstrations'),
+            (80, 'random palms, fingers closed'), (90, 'fingertip grasps by force closure')) as names(number, shown))
 select
     shown as "motions",
     split as "object in training",

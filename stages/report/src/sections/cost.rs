@@ -11,13 +11,15 @@ use crate::{
 };
 
 /// Kinds of stages in the order of the flow; others follow.
-const FLOW: [&str; 10] = [
+const FLOW: [&str; 12] = [
     "ingest",
     "retarget",
     "replay",
     "train",
     "sample",
     "interpolate",
+    "eigengrasp",
+    "force_closure",
     "refine",
     "screen",
     "dispatch",

@@ -1,0 +1,59 @@
+//! Why a hand cannot be given an approach.
+
+use robot::{JointMismatch, RobotError, WrongDof, spheres};
+
+/// Why a hand cannot be given an approach.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ApproachError {
+    /// The robot has no thumb, or no finger beside it.
+    #[error("the robot has no finger beside a thumb, and so no side of the palm that grasps")]
+    NoPalmSide,
+    /// The collision shapes are far larger than a hand's.
+    #[error(
+        "the collision shapes up to link `{link}` need more than {} spheres",
+        spheres::MAX_SPHERES
+    )]
+    LargeShapes {
+        /// The link at which they became too large.
+        link: String,
+    },
+    /// A joint that is named does not exist.
+    #[error(transparent)]
+    Robot(#[from] RobotError),
+    /// A trajectory is of another hand.
+    #[error("trajectory `{sequence}` was made for another hand")]
+    AnotherHand {
+        /// The trajectory.
+        sequence: String,
+        /// How its joints differ from the hand's.
+        source: JointMismatch,
+    },
+    /// There is no trajectory, and so no place where motions start.
+    #[error("there is no trajectory that a motion could start like")]
+    NoStart,
+    /// A posture has another number of joints than the hand.
+    #[error("a posture does not fit the hand")]
+    Dof(#[from] WrongDof),
+    /// The steps are no motion.
+    #[error("the steps of an approach do not form a motion")]
+    Motion(#[from] motion::MotionError),
+}
+
+impl ApproachError {
+    /// Returns what to do about it, if that is clear.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::NoPalmSide => {
+                Some("`pipeline doctor --robot URDF` shows which fingers were found".to_owned())
+            }
+            Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::Robot(err) => err.hint(),
+            Self::AnotherHand { .. } => Some(
+                "give the stage the URDF with which `retarget` made the trajectories".to_owned(),
+            ),
+            Self::NoStart => Some("wire `inputs.trajectories` to a `retarget` stage".to_owned()),
+            Self::Dof(_) | Self::Motion(_) => None,
+        }
+    }
+}

@@ -1,0 +1,417 @@
+//! The stage: one unit per object.
+
+use std::sync::Arc;
+
+use approach::{Grasp, HandBody, Lies, Reach, Start, grasps};
+use dataflow::{
+    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Sum, Unit,
+};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use nalgebra::Point3;
+use posture::Environment;
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use schemas::{
+    Table,
+    candidates::Candidates,
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories::Trajectory,
+};
+use spatial::RestingPose;
+
+use crate::{
+    EigengraspConfig, EigengraspError,
+    basis::Basis,
+    run::{Finished, Made, Run},
+    virtual_contacts::{VirtualContact, virtual_contacts},
+};
+
+/// Anneals grasps in the space of eigengrasps, and reaches for them.
+pub struct Eigengrasp;
+
+/// What the candidates say made them.
+const GENERATOR: &str = "eigengrasp";
+/// Stream of random numbers of the starts, which no run's number reaches.
+const STARTS_STREAM: u64 = u64::MAX;
+/// Shortest length by which torques are divided, in meters.
+const MIN_LENGTH_M: f64 = 0.01;
+
+dataflow::metrics! {
+    /// Metrics of an object's grasps.
+    pub struct EigengraspMetrics {
+        /// Number of candidates.
+        candidates: Sum,
+        /// Number of them in force closure.
+        force_closure: Sum,
+        /// Steps of annealing.
+        steps: Sum,
+        /// States checked for collisions.
+        collision_checks: Sum,
+        /// Contact energies evaluated.
+        evaluations: Sum,
+        /// Mean contact energy of the candidates before they were finished, in millimeters.
+        energy_mm: Mean,
+        /// Mean wrench that the candidates withstand in the worst direction, relative to their normal forces.
+        epsilon: Mean,
+        /// Share of the retargeted grasps' variance along the eigengrasps.
+        explained_variance: Mean,
+    }
+}
+
+impl Stage for Eigengrasp {
+    type Config = EigengraspConfig;
+    type Error = EigengraspError;
+
+    const KIND: &'static str = "eigengrasp";
+    const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+
+    fn check(config: &EigengraspConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand.
+    fn prepare(config: &EigengraspConfig) -> Result<(), EigengraspError> {
+        let model = robot_meshes::load(&config.hand)?.model;
+        let middle = model.mid_range();
+        HandBody::new(model, &config.flexion_joints, middle)?;
+        Ok(())
+    }
+}
+
+impl Output for Eigengrasp {
+    type Stage = Self;
+    type Metrics = EigengraspMetrics;
+    type Error = EigengraspError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = Candidates::PARTITION;
+    /// `objects` only chooses units.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
+    const LINE: Option<Line<EigengraspMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let [n, closed] = [metrics.candidates, metrics.force_closure];
+        let percent = 100.0 * metrics.explained_variance;
+        format!(
+            "{} objects → {n} grasps, {closed} in force closure; {percent:.0} % of variance explained",
+            summary.n_made
+        )
+    });
+
+    fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, EigengraspError> {
+        let objects = scope.partitions(Object::NAME);
+        if objects.is_empty() {
+            return Err(EigengraspError::NoObjects);
+        }
+        let is_known = |name: &&String| objects.iter().any(|known| known.key == ***name);
+        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
+            return Err(EigengraspError::UnknownObject {
+                object: object.clone(),
+                known: objects.iter().map(|known| known.key.to_string()).collect(),
+            });
+        }
+        let fields = scope.partitions(FieldInfo::NAME);
+        let trajectories = scope.partitions(Trajectory::NAME).iter();
+        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
+        let meshes = robot_meshes::sources(&config.hand)?;
+        let chosen = |object: &&str| {
+            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        };
+        let units = objects
+            .iter()
+            .map(|object| object.key.as_str())
+            .filter(chosen);
+        let units = units.map(|object| {
+            let field = fields.iter().find(|field| field.key == *object);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Object::NAME, [object])
+                .reading(FieldInfo::NAME, field.map(|field| &field.key))
+                .reading(Trajectory::NAME, trajectories.clone())
+                .only_files(Trajectory::NAME, [lake::table::FILE])
+                .with_file_of_form(
+                    SourceFile::named("hand", &config.hand),
+                    robot_meshes::MODEL_FORM,
+                );
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    fn make(
+        config: &EigengraspConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<EigengraspMetrics>, EigengraspError> {
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped("object has no distance field"));
+        };
+        let object: Object = inputs.one()?;
+        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
+        let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
+        let trajectories: Vec<Trajectory> = inputs.all()?;
+        let joints = model.joint_names();
+        let starts = Start::of(&trajectories, &joints)?;
+        let basis = Basis::of(&grasps(&trajectories, &joints)?, config.eigengrasps)?;
+        let body = HandBody::new(model, &config.flexion_joints, basis.mean.clone())?;
+        let annealer = Annealer {
+            config,
+            contacts: virtual_contacts(&body),
+            body: &body,
+            basis: &basis,
+            field: Arc::new(field),
+            lies: Lies::of(&object, config.approach.rests),
+            object: &object,
+            seed: cx.seed(),
+        };
+        let (ranked, spent) = annealer.ranked()?;
+        if ranked.is_empty() {
+            return Ok(Outcome::skipped(
+                "no state of any run is free of collisions",
+            ));
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
+        rng.set_stream(STARTS_STREAM);
+        let reach = Reach::new(&body, &config.approach, GENERATOR, &object.name);
+        let candidates = ranked.iter().enumerate().map(|(number, (rest, finished))| {
+            let grasp = Grasp {
+                hand: finished.hand.clone(),
+                depth_m: finished.depth_m,
+                residual_m2: 0.0,
+            };
+            let environment = Environment::new(Arc::clone(&annealer.field), *rest);
+            let start = &starts[rng.random_range(0..starts.len())];
+            reach.candidate(number, &environment, &grasp, start)
+        });
+        let candidates = candidates.collect::<Result<_, _>>()?;
+        cx.write(&Candidates {
+            object: object.name.clone(),
+            joints: joints.into(),
+            candidates,
+        })?;
+        Ok(Outcome::Made(metrics(&ranked, &spent, &basis)))
+    }
+}
+
+/// Anneals the grasps of one object.
+struct Annealer<'a> {
+    config: &'a EigengraspConfig,
+    body: &'a HandBody,
+    basis: &'a Basis,
+    contacts: Vec<VirtualContact>,
+    field: Arc<DistanceField>,
+    lies: Lies,
+    object: &'a Object,
+    seed: u64,
+}
+
+impl Annealer<'_> {
+    /// Returns the best finished grasps of all runs, each with how the object lies, and what was spent.
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made), EigengraspError> {
+        let runs: Vec<(RestingPose, Made)> = (0..self.config.runs)
+            .into_par_iter()
+            .map(|number| self.run(number))
+            .collect::<Result<_, _>>()?;
+        let mut spent = Made::default();
+        let mut ranked = Vec::new();
+        for (rest, made) in runs {
+            spent.steps += made.steps;
+            spent.checks += made.checks;
+            spent.evaluations += made.evaluations;
+            ranked.extend(made.grasps.into_iter().map(|grasp| (rest, grasp)));
+        }
+        // The sort is stable: of equals the one of the lower energy and the earlier run is first.
+        ranked.sort_by(|(_, a), (_, b)| {
+            let by_quality = b.epsilon.total_cmp(&a.epsilon);
+            by_quality.then(a.energy_mm.total_cmp(&b.energy_mm))
+        });
+        ranked.truncate(self.config.per_object);
+        Ok((ranked, spent))
+    }
+
+    /// Makes the run of a number, from random numbers of its own.
+    fn run(&self, number: usize) -> Result<(RestingPose, Made), EigengraspError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(number as u64);
+        let rest = self.lies.at(rng.random());
+        let environment = Environment::new(Arc::clone(&self.field), rest);
+        let center_in_object = Point3::from(self.object.center_of_mass_m);
+        let run = Run {
+            config: self.config,
+            body: self.body,
+            basis: self.basis,
+            contacts: &self.contacts,
+            environment: &environment,
+            center_in_object,
+            length_m: radius_m(self.object, &center_in_object),
+        };
+        Ok((rest, run.grasps(&mut rng)?))
+    }
+}
+
+/// Returns the distance of an object's farthest point from its center of mass, in meters, `GraspIt`'s length for torques.
+fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
+    let vertices = object.vertices_m.iter();
+    let far = vertices.map(|&vertex| (Point3::from(vertex) - center).norm());
+    far.fold(MIN_LENGTH_M, f64::max)
+}
+
+fn metrics(ranked: &[(RestingPose, Finished)], spent: &Made, basis: &Basis) -> EigengraspMetrics {
+    let n = ranked.len() as f64;
+    let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
+    let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);
+    EigengraspMetrics {
+        candidates: n,
+        force_closure: closed.count() as f64,
+        steps: spent.steps as f64,
+        collision_checks: spent.checks as f64,
+        evaluations: spent.evaluations as f64,
+        energy_mm: mean(|grasp| grasp.energy_mm),
+        epsilon: mean(|grasp| grasp.epsilon),
+        explained_variance: basis.explained,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use dataflow::{Advise, Artifact, Partition};
+    use schemas::candidates::Origin;
+
+    use super::*;
+    use crate::fixture;
+
+    /// Runs the stage on the box; returns what it wrote.
+    fn run(
+        config: &EigengraspConfig,
+        seed: u64,
+        with_field: bool,
+    ) -> (Outcome<EigengraspMetrics>, Option<Candidates>) {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        let inputs = fixture::inputs(folder.path(), &fixture::trajectories(), with_field);
+        let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
+        let outcome = Eigengrasp::make(config, &inputs, &cx).unwrap();
+        let made = Artifact {
+            key: "box".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: [(lake::table::FILE.to_owned(), out.join(lake::table::FILE))].into(),
+        };
+        let is_made = matches!(outcome, Outcome::Made(_));
+        let read = is_made.then(|| lake::table::read(&made).unwrap());
+        (outcome, read)
+    }
+
+    fn small() -> EigengraspConfig {
+        EigengraspConfig {
+            runs: 2,
+            steps: 400,
+            kept: 3,
+            per_object: 4,
+            ..fixture::config()
+        }
+    }
+
+    #[test]
+    fn the_best_grasps_of_all_runs_are_motions_in_their_order() {
+        let (outcome, made) = run(&small(), 3, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        let made = made.unwrap();
+        assert_eq!(metrics.candidates, made.candidates.len() as f64);
+        assert!((1.0..=4.0).contains(&metrics.candidates));
+        assert_eq!(metrics.steps, 800.0);
+        assert!(metrics.collision_checks >= metrics.evaluations);
+        // Two directions explain what differs in two directions.
+        assert!((metrics.explained_variance - 1.0).abs() < 1e-9);
+        for (number, one) in made.candidates.iter().enumerate() {
+            assert_eq!(one.candidate_id, format!("box-{number:05}"));
+            assert_eq!(
+                (one.generator.as_str(), one.source.origin),
+                ("eigengrasp", Origin::Grasp)
+            );
+            assert_eq!(one.motion.steps().len(), 40);
+        }
+    }
+
+    #[test]
+    fn grasps_are_those_of_the_seed_on_any_number_of_threads() {
+        let config = small();
+        let on_one = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
+        let [one, other] = [
+            on_one.install(|| run(&config, 3, true).1),
+            run(&config, 3, true).1,
+        ];
+        assert_eq!(one, other);
+        let another = run(&config, 4, true).1;
+        assert_ne!(one, another);
+    }
+
+    #[test]
+    fn an_object_without_distances_is_skipped_with_the_reason() {
+        let (outcome, made) = run(&small(), 3, false);
+        let Outcome::Skipped { reason } = outcome else {
+            panic!("not skipped");
+        };
+        assert!(
+            reason.contains("distance field") && made.is_none(),
+            "{reason}"
+        );
+    }
+
+    #[test]
+    fn objects_are_chosen_by_name() {
+        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
+        let of = |keys: &[&str]| keys.iter().map(|key| partition(key)).collect::<Vec<_>>();
+        let scope = Scope::new(BTreeMap::from([
+            (Object::NAME.to_owned(), of(&["box", "can"])),
+            (FieldInfo::NAME.to_owned(), of(&["can"])),
+            (Trajectory::NAME.to_owned(), of(&["a", "b"])),
+        ]));
+        let units = |objects: &[&str], scope: &Scope| {
+            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+            Eigengrasp::units(&EigengraspConfig { objects, ..small() }, scope)
+        };
+        assert_eq!(units(&[], &scope).unwrap().len(), 2);
+        let one = units(&["can"], &scope).unwrap();
+        assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
+        assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
+        assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
+        let unknown = units(&["cup"], &scope).unwrap_err();
+        assert!(unknown.to_string().contains("`cup`"));
+        assert!(unknown.hint().unwrap().contains("box, can"));
+        let nothing = units(&[], &Scope::default()).unwrap_err();
+        assert_eq!(nothing.lacks(), Some("objects"));
+    }
+
+    #[test]
+    fn options_out_of_bounds_are_named() {
+        assert!(Eigengrasp::check(&small()).is_empty());
+        let mut bad = small();
+        bad.per_object = 0;
+        bad.friction = f64::NAN;
+        bad.flexion_joints = Vec::new();
+        bad.approach.steps = 1;
+        let keys: Vec<String> = Eigengrasp::check(&bad)
+            .into_iter()
+            .map(|fault| fault.key)
+            .collect();
+        assert_eq!(
+            keys,
+            ["per_object", "friction", "flexion_joints", "approach.steps"]
+        );
+    }
+}

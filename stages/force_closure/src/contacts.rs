@@ -1,0 +1,208 @@
+//! Fingertips on a surface: their wrenches, and the min-weight metric as a term of the solver.
+
+use nalgebra::{Point3, Unit, Vector3, Vector6};
+use posture::{Environment, EnvironmentTerms, Posed, Residual, Terms};
+
+use crate::min_weight::MinWeight;
+
+/// Distance over which a surface's normal is averaged, and differences of wrenches are taken, in meters.
+const NEAR_M: f64 = 0.003;
+/// What the metric lacks where it is not defined: more than random palms lack.
+const UNDEFINED: f64 = 10.0;
+
+/// A point of contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Contact {
+    /// Where, in meters.
+    pub(crate) at_m: Point3<f64>,
+    /// Outward unit normal of the surface.
+    pub(crate) normal: Vector3<f64>,
+}
+
+/// A fingertip: its number among the solver's points, and the radius of the ball about it in meters.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Tip {
+    pub(crate) point: usize,
+    pub(crate) radius_m: f64,
+}
+
+/// What contacts are measured by.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Measure {
+    /// Torques are about it, object frame, in meters.
+    pub(crate) center_in_object: Point3<f64>,
+    /// Length by which torques are divided, in meters.
+    pub(crate) length_m: f64,
+    pub(crate) friction: f64,
+    /// Edges of a linearized friction cone.
+    pub(crate) edges: usize,
+}
+
+impl Measure {
+    /// Returns the wrenches of a contact that presses with 1 along each edge of its linearized friction cone: force,
+    /// and torque over the length. The axis that is farthest from `near`, the normal or one like it, fixes the first
+    /// edge.
+    pub(crate) fn wrenches(&self, contact: &Contact, near: &Vector3<f64>) -> Vec<Vector6<f64>> {
+        let axis = match near.abs().imin() {
+            0 => Vector3::x(),
+            1 => Vector3::y(),
+            _ => Vector3::z(),
+        };
+        let normal = contact.normal;
+        let side = Unit::new_normalize(axis - normal * axis.dot(&normal));
+        let other = normal.cross(&side);
+        let arm = contact.at_m - self.center_in_object;
+        let edge = |number: usize| {
+            let angle = std::f64::consts::TAU * number as f64 / self.edges as f64;
+            let along = *side * angle.cos() + other * angle.sin();
+            let force = along * self.friction - normal;
+            let torque = arm.cross(&force) / self.length_m;
+            Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
+        };
+        (0..self.edges).map(edge).collect()
+    }
+}
+
+/// The terms of a search: object, table, fingertips on the surface, and what the metric lacks to its greatest value.
+pub(crate) struct GraspTerms<'a> {
+    pub(crate) surroundings: EnvironmentTerms<'a>,
+    pub(crate) tips: &'a [Tip],
+    pub(crate) measure: Measure,
+    /// Weight of what the metric lacks, in meters.
+    pub(crate) weight_m: f64,
+    /// How often the metric was evaluated.
+    pub(crate) evaluations: u64,
+}
+
+impl Terms for GraspTerms<'_> {
+    /// A residual has one point, so what the metric lacks is there n times: its weight is divided by √n, so that the
+    /// squares add up to its square, and the directions are multiplied by n, so that the gradients do.
+    fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
+        self.surroundings.residuals(posed, residuals);
+        if self.weight_m <= 0.0 {
+            return;
+        }
+        let n = self.tips.len() as f64;
+        let found = self.metric(posed);
+        for (idx, tip) in self.tips.iter().enumerate() {
+            let (residual, gradient_in_object) = match &found {
+                Some((metric, places)) => {
+                    let gradient = self.gradient(metric, idx, &places[idx], tip);
+                    (1.0 - metric.normalized, gradient * -n)
+                }
+                None => (UNDEFINED, Vector3::zeros()),
+            };
+            residuals.push(Residual {
+                point: tip.point,
+                gradient_in_object,
+                residual,
+                weight: self.weight_m / n.sqrt(),
+            });
+        }
+    }
+}
+
+impl GraspTerms<'_> {
+    /// Returns the metric and the places of the tips; `None` if a tip is deep inside the object, where there is no
+    /// normal, or if nothing balances.
+    pub(crate) fn metric(&mut self, posed: &Posed<'_>) -> Option<(MinWeight, Vec<Point3<f64>>)> {
+        let places = self.tips.iter().map(|tip| posed.point(tip.point));
+        let places: Vec<Point3<f64>> = places.collect::<Option<_>>()?;
+        Some((self.metric_at(&places)?, places))
+    }
+
+    /// Returns the metric of tips at these places.
+    pub(crate) fn metric_at(&mut self, places: &[Point3<f64>]) -> Option<MinWeight> {
+        let mut all = Vec::with_capacity(self.tips.len() * self.measure.edges);
+        for (tip, at) in self.tips.iter().zip(places) {
+            let contact = contact(self.surroundings.environment, at, tip.radius_m)?;
+            all.extend(self.measure.wrenches(&contact, &contact.normal));
+        }
+        self.evaluations += 1;
+        MinWeight::of(&all)
+    }
+
+    /// Returns how the metric changes with a tip's place: its wrenches by differences, the metric by theirs.
+    pub(crate) fn gradient(
+        &self,
+        metric: &MinWeight,
+        idx: usize,
+        at: &Point3<f64>,
+        tip: &Tip,
+    ) -> Vector3<f64> {
+        let environment = self.surroundings.environment;
+        let Some(here) = contact(environment, at, tip.radius_m) else {
+            return Vector3::zeros();
+        };
+        let moved = |axis: usize, sign: f64| {
+            let mut offset = Vector3::zeros();
+            offset[axis] = sign * NEAR_M;
+            let contact = contact(environment, &(at + offset), tip.radius_m)?;
+            Some(self.measure.wrenches(&contact, &here.normal))
+        };
+        Vector3::from_fn(|axis, _| {
+            let (Some(after), Some(before)) = (moved(axis, 1.0), moved(axis, -1.0)) else {
+                return 0.0;
+            };
+            let changes = after.iter().zip(&before).enumerate();
+            let first = idx * self.measure.edges;
+            changes
+                .map(|(edge, (after, before))| {
+                    metric.change(first + edge, &((after - before) / (2.0 * NEAR_M)))
+                })
+                .sum()
+        })
+    }
+}
+
+/// Returns where a tip at a place touches; `None` deep inside the object, where there is no normal.
+pub(crate) fn contact(
+    environment: &Environment,
+    at: &Point3<f64>,
+    radius_m: f64,
+) -> Option<Contact> {
+    let mut sum = Vector3::zeros();
+    for axis in 0..3 {
+        for sign in [-1.0, 1.0] {
+            let mut offset = Vector3::zeros();
+            offset[axis] = sign * NEAR_M;
+            sum += environment
+                .signed_distance(&(at + offset))
+                .gradient_in_object;
+        }
+    }
+    let normal = sum.try_normalize(1e-6)?;
+    Some(Contact {
+        at_m: at - normal * radius_m,
+        normal,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_contact_presses_inward_within_its_cone() {
+        let contact = Contact {
+            at_m: Point3::new(0.1, 0.0, 0.0),
+            normal: Vector3::x(),
+        };
+        let measure = Measure {
+            center_in_object: Point3::new(0.0, 0.0, -0.2),
+            length_m: 0.5,
+            friction: 0.7,
+            edges: 4,
+        };
+        let found = measure.wrenches(&contact, &contact.normal);
+        assert_eq!(found.len(), 4);
+        let sum: Vector6<f64> = found.iter().sum::<Vector6<f64>>() / 4.0;
+        // Straight in: force -x, torque (0.1, 0, 0.2) × (-1, 0, 0) = (0, -0.2, 0), over 0.5 m.
+        let expected = Vector6::new(-1.0, 0.0, 0.0, 0.0, -0.4, 0.0);
+        assert!((sum - expected).norm() < 1e-12, "{sum}");
+        for wrench in found {
+            let across = Vector3::new(0.0, wrench[1], wrench[2]).norm();
+            assert!((across - 0.7).abs() < 1e-12);
+        }
+    }
+}

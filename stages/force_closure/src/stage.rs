@@ -1,0 +1,488 @@
+//! The stage: one unit per object.
+
+use std::{fs, path::Path, sync::Arc};
+
+use approach::{Grasp, HandBody, Lies, Reach, Start};
+use dataflow::{
+    Code, Context, Form, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, SourceFile, Stage, Sum, Unit,
+};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use nalgebra::Point3;
+use posture::{Environment, Hand, HandTable, PostureError};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use robot::RobotModel;
+use schemas::{
+    Table,
+    candidates::{Candidate, Candidates},
+    distance_fields::{self, FieldInfo},
+    objects::Object,
+    trajectories::Trajectory,
+};
+
+use crate::{
+    ForceClosureConfig, ForceClosureError,
+    contacts::{Measure, Tip},
+    search::{Found, Search},
+};
+
+/// Searches fingertip grasps with the greatest min-weight metric, and reaches for them.
+pub struct ForceClosure;
+
+/// What the candidates say made them: searched grasps, and random palms.
+const GENERATORS: [&str; 2] = ["force_closure", "random_palm"];
+/// Fewest fingertips that can hold an object in force closure.
+const FEWEST_TIPS: usize = 3;
+/// Shortest length by which torques are divided, in meters.
+const MIN_LENGTH_M: f64 = 0.01;
+/// The hand table is fingerprinted by its parsed content.
+const HAND_TABLE: Form = Form {
+    name: "hand table",
+    of: |bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let table: HandTable = text.parse().ok()?;
+        Some(table.to_toml().into_bytes())
+    },
+};
+
+dataflow::metrics! {
+    /// Metrics of an object's grasps.
+    pub struct ForceClosureMetrics {
+        /// Number of candidates.
+        candidates: Sum,
+        /// Number of them that are feasible: every tip on the surface, no link too deep, the metric large enough.
+        feasible: Sum,
+        /// Random palms drawn.
+        palms: Sum,
+        /// Searches begun.
+        searches: Sum,
+        /// Evaluations of the metric.
+        evaluations: Sum,
+        /// The metric times the number of edges, mean over the grasps where it is defined.
+        min_weight: Mean,
+    }
+}
+
+impl Stage for ForceClosure {
+    type Config = ForceClosureConfig;
+    type Error = ForceClosureError;
+
+    const KIND: &'static str = "force_closure";
+    const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+
+    fn check(config: &ForceClosureConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand and its table.
+    fn prepare(config: &ForceClosureConfig) -> Result<(), ForceClosureError> {
+        let hand = load_hand(&config.hand, &config.hand_table)?;
+        tips(&hand)?;
+        let joints = &config.flexion_joints;
+        HandBody::new(hand.model.clone(), joints, hand.mid_range)?;
+        Ok(())
+    }
+}
+
+impl Output for ForceClosure {
+    type Stage = Self;
+    type Metrics = ForceClosureMetrics;
+    type Error = ForceClosureError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = Candidates::PARTITION;
+    /// `objects` only chooses units.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
+    const LINE: Option<Line<ForceClosureMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let [n, feasible] = [metrics.candidates, metrics.feasible];
+        if metrics.searches > 0.0 {
+            let searches = metrics.searches;
+            format!(
+                "{} objects → {n} grasps, {feasible} feasible, {searches} searches",
+                summary.n_made
+            )
+        } else {
+            format!(
+                "{} objects → {n} random palms, {feasible} feasible",
+                summary.n_made
+            )
+        }
+    });
+
+    fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, ForceClosureError> {
+        let objects = scope.partitions(Object::NAME);
+        if objects.is_empty() {
+            return Err(ForceClosureError::NoObjects);
+        }
+        let is_known = |name: &&String| objects.iter().any(|known| known.key == ***name);
+        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
+            return Err(ForceClosureError::UnknownObject {
+                object: object.clone(),
+                known: objects.iter().map(|known| known.key.to_string()).collect(),
+            });
+        }
+        let fields = scope.partitions(FieldInfo::NAME);
+        let trajectories = scope.partitions(Trajectory::NAME).iter();
+        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
+        let meshes = robot_meshes::sources(&config.hand)?;
+        let chosen = |object: &&str| {
+            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        };
+        let units = objects
+            .iter()
+            .map(|object| object.key.as_str())
+            .filter(chosen);
+        let units = units.map(|object| {
+            let field = fields.iter().find(|field| field.key == *object);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Object::NAME, [object])
+                .reading(FieldInfo::NAME, field.map(|field| &field.key))
+                .reading(Trajectory::NAME, trajectories.clone())
+                .only_files(Trajectory::NAME, [lake::table::FILE])
+                .with_file_of_form(
+                    SourceFile::named("hand", &config.hand),
+                    robot_meshes::MODEL_FORM,
+                )
+                .with_file_of_form(
+                    SourceFile::named("hand_table", &config.hand_table),
+                    HAND_TABLE,
+                );
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    fn make(
+        config: &ForceClosureConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ForceClosureMetrics>, ForceClosureError> {
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped("object has no distance field"));
+        };
+        let object: Object = inputs.one()?;
+        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
+        let field = Arc::new(field);
+        let [urdf, table] = [inputs.source("hand")?, inputs.source("hand_table")?];
+        let hand = load_hand(&urdf.path, &table.path)?;
+        let trajectories: Vec<Trajectory> = inputs.all()?;
+        let joints = hand.model.joint_names();
+        let starts = Start::of(&trajectories, &joints)?;
+        let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
+        let body = HandBody::new(hand.model.clone(), &config.flexion_joints, grasp_q)?;
+        let maker = Maker {
+            config,
+            hand: &hand,
+            body: &body,
+            field: &field,
+            object: &object,
+            tips: &tips(&hand)?,
+            lies: Lies::of(&object, config.approach.rests),
+            starts: &starts,
+            seed: cx.seed(),
+        };
+        let made: Vec<Option<(Candidate, Found)>> = (0..config.per_object)
+            .into_par_iter()
+            .map(|number| maker.candidate(number))
+            .collect::<Result<_, _>>()?;
+        let made: Vec<(Candidate, Found)> = made.into_iter().flatten().collect();
+        if made.is_empty() {
+            return Ok(Outcome::skipped(
+                "something is in the way of every palm about the object",
+            ));
+        }
+        let metrics = metrics(&made);
+        cx.write(&Candidates {
+            object: object.name.clone(),
+            joints: joints.into(),
+            candidates: made.into_iter().map(|(candidate, _)| candidate).collect(),
+        })?;
+        Ok(Outcome::Made(metrics))
+    }
+}
+
+/// Makes the candidates of one object.
+struct Maker<'a> {
+    config: &'a ForceClosureConfig,
+    hand: &'a Hand,
+    body: &'a HandBody,
+    field: &'a Arc<DistanceField>,
+    object: &'a Object,
+    tips: &'a [Tip],
+    lies: Lies,
+    starts: &'a [Start],
+    seed: u64,
+}
+
+impl Maker<'_> {
+    /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
+    /// palm.
+    fn candidate(&self, number: usize) -> Result<Option<(Candidate, Found)>, ForceClosureError> {
+        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
+        rng.set_stream(number as u64);
+        let rest = self.lies.at(rng.random());
+        let start = &self.starts[rng.random_range(0..self.starts.len())];
+        let environment = Environment::new(Arc::clone(self.field), rest);
+        let search = Search {
+            hand: self.hand,
+            body: self.body,
+            config: self.config,
+            environment: &environment,
+            measure: measure(self.config, self.object),
+            tips: self.tips,
+        };
+        let Some(found) = search.grasp(&mut rng)? else {
+            return Ok(None);
+        };
+        let generator = GENERATORS[usize::from(self.config.max_iterations == 0)];
+        let reach = Reach::new(
+            self.body,
+            &self.config.approach,
+            generator,
+            &self.object.name,
+        );
+        let grasp = Grasp {
+            hand: found.hand.clone(),
+            depth_m: found.depth_m,
+            residual_m2: found.residual_m2,
+        };
+        Ok(Some((
+            reach.candidate(number, &environment, &grasp, start)?,
+            found,
+        )))
+    }
+}
+
+/// Returns how contacts of an object are measured: torques about its center of mass, over the mean distance of its
+/// surface from there.
+fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
+    let center_in_object = Point3::from(object.center_of_mass_m);
+    let points = object.points_m.iter();
+    let far = points.map(|&point| (Point3::from(point) - center_in_object).norm());
+    let mean_m = far.sum::<f64>() / object.points_m.len().max(1) as f64;
+    Measure {
+        center_in_object,
+        length_m: mean_m.max(MIN_LENGTH_M),
+        friction: config.friction,
+        edges: config.edges,
+    }
+}
+
+fn metrics(made: &[(Candidate, Found)]) -> ForceClosureMetrics {
+    let found = || made.iter().map(|(_, found)| found);
+    let sum = |of: fn(&Found) -> u64| found().map(of).sum::<u64>() as f64;
+    let weights: Vec<f64> = found().filter_map(|one| one.min_weight).collect();
+    ForceClosureMetrics {
+        candidates: sum(|_| 1),
+        feasible: sum(|one| u64::from(one.is_feasible)),
+        palms: sum(|one| one.work.palms),
+        searches: sum(|one| one.work.searches),
+        evaluations: sum(|one| one.work.evaluations),
+        min_weight: weights.iter().sum::<f64>() / weights.len().max(1) as f64,
+    }
+}
+
+/// Returns the hand's fingertips.
+///
+/// # Errors
+///
+/// Fails if its table marks fewer than three.
+pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
+    let points = hand.points.iter().enumerate();
+    let tips = points.filter_map(|(point, of_hand)| {
+        let radius_m = of_hand.tip_radius_m?;
+        Some(Tip { point, radius_m })
+    });
+    let tips: Vec<Tip> = tips.collect();
+    if tips.len() < FEWEST_TIPS {
+        return Err(ForceClosureError::FewTips { found: tips.len() });
+    }
+    Ok(tips)
+}
+
+/// Reads a hand and its table, and finds every link that the table names.
+fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, ForceClosureError> {
+    let model: RobotModel = robot_meshes::load(urdf_path)?.model;
+    let of_urdf = |source: PostureError| ForceClosureError::Hand {
+        path: urdf_path.to_owned(),
+        source,
+    };
+    Hand::check(&model).map_err(of_urdf)?;
+    let table =
+        fs::read_to_string(table_path).map_err(|source| ForceClosureError::ReadHandTable {
+            path: table_path.to_owned(),
+            source,
+        })?;
+    let table: HandTable = table
+        .parse()
+        .map_err(|source| ForceClosureError::HandTable {
+            path: table_path.to_owned(),
+            source,
+        })?;
+    Hand::new(model, &table).map_err(of_urdf)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use dataflow::{Advise, Artifact, Partition};
+    use schemas::candidates::Origin;
+
+    use super::*;
+    use crate::fixture;
+
+    /// Runs the stage on the box; returns what it wrote.
+    fn run(
+        config: &ForceClosureConfig,
+        seed: u64,
+        with_field: bool,
+    ) -> (Outcome<ForceClosureMetrics>, Option<Candidates>) {
+        let folder = tempfile::tempdir().unwrap();
+        let out = folder.path().join("out");
+        std::fs::create_dir(&out).unwrap();
+        let inputs = fixture::inputs(folder.path(), &fixture::trajectories(), with_field);
+        let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
+        let outcome = ForceClosure::make(config, &inputs, &cx).unwrap();
+        let made = Artifact {
+            key: "box".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: [(lake::table::FILE.to_owned(), out.join(lake::table::FILE))].into(),
+        };
+        let is_made = matches!(outcome, Outcome::Made(_));
+        let read = is_made.then(|| lake::table::read(&made).unwrap());
+        (outcome, read)
+    }
+
+    fn small() -> ForceClosureConfig {
+        ForceClosureConfig {
+            per_object: 3,
+            ..fixture::config()
+        }
+    }
+
+    #[test]
+    fn every_grasp_of_the_box_is_a_motion_that_ends_in_it() {
+        let (outcome, made) = run(&small(), 3, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        let made = made.unwrap();
+        assert_eq!([metrics.candidates, metrics.feasible], [3.0, 3.0]);
+        assert!(metrics.searches >= 3.0 && metrics.evaluations > metrics.searches);
+        assert!((0.3..=1.0).contains(&metrics.min_weight), "{metrics:?}");
+        let names: Vec<&str> = made
+            .candidates
+            .iter()
+            .map(|one| one.candidate_id.as_str())
+            .collect();
+        assert_eq!(names, ["box-00000", "box-00001", "box-00002"]);
+        for one in &made.candidates {
+            assert_eq!(
+                (one.generator.as_str(), one.source.origin),
+                ("force_closure", Origin::Grasp)
+            );
+            assert_eq!(one.motion.steps().len(), 40);
+            assert!(one.depth_m <= 1e-3);
+        }
+    }
+
+    #[test]
+    fn without_iterations_there_are_random_palms_of_another_name() {
+        let config = ForceClosureConfig {
+            max_iterations: 0,
+            ..small()
+        };
+        let (outcome, made) = run(&config, 3, true);
+        let Outcome::Made(metrics) = outcome else {
+            panic!("not made");
+        };
+        assert!(metrics.searches.abs() < 1e-12 && metrics.palms >= 3.0);
+        assert!(
+            made.unwrap()
+                .candidates
+                .iter()
+                .all(|one| one.generator == "random_palm")
+        );
+    }
+
+    #[test]
+    fn grasps_are_those_of_the_seed_on_any_number_of_threads() {
+        let config = small();
+        let on_one = rayon::ThreadPoolBuilder::new()
+            .num_threads(1)
+            .build()
+            .unwrap();
+        let [one, other] = [
+            on_one.install(|| run(&config, 3, true).1),
+            run(&config, 3, true).1,
+        ];
+        assert_eq!(one, other);
+        let another = run(&config, 4, true).1;
+        assert_ne!(one, another);
+    }
+
+    #[test]
+    fn an_object_without_distances_is_skipped_with_the_reason() {
+        let (outcome, made) = run(&small(), 3, false);
+        let Outcome::Skipped { reason } = outcome else {
+            panic!("not skipped");
+        };
+        assert!(
+            reason.contains("distance field") && made.is_none(),
+            "{reason}"
+        );
+    }
+
+    #[test]
+    fn objects_are_chosen_by_name() {
+        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
+        let of = |keys: &[&str]| keys.iter().map(|key| partition(key)).collect::<Vec<_>>();
+        let scope = Scope::new(BTreeMap::from([
+            (Object::NAME.to_owned(), of(&["box", "can"])),
+            (FieldInfo::NAME.to_owned(), of(&["can"])),
+            (Trajectory::NAME.to_owned(), of(&["a", "b"])),
+        ]));
+        let units = |objects: &[&str], scope: &Scope| {
+            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+            ForceClosure::units(&ForceClosureConfig { objects, ..small() }, scope)
+        };
+        assert_eq!(units(&[], &scope).unwrap().len(), 2);
+        let one = units(&["can"], &scope).unwrap();
+        assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
+        assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
+        assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
+        let unknown = units(&["cup"], &scope).unwrap_err();
+        assert!(unknown.to_string().contains("`cup`"));
+        assert!(unknown.hint().unwrap().contains("box, can"));
+        let nothing = units(&[], &Scope::default()).unwrap_err();
+        assert_eq!(nothing.lacks(), Some("objects"));
+    }
+
+    #[test]
+    fn options_out_of_bounds_are_named() {
+        assert!(ForceClosure::check(&small()).is_empty());
+        let mut bad = small();
+        bad.per_object = 0;
+        bad.friction = f64::NAN;
+        bad.flexion_joints = Vec::new();
+        bad.approach.steps = 1;
+        let keys: Vec<String> = ForceClosure::check(&bad)
+            .into_iter()
+            .map(|fault| fault.key)
+            .collect();
+        assert_eq!(
+            keys,
+            ["per_object", "friction", "flexion_joints", "approach.steps"]
+        );
+    }
+}
