@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 20] = [
+const FILES: [&str; 22] = [
     "cgf",
     "agreement",
     "arm",
@@ -19,6 +19,7 @@ const FILES: [&str; 20] = [
     "feedforward",
     "frames",
     "generator",
+    "grasps",
     "interpolation",
     "noise",
     "paper",
@@ -26,6 +27,7 @@ const FILES: [&str; 20] = [
     "refinement_parts",
     "released",
     "replay",
+    "rivals_GRASPS",
     "protocols",
     "robustness",
     "script",
