@@ -20,6 +20,20 @@ makes = 'lengths'
 columns.length_m = { type = 'number' }
 ";
 
+/// Generators of grasps, which the arm's job does not have.
+const GRASPS: &str = "
+[stages.eigengrasp]
+kind = 'eigengrasp'
+inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
+shared.hand = 'hand'
+flexion_joints = ['joint_1.0']
+[stages.force_closure]
+kind = 'force_closure'
+inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
+shared = { hand = 'hand', hand_table = 'hand_table' }
+flexion_joints = ['joint_1.0']
+";
+
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
 
@@ -27,7 +41,7 @@ const NAMES: [&str; 1] = ["dispatch.attempt"];
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    let text = format!("{ARM}{PROGRAM}");
+    let text = format!("{ARM}{PROGRAM}{GRASPS}");
     Pipeline::parse(path, &text, &pipeline::kinds(), None, &[given])
 }
 
