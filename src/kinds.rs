@@ -12,6 +12,7 @@ use stage_program::{Program, Shipped};
 use stage_refine::Refine;
 use stage_replay::Replay;
 use stage_report::Report;
+use stage_rrt::Rrt;
 
 use crate::sample;
 
@@ -25,6 +26,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::reported::<SampleReport>(),
         Kind::of::<Interpolate>(),
         Kind::of::<Refine>(),
+        Kind::of::<Rrt>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
         Kind::of::<Report>(),

@@ -81,7 +81,7 @@ columns! {
     pub struct DrawSource {
         draw_n: u32 => "which draw of its motion it is, from 1; 1 of generators that do not draw",
         origin: Origin
-            => "`prior`, `posterior` or `path`: its latent code's; `demonstration`: replayed; `line`: interpolated",
+            => "`prior`, `posterior` or `path`: its latent code's; `demonstration`: replayed; `line`: interpolated; `planner`: planned",
         demonstration: String
             => "sequence that code or motion comes from, of a path the first; empty if there is none",
         object_split: Option<ObjectSplit>
@@ -115,6 +115,8 @@ words! {
         Demonstration = "demonstration",
         /// A straight line between the ends of another motion.
         Line = "line",
+        /// The way that a planner found to the end of another motion.
+        Planner = "planner",
     }
 }
 
