@@ -7,6 +7,7 @@ use report_retarget::RetargetReport;
 use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
+use stage_cem_mpc::CemMpc;
 use stage_interpolate::Interpolate;
 use stage_program::{Program, Shipped};
 use stage_refine::Refine;
@@ -27,6 +28,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Interpolate>(),
         Kind::of::<Refine>(),
         Kind::of::<Rrt>(),
+        Kind::of::<CemMpc>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
         Kind::of::<Report>(),

@@ -209,8 +209,8 @@ mod tests {
             step: 0.05,
             spacing: 0.01,
             drawn_share: 0.5,
-            max_nodes: 10_000,
-            max_checks: 1_000_000,
+            max_nodes: 3000,
+            max_checks: 30_000,
         }
     }
 
@@ -306,9 +306,10 @@ mod tests {
             let out = at.q.iter().map(|x| (x - 0.3).abs()).fold(0.0, f64::max);
             !(0.1..0.2).contains(&out)
         };
-        let (found, _) = search([[0.3, 0.3], [0.9, 0.9]], 1, &free);
+        let (found, checks_n) = search([[0.3, 0.3], [0.9, 0.9]], 1, &free);
         assert!(found.path.is_none());
-        assert!(found.nodes_n >= growth().max_nodes);
+        // In two dimensions the box is full before the nodes are: the checks end the search.
+        assert!(found.nodes_n >= growth().max_nodes || checks_n >= growth().max_checks);
         // The way to the nearest node ends in the corner of the box.
         let last = &found.nearest[found.nearest.len() - 1];
         assert!(METRIC.distance(last, &place(0.4, 0.4)) < 0.03, "{last:?}");
