@@ -1,10 +1,12 @@
 //! A scene that is advanced by commands that are not known beforehand, and copied at any moment.
 
+use nalgebra::Vector3;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    config::ControllerKind,
+    config::{ControllerKind, Support},
     error::SimulationError,
+    hand::LinkShape,
     settings::SettingFault,
     settled_scene::SettledScene,
     units::meters,
@@ -94,6 +96,22 @@ impl SettledScene {
         } else {
             Err(Diverged)
         }
+    }
+
+    /// Returns how far a hand that followed a command exactly would be below the table, in meters; 0 if it is above, or
+    /// there is none. The palm follows its commands even through the table.
+    pub fn below_table_m(&self, command: &HandCommand) -> f64 {
+        if self.scene.support != Support::Table {
+            return 0.0;
+        }
+        let palm_from_links = self.model.link_poses::<Palm>(|joint| command.q[joint]);
+        let table_from_palm = self.table_from_estimate() * command.object_from_palm;
+        let lowest_m = |shape: &LinkShape| {
+            let palm_from_link = palm_from_links[shape.link];
+            let table_from_shape = table_from_palm * palm_from_link * shape.link_from_shape;
+            shape.shape.lowest_m(&table_from_shape, &Vector3::z())
+        };
+        -self.shapes.iter().map(lowest_m).fold(0.0, f64::min)
     }
 
     /// Returns what can be seen of an episode of this scene.

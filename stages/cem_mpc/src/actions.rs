@@ -7,60 +7,49 @@ use spatial::Pose;
 
 /// Numbers that move the palm.
 const PALM: usize = 6;
-/// Range of a joint without limits, in radians, both ways from 0.
-const FREE_RANGE_RAD: f64 = std::f64::consts::PI;
+/// Greatest speeds of a command.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Speeds {
+    /// That of the palm's origin along each axis, in m/s.
+    pub(crate) palm_m_per_s: f64,
+    /// That of the palm about each axis, in rad/s.
+    pub(crate) palm_rad_per_s: f64,
+    /// That of a joint, in rad/s (m/s if prismatic).
+    pub(crate) joint_per_s: f64,
+}
 
-/// What the numbers of an action stand for: three speeds along the object's axes, three about them, and a position of
-/// each joint.
+/// What the numbers of an action stand for: the speed of the palm along each of the object's axes and about it, and that
+/// of each joint's command.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Actions {
     /// Speed of the palm's origin for a number of 1, in m/s.
     speed_m_per_s: f64,
     /// Its angular speed, in rad/s.
     turn_rad_per_s: f64,
+    /// Speed of a joint's command, in rad/s (m/s if prismatic).
+    joint_per_s: f64,
     /// Duration of a control step in seconds.
     control_s: f64,
-    /// Middle and half of each joint's range.
+    /// Least and greatest position of each joint.
     joints: Vec<[f64; 2]>,
 }
 
 impl Actions {
-    /// Returns the actions of a hand.
-    pub(crate) fn new(
-        hand: &RobotModel,
-        speed_m_per_s: f64,
-        turn_rad_per_s: f64,
-        control_s: f64,
-    ) -> Self {
-        let joints = hand.joints().iter().map(|joint| {
-            let [lower, upper] = [joint.lower, joint.upper]
-                .map(|limit| limit.clamp(-FREE_RANGE_RAD, FREE_RANGE_RAD));
-            [0.5 * (lower + upper), 0.5 * (upper - lower)]
-        });
+    /// Returns the actions of a hand whose numbers stand for these speeds.
+    pub(crate) fn new(hand: &RobotModel, speeds: &Speeds, control_s: f64) -> Self {
+        let joints = hand.joints().iter();
         Self {
-            speed_m_per_s,
-            turn_rad_per_s,
+            speed_m_per_s: speeds.palm_m_per_s,
+            turn_rad_per_s: speeds.palm_rad_per_s,
+            joint_per_s: speeds.joint_per_s,
             control_s,
-            joints: joints.collect(),
+            joints: joints.map(|joint| [joint.lower, joint.upper]).collect(),
         }
     }
 
     /// Returns how many numbers an action has.
     pub(crate) fn len(&self) -> usize {
         PALM + self.joints.len()
-    }
-
-    /// Returns the action that holds the palm where it is, and the fingers at these positions.
-    pub(crate) fn holding(&self, q: &[f64]) -> Vec<f64> {
-        let fingers = q.iter().zip(&self.joints);
-        let fingers = fingers.map(|(q, [middle, half])| {
-            if *half > 0.0 {
-                ((q - middle) / half).clamp(-1.0, 1.0)
-            } else {
-                0.0
-            }
-        });
-        std::iter::repeat_n(0.0, PALM).chain(fingers).collect()
     }
 
     /// Returns the command of an action after another command.
@@ -71,13 +60,14 @@ impl Actions {
         let turned = Vector3::new(number(3), number(4), number(5));
         let turn = UnitQuaternion::from_scaled_axis(turned * self.turn_rad_per_s * self.control_s);
         let at = before.object_from_palm;
-        let q = fingers.iter().zip(&self.joints);
+        let step = self.joint_per_s * self.control_s;
+        let q = before.q.iter().zip(fingers).zip(&self.joints);
         HandCommand {
             object_from_palm: Pose::from_parts(
                 at.translation.vector + moved * self.speed_m_per_s * self.control_s,
                 turn * at.rotation,
             ),
-            q: q.map(|(number, [middle, half])| middle + number * half)
+            q: q.map(|((q, number), [lower, upper])| (q + number * step).max(*lower).min(*upper))
                 .collect(),
         }
     }
@@ -94,9 +84,14 @@ mod tests {
         <limit lower="-0.5" upper="1.5" effort="1" velocity="1"/></joint></robot>"#;
 
     #[test]
-    fn an_action_moves_the_palm_by_its_speeds_and_sends_the_joints_within_their_limits() {
+    fn an_action_moves_palm_and_joints_by_its_speeds_and_no_joint_beyond_its_limits() {
         let hand = RobotModel::from_urdf(HAND).unwrap();
-        let actions = Actions::new(&hand, 1.0, 1.5, 0.02);
+        let speeds = Speeds {
+            palm_m_per_s: 1.0,
+            palm_rad_per_s: 1.5,
+            joint_per_s: 5.0,
+        };
+        let actions = Actions::new(&hand, &speeds, 0.02);
         assert_eq!(actions.len(), 7);
         let start = HandCommand {
             object_from_palm: Pose::new(Isometry3::new(
@@ -105,14 +100,18 @@ mod tests {
             )),
             q: vec![1.0],
         };
-        let held = actions.command(&start, &actions.holding(&start.q));
-        assert_eq!(held.object_from_palm, start.object_from_palm);
-        assert!((held.q[0] - 1.0).abs() < 1e-12);
+        let held = actions.command(&start, &[0.0; 7]);
+        assert_eq!(held, start);
         let moved = actions.command(&start, &[1.0, 0.0, -0.5, 0.0, 1.0, 0.0, -1.0]);
         let place = moved.object_from_palm.translation.vector;
         assert!((place - Vector3::new(0.12, 0.2, 0.29)).norm() < 1e-12);
         let angle = moved.object_from_palm.rotation.scaled_axis();
         assert!((angle - Vector3::new(0.0, 0.43, 0.0)).norm() < 1e-12);
-        assert_eq!(moved.q, [-0.5]);
+        assert!((moved.q[0] - 0.9).abs() < 1e-12);
+        let mut closed = start;
+        for _ in 0..8 {
+            closed = actions.command(&closed, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
+        }
+        assert_eq!(closed.q, [1.5]);
     }
 }

@@ -18,7 +18,7 @@ const MAX_VALUE: f64 = 1e6;
 
 /// Options of `kind = "cem_mpc"`.
 ///
-/// An action's numbers are from −1 to 1: the palm's speeds, and a position of each joint within its limits.
+/// An action's numbers are from −1 to 1, shares of the greatest speeds of palm and joints.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CemMpcConfig {
@@ -28,6 +28,9 @@ pub struct CemMpcConfig {
     /// The hand table: which points are fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
+    /// Objects for which motions are made, by name; empty: all
+    #[serde(default)]
+    pub objects: Vec<String>,
     /// Number of motions of each object that are made (4), to the grasps of its first candidates: each simulates about a
     /// thousand control steps for each of its own, and takes some ten seconds. The other candidates get none.
     #[serde(default = "defaults::per_object")]
@@ -60,6 +63,9 @@ pub struct CemMpcConfig {
     /// Greatest angular speed of the palm about each axis, in rad/s: a quarter turn in a second.
     #[serde(default = "defaults::max_turn_rad_per_s")]
     pub max_turn_rad_per_s: f64,
+    /// Greatest speed of a joint's command, in rad/s (m/s if prismatic): a little less than that of the hand's drives.
+    #[serde(default = "defaults::max_joint_speed_rad_per_s")]
+    pub max_joint_speed_rad_per_s: f64,
     /// Cost of a meter between the fingertips and the grasp's, as one vector, for each control step (1/m): that of the
     /// released code.
     #[serde(default = "defaults::tip_weight_per_m")]
@@ -67,6 +73,10 @@ pub struct CemMpcConfig {
     /// Cost of a meter by which the object is moved, for each control step (1/m): that of the released code.
     #[serde(default = "defaults::object_weight_per_m")]
     pub object_weight_per_m: f64,
+    /// Cost of a meter by which the commanded hand is below the table, for each control step (1/m): the palm would go through
+    /// it, and the screen refuses that. The released code has no such cost.
+    #[serde(default = "defaults::table_weight_per_m")]
+    pub table_weight_per_m: f64,
     /// Mean distance of the fingertips from the grasp's at which control ends, in meters: the last command is held from
     /// then on.
     #[serde(default = "defaults::tip_tolerance_m")]
@@ -119,8 +129,10 @@ impl CemMpcConfig {
         for (key, number) in [
             ("max_speed_m_per_s", self.max_speed_m_per_s),
             ("max_turn_rad_per_s", self.max_turn_rad_per_s),
+            ("max_joint_speed_rad_per_s", self.max_joint_speed_rad_per_s),
             ("tip_weight_per_m", self.tip_weight_per_m),
             ("object_weight_per_m", self.object_weight_per_m),
+            ("table_weight_per_m", self.table_weight_per_m),
             ("tip_tolerance_m", self.tip_tolerance_m),
         ] {
             let why = "physics computes with 32 bits";
@@ -165,6 +177,8 @@ mod defaults {
     pub(super) fn smoothing() -> f64 { 0.1 }
     pub(super) fn max_speed_m_per_s() -> f64 { 1.0 }
     pub(super) fn max_turn_rad_per_s() -> f64 { 1.57 }
+    pub(super) fn max_joint_speed_rad_per_s() -> f64 { 5.0 }
+    pub(super) fn table_weight_per_m() -> f64 { 10.0 }
     pub(super) fn tip_weight_per_m() -> f64 { 0.1 }
     pub(super) fn object_weight_per_m() -> f64 { 2.0 }
     pub(super) fn tip_tolerance_m() -> f64 { 0.01 }

@@ -97,8 +97,7 @@ impl Controller<'_> {
         let first = self.standing(&goal, &scene.observe(&episode));
         let config = self.config;
         let method = config.method();
-        let holding = self.actions.holding(&start.q);
-        let mut mean = holding.repeat(config.horizon);
+        let mut mean = vec![0.0; self.actions.len() * config.horizon];
         let mut commands = vec![start];
         let (mut searched_n, mut executed_n) = (0, 0);
         let mut standing = first;
@@ -123,10 +122,9 @@ impl Controller<'_> {
             reached = standing.tip_error_m < config.tip_tolerance_m;
             // The next search starts where this one left off; its last action is repeated.
             mean.drain(..self.actions.len());
-            mean.extend_from_within(mean.len() - self.actions.len().min(mean.len())..);
-            if mean.is_empty() {
-                mean.clone_from(&holding);
-            }
+            let kept_n = mean.len();
+            mean.extend_from_within(kept_n.saturating_sub(self.actions.len())..);
+            mean.resize(self.actions.len() * config.horizon, 0.0);
         }
         // What was commanded last is held to the end of the motion.
         let last_command = commands[commands.len() - 1].clone();
@@ -164,7 +162,8 @@ impl Controller<'_> {
             if scene.advance(&mut episode, &command).is_err() {
                 return (f64::INFINITY, steps_n);
             }
-            cost += self.standing(goal, &scene.observe(&episode)).cost;
+            cost += self.standing(goal, &scene.observe(&episode)).cost
+                + self.config.table_weight_per_m * scene.below_table_m(&command);
         }
         (cost, steps_n)
     }

@@ -13,9 +13,17 @@ use simulation::SimulationError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CemMpcError {
-    /// There is nothing to plan.
+    /// There is nothing to control.
     #[error("there are no candidates to control")]
     NoCandidates,
+    /// A name in the configuration is not an object with candidates.
+    #[error("there are no candidates for an object `{object}`")]
+    UnknownObject {
+        /// The name.
+        object: String,
+        /// The objects that have candidates.
+        known: Vec<String>,
+    },
     /// The candidates are for another hand.
     #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
     AnotherHand {
@@ -75,6 +83,7 @@ pub enum CemMpcError {
 impl Advise for CemMpcError {
     fn hint(&self) -> Option<String> {
         match self {
+            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::AnotherHand { .. } => Some(
                 "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
             ),

@@ -22,7 +22,7 @@ use spatial::{Object as InObject, Pose, RestingPose, Table as OnTable};
 
 use crate::{
     CemMpcConfig, CemMpcError,
-    actions::Actions,
+    actions::{Actions, Speeds},
     control::{ControlError, Controlled, Controller},
     tips::Fingertips,
 };
@@ -102,7 +102,8 @@ impl Output for CemMpc {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = Candidates::PARTITION;
-    const OPTIONS: OptionsUsed = OptionsUsed::All;
+    /// `objects` only chooses units.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
     const LINE: Option<Line<CemMpcMetrics>> = Some(|summary| {
         let metrics = &summary.metrics;
         let [n, reached] = [metrics.candidates, metrics.reached];
@@ -121,9 +122,20 @@ impl Output for CemMpc {
         if given.is_empty() {
             return Err(CemMpcError::NoCandidates);
         }
+        let keys = || given.iter().map(|given| given.key.as_str());
+        let is_known = |name: &&String| keys().any(|key| key == *name);
+        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
+            return Err(CemMpcError::UnknownObject {
+                object: object.clone(),
+                known: keys().map(str::to_owned).collect(),
+            });
+        }
+        let is_chosen =
+            |key: &str| config.objects.is_empty() || config.objects.iter().any(|name| name == key);
         let objects = scope.partitions(Object::NAME);
         let meshes = robot_meshes::sources(&config.hand)?;
-        let units = given.iter().map(|given| {
+        let chosen = given.iter().filter(|given| is_chosen(given.key.as_str()));
+        let units = chosen.map(|given| {
             let object = given.key.as_str();
             let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
@@ -168,12 +180,16 @@ impl Output for CemMpc {
             Err(source) => return failed(urdf, source),
         };
         let scene = &config.scene;
-        let [speed, turn] = [config.max_speed_m_per_s, config.max_turn_rad_per_s];
+        let speeds = Speeds {
+            palm_m_per_s: config.max_speed_m_per_s,
+            palm_rad_per_s: config.max_turn_rad_per_s,
+            joint_per_s: config.max_joint_speed_rad_per_s,
+        };
         let controller = Controller {
             config: &config,
             hand: &hand,
             tips: &tips,
-            actions: Actions::new(&hand, speed, turn, scene.control_step_s()),
+            actions: Actions::new(&hand, &speeds, scene.control_step_s()),
             steps_n: config.steps_n(),
         };
         let controlled = given.candidates.par_iter().enumerate();

@@ -106,3 +106,22 @@ fn drives_that_look_ahead_or_are_late_and_other_hands_commands_are_refused() {
     let refused = settled(&scene()).begin(&short);
     assert!(matches!(refused, Err(SimulationError::Motion(_))));
 }
+
+#[test]
+fn a_command_below_the_table_is_as_deep_as_its_lowest_link() {
+    let scene = settled(&scene());
+    let above = commands().remove(0);
+    assert_eq!(scene.below_table_m(&above), 0.0);
+    let lowered = |by_m: f64| {
+        let down = scene.table_from_estimate().rotation.inverse() * -nalgebra::Vector3::z();
+        scene.below_table_m(&HandCommand {
+            object_from_palm: above.object_from_palm.translated(&(down * by_m)),
+            q: above.q.clone(),
+        })
+    };
+    let [some, more] = [0.2, 0.23].map(lowered);
+    assert!(
+        some > 0.0 && (more - some - 0.03).abs() < 1e-9,
+        "{some} {more}"
+    );
+}
