@@ -215,3 +215,156 @@ fn on_clock(
     });
     Motion::of_joints(Arc::clone(given.joints()), steps.collect())?.differentiated()
 }
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use nalgebra::{Isometry3, Vector3};
+    use posture::HandTable;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use schemas::objects::Object as ObjectArtifact;
+    use simulation::{ObjectShape, TraceMode};
+    use spatial::{Pose, RestingPose};
+
+    use super::*;
+    use crate::{actions::Speeds, config};
+
+    /// A box of 0.3 kg, 6 by 6 by 10 cm, about its center.
+    fn carton() -> ObjectShape {
+        let half_m = [0.03, 0.03, 0.05];
+        let corner = |sides: usize| {
+            let side = |axis: usize| if sides >> axis & 1 == 0 { -1.0 } else { 1.0 };
+            [0, 1, 2].map(|axis: usize| half_m[axis] * side(axis))
+        };
+        let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let (mass_kg, across) = (0.3, 0.3 * (0.06_f64.powi(2) + 0.1_f64.powi(2)) / 12.0);
+        ObjectShape::from_artifact(&ObjectArtifact {
+            name: "carton".to_owned(),
+            mass_kg,
+            center_of_mass_m: [0.0; 3],
+            inertia_kg_m2: [
+                across,
+                across,
+                mass_kg * 0.06_f64.powi(2) / 6.0,
+                0.0,
+                0.0,
+                0.0,
+            ],
+            points_m: corners.clone(),
+            normals: vec![[0.0, 0.0, 1.0]; 8],
+            watertight: true,
+            mirror: None,
+            vertices_m: corners.clone(),
+            triangles: vec![[0, 1, 2]],
+            parts_m: vec![corners],
+            rests: Vec::new(),
+        })
+    }
+
+    /// The Allegro goes from 20 cm beside the carton to 6 cm beside it, and closes a little.
+    fn given(hand: &RobotModel) -> Motion<Object> {
+        let step = |share: f64| Step {
+            time_s: 1.5 * share,
+            frame_from_palm: Pose::new(Isometry3::new(
+                Vector3::new(-0.2 + 0.12 * share, 0.0, 0.12),
+                Vector3::new(0.0, 0.3 * share, 0.0),
+            )),
+            q_rad: hand
+                .mid_range()
+                .iter()
+                .map(|q| q * (0.5 + 0.2 * share))
+                .collect(),
+            rates: (),
+        };
+        let steps = (0..=10).map(|step_n| step(f64::from(step_n) / 10.0));
+        let motion = Motion::new(&hand.joint_names(), steps.collect()).unwrap();
+        motion.differentiated().unwrap()
+    }
+
+    /// Controls it at a part of the budget; returns what came of it, and after the screen's reach the fingertips' mean
+    /// distance from the grasp's and how far the object was moved, in meters.
+    fn control(seed: u64) -> (Controlled, [f64; 2]) {
+        let mut config = config::fixture();
+        config.population = 30;
+        config.elites = 5;
+        config.horizon = 3;
+        config.protocol.reach_s = 0.4;
+        config.protocol.early_tolerance_m = 1.0;
+        let urdf = fs::read_to_string(&config.hand).unwrap();
+        let hand = RobotModel::from_urdf(&urdf).unwrap();
+        let table: HandTable = fs::read_to_string(&config.hand_table)
+            .unwrap()
+            .parse()
+            .unwrap();
+        let tips = Fingertips::new(&hand, &table).unwrap();
+        let rest = RestingPose {
+            up_in_object: Vector3::z_axis(),
+            height_m: 0.05,
+        };
+        let scene = SettledScene::new(&config.scene, &hand, &carton(), &rest).unwrap();
+        let speeds = Speeds {
+            palm_m_per_s: config.max_speed_m_per_s,
+            palm_rad_per_s: config.max_turn_rad_per_s,
+            joint_per_s: config.max_joint_speed_rad_per_s,
+        };
+        let controller = Controller {
+            config: &config,
+            hand: &hand,
+            tips: &tips,
+            actions: Actions::new(&hand, &speeds, config.scene.control_step_s()),
+            steps_n: config.steps_n(),
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let controlled = controller.control(&scene, &given(&hand), &mut rng).unwrap();
+        let rollout = scene
+            .rollout(&controlled.motion, &config.protocol, TraceMode::Trace)
+            .unwrap();
+        let trace = rollout.trace.unwrap();
+        let end = &trace.steps[config.steps_n()];
+        let screened = tips.places(&hand, &end.table_from_palm, &end.q);
+        let goal = given(&hand);
+        let goal = goal.grasp();
+        let table_from_palm = scene.table_from_estimate() * goal.frame_from_palm;
+        let goal = tips.places(&hand, &table_from_palm, &goal.q_rad);
+        let moved =
+            end.table_from_object.translation.vector - scene.table_from_object().translation.vector;
+        (
+            controlled,
+            [mean_distance_m(&screened, &goal), moved.norm()],
+        )
+    }
+
+    #[test]
+    fn the_cost_falls_and_the_screen_executes_what_was_commanded() {
+        let (controlled, [tip_error_m, moved_m]) = control(5);
+        let [first, last] = [controlled.first, controlled.last];
+        assert!(last.cost < 0.5 * first.cost, "{first:?} {last:?}");
+        assert!(
+            last.tip_error_m < 0.5 * first.tip_error_m,
+            "{first:?} {last:?}"
+        );
+        // The screen ends with the same fingertips and the same object, but for the rounding of its clock.
+        assert!(
+            (tip_error_m - last.tip_error_m).abs() < 1e-4,
+            "{tip_error_m} {last:?}"
+        );
+        assert!(
+            (moved_m - last.object_moved_m).abs() < 1e-4,
+            "{moved_m} {last:?}"
+        );
+        // Twenty steps of two iterations of thirty draws of three actions, unless it was there before.
+        assert_eq!(controlled.searched_n, 180 * controlled.executed_n);
+        assert_eq!(controlled.motion.steps().len(), 21);
+        assert!(controlled.reached || controlled.executed_n == 20);
+        assert_eq!(controlled.motion.duration_s(), 1.5);
+    }
+
+    #[test]
+    fn equal_seeds_give_equal_motions() {
+        let [a, b, c] = [3, 3, 4].map(|seed| control(seed).0.motion);
+        assert_eq!(a, b);
+        assert_ne!(a, c);
+    }
+}
