@@ -125,6 +125,7 @@ impl Controller<'_> {
             let kept_n = mean.len();
             mean.extend_from_within(kept_n.saturating_sub(self.actions.len())..);
             mean.resize(self.actions.len() * config.horizon, 0.0);
+            mean.iter_mut().for_each(|number| *number *= config.memory);
         }
         // What was commanded last is held to the end of the motion.
         let last_command = commands[commands.len() - 1].clone();
