@@ -7,15 +7,16 @@ use spatial::Pose;
 
 /// Numbers that move the palm.
 const PALM: usize = 6;
+
 /// Greatest speeds of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Speeds {
     /// That of the palm's origin along each axis, in m/s.
-    pub(crate) palm_m_per_s: f64,
+    pub(crate) palm: f64,
     /// That of the palm about each axis, in rad/s.
-    pub(crate) palm_rad_per_s: f64,
+    pub(crate) turn: f64,
     /// That of a joint, in rad/s (m/s if prismatic).
-    pub(crate) joint_per_s: f64,
+    pub(crate) joint: f64,
 }
 
 /// What the numbers of an action stand for: the speed of the palm along each of the object's axes and about it, and that
@@ -39,9 +40,9 @@ impl Actions {
     pub(crate) fn new(hand: &RobotModel, speeds: &Speeds, control_s: f64) -> Self {
         let joints = hand.joints().iter();
         Self {
-            speed_m_per_s: speeds.palm_m_per_s,
-            turn_rad_per_s: speeds.palm_rad_per_s,
-            joint_per_s: speeds.joint_per_s,
+            speed_m_per_s: speeds.palm,
+            turn_rad_per_s: speeds.turn,
+            joint_per_s: speeds.joint,
             control_s,
             joints: joints.map(|joint| [joint.lower, joint.upper]).collect(),
         }
@@ -87,9 +88,9 @@ mod tests {
     fn an_action_moves_palm_and_joints_by_its_speeds_and_no_joint_beyond_its_limits() {
         let hand = RobotModel::from_urdf(HAND).unwrap();
         let speeds = Speeds {
-            palm_m_per_s: 1.0,
-            palm_rad_per_s: 1.5,
-            joint_per_s: 5.0,
+            palm: 1.0,
+            turn: 1.5,
+            joint: 5.0,
         };
         let actions = Actions::new(&hand, &speeds, 0.02);
         assert_eq!(actions.len(), 7);

@@ -125,7 +125,9 @@ impl Controller<'_> {
             let kept_n = mean.len();
             mean.extend_from_within(kept_n.saturating_sub(self.actions.len())..);
             mean.resize(self.actions.len() * config.horizon, 0.0);
-            mean.iter_mut().for_each(|number| *number *= config.memory);
+            for number in &mut mean {
+                *number *= config.memory;
+            }
         }
         // What was commanded last is held to the end of the motion.
         let last_command = commands[commands.len() - 1].clone();
@@ -306,9 +308,9 @@ mod tests {
         };
         let scene = SettledScene::new(&config.scene, &hand, &carton(), &rest).unwrap();
         let speeds = Speeds {
-            palm_m_per_s: config.max_speed_m_per_s,
-            palm_rad_per_s: config.max_turn_rad_per_s,
-            joint_per_s: config.max_joint_speed_rad_per_s,
+            palm: config.max_speed_m_per_s,
+            turn: config.max_turn_rad_per_s,
+            joint: config.max_joint_speed_rad_per_s,
         };
         let controller = Controller {
             config: &config,

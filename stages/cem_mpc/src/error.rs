@@ -92,7 +92,6 @@ impl Advise for CemMpcError {
                 missing(path)
             )),
             Self::HandTable { source, .. } => source.hint(),
-            Self::Hand { .. } => None,
             Self::NoFingertip { .. } => Some(
                 "give the points at the fingertips a `tip_radius_m`; one of them is enough"
                     .to_owned(),
@@ -102,7 +101,7 @@ impl Advise for CemMpcError {
             }),
             Self::LoadRobot(err) => err.hint(),
             Self::Lake(err) => err.hint(),
-            Self::NoCandidates => None,
+            Self::Hand { .. } | Self::NoCandidates => None,
         }
     }
 

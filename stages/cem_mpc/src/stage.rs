@@ -181,11 +181,11 @@ impl Output for CemMpc {
         };
         let scene = &config.scene;
         let speeds = Speeds {
-            palm_m_per_s: config.max_speed_m_per_s,
-            palm_rad_per_s: config.max_turn_rad_per_s,
-            joint_per_s: config.max_joint_speed_rad_per_s,
+            palm: config.max_speed_m_per_s,
+            turn: config.max_turn_rad_per_s,
+            joint: config.max_joint_speed_rad_per_s,
         };
-        let controller = Controller {
+        let mpc = Controller {
             config: &config,
             hand: &hand,
             tips: &tips,
@@ -199,7 +199,7 @@ impl Output for CemMpc {
             cpu_time::measured(|| {
                 let scene = scenes.of_candidate(candidate)?;
                 let motion = candidate.motion.reordered(&joints)?;
-                controller.control(scene, &motion, &mut rng)
+                mpc.control(scene, &motion, &mut rng)
             })
         });
         let controlled: Vec<_> = controlled.collect();
