@@ -7,6 +7,7 @@ use report_retarget::RetargetReport;
 use report_sample::SampleReport;
 use report_screen::ScreenReport;
 use report_train::TrainReport;
+use stage_cem_mpc::CemMpc;
 use stage_eigengrasp::Eigengrasp;
 use stage_force_closure::ForceClosure;
 use stage_interpolate::Interpolate;
@@ -14,6 +15,7 @@ use stage_program::{Program, Shipped};
 use stage_refine::Refine;
 use stage_replay::Replay;
 use stage_report::Report;
+use stage_rrt::Rrt;
 use stage_transfer::Transfer;
 
 use crate::sample;
@@ -31,6 +33,8 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Eigengrasp>(),
         Kind::of::<ForceClosure>(),
         Kind::of::<Refine>(),
+        Kind::of::<Rrt>(),
+        Kind::of::<CemMpc>(),
         Kind::reported::<ScreenReport>(),
         Kind::reported::<DispatchReport>(),
         Kind::of::<Report>(),

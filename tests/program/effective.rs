@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 23] = [
+const FILES: [&str; 24] = [
     "cgf",
     "agreement",
     "arm",
@@ -24,6 +24,7 @@ const FILES: [&str; 23] = [
     "interpolation",
     "noise",
     "paper",
+    "planners",
     "refinement",
     "refinement_parts",
     "released",

@@ -18,6 +18,7 @@
 mod config;
 mod contact;
 mod desired;
+mod episode;
 mod error;
 mod hand;
 mod judge;
@@ -41,6 +42,7 @@ pub use config::{
     SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
+pub use episode::{Diverged, Episode, EpisodeState, HandCommand};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;

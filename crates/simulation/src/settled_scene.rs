@@ -37,7 +37,7 @@ pub struct SettledScene {
     pub(crate) model: RobotModel,
     pub(crate) hand: HandBodies,
     pub(crate) object: RigidBodyHandle,
-    shapes: Vec<LinkShape>,
+    pub(crate) shapes: Vec<LinkShape>,
     hulls: Vec<SharedShape>,
     /// The object's surface, where its parts only stand for it.
     pub(crate) surface: Option<SurfaceDistance>,

@@ -2,6 +2,7 @@
 //! agreement with recorded verdicts of another engine.
 
 mod bodies;
+mod episode;
 mod errors;
 mod feedforward;
 mod grasps;

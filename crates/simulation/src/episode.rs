@@ -1,0 +1,135 @@
+//! A scene that is advanced by commands that are not known beforehand, and copied at any moment.
+
+use nalgebra::Vector3;
+use spatial::{Object, Palm, Pose, Table};
+
+use crate::{
+    config::{ControllerKind, Support},
+    error::SimulationError,
+    hand::LinkShape,
+    settings::SettingFault,
+    settled_scene::SettledScene,
+    units::meters,
+    world::{Overflow, World},
+};
+
+/// Speed in m/s and rad/s that only a failed simulation exceeds: that of a rollout's verdict.
+const IMPLAUSIBLE_SPEED: f64 = 300.0;
+
+/// A hand and an object at one moment, with all that physics remembers: whatever is done to a copy, it goes on from the
+/// same bits.
+pub struct Episode {
+    world: World,
+}
+
+/// Command to palm and fingers for one control step.
+#[derive(Debug, Clone, PartialEq)]
+pub struct HandCommand {
+    /// Pose of the palm at the end of the step, in the frame of the object as it lay.
+    pub object_from_palm: Pose<Object, Palm>,
+    /// Positions to which the fingers are driven during the step, in radians (meters if prismatic), in the order of the
+    /// hand's joints.
+    pub q: Vec<f64>,
+}
+
+/// What can be seen of an episode.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EpisodeState {
+    /// Pose of the palm in the frame of the table.
+    pub table_from_palm: Pose<Table, Palm>,
+    /// Joint positions in radians (meters if prismatic).
+    pub q: Vec<f64>,
+    /// Pose of the object in the frame of the table.
+    pub table_from_object: Pose<Table, Object>,
+}
+
+/// A body's numbers overflowed, or it is faster than anything can be.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
+#[error("the simulation diverged")]
+pub struct Diverged;
+
+impl SettledScene {
+    /// Places the hand, at rest, beside the settled object.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the command has not one position per joint, if a position is no number, or if the fingers' drives look
+    /// ahead or are late: what they will be told is not known.
+    pub fn begin(&self, start: &HandCommand) -> Result<Episode, SimulationError> {
+        if self.scene.drive.controller != ControllerKind::Pd {
+            let problem = "looks ahead, and the next command is not known: choose `pd`";
+            return Err(SettingFault::new("drive.controller", problem).into());
+        }
+        if self.scene.delay_steps() > 0 {
+            let problem = "must be 0: commands take effect at once";
+            return Err(SettingFault::new("drive.delay_s", problem).into());
+        }
+        if start.q.len() != self.model.dof() || start.q.iter().any(|q| !q.is_finite()) {
+            let message = format!("{:?} are not positions of its joints", start.q);
+            return Err(SimulationError::Motion(message));
+        }
+        let mut world = self.world.fork();
+        let table_from_palm = self.table_from_estimate() * start.object_from_palm;
+        self.hand.place(&mut world, &table_from_palm, &start.q);
+        Ok(Episode { world })
+    }
+
+    /// Advances an episode of this scene by one control step, as in the reach of a rollout.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the simulation diverges; from then on nothing is to be seen in it.
+    pub fn advance(&self, episode: &mut Episode, command: &HandCommand) -> Result<(), Diverged> {
+        let world = &mut episode.world;
+        let target = self.table_from_estimate() * command.object_from_palm;
+        self.hand
+            .move_palm(world, &target, self.scene.control_step_s());
+        for _ in 0..self.scene.steps_per_control {
+            self.hand.drive(world, &command.q);
+            world.step().map_err(|Overflow| Diverged)?;
+            self.hand.limit_speed(world);
+        }
+        let object = world.bodies.get(self.object).ok_or(Diverged)?;
+        let speed = meters(object.linvel().length()).max(f64::from(object.angvel().length()));
+        if speed < IMPLAUSIBLE_SPEED && self.hand.fastest(world) < IMPLAUSIBLE_SPEED {
+            Ok(())
+        } else {
+            Err(Diverged)
+        }
+    }
+
+    /// Returns how far a hand that followed a command exactly would be below the table, in meters; 0 if it is above, or
+    /// there is none. The palm follows its commands even through the table.
+    pub fn below_table_m(&self, command: &HandCommand) -> f64 {
+        if self.scene.support != Support::Table {
+            return 0.0;
+        }
+        let palm_from_links = self.model.link_poses::<Palm>(|joint| command.q[joint]);
+        let table_from_palm = self.table_from_estimate() * command.object_from_palm;
+        let lowest_m = |shape: &LinkShape| {
+            let palm_from_link = palm_from_links[shape.link];
+            let table_from_shape = table_from_palm * palm_from_link * shape.link_from_shape;
+            shape.shape.lowest_m(&table_from_shape, &Vector3::z())
+        };
+        -self.shapes.iter().map(lowest_m).fold(0.0, f64::min)
+    }
+
+    /// Returns what can be seen of an episode of this scene.
+    pub fn observe(&self, episode: &Episode) -> EpisodeState {
+        EpisodeState {
+            table_from_palm: self.hand.table_from_palm(&episode.world),
+            q: self.hand.positions(&episode.world),
+            table_from_object: self.table_from_object_in(&episode.world),
+        }
+    }
+}
+
+impl Episode {
+    /// Returns an independent copy.
+    #[must_use]
+    pub fn fork(&self) -> Self {
+        Self {
+            world: self.world.fork(),
+        }
+    }
+}

@@ -1,0 +1,373 @@
+//! Control of one motion: search, execute the first action, shift, until the fingertips are there.
+
+use std::sync::Arc;
+
+use motion::{Motion, MotionError, Step};
+use nalgebra::Point3;
+use rand::Rng;
+use robot::RobotModel;
+use simulation::{Episode, EpisodeState, HandCommand, SettledScene, SimulationError};
+use spatial::Object;
+
+use crate::{
+    CemMpcConfig,
+    actions::Actions,
+    cross_entropy::CrossEntropy,
+    tips::{Fingertips, distance_m, mean_distance_m},
+};
+
+/// What all motions of a hand share.
+pub(crate) struct Controller<'a> {
+    pub(crate) config: &'a CemMpcConfig,
+    pub(crate) hand: &'a RobotModel,
+    pub(crate) tips: &'a Fingertips,
+    pub(crate) actions: Actions,
+    /// Control steps of a motion.
+    pub(crate) steps_n: usize,
+}
+
+/// A commanded motion, and what it cost.
+#[derive(Debug, Clone)]
+pub(crate) struct Controlled {
+    /// The commands in the object's frame, with the hand's joints, on the clock of the motion that was given.
+    pub(crate) motion: Motion<Object>,
+    /// Control steps simulated by the searches.
+    pub(crate) searched_n: u64,
+    /// Control steps executed until the fingertips were there, or to the end.
+    pub(crate) executed_n: u64,
+    /// Whether the fingertips came to the grasp's.
+    pub(crate) reached: bool,
+    /// Where it began.
+    pub(crate) first: Standing,
+    /// Where it ended, with the last command held to the end of the motion.
+    pub(crate) last: Standing,
+}
+
+/// How far a hand and an object are from the grasp.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Standing {
+    /// Cost of a control step that ends here.
+    pub(crate) cost: f64,
+    /// Mean distance of the fingertips from the grasp's, in meters.
+    pub(crate) tip_error_m: f64,
+    /// How far the object was moved, in meters.
+    pub(crate) object_moved_m: f64,
+}
+
+/// The grasp as a goal.
+struct Goal {
+    tips: Vec<Point3<f64>>,
+    object: Point3<f64>,
+}
+
+/// Why a motion could not be controlled.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum ControlError {
+    /// Its steps form no motion.
+    #[error(transparent)]
+    Motion(#[from] MotionError),
+    /// It cannot be simulated.
+    #[error(transparent)]
+    Simulation(#[from] SimulationError),
+}
+
+impl Controller<'_> {
+    /// Controls the hand from the first step of a motion, with the hand's joints, to the fingertips of its last.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the motion is not one of the hand, or steps are so near in time that rates are not finite.
+    pub(crate) fn control(
+        &self,
+        scene: &SettledScene,
+        given: &Motion<Object>,
+        rng: &mut impl Rng,
+    ) -> Result<Controlled, ControlError> {
+        let [start, grasp] = [given.first(), given.grasp()];
+        let start = HandCommand {
+            object_from_palm: start.frame_from_palm,
+            q: start.q_rad.clone(),
+        };
+        let table_from_palm = scene.table_from_estimate() * grasp.frame_from_palm;
+        let goal = Goal {
+            tips: self.tips.places(self.hand, &table_from_palm, &grasp.q_rad),
+            object: scene.table_from_object().translation.vector.into(),
+        };
+        let mut episode = scene.begin(&start)?;
+        let first = self.standing(&goal, &scene.observe(&episode));
+        let config = self.config;
+        let method = config.method();
+        let mut mean = vec![0.0; self.actions.len() * config.horizon];
+        let mut commands = vec![start];
+        let (mut searched_n, mut executed_n) = (0, 0);
+        let mut standing = first;
+        let mut reached = first.tip_error_m < config.tip_tolerance_m;
+        while !reached && commands.len() <= self.steps_n {
+            let before = commands[commands.len() - 1].clone();
+            let cost = |plan: &[f64]| {
+                let (cost, steps_n) = self.cost(scene, &episode, &goal, &before, plan);
+                searched_n += steps_n;
+                cost
+            };
+            mean = method.minimize(mean, cost, rng);
+            let command = self.actions.command(&before, &mean[..self.actions.len()]);
+            let advanced = scene.advance(&mut episode, &command);
+            executed_n += 1;
+            commands.push(command);
+            if advanced.is_err() {
+                // Screened, it diverges again, and is a row of its own.
+                break;
+            }
+            standing = self.standing(&goal, &scene.observe(&episode));
+            reached = standing.tip_error_m < config.tip_tolerance_m;
+            // The next search starts where this one left off; its last action is repeated.
+            mean.drain(..self.actions.len());
+            let kept_n = mean.len();
+            mean.extend_from_within(kept_n.saturating_sub(self.actions.len())..);
+            mean.resize(self.actions.len() * config.horizon, 0.0);
+            for number in &mut mean {
+                *number *= config.memory;
+            }
+        }
+        // What was commanded last is held to the end of the motion.
+        let last_command = commands[commands.len() - 1].clone();
+        while commands.len() <= self.steps_n {
+            if scene.advance(&mut episode, &last_command).is_ok() {
+                standing = self.standing(&goal, &scene.observe(&episode));
+            }
+            commands.push(last_command.clone());
+        }
+        Ok(Controlled {
+            motion: on_clock(given, &commands)?,
+            searched_n,
+            executed_n,
+            reached,
+            first,
+            last: standing,
+        })
+    }
+
+    /// Returns the cost of a sequence of actions from a state, and the control steps simulated for it.
+    fn cost(
+        &self,
+        scene: &SettledScene,
+        from: &Episode,
+        goal: &Goal,
+        before: &HandCommand,
+        plan: &[f64],
+    ) -> (f64, u64) {
+        let mut episode = from.fork();
+        let mut command = before.clone();
+        let (mut cost, mut steps_n) = (0.0, 0);
+        for action in plan.chunks_exact(self.actions.len()) {
+            command = self.actions.command(&command, action);
+            steps_n += 1;
+            if scene.advance(&mut episode, &command).is_err() {
+                return (f64::INFINITY, steps_n);
+            }
+            cost += self.standing(goal, &scene.observe(&episode)).cost
+                + self.config.table_weight_per_m * scene.below_table_m(&command);
+        }
+        (cost, steps_n)
+    }
+
+    /// Returns how far a state is from the goal.
+    fn standing(&self, goal: &Goal, state: &EpisodeState) -> Standing {
+        let tips = self
+            .tips
+            .places(self.hand, &state.table_from_palm, &state.q);
+        let object: Point3<f64> = state.table_from_object.translation.vector.into();
+        let object_moved_m = (object - goal.object).norm();
+        let config = self.config;
+        Standing {
+            cost: config.tip_weight_per_m * distance_m(&tips, &goal.tips)
+                + config.object_weight_per_m * object_moved_m,
+            tip_error_m: mean_distance_m(&tips, &goal.tips),
+            object_moved_m,
+        }
+    }
+}
+
+impl CemMpcConfig {
+    /// Returns how draws become actions.
+    fn method(&self) -> CrossEntropy {
+        CrossEntropy {
+            population: self.population,
+            elites: self.elites,
+            iterations: self.iterations,
+            initial_sd: self.initial_sd,
+            min_sd: self.min_sd,
+            smoothing: self.smoothing,
+        }
+    }
+}
+
+/// Returns commands as a motion, evenly spaced from the first time of another one to its last: the screen stretches a
+/// motion to its reach, and there they are one control step apart.
+fn on_clock(
+    given: &Motion<Object>,
+    commands: &[HandCommand],
+) -> Result<Motion<Object>, MotionError> {
+    let between_s = given.duration_s() / (commands.len() - 1).max(1) as f64;
+    let first_s = given.first().time_s;
+    let steps = commands.iter().enumerate().map(|(idx, command)| Step {
+        time_s: first_s + between_s * idx as f64,
+        frame_from_palm: command.object_from_palm,
+        q_rad: command.q.clone(),
+        rates: (),
+    });
+    Motion::of_joints(Arc::clone(given.joints()), steps.collect())?.differentiated()
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use nalgebra::{Isometry3, Vector3};
+    use posture::HandTable;
+    use rand::SeedableRng;
+    use rand_chacha::ChaCha8Rng;
+    use schemas::objects::Object as ObjectArtifact;
+    use simulation::{ObjectShape, TraceMode};
+    use spatial::{Pose, RestingPose};
+
+    use super::*;
+    use crate::{actions::Speeds, config};
+
+    /// A box of 0.3 kg, 6 by 6 by 10 cm, about its center.
+    fn carton() -> ObjectShape {
+        let half_m = [0.03, 0.03, 0.05];
+        let corner = |sides: usize| {
+            let side = |axis: usize| if sides >> axis & 1 == 0 { -1.0 } else { 1.0 };
+            [0, 1, 2].map(|axis: usize| half_m[axis] * side(axis))
+        };
+        let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let (mass_kg, across) = (0.3, 0.3 * (0.06_f64.powi(2) + 0.1_f64.powi(2)) / 12.0);
+        ObjectShape::from_artifact(&ObjectArtifact {
+            name: "carton".to_owned(),
+            mass_kg,
+            center_of_mass_m: [0.0; 3],
+            inertia_kg_m2: [
+                across,
+                across,
+                mass_kg * 0.06_f64.powi(2) / 6.0,
+                0.0,
+                0.0,
+                0.0,
+            ],
+            points_m: corners.clone(),
+            normals: vec![[0.0, 0.0, 1.0]; 8],
+            watertight: true,
+            mirror: None,
+            vertices_m: corners.clone(),
+            triangles: vec![[0, 1, 2]],
+            parts_m: vec![corners],
+            rests: Vec::new(),
+        })
+    }
+
+    /// The Allegro goes from 20 cm beside the carton to 6 cm beside it, and closes a little.
+    fn given(hand: &RobotModel) -> Motion<Object> {
+        let step = |share: f64| Step {
+            time_s: 1.5 * share,
+            frame_from_palm: Pose::new(Isometry3::new(
+                Vector3::new(-0.2 + 0.12 * share, 0.0, 0.12),
+                Vector3::new(0.0, 0.3 * share, 0.0),
+            )),
+            q_rad: hand
+                .mid_range()
+                .iter()
+                .map(|q| q * (0.5 + 0.2 * share))
+                .collect(),
+            rates: (),
+        };
+        let steps = (0..=10).map(|step_n| step(f64::from(step_n) / 10.0));
+        let motion = Motion::new(&hand.joint_names(), steps.collect()).unwrap();
+        motion.differentiated().unwrap()
+    }
+
+    /// Controls it at a part of the budget; returns what came of it, and after the screen's reach the fingertips' mean
+    /// distance from the grasp's and how far the object was moved, in meters.
+    fn control(seed: u64) -> (Controlled, [f64; 2]) {
+        let mut config = config::fixture();
+        config.population = 30;
+        config.elites = 5;
+        config.horizon = 3;
+        config.protocol.reach_s = 0.4;
+        config.protocol.early_tolerance_m = 1.0;
+        let urdf = fs::read_to_string(&config.hand).unwrap();
+        let hand = RobotModel::from_urdf(&urdf).unwrap();
+        let table: HandTable = fs::read_to_string(&config.hand_table)
+            .unwrap()
+            .parse()
+            .unwrap();
+        let tips = Fingertips::new(&hand, &table).unwrap();
+        let rest = RestingPose {
+            up_in_object: Vector3::z_axis(),
+            height_m: 0.05,
+        };
+        let scene = SettledScene::new(&config.scene, &hand, &carton(), &rest).unwrap();
+        let speeds = Speeds {
+            palm: config.max_speed_m_per_s,
+            turn: config.max_turn_rad_per_s,
+            joint: config.max_joint_speed_rad_per_s,
+        };
+        let controller = Controller {
+            config: &config,
+            hand: &hand,
+            tips: &tips,
+            actions: Actions::new(&hand, &speeds, config.scene.control_step_s()),
+            steps_n: config.steps_n(),
+        };
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let controlled = controller.control(&scene, &given(&hand), &mut rng).unwrap();
+        let rollout = scene
+            .rollout(&controlled.motion, &config.protocol, TraceMode::Trace)
+            .unwrap();
+        let trace = rollout.trace.unwrap();
+        let end = &trace.steps[config.steps_n()];
+        let screened = tips.places(&hand, &end.table_from_palm, &end.q);
+        let goal = given(&hand);
+        let goal = goal.grasp();
+        let table_from_palm = scene.table_from_estimate() * goal.frame_from_palm;
+        let goal = tips.places(&hand, &table_from_palm, &goal.q_rad);
+        let moved =
+            end.table_from_object.translation.vector - scene.table_from_object().translation.vector;
+        (
+            controlled,
+            [mean_distance_m(&screened, &goal), moved.norm()],
+        )
+    }
+
+    #[test]
+    fn the_cost_falls_and_the_screen_executes_what_was_commanded() {
+        let (controlled, [tip_error_m, moved_m]) = control(5);
+        let [first, last] = [controlled.first, controlled.last];
+        assert!(last.cost < 0.5 * first.cost, "{first:?} {last:?}");
+        assert!(
+            last.tip_error_m < 0.5 * first.tip_error_m,
+            "{first:?} {last:?}"
+        );
+        // The screen ends with the same fingertips and the same object, but for the rounding of its clock.
+        assert!(
+            (tip_error_m - last.tip_error_m).abs() < 1e-4,
+            "{tip_error_m} {last:?}"
+        );
+        assert!(
+            (moved_m - last.object_moved_m).abs() < 1e-4,
+            "{moved_m} {last:?}"
+        );
+        // Twenty steps of two iterations of thirty draws of three actions, unless it was there before.
+        assert_eq!(controlled.searched_n, 180 * controlled.executed_n);
+        assert_eq!(controlled.motion.steps().len(), 21);
+        assert!(controlled.reached || controlled.executed_n == 20);
+        assert_eq!(controlled.motion.duration_s(), 1.5);
+    }
+
+    #[test]
+    fn equal_seeds_give_equal_motions() {
+        let [a, b, c] = [3, 3, 4].map(|seed| control(seed).0.motion);
+        assert_eq!(a, b);
+        assert_ne!(a, c);
+    }
+}

@@ -1,0 +1,111 @@
+//! Why no motions could be controlled.
+
+use std::{io, path::PathBuf};
+
+use dataflow::{Advise, missing};
+use lake::LakeError;
+use posture::PostureError;
+use robot::{JointMismatch, RobotError};
+use robot_meshes::LoadError;
+use simulation::SimulationError;
+
+/// Why no motions could be controlled.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum CemMpcError {
+    /// There is nothing to control.
+    #[error("there are no candidates to control")]
+    NoCandidates,
+    /// A name in the configuration is not an object with candidates.
+    #[error("there are no candidates for an object `{object}`")]
+    UnknownObject {
+        /// The name.
+        object: String,
+        /// The objects that have candidates.
+        known: Vec<String>,
+    },
+    /// The candidates are for another hand.
+    #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
+    AnotherHand {
+        /// The object.
+        object: String,
+        /// The hand's URDF.
+        path: PathBuf,
+        /// How their joints differ from the hand's.
+        source: JointMismatch,
+    },
+    /// The hand table cannot be read.
+    #[error("cannot read the hand table `{}`", path.display())]
+    ReadHandTable {
+        /// The file.
+        path: PathBuf,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The hand's URDF cannot be used, or lacks a link that its table names.
+    #[error("cannot use the hand's URDF `{}`", path.display())]
+    Hand {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: RobotError,
+    },
+    /// The hand table cannot be used.
+    #[error("cannot use the hand table `{}`", path.display())]
+    HandTable {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong with it.
+        source: PostureError,
+    },
+    /// The hand table marks no fingertip.
+    #[error("the hand table `{}` marks no fingertip", path.display())]
+    NoFingertip {
+        /// The file.
+        path: PathBuf,
+    },
+    /// Nothing can be simulated with this hand and these options.
+    #[error("cannot simulate the hand `{}`", path.display())]
+    Simulation {
+        /// The hand's URDF.
+        path: PathBuf,
+        /// What is wrong.
+        source: SimulationError,
+    },
+    /// The robot cannot be loaded.
+    #[error(transparent)]
+    LoadRobot(#[from] LoadError),
+    /// An artifact cannot be read or written.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+impl Advise for CemMpcError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::AnotherHand { .. } => Some(
+                "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
+            ),
+            Self::ReadHandTable { path, .. } => Some(format!(
+                "set `hand_table` to the table of a robot hand; {}",
+                missing(path)
+            )),
+            Self::HandTable { source, .. } => source.hint(),
+            Self::NoFingertip { .. } => Some(
+                "give the points at the fingertips a `tip_radius_m`; one of them is enough"
+                    .to_owned(),
+            ),
+            Self::Simulation { source, .. } => source.hint().or_else(|| {
+                Some("`pipeline stages cem_mpc` lists every option with its unit".to_owned())
+            }),
+            Self::LoadRobot(err) => err.hint(),
+            Self::Lake(err) => err.hint(),
+            Self::Hand { .. } | Self::NoCandidates => None,
+        }
+    }
+
+    fn lacks(&self) -> Option<&'static str> {
+        matches!(self, Self::NoCandidates).then_some("candidates")
+    }
+}

@@ -1,0 +1,342 @@
+//! The stage: one unit per object.
+
+use std::{fs, path::Path};
+
+use dataflow::{
+    Code, Context, Form, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, SourceFile, Stage, Sum, Unit,
+};
+use lake::{ReadInputs, WriteArtifact};
+use posture::HandTable;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use robot::{JointOrder, RobotModel};
+use schemas::{
+    Table,
+    candidates::{Candidate, Candidates, DrawSource, Origin},
+    objects::Object,
+};
+use simulation::{ObjectShape, SettledScene, SimulationError, check_hand};
+use spatial::{Object as InObject, Pose, RestingPose, Table as OnTable};
+
+use crate::{
+    CemMpcConfig, CemMpcError,
+    actions::{Actions, Speeds},
+    control::{ControlError, Controlled, Controller},
+    tips::Fingertips,
+};
+
+/// Moves the hand to the grasp of each motion by model predictive control with the cross-entropy method.
+pub struct CemMpc;
+
+/// What the candidates say controlled them.
+const GENERATOR: &str = "cem_mpc";
+/// The hand table is fingerprinted by its parsed content.
+const HAND_TABLE: Form = Form {
+    name: "hand table",
+    of: |bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let table: HandTable = text.parse().ok()?;
+        Some(table.to_toml().into_bytes())
+    },
+};
+
+dataflow::metrics! {
+    /// Metrics of an object's controlled motions.
+    pub struct CemMpcMetrics {
+        /// Number of candidates.
+        candidates: Sum,
+        /// Number of those whose fingertips came to the grasp's.
+        reached: Sum,
+        /// Control steps simulated by the searches, for all candidates.
+        searched_steps: Sum,
+        /// Control steps executed.
+        executed_steps: Sum,
+        /// Mean cost of a control step at the start.
+        first_cost: Mean,
+        /// Mean cost of a control step at the end.
+        last_cost: Mean,
+        /// Mean distance of the fingertips from the grasp's at the start, in meters.
+        first_tip_error_m: Mean,
+        /// The same at the end.
+        last_tip_error_m: Mean,
+        /// How far the object was moved, in meters.
+        object_moved_m: Mean,
+        /// Processor time of searches and execution in seconds.
+        cpu_s: Sum,
+    }
+}
+
+impl Stage for CemMpc {
+    type Config = CemMpcConfig;
+    type Error = CemMpcError;
+
+    const KIND: &'static str = "cem_mpc";
+    const ABOUT: &'static str = "Moves the hand to the grasp of each motion by model predictive control with the \
+                                 cross-entropy method";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+
+    fn check(config: &CemMpcConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand and its table, and that the hand can be simulated as the options say.
+    fn prepare(config: &CemMpcConfig) -> Result<(), CemMpcError> {
+        let config = config.resolved();
+        let (hand, _) = load_hand(&config.hand, &config.hand_table)?;
+        check_hand(&config.scene, &hand).map_err(|source| CemMpcError::Simulation {
+            path: config.hand.clone(),
+            source,
+        })
+    }
+}
+
+impl Output for CemMpc {
+    type Stage = Self;
+    type Metrics = CemMpcMetrics;
+    type Error = CemMpcError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = Candidates::PARTITION;
+    /// `objects` only chooses units.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
+    const LINE: Option<Line<CemMpcMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let [n, reached] = [metrics.candidates, metrics.reached];
+        let steps = (metrics.searched_steps + metrics.executed_steps) / n.max(1.0);
+        let errors_mm =
+            [metrics.first_tip_error_m, metrics.last_tip_error_m].map(|error_m| 1000.0 * error_m);
+        let [first, last] = errors_mm;
+        format!(
+            "{n} motions, {reached} at their grasps, tips off by {first:.0} → {last:.0} mm, \
+             {steps:.0} steps each"
+        )
+    });
+
+    fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, CemMpcError> {
+        let given = scope.partitions(Candidates::NAME);
+        if given.is_empty() {
+            return Err(CemMpcError::NoCandidates);
+        }
+        let keys = || given.iter().map(|given| given.key.as_str());
+        let is_known = |name: &&String| keys().any(|key| key == *name);
+        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
+            return Err(CemMpcError::UnknownObject {
+                object: object.clone(),
+                known: keys().map(str::to_owned).collect(),
+            });
+        }
+        let is_chosen =
+            |key: &str| config.objects.is_empty() || config.objects.iter().any(|name| name == key);
+        let objects = scope.partitions(Object::NAME);
+        let meshes = robot_meshes::sources(&config.hand)?;
+        let chosen = given.iter().filter(|given| is_chosen(given.key.as_str()));
+        let units = chosen.map(|given| {
+            let object = given.key.as_str();
+            let shape = objects.iter().find(|shape| shape.key == *object);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
+                .reading(Object::NAME, shape.map(|shape| &shape.key))
+                .with_file_of_form(
+                    SourceFile::named("hand", &config.hand),
+                    robot_meshes::MODEL_FORM,
+                )
+                .with_file_of_form(
+                    SourceFile::named("hand_table", &config.hand_table),
+                    HAND_TABLE,
+                );
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    fn make(
+        config: &CemMpcConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+        let config = config.resolved();
+        let Some(object) = inputs.optional::<Object>()? else {
+            return Ok(Outcome::skipped("object missing"));
+        };
+        let urdf = &inputs.source("hand")?.path;
+        let (hand, tips) = load_hand(urdf, &inputs.source("hand_table")?.path)?;
+        let mut given: Candidates = inputs.one()?;
+        given.candidates.truncate(config.per_object);
+        let joints = hand.joint_names();
+        JointOrder::new(&given.joints, &joints).map_err(|source| CemMpcError::AnotherHand {
+            object: given.object.clone(),
+            path: urdf.clone(),
+            source,
+        })?;
+        let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
+            Ok(scenes) => scenes,
+            Err(source) => return failed(urdf, source),
+        };
+        let scene = &config.scene;
+        let speeds = Speeds {
+            palm: config.max_speed_m_per_s,
+            turn: config.max_turn_rad_per_s,
+            joint: config.max_joint_speed_rad_per_s,
+        };
+        let mpc = Controller {
+            config: &config,
+            hand: &hand,
+            tips: &tips,
+            actions: Actions::new(&hand, &speeds, scene.control_step_s()),
+            steps_n: config.steps_n(),
+        };
+        let controlled = given.candidates.par_iter().enumerate();
+        let controlled = controlled.map(|(idx, candidate)| {
+            let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
+            rng.set_stream(idx as u64);
+            cpu_time::measured(|| {
+                let scene = scenes.of_candidate(candidate)?;
+                let motion = candidate.motion.reordered(&joints)?;
+                mpc.control(scene, &motion, &mut rng)
+            })
+        });
+        let controlled: Vec<_> = controlled.collect();
+        let mut made: Vec<Controlled> = Vec::with_capacity(controlled.len());
+        let mut all_s = 0.0;
+        for (candidate, (controlled, cpu_s)) in given.candidates.iter().zip(controlled) {
+            all_s += cpu_s;
+            match controlled {
+                Ok(controlled) => made.push(controlled),
+                Err(ControlError::Simulation(source)) => return failed(urdf, source),
+                Err(ControlError::Motion(err)) => {
+                    let name = &candidate.candidate_id;
+                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
+                }
+            }
+        }
+        let metrics = CemMpcMetrics::of(&made, all_s);
+        let candidates = given.candidates.iter().zip(made);
+        cx.write(&Candidates {
+            object: given.object,
+            joints: joints.as_slice().into(),
+            candidates: candidates
+                .map(|(given, controlled)| candidate_of(given, controlled))
+                .collect(),
+        })?;
+        Ok(Outcome::Made(metrics))
+    }
+}
+
+/// One settled scene for each way in which the object lies.
+struct Scenes(Vec<(Pose<OnTable, InObject>, SettledScene)>);
+
+impl Scenes {
+    /// Builds the scenes of candidates.
+    fn of(
+        config: &CemMpcConfig,
+        hand: &RobotModel,
+        object: &Object,
+        candidates: &[Candidate],
+    ) -> Result<Self, SimulationError> {
+        let shape = ObjectShape::from_artifact(object);
+        let mut scenes: Vec<(Pose<OnTable, InObject>, SettledScene)> = Vec::new();
+        for candidate in candidates {
+            let pose = candidate.table_from_object;
+            if scenes.iter().all(|(known, _)| *known != pose) {
+                let rest = RestingPose::of(&pose);
+                let scene = SettledScene::new(&config.scene, hand, &shape, &rest)?;
+                scenes.push((pose, scene));
+            }
+        }
+        Ok(Self(scenes))
+    }
+
+    /// Returns the scene of a candidate.
+    fn of_candidate(&self, candidate: &Candidate) -> Result<&SettledScene, SimulationError> {
+        let pose = candidate.table_from_object;
+        let found = self.0.iter().find(|(known, _)| *known == pose);
+        let (_, scene) = found.ok_or(SimulationError::Unsettled)?;
+        Ok(scene)
+    }
+}
+
+/// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.
+fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+    match source {
+        SimulationError::Massless { .. }
+        | SimulationError::ObjectInertia { .. }
+        | SimulationError::FlatPart { .. }
+        | SimulationError::NoParts
+        | SimulationError::Unsettled => Ok(Outcome::skipped(source.to_string())),
+        source => Err(CemMpcError::Simulation {
+            path: urdf.to_owned(),
+            source,
+        }),
+    }
+}
+
+/// Reads a hand and its table, and finds the links of its fingertips.
+fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingertips), CemMpcError> {
+    let model = robot_meshes::load(urdf_path)?.model;
+    let table = fs::read_to_string(table_path).map_err(|source| CemMpcError::ReadHandTable {
+        path: table_path.to_owned(),
+        source,
+    })?;
+    let table: HandTable = table.parse().map_err(|source| CemMpcError::HandTable {
+        path: table_path.to_owned(),
+        source,
+    })?;
+    let tips = Fingertips::new(&model, &table).map_err(|source| CemMpcError::Hand {
+        path: urdf_path.to_owned(),
+        source,
+    })?;
+    if tips.is_empty() {
+        return Err(CemMpcError::NoFingertip {
+            path: table_path.to_owned(),
+        });
+    }
+    Ok((model, tips))
+}
+
+/// Returns the candidate of a controlled motion to the grasp of another one.
+fn candidate_of(given: &Candidate, controlled: Controlled) -> Candidate {
+    Candidate {
+        candidate_id: format!("{}-cem", given.candidate_id),
+        generator: GENERATOR.to_owned(),
+        source: DrawSource {
+            draw_n: 1,
+            origin: Origin::Planner,
+            ..given.source.clone()
+        },
+        latent: given.latent.clone(),
+        table_from_object: given.table_from_object,
+        // Commands are within the limits.
+        limit_excess_rad: 0.0,
+        depth_m: 0.0,
+        residual_m2: 0.0,
+        motion: controlled.motion,
+        refused: Vec::new(),
+    }
+}
+
+impl CemMpcMetrics {
+    fn of(controlled: &[Controlled], cpu_s: f64) -> Self {
+        let n = controlled.len() as f64;
+        let sum = |of: fn(&Controlled) -> f64| controlled.iter().map(of).sum::<f64>();
+        let mean = |of: fn(&Controlled) -> f64| sum(of) / n.max(1.0);
+        Self {
+            candidates: n,
+            reached: sum(|one| f64::from(u8::from(one.reached))),
+            searched_steps: sum(|one| one.searched_n as f64),
+            executed_steps: sum(|one| one.executed_n as f64),
+            first_cost: mean(|one| one.first.cost),
+            last_cost: mean(|one| one.last.cost),
+            first_tip_error_m: mean(|one| one.first.tip_error_m),
+            last_tip_error_m: mean(|one| one.last.tip_error_m),
+            object_moved_m: mean(|one| one.last.object_moved_m),
+            cpu_s,
+        }
+    }
+}

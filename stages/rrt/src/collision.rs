@@ -1,0 +1,132 @@
+//! The collision check of a configuration: the hand's spheres against object and table.
+
+use geometry::DistanceField;
+use nalgebra::Point3;
+use robot::{
+    RobotModel,
+    spheres::{SphereCluster, TooLarge, clusters},
+};
+use spatial::{Object, Palm, Pose, Table};
+
+use crate::configuration::Configuration;
+
+/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
+const SLACK: f64 = 1.1;
+
+/// A hand as spheres.
+pub(crate) struct HandSpheres<'a> {
+    model: &'a RobotModel,
+    clusters: Vec<SphereCluster>,
+}
+
+impl<'a> HandSpheres<'a> {
+    /// Fills a hand's collision shapes with spheres.
+    ///
+    /// # Errors
+    ///
+    /// Fails if they are far larger than a hand's.
+    pub(crate) fn new(model: &'a RobotModel) -> Result<Self, TooLarge> {
+        let clusters = clusters(model)?;
+        Ok(Self { model, clusters })
+    }
+}
+
+/// A hand, an object and the table on which it lies.
+pub(crate) struct Obstacles<'a> {
+    /// The hand.
+    pub(crate) hand: &'a HandSpheres<'a>,
+    /// Distances about the object.
+    pub(crate) field: &'a DistanceField,
+    /// How the object lies.
+    pub(crate) table_from_object: Pose<Table, Object>,
+}
+
+impl Obstacles<'_> {
+    /// Says whether no part of the hand is deeper than this in object or table, in meters.
+    pub(crate) fn is_free(&self, at: &Configuration, depth_m: f64) -> bool {
+        self.first_depth(at, |depth| (depth > depth_m).then_some(depth))
+            .is_none()
+    }
+
+    /// Returns how deep the hand is in object or table, in meters; 0 where it is not.
+    pub(crate) fn depth_m(&self, at: &Configuration) -> f64 {
+        let mut deepest_m = 0.0_f64;
+        let nothing = self.first_depth(at, |depth| {
+            deepest_m = deepest_m.max(depth);
+            None
+        });
+        nothing.unwrap_or(deepest_m)
+    }
+
+    /// Returns what `found` returns first of the depths of the spheres that may be in object or table.
+    fn first_depth(
+        &self,
+        at: &Configuration,
+        mut found: impl FnMut(f64) -> Option<f64>,
+    ) -> Option<f64> {
+        let palm_from_links = self.hand.model.link_poses::<Palm>(|joint| at.q[joint]);
+        let up = self.table_from_object.rotation.inverse() * nalgebra::Vector3::z();
+        let height_m = self.table_from_object.translation.z;
+        let height_m = |center: &Point3<f64>| up.dot(&center.coords) + height_m;
+        for cluster in &self.hand.clusters {
+            let object_from_link = at.object_from_palm * palm_from_links[cluster.link];
+            let center = object_from_link * cluster.around.center_in_link;
+            let reach_m = cluster.around.radius_m;
+            let may_be_in_object = self.field.distance(&center).0 < SLACK * reach_m;
+            if !(may_be_in_object || height_m(&center) < reach_m) {
+                continue;
+            }
+            for sphere in &cluster.spheres {
+                let center = object_from_link * sphere.center_in_link;
+                let gap_m = self.field.distance(&center).0.min(height_m(&center));
+                if let Some(result) = found(sphere.radius_m - gap_m) {
+                    return Some(result);
+                }
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use geometry::TriMesh;
+    use nalgebra::Translation3;
+
+    use super::*;
+
+    /// A ball of 1 cm on a slide.
+    const HAND: &str = r#"<robot name="h"><link name="palm"/><link name="tip"><collision>
+        <geometry><sphere radius="0.01"/></geometry></collision></link>
+        <joint name="j" type="prismatic"><parent link="palm"/><child link="tip"/>
+        <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"#;
+
+    #[test]
+    fn a_ball_is_as_deep_as_it_reaches_into_object_or_table() {
+        let model = RobotModel::from_urdf(HAND).unwrap();
+        let hand = HandSpheres::new(&model).unwrap();
+        let high = Point3::new(0.05, 0.05, 0.05);
+        let mesh = TriMesh::cuboid(-high, high);
+        let field = DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap();
+        let obstacles = Obstacles {
+            hand: &hand,
+            field: &field,
+            table_from_object: Pose::new(Translation3::new(0.3, 0.1, 0.05).into()),
+        };
+        let check = |palm: [f64; 3], q: f64, depth_m: f64| {
+            let at = Configuration {
+                object_from_palm: Pose::new(Translation3::from(palm).into()),
+                q: vec![q],
+            };
+            let found_m = obstacles.depth_m(&at);
+            assert!((found_m - depth_m).abs() < 2e-4, "{found_m}");
+            assert!(obstacles.is_free(&at, depth_m + 1e-3));
+            assert_eq!(obstacles.is_free(&at, 1e-3), depth_m < 1e-3);
+        };
+        check([0.1, 0.0, 0.0], 0.0, 0.0);
+        check([0.1, 0.0, 0.0], -0.046, 0.006);
+        check([0.2, 0.0, -0.047], 0.0, 0.007);
+        // In both: 4 mm in the table, 6 mm in the object.
+        check([0.2, 0.0, -0.044], -0.146, 0.006);
+    }
+}

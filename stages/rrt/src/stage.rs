@@ -1,0 +1,274 @@
+//! The stage: one unit per object.
+
+use std::{fs, path::Path, sync::Arc};
+
+use dataflow::{
+    Code, Context, Form, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, SourceFile, Stage, Sum, Unit,
+};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use posture::{Environment, Hand, HandTable, PostureError};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
+use robot::JointOrder;
+use schemas::{
+    Table,
+    candidates::{Candidate, Candidates, DrawSource, Origin},
+    distance_fields::{self, FieldInfo},
+};
+use spatial::RestingPose;
+
+use crate::{
+    RrtConfig, RrtError,
+    collision::{HandSpheres, Obstacles},
+    plan::{Plan, PlanOutcome, plan},
+    pregrasp::PregraspSearch,
+};
+
+/// Plans a way around object and table to the grasp of each motion, by RRT-Connect.
+pub struct Rrt;
+
+/// What the candidates say planned them.
+const GENERATOR: &str = "rrt";
+/// The hand table is fingerprinted by its parsed content.
+const HAND_TABLE: Form = Form {
+    name: "hand table",
+    of: |bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let table: HandTable = text.parse().ok()?;
+        Some(table.to_toml().into_bytes())
+    },
+};
+
+dataflow::metrics! {
+    /// Metrics of an object's planned motions.
+    pub struct RrtMetrics {
+        /// Number of candidates.
+        candidates: Sum,
+        /// Number of those whose start is free, and a pregrasp of whose grasp.
+        reachable: Sum,
+        /// Number of those for which a path was found.
+        paths: Sum,
+        /// Configurations checked against object and table, for all candidates.
+        checks: Sum,
+        /// Those of them that were checked for the candidates with a path.
+        checks_of_paths: Sum,
+        /// Nodes of all trees.
+        nodes: Sum,
+        /// Processor time of the planning in seconds.
+        cpu_s: Sum,
+        /// Deepest that a step on a path is in object or table, in meters.
+        path_depth_m: Max,
+    }
+}
+
+impl Stage for Rrt {
+    type Config = RrtConfig;
+    type Error = RrtError;
+
+    const KIND: &'static str = "rrt";
+    const ABOUT: &'static str =
+        "Plans a way around object and table to the grasp of each motion, by RRT-Connect";
+    const CODE: Code = dataflow::code!();
+    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+
+    fn check(config: &RrtConfig) -> Vec<OptionFault> {
+        config.faults()
+    }
+
+    /// Checks the hand and its table.
+    fn prepare(config: &RrtConfig) -> Result<(), RrtError> {
+        load_hand(&config.hand, &config.hand_table).map(drop)
+    }
+}
+
+impl Output for Rrt {
+    type Stage = Self;
+    type Metrics = RrtMetrics;
+    type Error = RrtError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = Candidates::PARTITION;
+    const OPTIONS: OptionsUsed = OptionsUsed::All;
+    const LINE: Option<Line<RrtMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let [n, reachable, paths] = [metrics.candidates, metrics.reachable, metrics.paths];
+        let checks = metrics.checks / n.max(1.0);
+        format!("{n} grasps, {reachable} reachable → {paths} paths, {checks:.0} checks each")
+    });
+
+    fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, RrtError> {
+        let given = scope.partitions(Candidates::NAME);
+        if given.is_empty() {
+            return Err(RrtError::NoCandidates);
+        }
+        let fields = scope.partitions(FieldInfo::NAME);
+        let meshes = robot_meshes::sources(&config.hand)?;
+        let units = given.iter().map(|given| {
+            let object = given.key.as_str();
+            let field = fields.iter().find(|field| field.key == *object);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
+                .reading(FieldInfo::NAME, field.map(|field| &field.key))
+                .with_file_of_form(
+                    SourceFile::named("hand", &config.hand),
+                    robot_meshes::MODEL_FORM,
+                )
+                .with_file_of_form(
+                    SourceFile::named("hand_table", &config.hand_table),
+                    HAND_TABLE,
+                );
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    fn make(
+        config: &RrtConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<RrtMetrics>, RrtError> {
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped("object has no distance field"));
+        };
+        let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
+        let urdf = &inputs.source("hand")?.path;
+        let hand = load_hand(urdf, &inputs.source("hand_table")?.path)?;
+        let spheres = HandSpheres::new(&hand.model).map_err(|large| RrtError::LargeShapes {
+            path: urdf.clone(),
+            link: large.link,
+        })?;
+        let given: Candidates = inputs.one()?;
+        let joints = hand.model.joint_names();
+        JointOrder::new(&given.joints, &joints).map_err(|source| RrtError::AnotherHand {
+            object: given.object.clone(),
+            path: urdf.clone(),
+            source,
+        })?;
+        let planned = given.candidates.par_iter().enumerate();
+        let search = || PregraspSearch::new(&hand);
+        let planned = planned.map_init(search, |search, (idx, candidate)| {
+            let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
+            rng.set_stream(idx as u64);
+            let obstacles = Obstacles {
+                hand: &spheres,
+                field: &field,
+                table_from_object: candidate.table_from_object,
+            };
+            let rest = RestingPose::of(&candidate.table_from_object);
+            let environment = Environment::new(Arc::clone(&field), rest);
+            cpu_time::measured(|| {
+                let motion = candidate.motion.reordered(&joints)?;
+                plan(
+                    config,
+                    search,
+                    (&obstacles, &environment),
+                    &motion,
+                    &mut rng,
+                )
+            })
+        });
+        let planned: Vec<_> = planned.collect();
+        let mut metrics = RrtMetrics::none();
+        let mut candidates = Vec::with_capacity(planned.len());
+        for (candidate, (plan, cpu_s)) in given.candidates.iter().zip(planned) {
+            match plan {
+                Ok(plan) => {
+                    metrics.add(&plan, cpu_s);
+                    candidates.push(candidate_of(candidate, plan));
+                }
+                Err(err) => {
+                    let name = &candidate.candidate_id;
+                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
+                }
+            }
+        }
+        cx.write(&Candidates {
+            object: given.object,
+            joints: joints.as_slice().into(),
+            candidates,
+        })?;
+        Ok(Outcome::Made(metrics))
+    }
+}
+
+/// Reads a hand and its table, and finds every link that the table names.
+fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, RrtError> {
+    let model = robot_meshes::load(urdf_path)?.model;
+    let of_urdf = |source: PostureError| RrtError::Hand {
+        path: urdf_path.to_owned(),
+        source,
+    };
+    Hand::check(&model).map_err(of_urdf)?;
+    let table = fs::read_to_string(table_path).map_err(|source| RrtError::ReadHandTable {
+        path: table_path.to_owned(),
+        source,
+    })?;
+    let table: HandTable = table.parse().map_err(|source| RrtError::HandTable {
+        path: table_path.to_owned(),
+        source,
+    })?;
+    Hand::new(model, &table).map_err(of_urdf)
+}
+
+/// Returns the candidate of a plan to the grasp of another one.
+fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
+    Candidate {
+        candidate_id: format!("{}-rrt", given.candidate_id),
+        generator: GENERATOR.to_owned(),
+        source: DrawSource {
+            draw_n: 1,
+            origin: Origin::Planner,
+            ..given.source.clone()
+        },
+        latent: given.latent.clone(),
+        table_from_object: given.table_from_object,
+        // Both ends are within the limits, and so is what lies between them.
+        limit_excess_rad: 0.0,
+        depth_m: plan.depth_m,
+        residual_m2: 0.0,
+        motion: plan.motion,
+        refused: Vec::new(),
+    }
+}
+
+impl RrtMetrics {
+    /// Returns the metrics of no motion.
+    fn none() -> Self {
+        Self {
+            candidates: 0.0,
+            reachable: 0.0,
+            paths: 0.0,
+            checks: 0.0,
+            checks_of_paths: 0.0,
+            nodes: 0.0,
+            cpu_s: 0.0,
+            path_depth_m: 0.0,
+        }
+    }
+
+    /// Adds a motion and the processor time of its planning.
+    fn add(&mut self, plan: &Plan, cpu_s: f64) {
+        let checks = plan.checks_n as f64;
+        self.candidates += 1.0;
+        self.checks += checks;
+        self.nodes += plan.nodes_n as f64;
+        self.cpu_s += cpu_s;
+        match plan.outcome {
+            PlanOutcome::Found => {
+                self.reachable += 1.0;
+                self.paths += 1.0;
+                self.checks_of_paths += checks;
+                self.path_depth_m = self.path_depth_m.max(plan.depth_m);
+            }
+            PlanOutcome::NoPath => self.reachable += 1.0,
+            PlanOutcome::Unreachable => {}
+        }
+    }
+}
