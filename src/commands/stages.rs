@@ -33,7 +33,7 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<CommandOutc
 }
 
 /// Inputs in a line of the overview: as many as fit a narrow terminal.
-const INPUTS_IN_A_LINE: usize = 5;
+const INPUTS_IN_A_LINE: usize = 4;
 
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();

@@ -34,7 +34,7 @@ impl Palms<'_> {
     /// Does not fail for a hand that is whole.
     pub fn draw(&self, rng: &mut ChaCha8Rng) -> Result<Option<HandPose<Object>>, ApproachError> {
         let rotation = uniform_rotation(rng);
-        let jitter = Vector3::from_fn(|_, _| self.jitter_m * triangular(rng));
+        let jitter = Vector3::from_fn(|_, _| self.jitter_m * near_normal(rng));
         let axes = self.body.axes();
         let at = self.center_in_object + jitter;
         let origin = at.coords - rotation * axes.center_in_palm.coords;
@@ -52,8 +52,8 @@ impl Palms<'_> {
     }
 }
 
-/// Returns a sum of six uniform numbers with mean 0 and deviation 1, at most 4.3.
-fn triangular(rng: &mut ChaCha8Rng) -> f64 {
+/// Returns a number that is nearly normal, the sum of six uniform ones, with mean 0 and deviation 1, at most 4.3.
+fn near_normal(rng: &mut ChaCha8Rng) -> f64 {
     (0..6).map(|_| rng.random::<f64>() - 0.5).sum::<f64>() * std::f64::consts::SQRT_2
 }
 

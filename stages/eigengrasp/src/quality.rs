@@ -88,8 +88,10 @@ mod tests {
         assert!(epsilon(&[], &Point3::origin(), r, 0.8) <= 0.0);
     }
 
-    /// Six contacts in the middles of a cube's faces. A pure torque t, over r, is withstood by the contact at face k with
-    /// μ times the part of t across k: in the worst direction, (1, 1, 1) / √3, each with μ √(2/3), along an edge of the eight.
+    /// Six contacts in the middles of a cube's faces. A pure torque t, over r, is withstood by the contact at face k
+    /// with
+    /// μ times the part of t across k: in the worst direction, (1, 1, 1) / √3, each with μ √(2/3), along an edge of
+    /// the eight.
     #[test]
     fn a_cube_held_from_six_sides_is_limited_by_its_friction() {
         let r = 0.05;

@@ -256,7 +256,8 @@ impl Annealer<'_> {
     }
 }
 
-/// Returns the distance of an object's farthest point from its center of mass, in meters, `GraspIt`'s length for torques.
+/// Returns the distance of an object's farthest point from its center of mass, in meters, `GraspIt`'s length for
+/// torques.
 fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
     let vertices = object.vertices_m.iter();
     let far = vertices.map(|&vertex| (Point3::from(vertex) - center).norm());

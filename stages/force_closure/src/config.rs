@@ -77,8 +77,9 @@ pub struct ForceClosureConfig {
     /// Distance that links keep from the table (m): as in `refine`
     #[serde(default = "defaults::table_margin_m")]
     pub table_margin_m: f64,
-    /// Weight of what the metric lacks to its greatest value (m), in the first round; a tenth of it in the last: with
-    /// nothing gained a fingertip 3 cm off the surface costs as much
+    /// Weight of what the metric lacks to its greatest value (m), in the first round; a tenth of it in the last: a
+    /// metric
+    /// of 0 costs as much as a fingertip 1 cm off the surface
     #[serde(default = "defaults::min_weight_weight_m")]
     pub min_weight_weight_m: f64,
     /// Weight of a joint's distance from where it closed (m/rad): what nothing else has a say in stays
