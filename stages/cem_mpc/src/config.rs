@@ -47,7 +47,7 @@ pub struct CemMpcConfig {
     /// Iterations before an action is executed (2): the paper's.
     #[serde(default = "defaults::iterations")]
     pub iterations: usize,
-    /// Standard deviation of the first draws, as a share of half the range of an action's number (0.3): wide enough
+    /// Standard deviation of the first draws, as a share of half the range of an action's number (0.2): wide enough
     /// for any direction.
     #[serde(default = "defaults::initial_sd")]
     pub initial_sd: f64,
@@ -57,7 +57,7 @@ pub struct CemMpcConfig {
     /// Share of the former mean and deviation in the next ones (0.1).
     #[serde(default = "defaults::smoothing")]
     pub smoothing: f64,
-    /// Share of the shifted mean with which the next search starts (0.5): with all of it, joints that hardly matter go on for
+    /// Share of the shifted mean with which the next search starts (0.2): with all of it, joints that hardly matter go on for
     /// good in whatever direction they once took.
     #[serde(default = "defaults::memory")]
     pub memory: f64,
@@ -178,10 +178,10 @@ mod defaults {
     pub(super) fn horizon() -> usize { 5 }
     pub(super) fn elites() -> usize { 10 }
     pub(super) fn iterations() -> usize { 2 }
-    pub(super) fn initial_sd() -> f64 { 0.3 }
+    pub(super) fn initial_sd() -> f64 { 0.2 }
     pub(super) fn min_sd() -> f64 { 0.05 }
     pub(super) fn smoothing() -> f64 { 0.1 }
-    pub(super) fn memory() -> f64 { 0.5 }
+    pub(super) fn memory() -> f64 { 0.2 }
     pub(super) fn max_speed_m_per_s() -> f64 { 1.0 }
     pub(super) fn max_turn_rad_per_s() -> f64 { 1.57 }
     pub(super) fn max_joint_speed_rad_per_s() -> f64 { 5.0 }

@@ -312,7 +312,7 @@ mod tests {
             turn: config.max_turn_rad_per_s,
             joint: config.max_joint_speed_rad_per_s,
         };
-        let controller = Controller {
+        let mpc = Controller {
             config: &config,
             hand: &hand,
             tips: &tips,
@@ -320,7 +320,7 @@ mod tests {
             steps_n: config.steps_n(),
         };
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let controlled = controller.control(&scene, &given(&hand), &mut rng).unwrap();
+        let controlled = mpc.control(&scene, &given(&hand), &mut rng).unwrap();
         let rollout = scene
             .rollout(&controlled.motion, &config.protocol, TraceMode::Trace)
             .unwrap();

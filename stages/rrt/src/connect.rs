@@ -345,7 +345,12 @@ mod tests {
         free: &dyn Fn(&Configuration) -> bool,
     ) -> bool {
         let width = 1.0 / cells as f64;
-        let cell_of = |[x, y]: [f64; 2]| [x, y].map(|at| (at / width) as usize);
+        let cell = |at: f64| {
+            (0..cells)
+                .take_while(|cell| (*cell + 1) as f64 * width <= at)
+                .count()
+        };
+        let cell_of = |[x, y]: [f64; 2]| [x, y].map(cell);
         let is_free = |[i, j]: [usize; 2]| {
             let [x, y] = [i, j].map(|of| (of as f64 + 0.5) * width);
             free(&place(x, y))
