@@ -10,7 +10,7 @@ with
                 when overrides like '%nearest%' then 50 when overrides like '%other.%' then 60
                 when overrides like '%mean.%' then 70 when overrides like '%random_palm%' then 80
                 when overrides like '%force_closure%' then 90 else 10 end as place
-        from runs),
+        from runs where run in (select run from runs)),
     counts as (
         select case when place = 10 and origin = 'posterior' then 20 else place end as place,
             case when place < 40 then object_split else '' end as split, object,

@@ -34,6 +34,21 @@ shared = { hand = 'hand', hand_table = 'hand_table' }
 flexion_joints = ['joint_1.0']
 ";
 
+/// Rivals of the function, which the arm's job does not have either.
+const RIVALS: &str = "
+[stages.transfer]
+kind = 'transfer'
+inputs = { objects = 'ingest.objects', trajectories = 'retarget.trajectories' }
+[stages.rrt]
+kind = 'rrt'
+inputs = { candidates = 'sample.candidates', distance_fields = 'retarget.distance_fields' }
+shared = { hand = 'hand', hand_table = 'hand_table' }
+[stages.cem_mpc]
+kind = 'cem_mpc'
+inputs = { candidates = 'sample.candidates', objects = 'ingest.objects' }
+shared = { hand = 'hand', hand_table = 'hand_table', protocol = 'protocol', scene.drive = 'drive' }
+";
+
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
 
@@ -41,7 +56,7 @@ const NAMES: [&str; 1] = ["dispatch.attempt"];
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    let text = format!("{ARM}{PROGRAM}{GRASPS}");
+    let text = format!("{ARM}{PROGRAM}{GRASPS}{RIVALS}");
     Pipeline::parse(path, &text, &pipeline::kinds(), None, &[given])
 }
 

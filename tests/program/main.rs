@@ -29,6 +29,7 @@ mod recipes;
 mod refinement;
 mod repeatable;
 mod retargeting;
+mod rivals;
 mod routing;
 mod shipped;
 mod stopping;

@@ -20,15 +20,11 @@ use self::{query::Query, readme::Readme};
 use crate::bench::put;
 
 /// Headers of tables with percentages that no query makes, each with the reason.
-const OTHERS: [(&str, &str); 5] = [
+const OTHERS: [(&str, &str); 4] = [
     ("| bench | figure | noise |", "how figures of benches vary"),
     (
         "| candidates | ours, each | `MuJoCo` to the end, each | times | ours, a step | `MuJoCo`, a step | times |",
         "`cargo bench --bench screening` and `--bench agreement` print it",
-    ),
-    (
-        "| | all, no creep | unseen objects, no creep | all, with creep | unseen objects, with creep |",
-        "`cargo bench --bench agreement` prints it",
     ),
     (
         "| | all | unseen objects |",

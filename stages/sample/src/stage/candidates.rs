@@ -97,9 +97,12 @@ pub(super) fn make(
 ) -> Result<Outcome<SampleMetrics>, SampleError> {
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let seen: Vec<Object> = inputs.all()?;
-    let object = seen
+    let (own, others): (Vec<&Object>, Vec<&Object>) = seen
         .iter()
-        .find(|object| object.name == cx.partition().as_str())
+        .partition(|object| seen.len() == 1 || object.name == cx.partition().as_str());
+    let object = own
+        .first()
+        .copied()
         .ok_or_else(|| SampleError::UnknownObject {
             object: cx.partition().to_string(),
             known: seen.iter().map(|object| object.name.clone()).collect(),
@@ -107,7 +110,7 @@ pub(super) fn make(
     let other = match config.shape {
         SeenShape::Own => None,
         SeenShape::Other => {
-            let other = seen.iter().find(|other| other.name != object.name);
+            let other = others.first().copied();
             Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
         }
     };
