@@ -73,8 +73,7 @@ impl Stage for CemMpc {
     type Error = CemMpcError;
 
     const KIND: &'static str = "cem_mpc";
-    const ABOUT: &'static str = "Moves the hand to the grasp of each motion by model predictive control with the \
-                                 cross-entropy method";
+    const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];

@@ -69,8 +69,7 @@ impl Stage for Rrt {
     type Error = RrtError;
 
     const KIND: &'static str = "rrt";
-    const ABOUT: &'static str =
-        "Plans a way around object and table to the grasp of each motion, by RRT-Connect";
+    const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
