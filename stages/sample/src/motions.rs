@@ -141,8 +141,8 @@ impl<'a> Decoder<'a> {
         rests: &'a [RestingPose],
         seed: u64,
     ) -> Result<Self, SampleError> {
-        let seen = other.unwrap_or(object);
-        let points = seen_points(seen, config.point_noise, seed);
+        let shown = other.unwrap_or(object);
+        let points = seen_points(shown, config.point_noise, seed);
         let most_often = other.map(|other| {
             let rest = other.rests.first().map(|orientation| orientation.rest);
             rest.ok_or_else(|| SampleError::NoRest(other.name.clone()))
@@ -150,7 +150,7 @@ impl<'a> Decoder<'a> {
         let most_often = most_often.transpose()?;
         let with_feature = |rest: &'a RestingPose| {
             let feature = cgf.feature(&RestingObject {
-                object: seen.name.clone(),
+                object: shown.name.clone(),
                 rest: most_often.unwrap_or(*rest),
                 points_in_object: points.clone(),
             })?;
