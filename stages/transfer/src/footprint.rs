@@ -36,11 +36,7 @@ pub(crate) fn object_from_footprint(
         sum + off * off.transpose()
     });
     let eigen = SymmetricEigen::new(covariance);
-    let longer = if eigen.eigenvalues[0] >= eigen.eigenvalues[1] {
-        0
-    } else {
-        1
-    };
+    let longer = usize::from(eigen.eigenvalues[0] < eigen.eigenvalues[1]);
     let axis = eigen.eigenvectors.column(longer).into_owned();
     let yaw = axis.y.atan2(axis.x);
     // Within rounding of a quarter turn, either side of it is the same quarter turn.

@@ -317,7 +317,7 @@ fn rest_at(object: &Object, share: f64) -> Option<RestingPose> {
             return Some(rest);
         }
     }
-    weights.last().map(|(_, rest)| rest)
+    object.rests.last().map(|last| last.rest)
 }
 
 #[cfg(test)]
