@@ -258,28 +258,26 @@ pub enum Broken {
 
 impl Broken {
     /// Returns what to do about it.
-    fn hint(&self) -> Option<String> {
+    fn hint(&self) -> String {
         match self {
-            Self::NoColumn { .. } | Self::UnknownColumn { .. } | Self::WrongType { .. } | Self::Arrow(_) => Some(
-                "write it with the columns of `template.parquet`, an empty table beside `job.json`: \
+            Self::NoColumn { .. } | Self::UnknownColumn { .. } | Self::WrongType { .. } | Self::Arrow(_) => "write it with the columns of `template.parquet`, an empty table beside `job.json`: \
                  `pa.Table.from_pylist(rows).select(columns.names).cast(columns)` with \
                  `columns = pq.read_schema(\"template.parquet\")`"
                     .to_owned(),
-            ),
-            Self::Null { column, .. } | Self::NotFinite { column, .. } => Some(format!(
+            Self::Null { column, .. } | Self::NotFinite { column, .. } => format!(
                 "every row needs a value: leave the row out, or say in another column that `{column}` is unknown"
-            )),
-            Self::Length { .. } => Some("the template's column says how long its lists are".to_owned()),
+            ),
+            Self::Length { .. } => "the template's column says how long its lists are".to_owned(),
             Self::Rows { .. } | Self::Contradicts { .. } => {
-                Some("go through the rows of the input one by one, and add one for each".to_owned())
+                "go through the rows of the input one by one, and add one for each".to_owned()
             }
-            Self::NotDerived { .. } => Some("the schema's README says how it follows from them".to_owned()),
-            Self::Rule(SchemaError::Invalid { column, .. }) if column == schemas::JOINTS => Some(format!(
+            Self::NotDerived { .. } => "the schema's README says how it follows from them".to_owned(),
+            Self::Rule(SchemaError::Invalid { column, .. }) if column == schemas::JOINTS => format!(
                 "the schema's metadata names the hand's joints in the order of the lists: \
                  `columns.with_metadata({{**columns.metadata, b\"{column}\": b\"joint_0.0,joint_1.0,…\"}})`; the \
                  template has them where an input has"
-            )),
-            Self::Rule(_) => Some("schemas/README.md has the rules of each artifact".to_owned()),
+            ),
+            Self::Rule(_) => "schemas/README.md has the rules of each artifact".to_owned(),
         }
     }
 }
@@ -344,7 +342,7 @@ impl Advise for ProgramError {
             Self::Killed { log: path, advice, .. } | Self::Folder { log: path, advice, .. } => {
                 Some(format!("{advice}; {}", log(path)))
             }
-            Self::Table { source, .. } => source.hint(),
+            Self::Table { source, .. } => Some(source.hint()),
             Self::Unreadable { .. } => Some("close the file before the program ends".to_owned()),
             Self::NoRows { .. } => Some("`pipeline inspect` lists the columns of an artifact".to_owned()),
             Self::Lake(err) => err.hint(),
