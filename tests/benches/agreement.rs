@@ -23,7 +23,6 @@ mod mujoco;
 #[path = "screening/options.rs"]
 mod options;
 mod python;
-mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
@@ -307,7 +306,7 @@ fn compare(
     let mut scripts: Vec<Value> = Vec::new();
     let mut held: Vec<bool> = Vec::new();
     for candidate in &candidates.candidates {
-        let before = thread_time::cpu_s();
+        let before = cpu_time::thread_s();
         let pose = candidate.table_from_object;
         let known = templates.iter().position(|(other, _)| *other == pose);
         let at = known.unwrap_or_else(|| {
@@ -316,10 +315,10 @@ fn compare(
             templates.len() - 1
         });
         let (settled, motion) = (&templates[at].1, &candidate.motion);
-        counts.here_s += thread_time::cpu_s() - before;
-        let before = thread_time::cpu_s();
+        counts.here_s += cpu_time::thread_s() - before;
+        let before = cpu_time::thread_s();
         let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
-        let cpu_s = thread_time::cpu_s() - before;
+        let cpu_s = cpu_time::thread_s() - before;
         let rollout = rollout.unwrap();
         held.push(screen.verdict(&rollout) == Verdict::Held);
         counts.here_s += cpu_s;

@@ -8,7 +8,6 @@
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
 mod limits;
-mod thread_time;
 
 use std::{hint::black_box, process::ExitCode};
 
@@ -149,11 +148,11 @@ fn placed(rng: &mut ChaCha8Rng) -> Placed {
 /// The CPU time of the fastest round, in microseconds a pair.
 fn fastest_us(pairs: &[[Placed; 2]], distance: impl Fn(&[Placed; 2]) -> f64) -> f64 {
     let rounds = (0..ROUNDS).map(|_| {
-        let start_s = thread_time::cpu_s();
+        let start_s = cpu_time::thread_s();
         for pair in pairs {
             black_box(distance(pair));
         }
-        thread_time::cpu_s() - start_s
+        cpu_time::thread_s() - start_s
     });
     1e6 * rounds.fold(f64::INFINITY, f64::min) / pairs.len() as f64
 }

@@ -18,7 +18,6 @@ mod problem;
 mod python;
 #[path = "retargeting/slsqp.rs"]
 mod slsqp;
-mod thread_time;
 
 use std::{cell::RefCell, process::ExitCode, time::Instant};
 
@@ -84,7 +83,7 @@ fn race(problem: &Problem, least: f64, limits: &mut Limits) {
             }
         }
         for repeat in 0..REPEATS {
-            let cpu_us = 1e6 * thread_time::cpu_s();
+            let cpu_us = 1e6 * cpu_time::thread_s();
             let mut found = sequence(
                 problem,
                 &mut solver,
@@ -92,7 +91,7 @@ fn race(problem: &Problem, least: f64, limits: &mut Limits) {
                 ours.path.last().unwrap_or(&start),
                 &FAST,
             );
-            ours.cpu_us += (1e6 * thread_time::cpu_s() - cpu_us) / REPEATS as f64;
+            ours.cpu_us += (1e6 * cpu_time::thread_s() - cpu_us) / REPEATS as f64;
             ours.us.append(&mut found.us);
             if repeat + 1 == REPEATS {
                 ours.path.append(&mut found.path);

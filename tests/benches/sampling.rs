@@ -9,7 +9,6 @@
 
 mod limits;
 mod python;
-mod thread_time;
 
 use std::{
     collections::BTreeMap,
@@ -250,9 +249,9 @@ impl Ours {
     /// Returns the CPU seconds of the object's feature and of what is done with it.
     fn timed(&self, pool: &ThreadPool, work: impl Fn(&ObjectFeature) + Sync) -> f64 {
         pool.install(|| {
-            let before = thread_time::cpu_s();
+            let before = cpu_time::thread_s();
             work(&self.cgf.feature(&self.scene).unwrap());
-            thread_time::cpu_s() - before
+            cpu_time::thread_s() - before
         })
     }
 }

@@ -17,7 +17,6 @@ mod mujoco;
 #[path = "screening/options.rs"]
 mod options;
 mod python;
-mod thread_time;
 
 use std::{collections::BTreeMap, fmt::Display, hint::black_box, process::ExitCode, time::Instant};
 
@@ -57,9 +56,9 @@ fn main() -> ExitCode {
     let (scene, protocol) = (&screen.scene, &screen.protocol);
     let object = can::can();
     let motions = grasps::grasps(&hand, CANDIDATES);
-    let before = thread_time::cpu_s();
+    let before = cpu_time::thread_s();
     let settled = SettledScene::new(scene, &hand, &object, &can::upright()).unwrap();
-    let build_s = thread_time::cpu_s() - before;
+    let build_s = cpu_time::thread_s() - before;
     let mut peer = Mujoco::start();
     match &mut peer {
         Ok(mujoco) => {
@@ -73,9 +72,9 @@ fn main() -> ExitCode {
     let mut theirs: Vec<Rolled> = Vec::new();
     for turn in motions.chunks(TURN) {
         for motion in turn {
-            let before = thread_time::cpu_s();
+            let before = cpu_time::thread_s();
             let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
-            ours.push((rollout.unwrap(), thread_time::cpu_s() - before));
+            ours.push((rollout.unwrap(), cpu_time::thread_s() - before));
         }
         if let Ok(mujoco) = &mut peer {
             let scripts: Vec<Value> = turn
@@ -184,7 +183,7 @@ fn threads(
     let mut cpus = [Vec::new(), Vec::new()];
     for _ in 0..ROUNDS {
         for (idx, pool) in pools.iter().enumerate() {
-            let of_pool = || pool.broadcast(|_| thread_time::cpu_s()).iter().sum::<f64>();
+            let of_pool = || pool.broadcast(|_| cpu_time::thread_s()).iter().sum::<f64>();
             let before = (Instant::now(), of_pool());
             pool.install(|| {
                 motions.par_iter().for_each(|motion| {

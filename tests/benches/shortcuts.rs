@@ -16,7 +16,6 @@ mod grasps;
 mod limits;
 #[path = "screening/options.rs"]
 mod options;
-mod thread_time;
 
 use std::{collections::BTreeMap, env, path::PathBuf, process::ExitCode};
 
@@ -167,11 +166,11 @@ fn compare<R: Rates + Sync>(
                 let mut scene = scene.clone();
                 scene.shortcuts = shortcuts;
                 let settled = SettledScene::new(&scene, hand, object, rest).unwrap();
-                let before = thread_time::cpu_s();
+                let before = cpu_time::thread_s();
                 let rollout = settled
                     .rollout(motion, protocol, TraceMode::Nothing)
                     .unwrap();
-                let cpu_s = thread_time::cpu_s() - before;
+                let cpu_s = cpu_time::thread_s() - before;
                 let said = format!("{rollout:?}");
                 (rollout.verdict, rollout.cost_n, cpu_s, said)
             };

@@ -19,7 +19,7 @@ pub fn measured<T>(computation: impl FnOnce() -> T) -> (T, f64) {
 }
 
 /// Returns the processor time in seconds that this thread has taken since it began.
-fn thread_s() -> f64 {
+pub fn thread_s() -> f64 {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     time.tv_sec as f64 + 1e-9 * time.tv_nsec as f64
 }

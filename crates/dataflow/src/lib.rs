@@ -91,7 +91,7 @@ pub use record::{FileRef, Record, RecordOutcome};
 pub use remote::{Forced, Relay, RemoteWorker};
 pub use report::Report;
 pub use run::{NodeReport, RunReport, run};
-pub use scope::{Partition, RunFacts, Scope, SkippedItem};
+pub use scope::{Partition, RunFacts, Scope, SkippedItem, UnknownPartition};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};

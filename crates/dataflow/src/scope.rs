@@ -93,11 +93,45 @@ impl Scope {
         self.partitions.keys().map(String::as_str)
     }
 
+    /// Returns the partitions of an input that an option names, all of them if it names none.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the option names a partition that the input does not have.
+    pub fn chosen(
+        &self,
+        input: &str,
+        names: &[String],
+    ) -> Result<Vec<&Partition>, UnknownPartition> {
+        let all = self.partitions(input);
+        if let Some(name) = names
+            .iter()
+            .find(|name| !all.iter().any(|known| known.key == ***name))
+        {
+            return Err(UnknownPartition {
+                name: name.clone(),
+                known: all.iter().map(|known| known.key.to_string()).collect(),
+            });
+        }
+        let is_chosen =
+            |known: &&Partition| names.is_empty() || names.iter().any(|name| known.key == **name);
+        Ok(all.iter().filter(is_chosen).collect())
+    }
+
     /// Returns the partitions of an input, or of an output of this stage that is made earlier,
     /// ordered by key.
     pub fn partitions(&self, name: &str) -> &[Partition] {
         self.partitions.get(name).map_or(&[], Vec::as_slice)
     }
+}
+
+/// An option names a partition that the input does not have.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct UnknownPartition {
+    /// The name.
+    pub name: String,
+    /// The partitions of the input.
+    pub known: Vec<String>,
 }
 
 /// One partition of an artifact, as far as planning needs it.

@@ -1,12 +1,11 @@
 //! Why no motions could be controlled.
 
-use std::{io, path::PathBuf};
+use std::path::PathBuf;
 
-use dataflow::{Advise, missing};
+use dataflow::{Advise, UnknownPartition};
+use hand_files::HandFileError;
 use lake::LakeError;
-use posture::PostureError;
 use robot::{JointMismatch, RobotError};
-use robot_meshes::LoadError;
 use simulation::SimulationError;
 
 /// Why no motions could be controlled.
@@ -34,14 +33,6 @@ pub enum CemMpcError {
         /// How their joints differ from the hand's.
         source: JointMismatch,
     },
-    /// The hand table cannot be read.
-    #[error("cannot read the hand table `{}`", path.display())]
-    ReadHandTable {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
     /// The hand's URDF cannot be used, or lacks a link that its table names.
     #[error("cannot use the hand's URDF `{}`", path.display())]
     Hand {
@@ -49,14 +40,6 @@ pub enum CemMpcError {
         path: PathBuf,
         /// What is wrong with it.
         source: RobotError,
-    },
-    /// The hand table cannot be used.
-    #[error("cannot use the hand table `{}`", path.display())]
-    HandTable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: PostureError,
     },
     /// The hand table marks no fingertip.
     #[error("the hand table `{}` marks no fingertip", path.display())]
@@ -72,12 +55,21 @@ pub enum CemMpcError {
         /// What is wrong.
         source: SimulationError,
     },
-    /// The robot cannot be loaded.
+    /// The hand cannot be loaded from its files.
     #[error(transparent)]
-    LoadRobot(#[from] LoadError),
+    HandFiles(#[from] HandFileError),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
+}
+
+impl From<UnknownPartition> for CemMpcError {
+    fn from(unknown: UnknownPartition) -> Self {
+        Self::UnknownObject {
+            object: unknown.name,
+            known: unknown.known,
+        }
+    }
 }
 
 impl Advise for CemMpcError {
@@ -87,11 +79,6 @@ impl Advise for CemMpcError {
             Self::AnotherHand { .. } => Some(
                 "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
             ),
-            Self::ReadHandTable { path, .. } => Some(format!(
-                "set `hand_table` to the table of a robot hand; {}",
-                missing(path)
-            )),
-            Self::HandTable { source, .. } => source.hint(),
             Self::NoFingertip { .. } => Some(
                 "give the points at the fingertips a `tip_radius_m`; one of them is enough"
                     .to_owned(),
@@ -99,7 +86,7 @@ impl Advise for CemMpcError {
             Self::Simulation { source, .. } => source.hint().or_else(|| {
                 Some("`pipeline stages cem_mpc` lists every option with its unit".to_owned())
             }),
-            Self::LoadRobot(err) => err.hint(),
+            Self::HandFiles(err) => err.hint(),
             Self::Lake(err) => err.hint(),
             Self::Hand { .. } | Self::NoCandidates => None,
         }

@@ -1,13 +1,13 @@
 //! The stage: one unit per object.
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use dataflow::{
-    Code, Context, Form, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
-    Scope, SourceFile, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
+use hand_files::{HandFileError, HandFiles};
 use lake::{ReadInputs, WriteArtifact};
-use posture::HandTable;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -32,15 +32,6 @@ pub struct CemMpc;
 
 /// What the candidates say controlled them.
 const GENERATOR: &str = "cem_mpc";
-/// The hand table is fingerprinted by its parsed content.
-const HAND_TABLE: Form = Form {
-    name: "hand table",
-    of: |bytes| {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
-    },
-};
 
 dataflow::metrics! {
     /// Metrics of an object's controlled motions.
@@ -117,40 +108,21 @@ impl Output for CemMpc {
     });
 
     fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, CemMpcError> {
-        let given = scope.partitions(Candidates::NAME);
-        if given.is_empty() {
+        if scope.partitions(Candidates::NAME).is_empty() {
             return Err(CemMpcError::NoCandidates);
         }
-        let keys = || given.iter().map(|given| given.key.as_str());
-        let is_known = |name: &&String| keys().any(|key| key == *name);
-        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
-            return Err(CemMpcError::UnknownObject {
-                object: object.clone(),
-                known: keys().map(str::to_owned).collect(),
-            });
-        }
-        let is_chosen =
-            |key: &str| config.objects.is_empty() || config.objects.iter().any(|name| name == key);
+        let chosen = scope.chosen(Candidates::NAME, &config.objects)?;
         let objects = scope.partitions(Object::NAME);
-        let meshes = robot_meshes::sources(&config.hand)?;
-        let chosen = given.iter().filter(|given| is_chosen(given.key.as_str()));
-        let units = chosen.map(|given| {
+        let files = HandFiles::of(&config.hand, &config.hand_table)?;
+        let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
             let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(Object::NAME, shape.map(|shape| &shape.key))
-                .with_file_of_form(
-                    SourceFile::named("hand", &config.hand),
-                    robot_meshes::MODEL_FORM,
-                )
-                .with_file_of_form(
-                    SourceFile::named("hand_table", &config.hand_table),
-                    HAND_TABLE,
-                );
-            meshes.iter().cloned().fold(unit, Unit::with_file)
+                .reading(Object::NAME, shape.map(|shape| &shape.key));
+            files.added_to(unit)
         });
         Ok(units.collect())
     }
@@ -278,15 +250,10 @@ fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>
 
 /// Reads a hand and its table, and finds the links of its fingertips.
 fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingertips), CemMpcError> {
-    let model = robot_meshes::load(urdf_path)?.model;
-    let table = fs::read_to_string(table_path).map_err(|source| CemMpcError::ReadHandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
-    let table: HandTable = table.parse().map_err(|source| CemMpcError::HandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
+    let model = robot_meshes::load(urdf_path)
+        .map_err(HandFileError::from)?
+        .model;
+    let table = hand_files::load_table(table_path)?;
     let tips = Fingertips::new(&model, &table).map_err(|source| CemMpcError::Hand {
         path: urdf_path.to_owned(),
         source,

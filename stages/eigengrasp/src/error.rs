@@ -1,7 +1,7 @@
 //! Why grasps could not be searched.
 
 use approach::ApproachError;
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use robot_meshes::LoadError;
 
@@ -37,6 +37,15 @@ pub enum EigengraspError {
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
+}
+
+impl From<UnknownPartition> for EigengraspError {
+    fn from(unknown: UnknownPartition) -> Self {
+        Self::UnknownObject {
+            object: unknown.name,
+            known: unknown.known,
+        }
+    }
 }
 
 impl Advise for EigengraspError {

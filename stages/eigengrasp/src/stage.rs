@@ -106,29 +106,16 @@ impl Output for Eigengrasp {
     });
 
     fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, EigengraspError> {
-        let objects = scope.partitions(Object::NAME);
-        if objects.is_empty() {
+        if scope.partitions(Object::NAME).is_empty() {
             return Err(EigengraspError::NoObjects);
         }
-        let is_known = |name: &&String| objects.iter().any(|known| known.key == ***name);
-        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
-            return Err(EigengraspError::UnknownObject {
-                object: object.clone(),
-                known: objects.iter().map(|known| known.key.to_string()).collect(),
-            });
-        }
+        let objects = scope.chosen(Object::NAME, &config.objects)?;
         let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME).iter();
         let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
         let meshes = robot_meshes::sources(&config.hand)?;
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
-        };
-        let units = objects
-            .iter()
-            .map(|object| object.key.as_str())
-            .filter(chosen);
-        let units = units.map(|object| {
+        let units = objects.into_iter().map(|object| {
+            let object = object.key.as_str();
             let field = fields.iter().find(|field| field.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)

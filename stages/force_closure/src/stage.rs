@@ -1,20 +1,20 @@
 //! The stage: one unit per object.
 
-use std::{fs, path::Path, sync::Arc};
+use std::sync::Arc;
 
 use approach::{Grasp, HandBody, Lies, Reach, Start};
 use dataflow::{
-    Code, Context, Form, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
-    Scope, SourceFile, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
 use geometry::DistanceField;
+use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
-use posture::{Environment, Hand, HandTable, PostureError};
+use posture::{Environment, Hand};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::RobotModel;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -38,15 +38,6 @@ const GENERATORS: [&str; 2] = ["force_closure", "random_palm"];
 const FEWEST_TIPS: usize = 3;
 /// Shortest length by which torques are divided, in meters.
 const MIN_LENGTH_M: f64 = 0.01;
-/// The hand table is fingerprinted by its parsed content.
-const HAND_TABLE: Form = Form {
-    name: "hand table",
-    of: |bytes| {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
-    },
-};
 
 dataflow::metrics! {
     /// Metrics of an object's grasps.
@@ -82,7 +73,7 @@ impl Stage for ForceClosure {
 
     /// Checks the hand and its table.
     fn prepare(config: &ForceClosureConfig) -> Result<(), ForceClosureError> {
-        let hand = load_hand(&config.hand, &config.hand_table)?;
+        let hand = hand_files::load(&config.hand, &config.hand_table)?;
         tips(&hand)?;
         let joints = &config.flexion_joints;
         HandBody::new(hand.model.clone(), joints, hand.mid_range)?;
@@ -118,45 +109,24 @@ impl Output for ForceClosure {
     });
 
     fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, ForceClosureError> {
-        let objects = scope.partitions(Object::NAME);
-        if objects.is_empty() {
+        if scope.partitions(Object::NAME).is_empty() {
             return Err(ForceClosureError::NoObjects);
         }
-        let is_known = |name: &&String| objects.iter().any(|known| known.key == ***name);
-        if let Some(object) = config.objects.iter().find(|name| !is_known(name)) {
-            return Err(ForceClosureError::UnknownObject {
-                object: object.clone(),
-                known: objects.iter().map(|known| known.key.to_string()).collect(),
-            });
-        }
+        let objects = scope.chosen(Object::NAME, &config.objects)?;
         let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME).iter();
         let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
-        let meshes = robot_meshes::sources(&config.hand)?;
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
-        };
-        let units = objects
-            .iter()
-            .map(|object| object.key.as_str())
-            .filter(chosen);
-        let units = units.map(|object| {
+        let files = HandFiles::of(&config.hand, &config.hand_table)?;
+        let units = objects.into_iter().map(|object| {
+            let object = object.key.as_str();
             let field = fields.iter().find(|field| field.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Object::NAME, [object])
                 .reading(FieldInfo::NAME, field.map(|field| &field.key))
                 .reading(Trajectory::NAME, trajectories.clone())
-                .only_files(Trajectory::NAME, [lake::table::FILE])
-                .with_file_of_form(
-                    SourceFile::named("hand", &config.hand),
-                    robot_meshes::MODEL_FORM,
-                )
-                .with_file_of_form(
-                    SourceFile::named("hand_table", &config.hand_table),
-                    HAND_TABLE,
-                );
-            meshes.iter().cloned().fold(unit, Unit::with_file)
+                .only_files(Trajectory::NAME, [lake::table::FILE]);
+            files.added_to(unit)
         });
         Ok(units.collect())
     }
@@ -173,7 +143,7 @@ impl Output for ForceClosure {
         let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let field = Arc::new(field);
         let [urdf, table] = [inputs.source("hand")?, inputs.source("hand_table")?];
-        let hand = load_hand(&urdf.path, &table.path)?;
+        let hand = hand_files::load(&urdf.path, &table.path)?;
         let trajectories: Vec<Trajectory> = inputs.all()?;
         let joints = hand.model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
@@ -307,28 +277,6 @@ pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
         return Err(ForceClosureError::FewTips { found: tips.len() });
     }
     Ok(tips)
-}
-
-/// Reads a hand and its table, and finds every link that the table names.
-fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, ForceClosureError> {
-    let model: RobotModel = robot_meshes::load(urdf_path)?.model;
-    let of_urdf = |source: PostureError| ForceClosureError::Hand {
-        path: urdf_path.to_owned(),
-        source,
-    };
-    Hand::check(&model).map_err(of_urdf)?;
-    let table =
-        fs::read_to_string(table_path).map_err(|source| ForceClosureError::ReadHandTable {
-            path: table_path.to_owned(),
-            source,
-        })?;
-    let table: HandTable = table
-        .parse()
-        .map_err(|source| ForceClosureError::HandTable {
-            path: table_path.to_owned(),
-            source,
-        })?;
-    Hand::new(model, &table).map_err(of_urdf)
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Why motions could not be replaced.
 
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 
 /// Why motions could not be replaced.
@@ -21,6 +21,15 @@ pub enum InterpolateError {
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
+}
+
+impl From<UnknownPartition> for InterpolateError {
+    fn from(unknown: UnknownPartition) -> Self {
+        Self::UnknownObject {
+            object: unknown.name,
+            known: unknown.known,
+        }
+    }
 }
 
 impl Advise for InterpolateError {

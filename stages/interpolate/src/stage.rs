@@ -46,25 +46,12 @@ impl Output for Interpolate {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
-        let given = scope.partitions(Candidates::NAME).iter();
-        let keys: Vec<&str> = given.map(|given| given.key.as_str()).collect();
-        if keys.is_empty() {
+        if scope.partitions(Candidates::NAME).is_empty() {
             return Err(InterpolateError::NoCandidates);
         }
-        if let Some(object) = config
-            .objects
-            .iter()
-            .find(|name| !keys.contains(&name.as_str()))
-        {
-            return Err(InterpolateError::UnknownObject {
-                object: object.clone(),
-                known: keys.into_iter().map(str::to_owned).collect(),
-            });
-        }
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
-        };
-        let units = keys.into_iter().filter(chosen).map(|object| {
+        let chosen = scope.chosen(Candidates::NAME, &config.objects)?;
+        let units = chosen.into_iter().map(|given| {
+            let object = given.key.as_str();
             Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])

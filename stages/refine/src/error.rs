@@ -1,12 +1,10 @@
 //! Why motions could not be refined.
 
-use std::{io, path::PathBuf};
-
-use dataflow::{Advise, missing};
+use dataflow::Advise;
+use hand_files::HandFileError;
 use lake::LakeError;
 use motion::MotionError;
-use posture::{PostureError, SolverError};
-use robot_meshes::LoadError;
+use posture::SolverError;
 
 /// Why motions could not be refined.
 #[derive(Debug, thiserror::Error)]
@@ -15,33 +13,9 @@ pub enum RefineError {
     /// There is nothing to refine.
     #[error("there are no candidates to refine")]
     NoCandidates,
-    /// The hand table cannot be read.
-    #[error("cannot read the hand table `{}`", path.display())]
-    ReadHandTable {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's URDF cannot be used, or lacks a link that its table names.
-    #[error("cannot use the hand's URDF `{}`", path.display())]
-    Hand {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: PostureError,
-    },
-    /// The hand table cannot be used.
-    #[error("cannot use the hand table `{}`", path.display())]
-    HandTable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: PostureError,
-    },
-    /// The robot cannot be loaded.
+    /// The hand cannot be loaded from its files.
     #[error(transparent)]
-    LoadRobot(#[from] LoadError),
+    HandFiles(#[from] HandFileError),
     /// The solver cannot work on the hand.
     #[error(transparent)]
     Solver(#[from] SolverError),
@@ -56,12 +30,7 @@ pub enum RefineError {
 impl Advise for RefineError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::ReadHandTable { path, .. } => Some(format!(
-                "set `hand_table` to the table of a robot hand; {}",
-                missing(path)
-            )),
-            Self::LoadRobot(err) => err.hint(),
-            Self::Hand { source, .. } | Self::HandTable { source, .. } => source.hint(),
+            Self::HandFiles(err) => err.hint(),
             Self::Lake(err) => err.hint(),
             Self::NoCandidates | Self::Motion(_) | Self::Solver(_) => None,
         }

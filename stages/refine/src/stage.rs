@@ -1,14 +1,15 @@
 //! The stage: one unit per object.
 
-use std::{fs, path::Path, sync::Arc};
+use std::sync::Arc;
 
 use dataflow::{
-    Code, Context, Form, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output,
-    Outputs, Scope, SourceFile, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
+use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::{Environment, Hand, HandTable, PostureError};
+use posture::Environment;
 use rayon::prelude::*;
 use schemas::{
     Table,
@@ -28,15 +29,6 @@ pub struct Refine;
 
 /// What refined motions name as their generator.
 const GENERATOR: &str = "refine";
-/// The hand table is fingerprinted by its parsed content.
-const HAND_TABLE: Form = Form {
-    name: "hand table",
-    of: |bytes| {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
-    },
-};
 
 dataflow::metrics! {
     /// Metrics of an object's refined motions.
@@ -68,7 +60,8 @@ impl Stage for Refine {
 
     /// Checks the hand and its table.
     fn prepare(config: &RefineConfig) -> Result<(), RefineError> {
-        load_hand(&config.hand, &config.hand_table).map(drop)
+        hand_files::load(&config.hand, &config.hand_table)?;
+        Ok(())
     }
 }
 
@@ -99,7 +92,7 @@ impl Output for Refine {
         }
         let fields = scope.partitions(FieldInfo::NAME);
         let objects = scope.partitions(Object::NAME);
-        let meshes = robot_meshes::sources(&config.hand)?;
+        let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
             let field = fields.iter().find(|field| field.key == *object);
@@ -109,16 +102,8 @@ impl Output for Refine {
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
                 .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .reading(Object::NAME, shape.map(|shape| &shape.key))
-                .with_file_of_form(
-                    SourceFile::named("hand", &config.hand),
-                    robot_meshes::MODEL_FORM,
-                )
-                .with_file_of_form(
-                    SourceFile::named("hand_table", &config.hand_table),
-                    HAND_TABLE,
-                );
-            meshes.iter().cloned().fold(unit, Unit::with_file)
+                .reading(Object::NAME, shape.map(|shape| &shape.key));
+            files.added_to(unit)
         });
         Ok(units.collect())
     }
@@ -140,7 +125,7 @@ impl Output for Refine {
         };
         let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
         let field = Arc::new(field);
-        let hand = load_hand(
+        let hand = hand_files::load(
             &inputs.source("hand")?.path,
             &inputs.source("hand_table")?.path,
         )?;
@@ -276,30 +261,11 @@ fn best(
     })
 }
 
-/// Reads a hand and its table, and finds every link that the table names.
-fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, RefineError> {
-    let model = robot_meshes::load(urdf_path)?.model;
-    let of_urdf = |source: PostureError| RefineError::Hand {
-        path: urdf_path.to_owned(),
-        source,
-    };
-    Hand::check(&model).map_err(of_urdf)?;
-    let table = fs::read_to_string(table_path).map_err(|source| RefineError::ReadHandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
-    let table: HandTable = table.parse().map_err(|source| RefineError::HandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
-    Hand::new(model, &table).map_err(of_urdf)
-}
-
 #[cfg(test)]
 mod tests {
-    use std::{collections::BTreeMap, path::Path};
+    use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::Artifact;
+    use dataflow::{Artifact, SourceFile};
     use schemas::candidates::{DrawSource, ObjectSplit, Origin};
     use spatial::Pose;
 

@@ -1,12 +1,11 @@
 //! Why no ways could be planned.
 
-use std::{io, path::PathBuf};
+use std::path::PathBuf;
 
-use dataflow::{Advise, missing};
+use dataflow::Advise;
+use hand_files::HandFileError;
 use lake::LakeError;
-use posture::PostureError;
 use robot::JointMismatch;
-use robot_meshes::LoadError;
 
 /// Why no ways could be planned.
 #[derive(Debug, thiserror::Error)]
@@ -25,30 +24,6 @@ pub enum RrtError {
         /// How their joints differ from the hand's.
         source: JointMismatch,
     },
-    /// The hand table cannot be read.
-    #[error("cannot read the hand table `{}`", path.display())]
-    ReadHandTable {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
-    /// The hand's URDF cannot be used, or lacks a link that its table names.
-    #[error("cannot use the hand's URDF `{}`", path.display())]
-    Hand {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: PostureError,
-    },
-    /// The hand table cannot be used.
-    #[error("cannot use the hand table `{}`", path.display())]
-    HandTable {
-        /// The file.
-        path: PathBuf,
-        /// What is wrong with it.
-        source: PostureError,
-    },
     /// The hand's collision shapes cannot be filled with spheres.
     #[error("collision shapes of link `{link}` of the hand `{}` are far larger than a hand's", path.display())]
     LargeShapes {
@@ -57,9 +32,9 @@ pub enum RrtError {
         /// The link.
         link: String,
     },
-    /// The robot cannot be loaded.
+    /// The hand cannot be loaded from its files.
     #[error(transparent)]
-    LoadRobot(#[from] LoadError),
+    HandFiles(#[from] HandFileError),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -71,13 +46,8 @@ impl Advise for RrtError {
             Self::AnotherHand { .. } => {
                 Some("use the same `hand` in `retarget` and in `rrt`, then run again".to_owned())
             }
-            Self::ReadHandTable { path, .. } => Some(format!(
-                "set `hand_table` to the table of a robot hand; {}",
-                missing(path)
-            )),
-            Self::Hand { source, .. } | Self::HandTable { source, .. } => source.hint(),
             Self::LargeShapes { .. } => Some("lengths in a URDF are in meters".to_owned()),
-            Self::LoadRobot(err) => err.hint(),
+            Self::HandFiles(err) => err.hint(),
             Self::Lake(err) => err.hint(),
             Self::NoCandidates => None,
         }

@@ -1,14 +1,15 @@
 //! The stage: one unit per object.
 
-use std::{fs, path::Path, sync::Arc};
+use std::sync::Arc;
 
 use dataflow::{
-    Code, Context, Form, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs,
-    Scope, SourceFile, Stage, Sum, Unit,
+    Code, Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
 use geometry::DistanceField;
+use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::{Environment, Hand, HandTable, PostureError};
+use posture::Environment;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -32,15 +33,6 @@ pub struct Rrt;
 
 /// What the candidates say planned them.
 const GENERATOR: &str = "rrt";
-/// The hand table is fingerprinted by its parsed content.
-const HAND_TABLE: Form = Form {
-    name: "hand table",
-    of: |bytes| {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
-    },
-};
 
 dataflow::metrics! {
     /// Metrics of an object's planned motions.
@@ -80,7 +72,8 @@ impl Stage for Rrt {
 
     /// Checks the hand and its table.
     fn prepare(config: &RrtConfig) -> Result<(), RrtError> {
-        load_hand(&config.hand, &config.hand_table).map(drop)
+        hand_files::load(&config.hand, &config.hand_table)?;
+        Ok(())
     }
 }
 
@@ -106,7 +99,7 @@ impl Output for Rrt {
             return Err(RrtError::NoCandidates);
         }
         let fields = scope.partitions(FieldInfo::NAME);
-        let meshes = robot_meshes::sources(&config.hand)?;
+        let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
             let field = fields.iter().find(|field| field.key == *object);
@@ -114,16 +107,8 @@ impl Output for Rrt {
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .with_file_of_form(
-                    SourceFile::named("hand", &config.hand),
-                    robot_meshes::MODEL_FORM,
-                )
-                .with_file_of_form(
-                    SourceFile::named("hand_table", &config.hand_table),
-                    HAND_TABLE,
-                );
-            meshes.iter().cloned().fold(unit, Unit::with_file)
+                .reading(FieldInfo::NAME, field.map(|field| &field.key));
+            files.added_to(unit)
         });
         Ok(units.collect())
     }
@@ -138,7 +123,7 @@ impl Output for Rrt {
         };
         let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
         let urdf = &inputs.source("hand")?.path;
-        let hand = load_hand(urdf, &inputs.source("hand_table")?.path)?;
+        let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
         let spheres = HandSpheres::new(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
@@ -195,25 +180,6 @@ impl Output for Rrt {
         })?;
         Ok(Outcome::Made(metrics))
     }
-}
-
-/// Reads a hand and its table, and finds every link that the table names.
-fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<Hand, RrtError> {
-    let model = robot_meshes::load(urdf_path)?.model;
-    let of_urdf = |source: PostureError| RrtError::Hand {
-        path: urdf_path.to_owned(),
-        source,
-    };
-    Hand::check(&model).map_err(of_urdf)?;
-    let table = fs::read_to_string(table_path).map_err(|source| RrtError::ReadHandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
-    let table: HandTable = table.parse().map_err(|source| RrtError::HandTable {
-        path: table_path.to_owned(),
-        source,
-    })?;
-    Hand::new(model, &table).map_err(of_urdf)
 }
 
 /// Returns the candidate of a plan to the grasp of another one.

@@ -1,7 +1,7 @@
 //! Why no motions could be drawn.
 
 use cgf::CgfError;
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof, spheres};
@@ -65,6 +65,15 @@ pub enum SampleError {
     /// The grasping function cannot be used.
     #[error(transparent)]
     Cgf(#[from] CgfError),
+}
+
+impl From<UnknownPartition> for SampleError {
+    fn from(unknown: UnknownPartition) -> Self {
+        Self::UnknownObject {
+            object: unknown.name,
+            known: unknown.known,
+        }
+    }
 }
 
 impl Advise for SampleError {

@@ -1,6 +1,6 @@
 //! Why demonstrations could not be carried over.
 
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 
@@ -41,6 +41,15 @@ pub enum TransferError {
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
+}
+
+impl From<UnknownPartition> for TransferError {
+    fn from(unknown: UnknownPartition) -> Self {
+        Self::UnknownObject {
+            object: unknown.name,
+            known: unknown.known,
+        }
+    }
 }
 
 impl Advise for TransferError {

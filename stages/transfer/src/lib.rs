@@ -1,4 +1,4 @@
-//! Carries retargeted demonstrations to other objects: what a learned generator is compared with.
+//! Carries retargeted demonstrations to other objects: baselines for a learned generator.
 //!
 //! One unit per object. A demonstration of another object is carried over in the frame of the objects' boxes on the
 //! table: box center to box center, long side to long side. Or, of the object's own demonstrations, the mean for each

@@ -72,21 +72,8 @@ impl Output for Transfer {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, TransferError> {
-        let objects = scope.partitions(Object::NAME);
-        if let Some(object) = config
-            .objects
-            .iter()
-            .find(|name| !objects.iter().any(|known| known.key == ***name))
-        {
-            return Err(TransferError::UnknownObject {
-                object: object.clone(),
-                known: objects.iter().map(|known| known.key.to_string()).collect(),
-            });
-        }
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
-        };
-        let objects = objects.iter().map(|object| object.key.as_str());
+        let chosen = scope.chosen(Object::NAME, &config.objects)?;
+        let chosen = chosen.into_iter().map(|object| object.key.as_str());
         let trajectories = scope.partitions(Trajectory::NAME);
         let unit = |object: &str| {
             let of_object = |own: bool| {
@@ -111,7 +98,7 @@ impl Output for Transfer {
                 }
             }
         };
-        Ok(objects.filter(chosen).map(unit).collect())
+        Ok(chosen.map(unit).collect())
     }
 
     fn make(

@@ -24,14 +24,7 @@ use crate::{
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
     let objects = scope.partitions(Object::NAME);
-    for object in &config.objects {
-        if !objects.iter().any(|known| known.key == **object) {
-            return Err(SampleError::UnknownObject {
-                object: object.clone(),
-                known: objects.iter().map(|known| known.key.to_string()).collect(),
-            });
-        }
-    }
+    let chosen = scope.chosen(Object::NAME, &config.objects)?;
     let checkpoint = scope
         .partitions(checkpoint::NAME)
         .iter()
@@ -43,12 +36,9 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
     } else {
         Vec::new()
     };
-    let units = objects
-        .iter()
+    let units = chosen
+        .into_iter()
         .map(|object| object.key.as_str())
-        .filter(|object| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
-        })
         .map(|object| {
             let unit = Unit::new(object)
                 .with_label("object", object)
