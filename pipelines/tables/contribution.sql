@@ -1,4 +1,4 @@
--- What the learned function adds: motions of each generator, one draw each, refined alike, palm and fingers following the
+-- Contribution of the learned function: motions of each generator, one draw each, refined alike, palm and fingers following the
 -- motion to its planned squeeze: means over the objects of the share that holds, with Student's 95 % interval. Four folds,
 -- so that every object is unseen once; generators that learn nothing are the same in each.
 --

@@ -10,10 +10,13 @@
 --   --set train.network.frame=object --set train.training.augmentation=none,any
 -- pipeline run pipelines/paper.toml --until screen --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
 --   --set train.unseen_objects=[] --set sample.per_object=64 \
---   --set train.training.epochs=90 --set train.training.halving_epochs=45
+--   --set train.training.epochs=90 --set train.training.halving_epochs=45 --set train.held_out_share=0.1 \
+--   --set screen.protocol.name=table_lift --set screen.protocol.squeeze_rad=0.15
 -- pipeline run pipelines/released.toml --until screen --set ingest.root=$DEXYCB --set train.unseen_fold=1/4 \
 --   --set train.unseen_objects=[] --set sample.per_object=64 \
---   --set train.training.epochs=8 --set train.training.halving_epochs=4
+--   --set train.training.epochs=8 --set train.training.halving_epochs=4 --set train.held_out_share=0.1 \
+--   --set screen.protocol.name=table_lift --set screen.protocol.squeeze_rad=0.15 \
+--   --set ingest.reach=robust --set retarget.hand_table=data/hands/allegro_right_paper.toml
 with
     variants as (
         select run as variant,

@@ -11,16 +11,19 @@ use crate::{
 };
 
 /// Kinds of stages in the order of the flow; others follow.
-const FLOW: [&str; 12] = [
+const FLOW: [&str; 15] = [
     "ingest",
     "retarget",
     "replay",
+    "transfer",
     "train",
     "sample",
     "interpolate",
     "eigengrasp",
     "force_closure",
     "refine",
+    "rrt",
+    "cem_mpc",
     "screen",
     "dispatch",
     "report",
