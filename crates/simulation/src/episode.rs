@@ -7,14 +7,12 @@ use crate::{
     config::{ControllerKind, Support},
     error::SimulationError,
     hand::LinkShape,
+    judge::IMPLAUSIBLE_SPEED,
     settings::SettingFault,
     settled_scene::SettledScene,
     units::meters,
     world::{Overflow, World},
 };
-
-/// Speed in m/s and rad/s that only a failed simulation exceeds: that of a rollout's verdict.
-const IMPLAUSIBLE_SPEED: f64 = 300.0;
 
 /// A hand and an object at one moment, with all that physics remembers: whatever is done to a copy, it goes on from the
 /// same bits.

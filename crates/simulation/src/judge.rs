@@ -16,7 +16,7 @@ use crate::{
 
 /// Speed (m/s, rad/s) that only a failed simulation exceeds in this scene; the engine lets nothing be faster
 /// than 400 m/s, or turn by more than an eighth of a turn in a step (196 rad/s in 4 ms).
-const IMPLAUSIBLE_SPEED: f64 = 300.0;
+pub(crate) const IMPLAUSIBLE_SPEED: f64 = 300.0;
 /// Distance in meters from the table's origin beyond which the object is lost.
 const IMPLAUSIBLE_DISTANCE_M: f64 = 10.0;
 /// Time at the end of the hold over which slip and contact are judged, in seconds.
