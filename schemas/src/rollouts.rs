@@ -19,8 +19,8 @@ columns! {
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
         verdict as reason: Verdict => "`held`, or why it failed",
-        cost_n: u32 => "control steps simulated; with `saved_n` those of the full script",
-        saved_n: u32 => "control steps of the script that were not simulated",
+        control_steps_n: u32 => "control steps simulated; with `skipped_steps_n` those of the full script",
+        skipped_steps_n: u32 => "control steps of the script that were not simulated",
         lift_m: f64 ["m"] => "rise of the object's origin at the end",
         slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
@@ -28,6 +28,8 @@ columns! {
         contacts_n: u32 => "hand links in contact with the object at the end",
         /// Smoothness of the candidate as drawn; 0 of an infeasible one.
         smoothness: Smoothness,
+        /// Smoothness of the hand's motion as executed.
+        executed: ExecutedSmoothness,
     }
 }
 
@@ -39,21 +41,22 @@ impl Rollout {
             generator: candidate.generator.clone(),
             source: candidate.source.clone(),
             verdict,
-            cost_n: 0,
-            saved_n: 0,
+            control_steps_n: 0,
+            skipped_steps_n: 0,
             lift_m: 0.0,
             slip_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
             smoothness: Smoothness::default(),
+            executed: ExecutedSmoothness(None),
         }
     }
 }
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 5, per "object", rows: Rollout}
+table! {"rollouts", 6, per "object", rows: Rollout}
 
 words! {
     /// How a rollout ended; success is first.
@@ -113,7 +116,7 @@ pub struct Variations {
     pub cartesian: Variation,
 }
 
-/// Smoothness of a candidate as drawn, by three definitions.
+/// Smoothness of a motion, by three definitions.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Smoothness {
     /// The mean over channels (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
@@ -131,6 +134,11 @@ pub struct Smoothness {
     /// Σ‖difference of neighbors‖, so that a channel that hardly moves cannot outweigh the others.
     pub robust: Variations,
 }
+
+/// Smoothness of the hand's motion as executed: of its palm and joints at the control steps of the reach. Nothing of a
+/// motion whose reach was not simulated to its end.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct ExecutedSmoothness(pub Option<Smoothness>);
 
 /// A part of a measure: its name, its meaning and its accessor.
 type Part<Of, Is> = (&'static str, &'static str, fn(&Of) -> &Is);
@@ -152,14 +160,14 @@ const ORDERS: [Part<Variation, f64>; 3] = [
     ("acceleration", "acceleration", |of| &of.acceleration),
 ];
 
-/// One column for each definition, space and order, e.g. `paper_joints_position`.
-impl Row for Smoothness {
-    fn write(rows: &[&Self], to: &mut Writer) {
+impl Smoothness {
+    /// Writes one column for each definition, space and order, e.g. `paper_joints_position`.
+    fn write_columns(rows: &[&Self], to: &mut Writer, prefix: &str, motion: &str) {
         for (definition, how, variations) in DEFINITIONS {
             for (space, of, variation) in SPACES {
                 for (order, what, number) in ORDERS {
-                    let name = format!("{definition}_{space}_{order}");
-                    let about = format!("total variation of the {of}' {what}, {how}");
+                    let name = format!("{prefix}{definition}_{space}_{order}");
+                    let about = format!("total variation of the {of}' {what}{motion}, {how}");
                     let cells = rows.iter().map(|row| number(variation(variations(row))));
                     to.column(&name, Some("1"), &about, &cells.collect::<Vec<_>>());
                 }
@@ -167,10 +175,12 @@ impl Row for Smoothness {
         }
     }
 
-    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+    fn read_columns(from: &Reader<'_>, row: usize, prefix: &str) -> Result<Self, SchemaError> {
         let variations = |definition: &str| -> Result<Variations, SchemaError> {
             let variation = |space: &str| -> Result<Variation, SchemaError> {
-                let number = |order: &str| from.cell(&format!("{definition}_{space}_{order}"), row);
+                let number = |order: &str| {
+                    from.cell(&format!("{prefix}{definition}_{space}_{order}"), row)
+                };
                 Ok(Variation {
                     position: number("position")?,
                     velocity: number("velocity")?,
@@ -189,3 +199,33 @@ impl Row for Smoothness {
         })
     }
 }
+
+impl Row for Smoothness {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        Self::write_columns(rows, to, "", "");
+    }
+
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        Self::read_columns(from, row, "")
+    }
+}
+
+/// The column `reached`, and those of [`Smoothness`], e.g. `executed_paper_joints_position`, which are 0 where it is false.
+impl Row for ExecutedSmoothness {
+    fn write(rows: &[&Self], to: &mut Writer) {
+        let reached: Vec<bool> = rows.iter().map(|row| row.0.is_some()).collect();
+        let about = "whether the reach was simulated to its end";
+        to.column("reached", None, about, &reached.iter().collect::<Vec<_>>());
+        let executed: Vec<Smoothness> = rows.iter().map(|row| row.0.unwrap_or_default()).collect();
+        let executed: Vec<&Smoothness> = executed.iter().collect();
+        Smoothness::write_columns(&executed, to, EXECUTED, " as executed");
+    }
+
+    fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
+        let executed = Smoothness::read_columns(from, row, EXECUTED)?;
+        Ok(Self(from.cell::<bool>("reached", row)?.then_some(executed)))
+    }
+}
+
+/// Prefix of the columns of a motion as executed.
+const EXECUTED: &str = "executed_";

@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 43] = files![
+const FILES: [(&str, &str); 45] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -54,12 +54,14 @@ const FILES: [(&str, &str); 43] = files![
     "pipelines/cgf.toml",
     "pipelines/contribution.toml",
     "pipelines/expert.toml",
-    "pipelines/feedforward.toml",
     "pipelines/frames.toml",
     "pipelines/grasps.toml",
     "pipelines/interpolation.toml",
-    "pipelines/noise.toml",
     "pipelines/paper.toml",
+    "pipelines/paper_cell.toml",
+    "pipelines/paper_generators.toml",
+    "pipelines/paper_planners.toml",
+    "pipelines/paper_tables.toml",
     "pipelines/planners.toml",
     "pipelines/refinement.toml",
     "pipelines/refinement_parts.toml",

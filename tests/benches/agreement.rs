@@ -326,7 +326,7 @@ fn compare(
             counts.held += 1;
             counts.here_held_s += cpu_s;
             counts.here_held_steps +=
-                f64::from(rollout.cost_n) * f64::from(scene.steps_per_control);
+                f64::from(rollout.control_steps_n) * f64::from(scene.steps_per_control);
         }
         let setpoints = settled.setpoints(motion, protocol).unwrap();
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);

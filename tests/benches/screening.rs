@@ -99,7 +99,7 @@ fn main() -> ExitCode {
     let substeps = f64::from(scene.steps_per_control);
     let simulated: f64 = ours
         .iter()
-        .map(|(r, _)| f64::from(r.cost_n) * substeps)
+        .map(|(r, _)| f64::from(r.control_steps_n) * substeps)
         .sum();
     let candidates = CANDIDATES as f64;
     println!(
@@ -118,7 +118,7 @@ fn main() -> ExitCode {
     let all_steps = whole.len() as f64 * steps;
     let our_steps: f64 = whole
         .iter()
-        .map(|&idx| f64::from(ours[idx].0.cost_n) * substeps)
+        .map(|&idx| f64::from(ours[idx].0.control_steps_n) * substeps)
         .sum();
     let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / our_steps;
     println!(

@@ -172,17 +172,17 @@ fn compare<R: Rates + Sync>(
                     .unwrap();
                 let cpu_s = cpu_time::thread_s() - before;
                 let said = format!("{rollout:?}");
-                (rollout.verdict, rollout.cost_n, cpu_s, said)
+                (rollout.verdict, rollout.control_steps_n, cpu_s, said)
             };
             sets.iter().map(|(_, shortcuts)| roll(*shortcuts)).collect()
         })
         .collect();
     let mut here: BTreeMap<usize, Counts> = BTreeMap::new();
     for (number, row) in rows.iter().enumerate() {
-        for (idx, (verdict, cost_n, cpu_s, said)) in row.iter().enumerate() {
+        for (idx, (verdict, control_steps_n, cpu_s, said)) in row.iter().enumerate() {
             for counts in [totals.entry(idx).or_default(), here.entry(idx).or_default()] {
                 counts.rollouts += 1;
-                counts.steps += u64::from(*cost_n);
+                counts.steps += u64::from(*control_steps_n);
                 counts.cpu_s += cpu_s;
                 counts.held += usize::from(*verdict == Verdict::Held);
                 if *verdict != row[0].0 {

@@ -10,20 +10,22 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 24] = [
+const FILES: [&str; 26] = [
     "cgf",
     "agreement",
     "arm",
     "baseline",
     "contribution",
     "expert",
-    "feedforward",
     "frames",
     "generator",
     "grasps",
     "interpolation",
-    "noise",
     "paper",
+    "paper_cell",
+    "paper_generators",
+    "paper_planners",
+    "paper_tables",
     "planners",
     "refinement",
     "refinement_parts",

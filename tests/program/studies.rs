@@ -1,5 +1,5 @@
-//! Claims of `pipelines/feedforward.toml` and `pipelines/noise.toml`: every variant is screened
-//! over shared stages, and the query beside the screen's README makes its table.
+//! Claims of `pipelines/paper_tables.toml`: every variant is screened over shared stages, and the query of each of the
+//! paper's tables makes it.
 
 use std::{path::Path, process::Command};
 
@@ -10,24 +10,52 @@ use crate::{
     tables::query::Query,
 };
 
-/// Runs a study with little training and few motions, its sweeps cut short.
-fn studied(file: &str, objects: &[&str], values: &[&str]) -> Bench {
+/// An object that is learned from, and one that is not.
+const OBJECTS: [&str; 2] = ["006_mustard_bottle", "025_mug"];
+/// The function's motions for each of them.
+const PER_OBJECT: f64 = 6.0;
+/// The planned motions for each of them.
+const PLANNED: f64 = 4.0;
+
+/// Runs the study with little training and few motions, its sweeps cut short.
+fn studied() -> Bench {
     let bench = Bench::new();
     let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
     program
         .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .args(["run", file, "--lake"])
+        .args(["run", "pipelines/paper_tables.toml", "--lake"])
         .arg(bench.lake());
     let root = format!("ingest.root={}", bench.root().display());
-    let chosen = format!("sample.objects={objects:?}");
-    let common = [
-        root.as_str(),
-        chosen.as_str(),
-        "train.held_out_share=0.0",
-        "train.network.points=64",
-        "train.training.epochs=20",
+    let mut values = vec![
+        root,
+        "train.held_out_share=0.0".to_owned(),
+        "train.network.points=64".to_owned(),
+        "train.training.epochs=20".to_owned(),
+        "train.unseen_objects=[\"025_mug\"]".to_owned(),
+        "refine.draws=1".to_owned(),
+        format!("sample.per_object={PER_OBJECT}"),
+        format!("sample_noisy.per_object={PER_OBJECT}"),
+        format!("force_closure.per_object={PLANNED}"),
+        format!("eigengrasp.per_object={PLANNED}"),
+        "eigengrasp.steps=500".to_owned(),
+        "cem_mpc.objects=[\"006_mustard_bottle\"]".to_owned(),
+        "cem_mpc.per_object=1".to_owned(),
+        "cem_mpc.population=12".to_owned(),
+        "cem_mpc.elites=4".to_owned(),
+        "dispatch.per_object=1".to_owned(),
+        "dispatch_rrt.per_object=1".to_owned(),
+        "dispatch_rrt_eigengrasp.per_object=1".to_owned(),
+        "dispatch_cem.per_object=1".to_owned(),
+        "sample_noisy.point_noise=0.0,1.0".to_owned(),
+        "screen_pose.pose_noise=1.0".to_owned(),
     ];
-    for value in common.iter().chain(values) {
+    for stage in ["sample", "sample_noisy", "force_closure", "eigengrasp"] {
+        values.push(format!("{stage}.objects={OBJECTS:?}"));
+    }
+    for controller in ["pd", "pd_velocity", "pd_interpolated", "pd_feedforward"] {
+        values.push(format!("screen_{controller}.scene.hand_mass_scale=1.0"));
+    }
+    for value in &values {
         program.args(["--set", value]);
     }
     let ran = program.output().unwrap();
@@ -35,11 +63,11 @@ fn studied(file: &str, objects: &[&str], values: &[&str]) -> Bench {
     bench
 }
 
-/// Returns the query of a table in the screen's README.
-fn documented(table: &str) -> String {
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/stages/screen/tables");
-    let query = Query::read(&Path::new(folder).join(table)).unwrap();
-    query.sql
+/// Returns the rows of one of the paper's tables.
+fn table(bench: &Bench, number: u32) -> Vec<Value> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/tables");
+    let query = Query::read(&folder.join(format!("paper_{number}.sql"))).unwrap();
+    ask(bench, &query.sql)
 }
 
 fn ask(bench: &Bench, sql: &str) -> Vec<Value> {
@@ -55,104 +83,133 @@ fn number(row: &Value, column: &str) -> f64 {
         .unwrap_or_else(|| panic!("no `{column}` in {row}"))
 }
 
-#[test]
-fn feedforward_is_compared_with_pd_at_every_speed_and_mass() {
-    const OBJECTS: [&str; 2] = ["003_cracker_box", "006_mustard_bottle"];
-    const PER_OBJECT: f64 = 4.0;
-    let bench = studied(
-        "pipelines/feedforward.toml",
-        &OBJECTS,
-        &[
-            &format!("sample.per_object={PER_OBJECT}"),
-            "refine.draws=1",
-            "screen.protocol.reach_s=0.8,0.4",
-            "screen.scene.hand_mass_scale=1.0,3.0",
-        ],
-    );
-    // Everything before the screen is made once.
-    let made = ask(
-        &bench,
-        "select stage, count(*) as n from units where stage in ('sample', 'screen') \
-         and artifact in ('candidates', 'rollouts') and made_now group by stage order by stage",
-    );
-    let made: Vec<f64> = made.iter().map(|row| number(row, "n")).collect();
-    assert_eq!(made, [2.0, 2.0 * 8.0]);
-
-    let screened = ask(
-        &bench,
-        "select sum(candidates_n) as n from all_success group by run",
-    );
-    let screened: Vec<f64> = screened.iter().map(|row| number(row, "n")).collect();
-    assert_eq!(screened, [PER_OBJECT * OBJECTS.len() as f64; 8]);
-
-    let rows = ask(&bench, &documented("feedforward.sql"));
-    let settings: Vec<(f64, f64)> = rows
-        .iter()
-        .map(|row| (number(row, "speed"), number(row, "hand's mass")))
-        .collect();
-    assert_eq!(settings, [(1.0, 1.0), (1.0, 3.0), (2.0, 1.0), (2.0, 3.0)]);
-    for row in &rows {
-        let [pd, ahead] = ["PD, %", "with feedforward, %"].map(|column| number(row, column));
-        for share in [pd, ahead] {
-            assert!((0.0..=100.0).contains(&share), "{row}");
-        }
-        assert!((ahead - pd - number(row, "gain")).abs() < 0.11, "{row}");
-    }
-
-    // The controllers do differ: not every figure of every rollout is the same.
-    let lifts = ask(
-        &bench,
-        "select candidate_id, count(distinct displacement_m) as n from all_rollouts \
-         where cost_n > 0 group by candidate_id",
-    );
-    assert!(lifts.iter().any(|row| number(row, "n") > 2.0), "{lifts:?}");
+fn text<'a>(row: &'a Value, column: &str) -> &'a str {
+    row[column]
+        .as_str()
+        .unwrap_or_else(|| panic!("no `{column}` in {row}"))
 }
 
 #[test]
-fn noise_on_points_and_poses_is_screened_over_one_training() {
-    const OBJECTS: [&str; 2] = ["006_mustard_bottle", "025_mug"];
-    let bench = studied(
-        "pipelines/noise.toml",
-        &OBJECTS,
-        &[
-            &format!("sample_noisy.objects={OBJECTS:?}"),
-            "sample.per_object=6",
-            "sample_noisy.per_object=6",
-            "sample_noisy.point_noise=0.0,1.0",
-            "screen_pose.pose_noise=1.0",
-            "train.unseen_objects=[\"025_mug\"]",
-        ],
+fn every_table_of_the_paper_is_made_of_one_run() {
+    let bench = studied();
+    // What comes before the sweeps is made once.
+    let made = ask(
+        &bench,
+        "select stage, count(*) as n from units where stage in ('sample', 'screen_pd', 'screen_pose') \
+         and artifact in ('candidates', 'rollouts') and made_now group by stage order by stage",
     );
-    let rows = ask(&bench, &documented("noise.sql"));
+    let made: Vec<f64> = made.iter().map(|row| number(row, "n")).collect();
+    assert_eq!(made, [2.0, 3.0 * 2.0, 2.0]);
+    smoothness(&table(&bench, 1));
+    cost(&table(&bench, 2));
+    cell(&table(&bench, 3));
+    controllers(&bench, &table(&bench, 4));
+    noise(&bench, &table(&bench, 5));
+}
+
+/// Motions that hold have figures as planned and as executed, which are not the same.
+fn smoothness(rows: &[Value]) {
+    let own: Vec<&Value> = rows
+        .iter()
+        .filter(|row| text(row, "as") != "the paper's")
+        .collect();
+    assert_eq!(rows.len() - own.len(), 4);
+    assert!(!own.is_empty());
+    for pair in own.chunks(2) {
+        assert_eq!([text(pair[0], "as"), text(pair[1], "as")], ["planned", "executed"]);
+        assert_eq!(pair[0]["motions"], pair[1]["motions"]);
+        let [planned, executed] = [0, 1].map(|idx| number(pair[idx], "joints: acceleration"));
+        assert!((planned - executed).abs() > 1e-6, "{pair:?}");
+    }
+}
+
+/// Each way is a row for seen and unseen objects, with what was tried and spent.
+fn cost(rows: &[Value]) {
+    let of = |way: &str, column: &str| -> Vec<String> {
+        let rows = rows.iter().filter(|row| text(row, "grasp, motion") == way);
+        rows.map(|row| row[column].to_string()).collect()
+    };
+    let function = "the function, refined";
+    assert_eq!(of(function, "objects"), ["\"1 seen\"", "\"1 unseen\""]);
+    assert_eq!(of(function, "tried"), ["6", "6"]);
+    assert_eq!(of("the function, as drawn", "tried"), ["6", "6"]);
+    assert_eq!(of("straight line", "tried"), ["6", "6"]);
+    assert_eq!(of("force closure, RRT-Connect", "tried"), ["4", "4"]);
+    assert_eq!(of("force closure, CEM-MPC", "tried"), ["1"]);
+    for row in rows {
+        let steps = ["control steps, full", "as simulated"].map(|column| text(row, column));
+        if let [Ok(full), Ok(simulated)] = steps.map(str::parse::<f64>) {
+            assert!(full >= simulated && simulated > 0.0, "{row}");
+            assert!(text(row, "s").parse::<f64>().unwrap() >= 0.0, "{row}");
+        }
+        let plans = text(row, "grasp, motion").ends_with("RRT-Connect");
+        let is_counted = text(row, "checks") != "-";
+        assert_eq!(is_counted, plans && steps[0] != "-", "{row}");
+    }
+}
+
+/// The paper's trials on a robot stand beside those at the simulated cell.
+fn cell(rows: &[Value]) {
+    let robots = rows.iter().filter(|row| text(row, "grasp, motion").ends_with("robot"));
+    assert_eq!(robots.count(), 4);
+    let sent = rows.iter().filter(|row| text(row, "all objects") != "-");
+    let sent: Vec<&str> = sent.map(|row| text(row, "all objects")).collect();
+    assert!(!sent.is_empty());
+    for sent in sent {
+        let (held, n) = sent.split_once(" of ").unwrap();
+        assert!(held.parse::<u32>().unwrap() <= n.parse().unwrap(), "{sent}");
+    }
+}
+
+/// The controllers are compared at every speed, and differ.
+fn controllers(bench: &Bench, rows: &[Value]) {
+    let speeds: Vec<(f64, f64)> = rows
+        .iter()
+        .map(|row| (number(row, "speed"), number(row, "hand's mass")))
+        .collect();
+    assert_eq!(speeds, [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)]);
+    for row in rows {
+        let arms = ["PD, %", "with velocity", "at the faster rate", "with inverse dynamics"];
+        let [pd, _, _, dynamics] = arms.map(|column| {
+            let share = number(row, column);
+            assert!((0.0..=100.0).contains(&share), "{row}");
+            share
+        });
+        assert!((dynamics - pd - number(row, "gain")).abs() < 0.11, "{row}");
+    }
+    let executed = ask(
+        bench,
+        "select candidate_id, count(distinct executed_robust_joints_position) as n from rollouts \
+         where reached and stage like 'screen_pd%' group by candidate_id",
+    );
+    assert!(
+        executed.iter().any(|row| number(row, "n") == 4.0),
+        "{executed:?}"
+    );
+}
+
+/// Noise on the points changes the motions, noise on the pose their outcome.
+fn noise(bench: &Bench, rows: &[Value]) {
     let found: Vec<(&str, f64)> = rows
         .iter()
-        .map(|row| (row["noise on"].as_str().unwrap(), number(row, "s")))
+        .map(|row| (text(row, "noise on"), number(row, "s")))
         .collect();
     assert_eq!(found, [("points", 0.0), ("points", 1.0), ("pose", 1.0)]);
-    for row in &rows {
-        for column in ["seen: hold, %", "unseen: hold, %"] {
-            assert!((0.0..=100.0).contains(&number(row, column)), "{row}");
-        }
-    }
-
-    // A mistaken pose leaves the motions as they are, mistaken points do not.
-    let distinct = |stage: &str| {
+    let is_the_same = |stage: &str| {
         let sql = format!(
-            "select candidate_id, count(distinct limit_excess_rad) as n, \
-             count(distinct object_from_palm) as m from all_candidates where stage = '{stage}' \
-             group by candidate_id"
+            "select candidate_id, count(distinct object_from_palm) as n from all_candidates \
+             where stage = '{stage}' group by candidate_id"
         );
-        let rows = ask(&bench, &sql);
+        let rows = ask(bench, &sql);
         assert!(!rows.is_empty());
-        rows.iter().all(|row| number(row, "m") == 1.0)
+        rows.iter().all(|row| number(row, "n") == 1.0)
     };
-    assert!(distinct("sample"));
-    assert!(!distinct("sample_noisy"));
+    assert!(is_the_same("sample"));
+    assert!(!is_the_same("sample_noisy"));
     // An object that is believed to be an extent away is hardly ever grasped.
     let held = ask(
-        &bench,
-        "select stage, sum(successes_n) as held from all_success where stage = 'screen_pose' \
-         group by stage",
+        bench,
+        "select sum(successes_n) as held from success where stage = 'screen_pose'",
     );
     assert!(number(&held[0], "held") <= 4.0, "{held:?}");
 }

@@ -1,8 +1,11 @@
 //! The physical scene and the grasp protocol.
 
+mod drives;
+
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+pub use self::drives::{ControllerKind, DriveConfig, PalmDriveConfig};
 use crate::{
     protocols::{ProtocolName, PublishedSettings},
     shortcuts::Shortcuts,
@@ -67,6 +70,9 @@ pub struct SceneConfig {
     pub settle_s: f64,
     /// Drives of the finger joints.
     pub drive: DriveConfig,
+    /// Drives of the palm's six coordinates (none): without them it follows its path exactly.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub palm_drive: Option<PalmDriveConfig>,
     /// Simulation steps omitted because they cannot change the verdict.
     #[serde(default)]
     pub shortcuts: Shortcuts,
@@ -137,50 +143,6 @@ pub struct Offset {
     pub y_m: f64,
     /// Rotation about the vertical through the object's origin in radians.
     pub yaw_rad: f64,
-}
-
-/// The drive of each finger joint: a torque that a [`ControllerKind`] asks for, clamped.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
-#[schemars(inline)]
-pub struct DriveConfig {
-    /// The torque law: `pd`, which knows only the command, or `pd_feedforward`.
-    #[serde(default)]
-    pub controller: ControllerKind,
-    /// Stiffness in newton meters per radian; no default, for each hand has its own.
-    pub stiffness: f64,
-    /// Damping in newton meter seconds per radian; no default, for each hand has its own.
-    pub damping: f64,
-    /// Largest torque in newton meters; no default, for each hand has its own.
-    pub torque_limit: f64,
-    /// Inertia of the rotor as felt at the joint, in kilogram square meters; no default, for each
-    /// hand has its own.
-    pub armature: f64,
-    /// Stiffness of the mechanical end stops in newton meters per radian: at the torque of small
-    /// drives they give by a fraction of a degree.
-    #[serde(default = "defaults::stop_stiffness")]
-    pub stop_stiffness: f64,
-    /// Delay until a finger's command takes effect, in seconds, rounded to whole physics steps (0).
-    #[serde(default)]
-    pub delay_s: f64,
-}
-
-/// Torque law of a finger's drive, at a joint at `q` with desired position `q_d`.
-///
-/// Both are integrated implicitly and clamped to the torque limit as a whole.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-#[schemars(inline)]
-pub enum ControllerKind {
-    /// A spring to the command and a damper: `stiffness (q_d − q) − damping q̇`, with the command
-    /// held over each control step.
-    #[default]
-    Pd,
-    /// The torque of the motion itself, and a spring and a damper to it:
-    /// `ID(q̈_d, q, q̇) + stiffness (q_d − q) + damping (q̇_d − q̇)` with the hand's inverse dynamics
-    /// ID, armature included (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
-    /// from Human Demonstrations*, 2023, section III). `q_d` is followed between control steps too.
-    PdFeedforward,
 }
 
 /// How the fingers behave while the palm follows its path.
@@ -427,7 +389,6 @@ mod defaults {
     pub(super) fn prediction_m() -> f64 { 0.002 }
     pub(super) fn contact_recycle_m() -> f64 { 0.0 }
     pub(super) fn settle_s() -> f64 { 1.0 }
-    pub(super) fn stop_stiffness() -> f64 { 200.0 }
     pub(super) fn reach_s() -> f64 { 0.8 }
     pub(super) fn close_fraction() -> f64 { 0.25 }
     pub(super) fn open_rad() -> f64 { 0.3 }

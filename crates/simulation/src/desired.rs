@@ -1,12 +1,12 @@
-//! Desired motion of the fingers between control steps, for a drive with feedforward.
+//! Desired motion of fingers and palm between control steps, for drives that know more than a position.
 
 use motion::{JointRates, Motion, Rates, joints_between};
 use spatial::Object;
 
 use crate::{
-    config::{Approach, Protocol, SceneConfig},
+    config::{Approach, ControllerKind, Protocol, SceneConfig},
     played::CommandStep,
-    script::{Command, Phase},
+    script::Command,
 };
 
 /// Desired state of each joint at one time: position, velocity and acceleration, in rad, rad/s and
@@ -17,12 +17,14 @@ struct Knot {
     rates: JointRates,
 }
 
-/// The joints' course over a rollout: through one knot per control step, the start first, with the
-/// quintic polynomial between two knots that matches both positions, velocities and accelerations.
+/// A course of coordinates over a rollout, as a controller follows it: through one knot per control step, the start
+/// first. Between two knots it is held at the second, or goes by the quintic polynomial that matches the positions,
+/// velocities and accelerations of both.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Desired {
     knots: Vec<Knot>,
     control_s: f64,
+    controller: ControllerKind,
 }
 
 /// Desired motion of the joints over one physics step.
@@ -36,8 +38,8 @@ pub(crate) struct DesiredStep {
     pub(crate) q: Vec<f64>,
     /// Velocities in the middle of the step.
     pub(crate) velocity: Vec<f64>,
-    /// Accelerations at the beginning of the step.
-    pub(crate) acceleration: Vec<f64>,
+    /// Accelerations at the beginning of the step, for a controller that knows the inertia.
+    pub(crate) acceleration: Option<Vec<f64>>,
 }
 
 impl Desired {
@@ -54,23 +56,34 @@ impl Desired {
         scene: &SceneConfig,
     ) -> Self {
         let control_s = scene.control_step_s();
-        let all: Vec<&Command> = std::iter::once(start).chain(commands).collect();
+        let all = std::iter::once(start).chain(commands);
+        let all: Vec<&[f64]> = all.map(|command| &command.hand.q[..]).collect();
         let reach_n = commands
             .iter()
-            .filter(|command| matches!(command.phase, Phase::Reach | Phase::Close))
+            .filter(|command| command.phase.is_reach())
             .count();
         let follows = protocol.approach == Approach::Follow;
-        let knot = |idx: usize, command: &&Command| {
+        let knot = |idx: usize| {
             let own = (follows && idx < reach_n)
                 .then(|| followed(motion, idx as f64 / reach_n as f64, reach_n, control_s));
-            own.flatten().unwrap_or_else(|| Knot {
-                q: command.hand.q.clone(),
-                rates: differences(&all, idx, control_s),
-            })
+            own.flatten()
+                .unwrap_or_else(|| Knot::of_course(&all, idx, control_s))
         };
         Self {
-            knots: all.iter().enumerate().map(|(i, c)| knot(i, c)).collect(),
+            knots: (0..all.len()).map(knot).collect(),
             control_s,
+            controller: scene.drive.controller,
+        }
+    }
+
+    /// Takes a course of which only the positions are known, one for each control step.
+    pub(crate) fn of_course(course: &[&[f64]], scene: &SceneConfig) -> Self {
+        let control_s = scene.control_step_s();
+        let knots = (0..course.len()).map(|idx| Knot::of_course(course, idx, control_s));
+        Self {
+            knots: knots.collect(),
+            control_s,
+            controller: scene.drive.controller,
         }
     }
 
@@ -83,18 +96,15 @@ impl Desired {
         Self {
             knots: steps.iter().map(knot).collect(),
             control_s: scene.control_step_s(),
+            controller: scene.drive.controller,
         }
     }
 
     /// Returns the joints at rest at the start, where commands have not yet arrived.
     pub(crate) fn before(&self) -> Option<DesiredStep> {
         let q = self.knots.first()?.q.clone();
-        let still = JointRates::zero(q.len());
-        Some(DesiredStep {
-            q,
-            velocity: still.velocity,
-            acceleration: still.acceleration,
-        })
+        let velocity = vec![0.0; q.len()];
+        Some(self.step(q, velocity.clone(), velocity))
     }
 
     /// Returns the desired motion over a physics step that begins `time_s` after the beginning of a control
@@ -109,13 +119,43 @@ impl Desired {
             self.knots.get(control_step)?,
             self.knots.get(control_step + 1)?,
         );
+        let held = |velocity: Vec<f64>| DesiredStep {
+            q: to.q.clone(),
+            velocity,
+            acceleration: None,
+        };
+        match self.controller {
+            ControllerKind::Pd => return Some(held(vec![0.0; to.q.len()])),
+            ControllerKind::PdVelocity => return Some(held(to.rates.velocity.clone())),
+            ControllerKind::PdVelocityInterpolated | ControllerKind::PdFeedforward => {}
+        }
         let (from, to) = ((&from.q[..], &from.rates), (&to.q[..], &to.rates));
         let at = |time_s: f64| joints_between(from, to, self.control_s, time_s);
-        Some(DesiredStep {
-            q: at(time_s + step_s).0,
-            velocity: at(time_s + step_s / 2.0).1.velocity,
-            acceleration: at(time_s).1.acceleration,
-        })
+        Some(self.step(
+            at(time_s + step_s).0,
+            at(time_s + step_s / 2.0).1.velocity,
+            at(time_s).1.acceleration,
+        ))
+    }
+
+    fn step(&self, q: Vec<f64>, velocity: Vec<f64>, acceleration: Vec<f64>) -> DesiredStep {
+        let knows_inertia = self.controller == ControllerKind::PdFeedforward;
+        DesiredStep {
+            q,
+            velocity,
+            acceleration: knows_inertia.then_some(acceleration),
+        }
+    }
+}
+
+impl Knot {
+    /// Takes the position of one control step of a course, and its rates from its neighbors: those of the parabola through
+    /// them; 0 where it lacks one.
+    fn of_course(course: &[&[f64]], idx: usize, control_s: f64) -> Self {
+        Self {
+            q: course.get(idx).map(|q| q.to_vec()).unwrap_or_default(),
+            rates: differences(course, idx, control_s),
+        }
     }
 }
 
@@ -140,13 +180,12 @@ fn followed<R: Rates>(
     Some(Knot { q, rates })
 }
 
-/// Returns the rates of the parabola through a command and its neighbors; 0 where it lacks one.
-fn differences(commands: &[&Command], idx: usize, control_s: f64) -> JointRates {
-    let q = |idx: usize| commands.get(idx).map(|command| &command.hand.q);
+fn differences(course: &[&[f64]], idx: usize, control_s: f64) -> JointRates {
+    let q = |idx: usize| course.get(idx).copied();
     let (Some(before), Some(now), Some(after)) =
         (idx.checked_sub(1).and_then(q), q(idx), q(idx + 1))
     else {
-        let dof = q(idx).map_or(0, Vec::len);
+        let dof = q(idx).map_or(0, <[f64]>::len);
         return JointRates::zero(dof);
     };
     let neighbors = || before.iter().zip(now).zip(after);

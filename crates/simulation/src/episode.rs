@@ -51,12 +51,16 @@ impl SettledScene {
     ///
     /// # Errors
     ///
-    /// Fails if the command has not one position per joint, if a position is no number, or if the fingers' drives look
-    /// ahead or are late: what they will be told is not known.
+    /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if the
+    /// fingers' drives look ahead or are late: what they will be told is not known.
     pub fn begin(&self, start: &HandCommand) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller != ControllerKind::Pd {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
             return Err(SettingFault::new("drive.controller", problem).into());
+        }
+        if self.scene.palm_drive.is_some() {
+            let problem = "needs the whole path beforehand, and the next command is not known: leave it out";
+            return Err(SettingFault::new("palm_drive", problem).into());
         }
         if self.scene.delay_steps() > 0 {
             let problem = "must be 0: commands take effect at once";

@@ -237,6 +237,11 @@ impl HandBodies {
         Ok(hand)
     }
 
+    /// Masses and inertias, as the hand's controllers know them.
+    pub(crate) fn dynamics(&self) -> &DynamicsModel {
+        &self.dynamics
+    }
+
     /// The link of each body, by its place in the model.
     pub(crate) fn links(&self) -> &[usize] {
         &self.links

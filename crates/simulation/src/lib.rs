@@ -5,10 +5,11 @@
 //! hold; the [`Verdict`] says how it ended and, if it failed, the one reason.
 //!
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
-//!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it follows its
-//!   path exactly and is infinitely strong. Only the fingers yield.
-//! - Finger joints are PD drives, with optional inverse dynamics feedforward, integrated implicitly,
-//!   with clamped torque.
+//!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it is infinitely strong,
+//!   and follows its path exactly, or lags by drives of its own ([`PalmDriveConfig`]). Only the fingers
+//!   yield.
+//! - Finger joints are PD drives, with an optional velocity reference and inverse dynamics, integrated
+//!   implicitly, with clamped torque.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
 //! - Everything outside is `f64` and in the frames of [`spatial`]; inside, physics is `f32` and in
 //!   centimeters.
@@ -23,6 +24,7 @@ mod error;
 mod hand;
 mod judge;
 mod object;
+mod palm_course;
 mod played;
 mod protocols;
 mod rejection;
@@ -38,8 +40,8 @@ mod units;
 mod world;
 
 pub use config::{
-    Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, Protocol, PullConfig,
-    SceneConfig, StrictConfig, Support, Trial,
+    Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, PalmDriveConfig,
+    Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
 pub use episode::{Diverged, Episode, EpisodeState, HandCommand};
@@ -50,7 +52,7 @@ pub use protocols::{ProtocolName, PublishedSettings};
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::Verdict;
-pub use script::{Flexion, Phase, Setpoint};
+pub use script::{Flexion, HandPose, Phase, Setpoint};
 pub use settings::SettingFault;
 pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;

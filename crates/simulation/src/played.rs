@@ -48,12 +48,14 @@ impl Script {
             pull_in_table_m_per_s2: Vector3::zeros(),
         });
         let mut commands: Vec<Command> = commands.collect();
-        let reach = commands.iter().rfind(|command| is_reach(command.phase));
+        let reach = commands.iter().rfind(|command| command.phase.is_reach());
         let requested = reach.map(|grasp| grasp.hand.clone()).into_iter().collect();
         let start = commands.remove(0);
         let desired = match scene.drive.controller {
             ControllerKind::Pd => None,
-            ControllerKind::PdFeedforward => Some(Desired::played(steps, scene)),
+            ControllerKind::PdVelocity
+            | ControllerKind::PdVelocityInterpolated
+            | ControllerKind::PdFeedforward => Some(Desired::played(steps, scene)),
         };
         Ok(Self {
             start,
@@ -62,10 +64,6 @@ impl Script {
             desired,
         })
     }
-}
-
-fn is_reach(phase: Phase) -> bool {
-    matches!(phase, Phase::Reach | Phase::Close)
 }
 
 /// Checks that the steps can be played by a hand with `dof` joints.

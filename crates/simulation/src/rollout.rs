@@ -8,7 +8,8 @@ use crate::{
     contact::{ContactPoint, contact_points},
     desired::DesiredStep,
     judge::Judge,
-    script::{Command, Phase, Script},
+    palm_course::PalmCourse,
+    script::{Command, HandPose, Phase, Script},
     settled_scene::SettledScene,
     shortcuts::Shortcuts,
     world::{Overflow, World},
@@ -29,9 +30,9 @@ pub struct Rollout {
     /// The verdict; success is [`Verdict::Held`].
     pub verdict: Verdict,
     /// Control steps simulated.
-    pub cost_n: u32,
+    pub control_steps_n: u32,
     /// Control steps of the script that were omitted.
-    pub saved_n: u32,
+    pub skipped_steps_n: u32,
     /// Rise of the object's origin at the end, in meters.
     pub lift_m: f64,
     /// Motion of the object in the palm frame between lift and end, in meters.
@@ -42,6 +43,9 @@ pub struct Rollout {
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,
+    /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated to
+    /// its end.
+    pub executed: Vec<HandPose>,
     /// The steps, if they were requested and anything was simulated.
     pub trace: Option<Trace>,
 }
@@ -51,13 +55,14 @@ impl Rollout {
     pub(crate) fn refused(verdict: Verdict, script: &Script) -> Self {
         Self {
             verdict,
-            cost_n: 0,
-            saved_n: count(script.commands.len()),
+            control_steps_n: 0,
+            skipped_steps_n: count(script.commands.len()),
             lift_m: 0.0,
             slip_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
+            executed: Vec::new(),
             trace: None,
         }
     }
@@ -165,17 +170,24 @@ pub(crate) fn run_watched<'a>(
             }
         }
     }
-    let Execution { cost_n, trace, .. } = execution;
+    let Execution {
+        control_steps_n,
+        executed,
+        trace,
+        ..
+    } = execution;
+    let has_reached = executed.len() > script.reach_len() && verdict != Some(Verdict::Diverged);
     let verdict = verdict.unwrap_or_else(|| judge.conclude(settled));
     let rollout = Rollout {
         verdict,
-        cost_n,
-        saved_n: count(script.commands.len()).saturating_sub(cost_n),
+        control_steps_n,
+        skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
         lift_m: finite_or_zero(judge.rise_m()),
         slip_m: finite_or_zero(judge.slip_m()),
         displacement_m: finite_or_zero(judge.displacement_m()),
         penetration_m: finite_or_zero(judge.penetration_m()),
         contacts_n: judge.contact_count(),
+        executed: if has_reached { executed } else { Vec::new() },
         trace: trace.filter(|_| verdict != Verdict::Diverged),
     };
     WatchedRollout {
@@ -191,6 +203,8 @@ struct Execution<'a> {
     table_from_estimate: Pose<Table, Object>,
     /// First command from which on the palm is only carried.
     arrival: usize,
+    /// The palm's course, if it is driven.
+    palm: Option<PalmCourse>,
     /// Whether the palm was halted.
     halted: bool,
     /// Whether every pull begins where the first one began.
@@ -199,7 +213,9 @@ struct Execution<'a> {
     before_pulls: Option<(World, u32)>,
     /// Control steps commanded since the start, by the clock of the drives.
     commanded_n: u32,
-    cost_n: u32,
+    control_steps_n: u32,
+    /// The hand after each control step of the reach, its start first.
+    executed: Vec<HandPose>,
     trace: Option<Trace>,
     watcher: Option<Watcher<'a>>,
     /// The watcher's latest decision.
@@ -215,16 +231,21 @@ impl<'a> Execution<'a> {
         watcher: Option<Watcher<'a>>,
     ) -> Self {
         let start = &script.start;
+        let palm = settled.palm_course(script);
         let mut execution = Self {
             settled,
             world: settled.world.fork(),
             table_from_estimate: settled.table_from_estimate(),
-            arrival: script.arrival(),
+            arrival: palm
+                .as_ref()
+                .map_or_else(|| script.arrival(), PalmCourse::control_step_count),
+            palm,
             halted: false,
             restart_each_pull: protocol.published_settings().restart_each_pull,
             before_pulls: None,
             commanded_n: 0,
-            cost_n: 0,
+            control_steps_n: 0,
+            executed: Vec::with_capacity(script.reach_len() + 1),
             trace: (record == TraceMode::Trace).then(Trace::default),
             watcher,
             flow: StepDecision::Continue,
@@ -233,6 +254,7 @@ impl<'a> Execution<'a> {
         settled
             .hand
             .place(&mut execution.world, &table_from_palm, &start.hand.q);
+        execution.executed.push(start.hand.clone());
         execution.record(&start.hand.q);
         execution
     }
@@ -245,9 +267,12 @@ impl<'a> Execution<'a> {
     fn advance(&mut self, script: &Script, idx: usize, command: &Command) -> Result<(), Overflow> {
         let (settled, world) = (self.settled, &mut self.world);
         let control_s = settled.scene.control_step_s();
-        if idx < self.arrival {
-            let target = command.table_from_palm(&self.table_from_estimate);
-            settled.hand.move_palm(world, &target, control_s);
+        let is_moving = idx < self.arrival;
+        if is_moving {
+            if self.palm.is_none() {
+                let target = command.table_from_palm(&self.table_from_estimate);
+                settled.hand.move_palm(world, &target, control_s);
+            }
         } else {
             if !self.halted {
                 settled.hand.halt(world);
@@ -271,9 +296,17 @@ impl<'a> Execution<'a> {
             }
             world.pull(settled.object, &command.pull_in_table_m_per_s2);
         }
-        let advanced = control_step(settled, world, script, idx, self.commanded_n);
+        let palm = self.palm.as_ref().filter(|_| is_moving);
+        let advanced = control_step(settled, world, script, idx, self.commanded_n, palm);
         self.commanded_n += 1;
-        self.cost_n += 1;
+        self.control_steps_n += 1;
+        if command.phase.is_reach() {
+            let table_from_palm = settled.hand.table_from_palm(world);
+            self.executed.push(HandPose {
+                object_from_palm: self.table_from_estimate.inverse() * table_from_palm,
+                q: settled.hand.positions(world),
+            });
+        }
         self.record(&command.hand.q);
         advanced
     }
@@ -283,7 +316,7 @@ impl<'a> Execution<'a> {
         let Some(trace) = &mut self.trace else {
             return;
         };
-        let time_s = f64::from(self.cost_n) * self.settled.scene.control_step_s();
+        let time_s = f64::from(self.control_steps_n) * self.settled.scene.control_step_s();
         let step = trace_step(self.settled, &self.world, time_s, q_command);
         if let Some(watcher) = &mut self.watcher {
             self.flow = (watcher.see)(&step);
@@ -337,17 +370,24 @@ fn arrived<'a>(
     }
 }
 
-/// Advances by one control step after `done_n` others, with `last` as the last one commanded.
+/// Advances by one control step after `done_n` others, with `last` as the last one commanded; a driven palm moves along its
+/// course.
 fn control_step(
     settled: &SettledScene,
     world: &mut World,
     script: &Script,
     last: usize,
     done_n: u32,
+    palm: Option<&PalmCourse>,
 ) -> Result<(), Overflow> {
     let per_control = settled.scene.steps_per_control as usize;
     let first = done_n as usize * per_control;
     for step in first..first + per_control {
+        if let Some(object_from_palm) = palm.and_then(|palm| palm.pose(step, last)) {
+            let target = settled.table_from_estimate() * *object_from_palm;
+            let step_s = settled.scene.time_step_s;
+            settled.hand.move_palm(world, &target, step_s);
+        }
         match arrived(settled, script, last, step) {
             Some(Reference::Held(q_command)) => settled.hand.drive(world, q_command),
             Some(Reference::Moving(desired)) => settled.hand.follow(world, &desired),

@@ -39,13 +39,20 @@ pub enum Phase {
     Pull,
 }
 
+impl Phase {
+    /// Whether it is part of the reach.
+    pub(crate) fn is_reach(self) -> bool {
+        matches!(self, Self::Reach | Self::Close)
+    }
+}
+
 /// Palm pose and joint positions.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct HandPose {
+pub struct HandPose {
     /// Pose of the palm in the frame of the object as it lay.
-    pub(crate) object_from_palm: Pose<Object, Palm>,
-    /// Joint positions in radians.
-    pub(crate) q: Vec<f64>,
+    pub object_from_palm: Pose<Object, Palm>,
+    /// Joint positions in radians (meters if prismatic), in the order of the hand's joints.
+    pub q: Vec<f64>,
 }
 
 /// What is commanded at the end of one control step.
@@ -188,7 +195,9 @@ impl Script {
         }
         let desired = match scene.drive.controller {
             ControllerKind::Pd => None,
-            ControllerKind::PdFeedforward => {
+            ControllerKind::PdVelocity
+            | ControllerKind::PdVelocityInterpolated
+            | ControllerKind::PdFeedforward => {
                 Some(Desired::new(&start, &commands, motion, protocol, scene))
             }
         };
@@ -198,6 +207,12 @@ impl Script {
             requested,
             desired,
         })
+    }
+
+    /// Returns the number of control steps of the reach.
+    pub(crate) fn reach_len(&self) -> usize {
+        let reach = self.commands.iter().filter(|c| c.phase.is_reach());
+        reach.count()
     }
 
     /// Returns the first of the commands from which on the palm stays where it is, but for being carried.

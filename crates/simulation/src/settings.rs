@@ -72,6 +72,18 @@ impl SceneConfig {
         ] {
             faults.unsigned(key, number);
         }
+        if let Some(palm) = &self.palm_drive {
+            for (key, number) in [
+                ("palm_drive.stiffness_n_per_m", palm.stiffness_n_per_m),
+                ("palm_drive.damping_ns_per_m", palm.damping_ns_per_m),
+                ("palm_drive.force_limit_n", palm.force_limit_n),
+                ("palm_drive.stiffness_nm_per_rad", palm.stiffness_nm_per_rad),
+                ("palm_drive.damping_nms_per_rad", palm.damping_nms_per_rad),
+                ("palm_drive.torque_limit_nm", palm.torque_limit_nm),
+            ] {
+                faults.unsigned(key, number);
+            }
+        }
         for (key, number) in [
             ("object_mass_kg", self.object_mass_kg),
             ("object_density_kg_per_m3", self.object_density_kg_per_m3),

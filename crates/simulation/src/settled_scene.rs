@@ -13,6 +13,7 @@ use crate::{
     error::SimulationError,
     hand::{self, HandBodies, LinkShape, link_shapes},
     object::ObjectShape,
+    palm_course::PalmCourse,
     played::CommandStep,
     rejection::reject,
     rollout::{
@@ -172,6 +173,15 @@ impl SettledScene {
             self.scene.support,
             &self.table_from_estimate,
         )
+    }
+
+    /// Returns the course of a driven palm along a script; none if it follows its path exactly.
+    pub(crate) fn palm_course(&self, script: &Script) -> Option<PalmCourse> {
+        let drive = self.scene.palm_drive.as_ref()?;
+        match PalmCourse::new(drive, script, &self.scene, self.hand.dynamics()) {
+            Ok(course) => Some(course),
+            Err(err) => unreachable!("the script was checked against the hand: {err}"),
+        }
     }
 
     /// Returns the object's pose in a copy of the world.

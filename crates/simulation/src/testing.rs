@@ -35,6 +35,7 @@ pub(crate) fn scene() -> SceneConfig {
             stop_stiffness: 200.0,
             delay_s: 0.0,
         },
+        palm_drive: None,
         shortcuts: Shortcuts::NONE,
     }
 }

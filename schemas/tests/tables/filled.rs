@@ -332,8 +332,8 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
         generator: "cgf".to_owned(),
         source: source(2),
         verdict,
-        cost_n: 65,
-        saved_n: 125,
+        control_steps_n: 65,
+        skipped_steps_n: 125,
         lift_m: 0.15,
         slip_m: 0.001,
         displacement_m: 0.002,
@@ -344,6 +344,13 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
             released: variations(10.0),
             robust: variations(100.0),
         },
+        executed: rollouts::ExecutedSmoothness((verdict == Verdict::Held).then(|| {
+            rollouts::Smoothness {
+                paper: variations(2.0),
+                released: variations(20.0),
+                robust: variations(200.0),
+            }
+        })),
     };
     Verdict::ALL.map(rollout).into()
 }

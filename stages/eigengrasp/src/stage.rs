@@ -59,6 +59,8 @@ dataflow::metrics! {
         epsilon: Mean,
         /// Share of the retargeted grasps' variance along the eigengrasps.
         explained_variance: Mean,
+        /// Processor time of all runs, in seconds.
+        cpu_s: Sum,
     }
 }
 
@@ -158,7 +160,7 @@ impl Output for Eigengrasp {
             object: &object,
             seed: cx.seed(),
         };
-        let (ranked, spent) = annealer.ranked()?;
+        let (ranked, spent, cpu_s) = annealer.ranked()?;
         if ranked.is_empty() {
             return Ok(Outcome::skipped(
                 "no state of any run is free of collisions",
@@ -183,7 +185,7 @@ impl Output for Eigengrasp {
             joints: joints.into(),
             candidates,
         })?;
-        Ok(Outcome::Made(metrics(&ranked, &spent, &basis)))
+        Ok(Outcome::Made(metrics(&ranked, &spent, &basis, cpu_s)))
     }
 }
 
@@ -200,15 +202,20 @@ struct Annealer<'a> {
 }
 
 impl Annealer<'_> {
-    /// Returns the best finished grasps of all runs, each with how the object lies, and what was spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made), EigengraspError> {
-        let runs: Vec<(RestingPose, Made)> = (0..self.config.runs)
+    /// Returns the best finished grasps of all runs, each with how the object lies, what was spent, and the processor time
+    /// in seconds.
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made, f64), EigengraspError> {
+        let measured: Vec<((RestingPose, Made), f64)> = (0..self.config.runs)
             .into_par_iter()
-            .map(|number| self.run(number))
-            .collect::<Result<_, _>>()?;
+            .map(|number| {
+                let (run, cpu_s) = cpu_time::measured(|| self.run(number));
+                Ok((run?, cpu_s))
+            })
+            .collect::<Result<_, EigengraspError>>()?;
+        let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let mut spent = Made::default();
         let mut ranked = Vec::new();
-        for (rest, made) in runs {
+        for ((rest, made), _) in measured {
             spent.steps += made.steps;
             spent.checks += made.checks;
             spent.evaluations += made.evaluations;
@@ -220,7 +227,7 @@ impl Annealer<'_> {
             by_quality.then(a.energy_mm.total_cmp(&b.energy_mm))
         });
         ranked.truncate(self.config.per_object);
-        Ok((ranked, spent))
+        Ok((ranked, spent, cpu_s))
     }
 
     /// Makes the run of a number, from random numbers of its own.
@@ -251,13 +258,19 @@ fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
     far.fold(MIN_LENGTH_M, f64::max)
 }
 
-fn metrics(ranked: &[(RestingPose, Finished)], spent: &Made, basis: &Basis) -> EigengraspMetrics {
+fn metrics(
+    ranked: &[(RestingPose, Finished)],
+    spent: &Made,
+    basis: &Basis,
+    cpu_s: f64,
+) -> EigengraspMetrics {
     let n = ranked.len() as f64;
     let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
     let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);
     EigengraspMetrics {
         candidates: n,
         force_closure: closed.count() as f64,
+        cpu_s,
         steps: spent.steps as f64,
         collision_checks: spent.checks as f64,
         evaluations: spent.evaluations as f64,

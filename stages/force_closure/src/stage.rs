@@ -54,6 +54,8 @@ dataflow::metrics! {
         evaluations: Sum,
         /// The metric times the number of edges, mean over the grasps where it is defined.
         min_weight: Mean,
+        /// Processor time in seconds.
+        cpu_s: Sum,
     }
 }
 
@@ -160,17 +162,22 @@ impl Output for ForceClosure {
             starts: &starts,
             seed: cx.seed(),
         };
-        let made: Vec<Option<(Candidate, Found)>> = (0..config.per_object)
+        let measured: Vec<(Option<(Candidate, Found)>, f64)> = (0..config.per_object)
             .into_par_iter()
-            .map(|number| maker.candidate(number))
-            .collect::<Result<_, _>>()?;
-        let made: Vec<(Candidate, Found)> = made.into_iter().flatten().collect();
+            .map(|number| {
+                let (made, cpu_s) = cpu_time::measured(|| maker.candidate(number));
+                Ok((made?, cpu_s))
+            })
+            .collect::<Result<_, ForceClosureError>>()?;
+        let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
+        let made = measured.into_iter().filter_map(|(made, _)| made);
+        let made: Vec<(Candidate, Found)> = made.collect();
         if made.is_empty() {
             return Ok(Outcome::skipped(
                 "something is in the way of every palm about the object",
             ));
         }
-        let metrics = metrics(&made);
+        let metrics = metrics(&made, cpu_s);
         cx.write(&Candidates {
             object: object.name.clone(),
             joints: joints.into(),
@@ -247,7 +254,7 @@ fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
     }
 }
 
-fn metrics(made: &[(Candidate, Found)]) -> ForceClosureMetrics {
+fn metrics(made: &[(Candidate, Found)], cpu_s: f64) -> ForceClosureMetrics {
     let found = || made.iter().map(|(_, found)| found);
     let sum = |of: fn(&Found) -> u64| found().map(of).sum::<u64>() as f64;
     let weights: Vec<f64> = found().filter_map(|one| one.min_weight).collect();
@@ -258,6 +265,7 @@ fn metrics(made: &[(Candidate, Found)]) -> ForceClosureMetrics {
         searches: sum(|one| one.work.searches),
         evaluations: sum(|one| one.work.evaluations),
         min_weight: weights.iter().sum::<f64>() / weights.len().max(1) as f64,
+        cpu_s,
     }
 }
 

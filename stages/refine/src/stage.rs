@@ -41,6 +41,8 @@ dataflow::metrics! {
         palm_moved_m: Mean,
         /// Deepest that a refined hand is in the object before it closes, in meters.
         approach_penetration_m: Max,
+        /// Processor time of all draws, in seconds.
+        cpu_s: Sum,
     }
 }
 
@@ -130,7 +132,7 @@ impl Output for Refine {
             &inputs.source("hand_table")?.path,
         )?;
         let given: Candidates = inputs.one()?;
-        let tried: Vec<(Candidate, Result<Refined, RefineError>)> = given
+        let tried: Vec<(Candidate, (Result<Refined, RefineError>, f64))> = given
             .candidates
             .into_par_iter()
             .map_init(
@@ -138,13 +140,16 @@ impl Output for Refine {
                 |refiner, candidate| {
                     let rest = RestingPose::of(&candidate.table_from_object);
                     let environment = Environment::new(Arc::clone(&field), rest);
-                    let refined = refiner.refine(&environment, &candidate.motion);
+                    let refine = || refiner.refine(&environment, &candidate.motion);
+                    let refined = cpu_time::measured(refine);
                     (candidate, refined)
                 },
             )
             .collect();
         let mut refined: Vec<(Candidate, Refined)> = Vec::new();
-        for (candidate, tried) in tried {
+        let mut cpu_s = 0.0;
+        for (candidate, (tried, took_s)) in tried {
+            cpu_s += took_s;
             match tried {
                 Ok(moved) => refined.push((candidate, moved)),
                 Err(RefineError::Motion(err)) => {
@@ -166,6 +171,7 @@ impl Output for Refine {
             draws: drawn_n,
             palm_moved_m: mean(|one| one.palm_moved_m),
             approach_penetration_m: depths_m.fold(0.0, f64::max),
+            cpu_s,
         };
         let joints = hand.model.joint_names();
         cx.write(&Candidates {

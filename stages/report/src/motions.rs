@@ -110,7 +110,10 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use schemas::{candidates::DrawSource, rollouts::Smoothness};
+    use schemas::{
+        candidates::DrawSource,
+        rollouts::{ExecutedSmoothness, Smoothness},
+    };
 
     use super::*;
 
@@ -120,14 +123,15 @@ mod tests {
             generator: "cgf".to_owned(),
             source: DrawSource::replayed("a"),
             verdict,
-            cost_n: 1,
-            saved_n: 0,
+            control_steps_n: 1,
+            skipped_steps_n: 0,
             lift_m: 0.0,
             slip_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
             contacts_n: 0,
             smoothness: Smoothness::default(),
+            executed: ExecutedSmoothness(None),
         }
     }
 

@@ -78,8 +78,8 @@ pub(crate) fn section(gathered: &Gathered) -> Section {
     section.tables.push(cost(gathered));
     section.tables.push(real(gathered));
     section.say(
-        "Table IV (feedforward control) and table V (noise) are studies of their own: `pipeline run \
-         pipelines/feedforward.toml` and `pipelines/noise.toml` measure them.",
+        "`pipeline run pipelines/paper_tables.toml` makes all five tables of the paper, also IV (feedforward control) and \
+         V (noise), beside planners.",
     );
     section
 }

@@ -76,8 +76,8 @@ pub struct SampleConfig {
     /// Unit vector against gravity, object frame, for `rests = "given"`
     #[serde(default)]
     pub rest_up: Option<[f64; 3]>,
-    /// Noise on the object's points, for a study: normally distributed, with a standard deviation
-    /// along each axis of this share of the object's extent (0); paper: 0 to 1
+    /// Noise on the object's points, for a study: normally distributed and drawn for each motion, with a standard
+    /// deviation along each axis of this share of the object's extent (0); paper: 0 to 1
     #[serde(default)]
     pub point_noise: f64,
     /// Whose shape the function sees, for a study: that of the object itself, or of the next one by name

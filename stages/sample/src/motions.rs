@@ -127,9 +127,14 @@ struct Decoder<'a> {
     cgf: &'a Cgf,
     object: &'a Object,
     joints: Arc<[String]>,
-    /// How the object can lie, and what the function knows of it then.
-    rests: Vec<(&'a RestingPose, ObjectFeature)>,
+    /// Whose shape the function sees.
+    shown: &'a Object,
+    /// How the object can lie, each with how the shown one then lies.
+    rests: Vec<(&'a RestingPose, RestingPose)>,
+    /// What the function knows of the exact shape in each of them; nothing with noise on the points.
+    features: Vec<ObjectFeature>,
     times: Vec<f64>,
+    seed: u64,
 }
 
 impl<'a> Decoder<'a> {
@@ -137,86 +142,114 @@ impl<'a> Decoder<'a> {
         config: &'a SampleConfig,
         cgf: &'a Cgf,
         object: &'a Object,
-        other: Option<&Object>,
+        other: Option<&'a Object>,
         rests: &'a [RestingPose],
         seed: u64,
     ) -> Result<Self, SampleError> {
-        let shown = other.unwrap_or(object);
-        let points = seen_points(shown, config.point_noise, seed);
         let most_often = other.map(|other| {
             let rest = other.rests.first().map(|orientation| orientation.rest);
             rest.ok_or_else(|| SampleError::NoRest(other.name.clone()))
         });
         let most_often = most_often.transpose()?;
-        let with_feature = |rest: &'a RestingPose| {
-            let feature = cgf.feature(&RestingObject {
-                object: shown.name.clone(),
-                rest: most_often.unwrap_or(*rest),
-                points_in_object: points.clone(),
-            })?;
-            Ok((rest, feature))
-        };
-        Ok(Self {
+        let mut decoder = Self {
             config,
             cgf,
             object,
             joints: cgf.description().joints.as_slice().into(),
+            shown: other.unwrap_or(object),
             rests: rests
                 .iter()
-                .map(with_feature)
-                .collect::<Result<_, SampleError>>()?,
+                .map(|rest| (rest, most_often.unwrap_or(*rest)))
+                .collect(),
+            features: Vec::new(),
             times: Cgf::times(config.steps),
-        })
+            seed,
+        };
+        if config.point_noise == 0.0 {
+            let points = points(decoder.shown);
+            let features = (0..rests.len()).map(|rest| decoder.feature(rest, points.clone()));
+            decoder.features = features.collect::<Result<_, _>>()?;
+        }
+        Ok(decoder)
     }
 
-    /// Decodes draws, each with the number of its motion.
+    /// Returns what the function knows of these points of the shown object where the object lies in one of its ways.
+    fn feature(&self, rest: usize, points: Vec<Point3<f64>>) -> Result<ObjectFeature, SampleError> {
+        Ok(self.cgf.feature(&RestingObject {
+            object: self.shown.name.clone(),
+            rest: self.rests[rest].1,
+            points_in_object: points,
+        })?)
+    }
+
+    /// Decodes draws, each with the number of its motion. With noise on the points, each motion has its own cloud.
     fn decode(&self, draws: &[(usize, Draw)]) -> Result<Vec<(usize, Candidate)>, SampleError> {
+        if self.config.point_noise > 0.0 {
+            let decoded = draws.par_iter().map(|one| {
+                let (number, draw) = one;
+                let points = noisy(self.shown, self.config.point_noise, self.seed, *number);
+                self.decoded(&self.feature(draw.rest, points)?, draw.rest, &[one])
+            });
+            let decoded: Vec<Vec<(usize, Candidate)>> = decoded.collect::<Result<_, _>>()?;
+            return Ok(decoded.into_iter().flatten().collect());
+        }
         let mut candidates = Vec::with_capacity(draws.len());
-        for (idx, (rest, feature)) in self.rests.iter().enumerate() {
+        for (rest, feature) in self.features.iter().enumerate() {
             let draws: Vec<&(usize, Draw)> =
-                draws.iter().filter(|(_, draw)| draw.rest == idx).collect();
-            let latents: Vec<Vec<f64>> =
-                draws.iter().map(|(_, draw)| draw.latent.clone()).collect();
-            let motions = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
-            let ranges = &self.cgf.description().joint_ranges;
-            let placed = Placed::new(rest, ranges, self.config.duration_s);
-            for (((number, draw), latent), motion) in draws.into_iter().zip(latents).zip(motions) {
-                let (steps, limit_excess_rad) = placed.steps(motion, &self.times);
-                let candidate = Candidate {
-                    candidate_id: format!("{}-{number:05}", self.object.name),
-                    generator: GENERATOR.to_owned(),
-                    source: draw.source.clone(),
-                    latent,
-                    table_from_object: rest.table_from_object(),
-                    limit_excess_rad,
-                    depth_m: 0.0,
-                    residual_m2: 0.0,
-                    refused: Vec::new(),
-                    motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
-                };
-                candidates.push((*number, candidate));
-            }
+                draws.iter().filter(|(_, draw)| draw.rest == rest).collect();
+            candidates.extend(self.decoded(feature, rest, &draws)?);
         }
         Ok(candidates)
     }
+
+    /// Decodes draws of one way in which the object lies.
+    fn decoded(
+        &self,
+        feature: &ObjectFeature,
+        rest: usize,
+        draws: &[&(usize, Draw)],
+    ) -> Result<Vec<(usize, Candidate)>, SampleError> {
+        let latents: Vec<Vec<f64>> = draws.iter().map(|(_, draw)| draw.latent.clone()).collect();
+        let motions = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
+        let (rest, _) = self.rests[rest];
+        let ranges = &self.cgf.description().joint_ranges;
+        let placed = Placed::new(rest, ranges, self.config.duration_s);
+        let of_draw = |(((number, draw), latent), motion): ((&(usize, Draw), _), _)| {
+            let (steps, limit_excess_rad) = placed.steps(motion, &self.times);
+            let candidate = Candidate {
+                candidate_id: format!("{}-{number:05}", self.object.name),
+                generator: GENERATOR.to_owned(),
+                source: draw.source.clone(),
+                latent,
+                table_from_object: rest.table_from_object(),
+                limit_excess_rad,
+                depth_m: 0.0,
+                residual_m2: 0.0,
+                refused: Vec::new(),
+                motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
+            };
+            Ok((*number, candidate))
+        };
+        let draws = draws.iter().copied().zip(latents).zip(motions);
+        draws.map(of_draw).collect()
+    }
 }
 
-/// Stream of random numbers of an object's points, which no motion's number reaches.
-const POINTS_STREAM: u64 = u64::MAX;
-
-/// Returns the object's points, each off by `noise` times its extent along each axis (standard
-/// deviation).
-fn seen_points(object: &Object, noise: f64, seed: u64) -> Vec<Point3<f64>> {
+fn points(object: &Object) -> Vec<Point3<f64>> {
     let points = object.points_m.iter().map(|&point| Point3::from(point));
-    let points: Vec<Point3<f64>> = points.collect();
-    if noise <= 0.0 {
-        return points;
-    }
+    points.collect()
+}
+
+/// Returns the object's points as they are seen for one motion: each off by `noise` times the object's extent along each
+/// axis (standard deviation).
+fn noisy(object: &Object, noise: f64, seed: u64, motion: usize) -> Vec<Point3<f64>> {
+    let points = points(object);
     let coords = || points.iter().map(|point| point.coords);
     let most = coords().reduce(|a, b| a.sup(&b)).unwrap_or_default();
     let least = coords().reduce(|a, b| a.inf(&b)).unwrap_or_default();
     let deviation = (most - least) * noise;
-    let mut random = Random::new(seed, POINTS_STREAM);
+    // A stream that the draw of no motion has.
+    let mut random = Random::new(seed, u64::MAX - motion as u64);
     points
         .iter()
         .map(|point| point + deviation.map(|deviation| deviation * random.normal()))

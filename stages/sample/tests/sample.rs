@@ -1071,6 +1071,20 @@ fn noisy_points_change_the_motions_by_the_seed_and_leave_the_draws() {
     };
     assert_eq!(latents(&exact), latents(&noisy));
     assert_ne!(exact, noisy);
+    // Every motion sees noise of its own: equal codes give other motions.
+    let motions = |point_noise: f64| {
+        let same = ["a".to_owned(), "a".to_owned()];
+        let config = SampleConfig {
+            path: same.to_vec(),
+            ..with(point_noise)
+        };
+        let drawn = sample(&config, &inputs, 7).candidates;
+        [drawn[0].motion.clone(), drawn[1].motion.clone()]
+    };
+    let [one, other] = motions(0.0);
+    assert_eq!(one, other);
+    let [one, other] = motions(0.1);
+    assert_ne!(one, other);
     for noise in [-1.0, f64::NAN] {
         let said = faults(&with(noise));
         assert!(said.contains("point_noise"), "{said}");

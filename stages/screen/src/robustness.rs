@@ -136,9 +136,9 @@ fn robustness(
         let drawn = drawn_scene(config, seed, trial);
         let scenes = screening.scenes(&drawn, motions)?;
         let tried = screening.verdicts(&scenes, motions)?;
-        for (idx, (verdict, cost_n)) in tried.into_iter().enumerate() {
+        for (idx, (verdict, control_steps_n)) in tried.into_iter().enumerate() {
             verdicts[idx].push((TrialVerdict(verdict), 1));
-            steps_n[idx] += i64::from(cost_n);
+            steps_n[idx] += i64::from(control_steps_n);
         }
         progress((trial + 1) as f64 / trials as f64);
     }

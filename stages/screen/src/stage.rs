@@ -36,6 +36,8 @@ dataflow::metrics! {
         accepted_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,
+        /// Processor time of all rollouts, in seconds.
+        cpu_s: Sum,
         /// Number of candidates of each verdict.
         verdicts_n: ByVerdict,
     }
@@ -101,8 +103,9 @@ impl Output for Screen {
             Ok(scenes) => scenes,
             Err(err) => return screened.failed(err),
         };
-        let rollouts = match screening.judge(&scenes, |share| cx.progress(share, "in physics")) {
-            Ok(rollouts) => rollouts,
+        let judged = screening.judge(&scenes, |share| cx.progress(share, "in physics"));
+        let (rollouts, cpu_s) = match judged {
+            Ok(judged) => judged,
             Err(err) => return screened.failed(err),
         };
 
@@ -122,17 +125,18 @@ impl Output for Screen {
                 Err(err) => return screened.failed(err),
             }
         }
-        Ok(Outcome::Made(ScreenMetrics::of(&rollouts)))
+        Ok(Outcome::Made(ScreenMetrics::of(&rollouts, cpu_s)))
     }
 }
 
 impl ScreenMetrics {
-    fn of(rollouts: &[Rollout]) -> Self {
+    fn of(rollouts: &[Rollout], cpu_s: f64) -> Self {
         let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
             accepted_n: verdicts.success_count() as f64,
-            control_steps_n: rollouts.iter().map(|r| f64::from(r.cost_n)).sum(),
+            control_steps_n: rollouts.iter().map(|r| f64::from(r.control_steps_n)).sum(),
+            cpu_s,
             verdicts_n: verdicts,
         }
     }

@@ -6,16 +6,18 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use motion::Motion;
+use motion::{Motion, Step};
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{self, Verdict},
+    rollouts::{self, ExecutedSmoothness, Verdict},
 };
-use simulation::{ObjectShape, Rollout, SceneConfig, SettledScene, SimulationError, TraceMode};
+use simulation::{
+    HandPose, ObjectShape, Rollout, SceneConfig, SettledScene, SimulationError, TraceMode,
+};
 use spatial::{Object as InObject, Pose, RestingPose, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
@@ -102,25 +104,29 @@ impl<'a> Screening<'a> {
         templates.collect::<Result<_, _>>().map(Scenes)
     }
 
-    /// Judges all candidates, in their order; `progress` is told the share that is done.
+    /// Judges all candidates, in their order, and says how much processor time that took, in seconds; `progress` is told the
+    /// share that is done.
     pub(crate) fn judge(
         &self,
         scenes: &Scenes,
         progress: impl Fn(f64) + Sync,
-    ) -> Result<Vec<rollouts::Rollout>, SimulationError> {
+    ) -> Result<(Vec<rollouts::Rollout>, f64), SimulationError> {
         let total = self.candidates.candidates.len();
         let done = AtomicUsize::new(0);
-        (0..total)
+        let judged: Vec<(rollouts::Rollout, f64)> = (0..total)
             .into_par_iter()
             .map(|idx| {
                 let candidate = self.candidate(idx);
-                let rollout = self.rollout(scenes, idx, TraceMode::Nothing);
+                let (rollout, cpu_s) =
+                    cpu_time::measured(|| self.rollout(scenes, idx, TraceMode::Nothing));
                 let row = feasible(rollout.and_then(|rollout| self.row(candidate, &rollout)))?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
-                Ok(row.unwrap_or_else(|| infeasible(candidate)))
+                Ok((row.unwrap_or_else(|| infeasible(candidate)), cpu_s))
             })
-            .collect()
+            .collect::<Result<_, SimulationError>>()?;
+        let cpu_s = judged.iter().map(|(_, cpu_s)| cpu_s).sum();
+        Ok((judged.into_iter().map(|(row, _)| row).collect(), cpu_s))
     }
 
     /// Returns the verdicts on some candidates, in their order, with the simulated control steps of each.
@@ -132,7 +138,7 @@ impl<'a> Screening<'a> {
         let verdicts = candidates.par_iter().map(|&idx| {
             let rollout = feasible(self.rollout(scenes, idx, TraceMode::Nothing))?;
             Ok(rollout.map_or((Verdict::Infeasible, 0), |rollout| {
-                (self.config.verdict(&rollout), rollout.cost_n)
+                (self.config.verdict(&rollout), rollout.control_steps_n)
             }))
         });
         verdicts.collect()
@@ -207,18 +213,30 @@ impl Screening<'_> {
         rollout: &Rollout,
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
+        let drawn: Vec<HandPose> = motion.steps().iter().map(hand_pose).collect();
+        let measured = |steps: &[HandPose]| smoothness(steps, self.model).map_err(motion_error);
+        let has_reached = !rollout.executed.is_empty();
+        let executed = has_reached.then(|| measured(&rollout.executed));
         Ok(rollouts::Rollout {
             verdict: self.config.verdict(rollout),
-            cost_n: rollout.cost_n,
-            saved_n: rollout.saved_n,
+            control_steps_n: rollout.control_steps_n,
+            skipped_steps_n: rollout.skipped_steps_n,
             lift_m: rollout.lift_m,
             slip_m: rollout.slip_m,
             displacement_m: rollout.displacement_m,
             penetration_m: rollout.penetration_m,
             contacts_n: rollout.contacts_n,
-            smoothness: smoothness(&motion, self.model).map_err(motion_error)?,
+            smoothness: measured(&drawn)?,
+            executed: ExecutedSmoothness(executed.transpose()?),
             ..infeasible(candidate)
         })
+    }
+}
+
+fn hand_pose(step: &Step<InObject>) -> HandPose {
+    HandPose {
+        object_from_palm: step.frame_from_palm,
+        q: step.q_rad.clone(),
     }
 }
 
@@ -302,7 +320,7 @@ mod tests {
             ],
         };
         let screening = Screening::new(&config, &model, &cube(), &candidates, 7);
-        let rows = screening
+        let (rows, _) = screening
             .judge(&screening.planned().unwrap(), |_| {})
             .unwrap();
         let verdicts: Vec<(&str, Verdict)> = rows
@@ -317,8 +335,8 @@ mod tests {
                 ("c", Verdict::NotGrasped),
             ]
         );
-        assert_eq!((rows[1].cost_n, rows[1].saved_n), (0, 0));
+        assert_eq!((rows[1].control_steps_n, rows[1].skipped_steps_n), (0, 0));
         assert_eq!(rows[1].source, candidates.candidates[1].source);
-        assert!(rows[0].cost_n > 0);
+        assert!(rows[0].control_steps_n > 0);
     }
 }

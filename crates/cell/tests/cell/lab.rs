@@ -52,6 +52,7 @@ pub(crate) fn scene() -> SceneConfig {
             stop_stiffness: 10_000.0,
             delay_s: 0.0,
         },
+        palm_drive: None,
         shortcuts: Shortcuts::ALL,
     }
 }

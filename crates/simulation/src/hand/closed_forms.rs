@@ -61,7 +61,7 @@ fn lags(scene: &SceneConfig, world: &World, hand: &HandBodies, model: &RobotMode
                 let desired = DesiredStep {
                     q: all(ahead_s, 0),
                     velocity: all(time_s + step_s / 2.0, 1),
-                    acceleration: all(time_s, 2),
+                    acceleration: Some(all(time_s, 2)),
                 };
                 hand.follow(&mut world, &desired);
             } else {
@@ -124,7 +124,7 @@ fn feedforward_and_springs_together_give_no_more_than_the_torque_limit() {
         let desired = DesiredStep {
             q: vec![if step < 25 { 0.5 } else { -0.5 }],
             velocity: vec![1.0],
-            acceleration: vec![300.0],
+            acceleration: Some(vec![300.0]),
         };
         hand.follow(&mut world, &desired);
         world.step().unwrap();
@@ -160,7 +160,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     let desired = DesiredStep {
         q: q.clone(),
         velocity: velocity.clone(),
-        acceleration: wanted.clone(),
+        acceleration: Some(wanted.clone()),
     };
     hand.follow(&mut world, &desired);
     world.step().unwrap();
@@ -346,7 +346,7 @@ fn pose_at_rest_needs_no_torque() {
     let desired = DesiredStep {
         q: vec![0.3],
         velocity: vec![0.0],
-        acceleration: vec![0.0],
+        acceleration: Some(vec![0.0]),
     };
     hand.follow(&mut world, &desired);
     assert!(hand.torques(&world)[0].abs() < 1e-6);

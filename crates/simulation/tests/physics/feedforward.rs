@@ -127,12 +127,19 @@ fn a_motion_with_its_rates_is_followed_far_closer_than_by_pd_and_closer_than_wit
     // At the speed of the motion, and at half of it.
     for reach_n in [40, 80] {
         let pd = lag(&aware, ControllerKind::Pd, reach_n);
+        let held = lag(&aware, ControllerKind::PdVelocity, reach_n);
+        let interpolated = lag(&aware, ControllerKind::PdVelocityInterpolated, reach_n);
         let exact = lag(&aware, ControllerKind::PdFeedforward, reach_n);
         let guessed = lag(&unaware, ControllerKind::PdFeedforward, reach_n);
         println!(
-            "{reach_n} steps: PD {pd} rad, feedforward {exact} rad, of differences {guessed} rad"
+            "{reach_n} steps: PD {pd} rad, with velocity {held} rad, interpolated {interpolated} rad, \
+             feedforward {exact} rad, of differences {guessed} rad"
         );
         assert!(pd > 0.05, "{pd}");
+        // Each arm is closer than the one before.
+        assert!(held < 0.5 * pd, "{held} of {pd}");
+        assert!(interpolated < held, "{interpolated} of {held}");
+        assert!(exact < interpolated, "{exact} of {interpolated}");
         assert!(10.0 * exact < pd, "{exact} of {pd}");
         assert!(exact < guessed && guessed < 0.3 * pd, "{guessed} of {pd}");
     }

@@ -1,9 +1,12 @@
 use std::convert::Infallible;
 
 use motion::Motion;
-use nalgebra::{Point3, Vector3};
+use nalgebra::{Point3, Translation3, Vector3};
 use robot::{ConvexBody, RobotModel};
-use simulation::{Approach, Offset, Rollout, SettledScene, SimulationError, TraceMode, Verdict};
+use simulation::{
+    Approach, HandPose, Offset, PalmDriveConfig, Protocol, Rollout, SceneConfig, SettledScene,
+    SimulationError, TraceMode, Verdict,
+};
 use spatial::{Object, Pose};
 
 use crate::scene::{can, hand, protocol, q, scene, settled, side_grasp, upright, urdf};
@@ -45,7 +48,7 @@ fn a_closed_hand_lifts_and_holds_the_can() {
     assert!(rollout.slip_m < 0.003, "{rollout:?}");
     assert!(rollout.contacts_n >= 2, "{rollout:?}");
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 2 s hold, at 50 Hz.
-    assert_eq!(rollout.cost_n, 190);
+    assert_eq!(rollout.control_steps_n, 190);
 }
 
 #[test]
@@ -128,7 +131,7 @@ fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
 fn an_open_hand_leaves_the_can_and_ends_early() {
     let rollout = roll(&too_open());
     assert_eq!(rollout.verdict, Verdict::NotGrasped);
-    assert!(rollout.cost_n < 100, "{rollout:?}");
+    assert!(rollout.control_steps_n < 100, "{rollout:?}");
     assert!(rollout.lift_m.abs() < 0.01, "{rollout:?}");
 }
 
@@ -160,7 +163,7 @@ fn geometry_alone_refuses_limits_table_and_early_contact() {
             .rollout(motion, &protocol(), TraceMode::Trace)
             .unwrap();
         assert_eq!(rollout.verdict, expected);
-        assert_eq!((rollout.cost_n, &rollout.trace), (0, &None));
+        assert_eq!((rollout.control_steps_n, &rollout.trace), (0, &None));
     };
     let fingers = [0.8, 0.9, 0.7];
     let beyond = q([2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
@@ -226,6 +229,54 @@ fn the_palm_follows_its_path_and_the_trace_has_every_control_step() {
         );
         assert!(palm.rotation.angle_to(&grasp.rotation) < 1e-3);
     }
+}
+
+#[test]
+fn a_driven_palm_is_late_on_its_way_and_still_lifts_the_can() {
+    let executed = |palm_drive: Option<PalmDriveConfig>| {
+        let scene = SceneConfig {
+            palm_drive,
+            ..scene()
+        };
+        let rollout = settled(&scene)
+            .rollout(&good(), &protocol(), TraceMode::Nothing)
+            .unwrap();
+        assert_eq!(rollout.verdict, Verdict::Held);
+        rollout.executed
+    };
+    let exact = executed(None);
+    let late = executed(Some(PalmDriveConfig::default()));
+    assert_eq!([exact.len(), late.len()], [41, 41]);
+    let place = |steps: &[HandPose], step: usize| steps[step].object_from_palm.translation.vector;
+    // The palm goes along y at 25 cm/s until three quarters of the reach; PD is 20 ms late.
+    let lag_m = (place(&exact, 25) - place(&late, 25)).y;
+    assert!((0.004..0.007).contains(&lag_m), "{lag_m} m");
+    assert_eq!(place(&exact, 0), place(&late, 0));
+    let left_m = (place(&exact, 40) - place(&late, 40)).norm();
+    assert!(left_m < 1e-3, "{left_m} m");
+}
+
+#[test]
+fn only_a_reach_that_was_simulated_to_its_end_counts_as_executed() {
+    let check = |motion: &Motion<Object, ()>, protocol: &Protocol, steps_n: usize| {
+        let rollout = settled(&scene())
+            .rollout(motion, protocol, TraceMode::Nothing)
+            .unwrap();
+        let simulated_n = rollout.control_steps_n;
+        assert_eq!(rollout.executed.len(), steps_n, "{simulated_n} steps");
+        simulated_n
+    };
+    assert!(check(&good(), &protocol(), 41) > 40);
+    let below = good().shifted(&Translation3::new(0.0, 0.0, -1.0));
+    assert_eq!(check(&below, &protocol(), 0), 0);
+    // The palm runs into the can before the reach ends, and that is enough.
+    let mut strict = protocol();
+    (strict.approach, strict.knocked_m) = (Approach::Follow, 0.001);
+    let motion = side_grasp(BESIDE, &q([0.0; 3], [1.3, 0.0, 0.0, 0.0]));
+    let last = motion.steps().len() - 1;
+    let pushes = with_step_moved(&motion, last, 0.08 * Vector3::y());
+    let simulated_n = check(&pushes, &strict, 0);
+    assert!((1..40).contains(&simulated_n), "{simulated_n}");
 }
 
 #[test]

@@ -76,7 +76,7 @@ fn enclosing_grasp_withstands_pulls_in_six_directions() {
         let rollout = pulled(name, closed, PullConfig::default());
         assert_eq!(rollout.verdict, Verdict::Held, "{name}: {rollout:?}");
         // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, six pulls of 2 s, at 50 Hz.
-        assert_eq!(rollout.cost_n, 670);
+        assert_eq!(rollout.control_steps_n, 670);
         assert!(rollout.slip_m < 0.05 && rollout.contacts_n >= 2);
     }
 }
@@ -92,7 +92,7 @@ fn pull_beyond_grip_strength_removes_the_can() {
         matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped),
         "{rollout:?}"
     );
-    assert!(rollout.slip_m > 0.02 && rollout.cost_n < 75, "{rollout:?}");
+    assert!(rollout.slip_m > 0.02 && rollout.control_steps_n < 75, "{rollout:?}");
 }
 
 #[test]
@@ -100,7 +100,7 @@ fn object_in_open_fingers_is_pulled_away() {
     for (name, _) in CLOSED {
         let rollout = pulled(name, 0.2, PullConfig::default());
         let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);
-        assert!(lost && rollout.cost_n < 200, "{name}: {rollout:?}");
+        assert!(lost && rollout.control_steps_n < 200, "{name}: {rollout:?}");
     }
 }
 

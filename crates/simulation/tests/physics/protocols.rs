@@ -199,7 +199,7 @@ fn each_protocol_states_its_friction_mass_drive_and_steps() {
         } = scene.drive;
         assert_eq!([stiffness, damping, torque_limit], drive, "{name:?}");
         let rollout = squeezed(name, 0.01);
-        assert_eq!(rollout.cost_n + rollout.saved_n, steps_n, "{name:?}");
+        assert_eq!(rollout.control_steps_n + rollout.skipped_steps_n, steps_n, "{name:?}");
     }
 }
 
@@ -211,18 +211,18 @@ fn force_closure_pulls_with_one_newton_on_100_g() {
     assert_eq!(rollout.verdict, Verdict::Slipped);
     // Both pulls along x are held for 2 s. The next one swings cube and plates, 0.302 kg on 10 N/m, by 5 cm
     // in a sixth of a period, 0.18 s.
-    let lost_n = rollout.cost_n - 40 - 200;
+    let lost_n = rollout.control_steps_n - 40 - 200;
     assert!((8..=11).contains(&lost_n), "{lost_n}");
     // With 0.7 N, 0.84 N of friction hold: at 1.6 m/s² the cube is 5 cm away after 0.25 s.
     let rollout = squeezed(ProtocolName::DexgraspbenchForceClosure, 0.14);
-    let lost_n = rollout.cost_n - 40;
+    let lost_n = rollout.control_steps_n - 40;
     assert!((12..=14).contains(&lost_n), "{lost_n}");
     // In no grip at all it is 5 cm away after 0.1 s at 10 m/s².
     let away = motion(0.3, [0.0, 0.0]);
     let options = protocol(ProtocolName::DexgraspbenchForceClosure);
     let rollout = carry_out(&scene::scene(), &options, &away);
     assert_eq!(
-        (rollout.verdict, rollout.cost_n),
+        (rollout.verdict, rollout.control_steps_n),
         (Verdict::Dropped, 40 + 5)
     );
 }
@@ -359,7 +359,7 @@ fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
     // Without a grip, a pull of 0.5 m/s² moves the cube by 2 cm in 0.28 s.
     let away = settled.rollout(&motion(0.3, [0.0, 0.0]), &resolved, TraceMode::Nothing);
     let away = away.unwrap();
-    assert_eq!((away.verdict, away.cost_n), (Verdict::Dropped, 50 + 15));
+    assert_eq!((away.verdict, away.control_steps_n), (Verdict::Dropped, 50 + 15));
 }
 
 /// 19 g weigh 0.18 N: plates at 20 N/m hold them when they are 1 cm inside (0.28 N), and not at 5 mm (0.14 N).

@@ -52,6 +52,7 @@ pub(crate) fn scene() -> SceneConfig {
             stop_stiffness: 200.0,
             delay_s: 0.0,
         },
+        palm_drive: None,
         shortcuts: Shortcuts {
             refused: true,
             ..Shortcuts::NONE

@@ -59,17 +59,17 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
         assert!(n >= 3, "{n} are {}", verdict.as_str());
     }
     for (few, all) in few.iter().zip(&all) {
-        assert_eq!(few.cost_n + few.saved_n, all.cost_n + all.saved_n);
-        assert!(few.cost_n <= all.cost_n);
+        assert_eq!(few.control_steps_n + few.skipped_steps_n, all.control_steps_n + all.skipped_steps_n);
+        assert!(few.control_steps_n <= all.control_steps_n);
         match all.verdict {
-            Verdict::Held => assert_eq!(all.saved_n, 0),
-            Verdict::EarlyContact => assert!(all.cost_n > 0 && few.cost_n == 0),
+            Verdict::Held => assert_eq!(all.skipped_steps_n, 0),
+            Verdict::EarlyContact => assert!(all.control_steps_n > 0 && few.control_steps_n == 0),
             _ => {}
         }
     }
     // The hold is more than half of the script, and is cut to a third where nothing creeps in the hand.
     let held = || few.iter().filter(|r| r.verdict == Verdict::Held);
-    let early = held().filter(|r| r.saved_n > 60).count();
+    let early = held().filter(|r| r.skipped_steps_n > 60).count();
     assert!(
         5 * early > 4 * held().count(),
         "{early} of {}",
@@ -106,6 +106,6 @@ fn recorded_rollout_runs_to_its_end() {
         (short.verdict, whole.verdict),
         (Verdict::Held, Verdict::Held)
     );
-    assert!(short.saved_n > 0 && whole.saved_n == 0);
-    assert_eq!(whole.trace.unwrap().steps.len() - 1, whole.cost_n as usize);
+    assert!(short.skipped_steps_n > 0 && whole.skipped_steps_n == 0);
+    assert_eq!(whole.trace.unwrap().steps.len() - 1, whole.control_steps_n as usize);
 }

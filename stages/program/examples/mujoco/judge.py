@@ -156,17 +156,17 @@ class Bench:
     def judge(self, candidate, trace=None):
         """The row of a candidate; its steps are added to `trace`."""
         row = {key: candidate[key] for key in SOURCE}
-        row |= {"cost_n": 0, "saved_n": 0, "lift_m": 0.0, "slip_m": 0.0, "displacement_m": 0.0, "penetration_m": 0.0,
-                "contacts_n": 0}
+        row |= {"control_steps_n": 0, "skipped_steps_n": 0, "lift_m": 0.0, "slip_m": 0.0, "displacement_m": 0.0, "penetration_m": 0.0,
+                "contacts_n": 0, "reached": False}
+        row |= smoothness.unmeasured("executed_")  # The hand's motion as executed is not measured here.
         motion, start_pose = candidate["motion"], self.lies(candidate["table_from_object"])
         if start_pose is None:
-            zero = smoothness.columns(script.Motion([0.0], motion.palm[:1], motion.q[:1]), None)
-            return row | zero | {"reason": "infeasible", "success": False}
+            return row | smoothness.unmeasured() | {"reason": "infeasible", "success": False}
         row |= smoothness.columns(motion, self.scene.origins)
         start, commands, requested = script.write(motion, self.protocol, self.joints, self.control_s)
         setpoints = [script.setpoint(command, start_pose) for command in [start, *commands]]
         verdict = self.scene.refusal(start, commands, requested, start_pose)
-        row["saved_n"] = len(commands)
+        row["skipped_steps_n"] = len(commands)
         if trace is not None:
             trace["table_from_object"] = start_pose.tolist()
             trace["limits"] = [[joint["lower"], joint["upper"]] for joint in self.joints]
@@ -188,7 +188,7 @@ class Bench:
             if trace is not None:
                 place, turn = self.scene.object_pose()
                 trace["steps"][idx]["object"] = [*place.tolist(), *turn[1:].tolist(), float(turn[0])]
-            row["cost_n"], row["saved_n"] = idx, len(setpoints) - 1 - idx
+            row["control_steps_n"], row["skipped_steps_n"] = idx, len(setpoints) - 1 - idx
             if judge.failure:
                 break
         verdict = judge.verdict()

@@ -42,12 +42,15 @@ def misread(palm):
     return np.concatenate([palm[:, :3], axis * np.sin(angle / 2), np.cos(angle / 2)], axis=1)
 
 
+def unmeasured(prefix=""):
+    """The 18 columns of a motion that was not measured."""
+    return {f"{prefix}{how}_{space}_{order}": 0.0 for how in ("paper", "released", "robust")
+            for space in ("joints", "cartesian") for order in ORDERS}
+
+
 def columns(motion, origins):
     """The 18 columns; `origins(palm, q)` are the coordinates of all links' origins, the root's first."""
     n = len(motion.time_s)
-    if n < 2:
-        return {f"{how}_{space}_{order}": 0.0 for how in ("paper", "released", "robust")
-                for space in ("joints", "cartesian") for order in ORDERS}
     own, released = 1 / max(n - 1, 1), 1 / n
     course = lambda palms: np.array([origins(palm, q) for palm, q in zip(palms, motion.q)])
     links, wrong = course(motion.palm), course(misread(motion.palm))

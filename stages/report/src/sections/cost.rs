@@ -63,12 +63,12 @@ fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
     }
     let rollouts = || gathered.rollouts.values().flatten();
     if rollouts().next().is_some() {
-        let steps_n: i64 = rollouts().map(|one| i64::from(one.cost_n)).sum();
-        let saved_n: i64 = rollouts().map(|one| i64::from(one.saved_n)).sum();
+        let steps_n: i64 = rollouts().map(|one| i64::from(one.control_steps_n)).sum();
+        let skipped_n: i64 = rollouts().map(|one| i64::from(one.skipped_steps_n)).sum();
         let mut text = format!(
             "{} control steps simulated, {} saved",
             count(steps_n),
-            count(saved_n)
+            count(skipped_n)
         );
         if gathered.robustness_steps_n > 0 {
             let errors = count(gathered.robustness_steps_n);

@@ -48,7 +48,7 @@ fn rows(gathered: &Gathered) -> BTreeMap<&str, Row> {
         );
         row.steps_n += rollouts
             .iter()
-            .map(|one| i64::from(one.cost_n))
+            .map(|one| i64::from(one.control_steps_n))
             .sum::<i64>();
     }
     for success in &gathered.successes {

@@ -205,7 +205,7 @@ impl Group<'_> {
             object_split,
             verdicts: rollouts().map(|r| (r.verdict, 1)).collect(),
             draws_n: self.draws_n,
-            control_steps_n: rollouts().map(|r| i64::from(r.cost_n)).sum(),
+            control_steps_n: rollouts().map(|r| i64::from(r.control_steps_n)).sum(),
             spread_palm_m: diversity.at_grasp.palm_m,
             spread_palm_rad: diversity.at_grasp.palm_rad,
             spread_q_rad: diversity.at_grasp.q_rad,
@@ -330,7 +330,7 @@ mod tests {
     fn rollout(name: &str, generator: &str, verdict: Verdict) -> Rollout {
         Rollout {
             generator: generator.to_owned(),
-            cost_n: 100,
+            control_steps_n: 100,
             ..Rollout::unsimulated(&motion(name, 0.05, 0.0, 0.0, 0.0), verdict)
         }
     }

@@ -1,0 +1,97 @@
+//! The drives of fingers and palm.
+
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
+/// The drive of each finger joint: a torque that a [`ControllerKind`] asks for, clamped.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields)]
+#[schemars(inline)]
+pub struct DriveConfig {
+    /// The torque law: `pd`, which knows only the command, `pd_velocity`, `pd_velocity_interpolated` or
+    /// `pd_feedforward`.
+    #[serde(default)]
+    pub controller: ControllerKind,
+    /// Stiffness in newton meters per radian; no default, for each hand has its own.
+    pub stiffness: f64,
+    /// Damping in newton meter seconds per radian; no default, for each hand has its own.
+    pub damping: f64,
+    /// Largest torque in newton meters; no default, for each hand has its own.
+    pub torque_limit: f64,
+    /// Inertia of the rotor as felt at the joint, in kilogram square meters; no default, for each
+    /// hand has its own.
+    pub armature: f64,
+    /// Stiffness of the mechanical end stops in newton meters per radian: at the torque of small
+    /// drives they give by a fraction of a degree.
+    #[serde(default = "stop_stiffness")]
+    pub stop_stiffness: f64,
+    /// Delay until a finger's command takes effect, in seconds, rounded to whole physics steps (0).
+    #[serde(default)]
+    pub delay_s: f64,
+}
+
+/// Torque law of a drive, at a joint at `q` with desired position `q_d`; a driven palm has the same.
+///
+/// All are integrated implicitly and clamped to the torque limit as a whole.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum ControllerKind {
+    /// A spring to the command and a damper: `stiffness (q_d − q) − damping q̇`, with the command
+    /// held over each control step.
+    #[default]
+    Pd,
+    /// A spring and a damper to the motion: `stiffness (q_d − q) + damping (q̇_d − q̇)`, with position and
+    /// velocity held over each control step.
+    PdVelocity,
+    /// The same with `q_d` and `q̇_d` followed between control steps too.
+    PdVelocityInterpolated,
+    /// The torque of the motion itself, and a spring and a damper to it:
+    /// `ID(q̈_d, q, q̇) + stiffness (q_d − q) + damping (q̇_d − q̇)` with the hand's inverse dynamics
+    /// ID, armature included (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
+    /// from Human Demonstrations*, 2023, section III). `q_d` is followed between control steps too.
+    PdFeedforward,
+}
+
+/// Drives of the palm's coordinates, three along the axes of its start and three about them, with the torque law of the
+/// fingers' drives ([`DriveConfig::controller`]): they carry the hand's mass and inertia to the commanded path, and end with
+/// the reach, the squeeze and the pause; the lift is exact. Neither fingers nor object push the palm back.
+///
+/// The defaults are those of the released simulation of Ye et al., *Learning Continuous Grasping Function with a Dexterous
+/// Hand from Human Demonstrations*, 2023 (`scripts/sim.py`): a velocity of (target − current)/0.03 s, dampings of 200 Ns/m
+/// and 50 Nms/rad, and limits of 200 N and 50 Nm.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
+#[serde(deny_unknown_fields, default)]
+#[schemars(inline)]
+pub struct PalmDriveConfig {
+    /// Stiffness along an axis in newtons per meter (6,667).
+    pub stiffness_n_per_m: f64,
+    /// Damping along an axis in newton seconds per meter (200).
+    pub damping_ns_per_m: f64,
+    /// Largest force along an axis in newtons (200).
+    pub force_limit_n: f64,
+    /// Stiffness about an axis in newton meters per radian (1,667).
+    pub stiffness_nm_per_rad: f64,
+    /// Damping about an axis in newton meter seconds per radian (50).
+    pub damping_nms_per_rad: f64,
+    /// Largest torque about an axis in newton meters (50).
+    pub torque_limit_nm: f64,
+}
+
+impl Default for PalmDriveConfig {
+    fn default() -> Self {
+        const TIME_S: f64 = 0.03;
+        Self {
+            stiffness_n_per_m: 200.0 / TIME_S,
+            damping_ns_per_m: 200.0,
+            force_limit_n: 200.0,
+            stiffness_nm_per_rad: 50.0 / TIME_S,
+            damping_nms_per_rad: 50.0,
+            torque_limit_nm: 50.0,
+        }
+    }
+}
+
+fn stop_stiffness() -> f64 {
+    200.0
+}
