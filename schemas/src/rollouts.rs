@@ -178,9 +178,8 @@ impl Smoothness {
     fn read_columns(from: &Reader<'_>, row: usize, prefix: &str) -> Result<Self, SchemaError> {
         let variations = |definition: &str| -> Result<Variations, SchemaError> {
             let variation = |space: &str| -> Result<Variation, SchemaError> {
-                let number = |order: &str| {
-                    from.cell(&format!("{prefix}{definition}_{space}_{order}"), row)
-                };
+                let number =
+                    |order: &str| from.cell(&format!("{prefix}{definition}_{space}_{order}"), row);
                 Ok(Variation {
                     position: number("position")?,
                     velocity: number("velocity")?,

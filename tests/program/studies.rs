@@ -116,7 +116,10 @@ fn smoothness(rows: &[Value]) {
     assert_eq!(rows.len() - own.len(), 4);
     assert!(!own.is_empty());
     for pair in own.chunks(2) {
-        assert_eq!([text(pair[0], "as"), text(pair[1], "as")], ["planned", "executed"]);
+        assert_eq!(
+            [text(pair[0], "as"), text(pair[1], "as")],
+            ["planned", "executed"]
+        );
         assert_eq!(pair[0]["motions"], pair[1]["motions"]);
         let [planned, executed] = [0, 1].map(|idx| number(pair[idx], "joints: acceleration"));
         assert!((planned - executed).abs() > 1e-6, "{pair:?}");
@@ -150,7 +153,9 @@ fn cost(rows: &[Value]) {
 
 /// The paper's trials on a robot stand beside those at the simulated cell.
 fn cell(rows: &[Value]) {
-    let robots = rows.iter().filter(|row| text(row, "grasp, motion").ends_with("robot"));
+    let robots = rows
+        .iter()
+        .filter(|row| text(row, "grasp, motion").ends_with("robot"));
     assert_eq!(robots.count(), 4);
     let sent = rows.iter().filter(|row| text(row, "all objects") != "-");
     let sent: Vec<&str> = sent.map(|row| text(row, "all objects")).collect();
@@ -169,7 +174,12 @@ fn controllers(bench: &Bench, rows: &[Value]) {
         .collect();
     assert_eq!(speeds, [(1.0, 1.0), (2.0, 1.0), (3.0, 1.0)]);
     for row in rows {
-        let arms = ["PD, %", "with velocity", "at the faster rate", "with inverse dynamics"];
+        let arms = [
+            "PD, %",
+            "with velocity",
+            "at the faster rate",
+            "with inverse dynamics",
+        ];
         let [pd, _, _, dynamics] = arms.map(|column| {
             let share = number(row, column);
             assert!((0.0..=100.0).contains(&share), "{row}");

@@ -59,7 +59,8 @@ impl SettledScene {
             return Err(SettingFault::new("drive.controller", problem).into());
         }
         if self.scene.palm_drive.is_some() {
-            let problem = "needs the whole path beforehand, and the next command is not known: leave it out";
+            let problem =
+                "needs the whole path beforehand, and the next command is not known: leave it out";
             return Err(SettingFault::new("palm_drive", problem).into());
         }
         if self.scene.delay_steps() > 0 {

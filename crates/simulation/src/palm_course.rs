@@ -45,7 +45,10 @@ impl PalmCourse {
         let course: Vec<&[f64]> = course.iter().map(<[f64; DIMENSIONS]>::as_slice).collect();
         let desired = Desired::of_course(&course, scene);
         let inertia = hand.free_mass_matrix(&script.start.hand.q)?;
-        let inertia_kg_m2 = (3..DIMENSIONS).map(|axis| inertia[(axis, axis)]).sum::<f64>() / 3.0;
+        let inertia_kg_m2 = (3..DIMENSIONS)
+            .map(|axis| inertia[(axis, axis)])
+            .sum::<f64>()
+            / 3.0;
         let axes = drives(drive, hand.mass_kg(), inertia_kg_m2);
 
         let (step_s, per_control) = (scene.time_step_s, scene.steps_per_control as usize);
@@ -61,7 +64,13 @@ impl PalmCourse {
             };
             for (axis, (state, drive)) in states.iter_mut().zip(&axes).enumerate() {
                 let ahead = desired.acceleration.as_ref().map_or(0.0, |a| a[axis]);
-                *state = drive.moved(*state, desired.q[axis], desired.velocity[axis], ahead, step_s);
+                *state = drive.moved(
+                    *state,
+                    desired.q[axis],
+                    desired.velocity[axis],
+                    ahead,
+                    step_s,
+                );
             }
             poses.push(pose(&start, &states.map(|[position, _]| position)));
         }
@@ -243,7 +252,10 @@ mod tests {
             ControllerKind::PdFeedforward,
         ] {
             let behind = lag(controller);
-            assert!(50.0 * behind[0] < along && 50.0 * behind[1] < about, "{behind:?}");
+            assert!(
+                50.0 * behind[0] < along && 50.0 * behind[1] < about,
+                "{behind:?}"
+            );
         }
     }
 
@@ -263,9 +275,8 @@ mod tests {
         for three in course.poses.windows(3) {
             let along = |idx: usize| three[idx].translation.vector.x;
             let about = |idx: usize| three[idx].rotation.scaled_axis().z;
-            let change = |at: &dyn Fn(usize) -> f64| {
-                (at(2) - 2.0 * at(1) + at(0)).abs() / step_s.powi(2)
-            };
+            let change =
+                |at: &dyn Fn(usize) -> f64| (at(2) - 2.0 * at(1) + at(0)).abs() / step_s.powi(2);
             most[0] = most[0].max(hand.mass_kg() * change(&along));
             most[1] = most[1].max(inertia_kg_m2 * change(&about));
         }

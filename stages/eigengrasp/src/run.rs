@@ -74,6 +74,8 @@ pub(crate) struct Made {
     pub(crate) checks: u64,
     /// Energies evaluated.
     pub(crate) evaluations: u64,
+    /// Processor time in seconds, where it was measured.
+    pub(crate) cpu_s: f64,
 }
 
 impl Run<'_> {

@@ -160,7 +160,7 @@ impl Output for Eigengrasp {
             object: &object,
             seed: cx.seed(),
         };
-        let (ranked, spent, cpu_s) = annealer.ranked()?;
+        let (ranked, spent) = annealer.ranked()?;
         if ranked.is_empty() {
             return Ok(Outcome::skipped(
                 "no state of any run is free of collisions",
@@ -185,7 +185,7 @@ impl Output for Eigengrasp {
             joints: joints.into(),
             candidates,
         })?;
-        Ok(Outcome::Made(metrics(&ranked, &spent, &basis, cpu_s)))
+        Ok(Outcome::Made(metrics(&ranked, &spent, &basis)))
     }
 }
 
@@ -202,23 +202,23 @@ struct Annealer<'a> {
 }
 
 impl Annealer<'_> {
-    /// Returns the best finished grasps of all runs, each with how the object lies, what was spent, and the processor time
-    /// in seconds.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made, f64), EigengraspError> {
-        let measured: Vec<((RestingPose, Made), f64)> = (0..self.config.runs)
+    /// Returns the best finished grasps of all runs, each with how the object lies, and what was spent.
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made), EigengraspError> {
+        let runs: Vec<(RestingPose, Made)> = (0..self.config.runs)
             .into_par_iter()
             .map(|number| {
                 let (run, cpu_s) = cpu_time::measured(|| self.run(number));
-                Ok((run?, cpu_s))
+                let (rest, made) = run?;
+                Ok((rest, Made { cpu_s, ..made }))
             })
             .collect::<Result<_, EigengraspError>>()?;
-        let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let mut spent = Made::default();
         let mut ranked = Vec::new();
-        for ((rest, made), _) in measured {
+        for (rest, made) in runs {
             spent.steps += made.steps;
             spent.checks += made.checks;
             spent.evaluations += made.evaluations;
+            spent.cpu_s += made.cpu_s;
             ranked.extend(made.grasps.into_iter().map(|grasp| (rest, grasp)));
         }
         // The sort is stable: of equals the one of the lower energy and the earlier run is first.
@@ -227,7 +227,7 @@ impl Annealer<'_> {
             by_quality.then(a.energy_mm.total_cmp(&b.energy_mm))
         });
         ranked.truncate(self.config.per_object);
-        Ok((ranked, spent, cpu_s))
+        Ok((ranked, spent))
     }
 
     /// Makes the run of a number, from random numbers of its own.
@@ -258,19 +258,14 @@ fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
     far.fold(MIN_LENGTH_M, f64::max)
 }
 
-fn metrics(
-    ranked: &[(RestingPose, Finished)],
-    spent: &Made,
-    basis: &Basis,
-    cpu_s: f64,
-) -> EigengraspMetrics {
+fn metrics(ranked: &[(RestingPose, Finished)], spent: &Made, basis: &Basis) -> EigengraspMetrics {
     let n = ranked.len() as f64;
     let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
     let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);
     EigengraspMetrics {
         candidates: n,
         force_closure: closed.count() as f64,
-        cpu_s,
+        cpu_s: spent.cpu_s,
         steps: spent.steps as f64,
         collision_checks: spent.checks as f64,
         evaluations: spent.evaluations as f64,

@@ -27,6 +27,9 @@ use crate::{
 /// Refines candidate motions against object and table before physics.
 pub struct Refine;
 
+/// The refinement of a draw, and the processor time that it took in seconds.
+type Tried = (Result<Refined, RefineError>, f64);
+
 /// What refined motions name as their generator.
 const GENERATOR: &str = "refine";
 
@@ -132,7 +135,7 @@ impl Output for Refine {
             &inputs.source("hand_table")?.path,
         )?;
         let given: Candidates = inputs.one()?;
-        let tried: Vec<(Candidate, (Result<Refined, RefineError>, f64))> = given
+        let tried: Vec<(Candidate, Tried)> = given
             .candidates
             .into_par_iter()
             .map_init(

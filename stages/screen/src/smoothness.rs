@@ -14,10 +14,7 @@ const STANDING: f64 = 1e-6;
 /// # Errors
 ///
 /// Fails if the motion has not as many joints as the hand.
-pub(crate) fn smoothness(
-    steps: &[HandPose],
-    model: &RobotModel,
-) -> Result<Smoothness, WrongDof> {
+pub(crate) fn smoothness(steps: &[HandPose], model: &RobotModel) -> Result<Smoothness, WrongDof> {
     let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q.clone()).collect();
     let with_palm: Vec<Vec<f64>> = steps
         .iter()

@@ -268,7 +268,11 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // The rollout was ended once the can had settled; what is recorded is carried out to the end:
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 0.5 s hold, at 50 Hz, and the start.
     assert_eq!(moments, 116);
-    assert!((90..=115).contains(&rows[1].control_steps_n), "{}", rows[1].control_steps_n);
+    assert!(
+        (90..=115).contains(&rows[1].control_steps_n),
+        "{}",
+        rows[1].control_steps_n
+    );
     for row in &rows {
         assert_eq!(row.control_steps_n + row.skipped_steps_n, 115);
     }
@@ -322,7 +326,10 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
         (row.trials.total_count(), row.trials.success_count()),
         (3, 3)
     );
-    assert_eq!(row.control_steps_n, 3 * i64::from(rollouts[1].control_steps_n));
+    assert_eq!(
+        row.control_steps_n,
+        3 * i64::from(rollouts[1].control_steps_n)
+    );
 
     // On ice, a heavy can is not lifted.
     let friction_scale = [0.02, 0.05];

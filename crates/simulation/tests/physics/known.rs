@@ -92,7 +92,10 @@ fn pull_beyond_grip_strength_removes_the_can() {
         matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped),
         "{rollout:?}"
     );
-    assert!(rollout.slip_m > 0.02 && rollout.control_steps_n < 75, "{rollout:?}");
+    assert!(
+        rollout.slip_m > 0.02 && rollout.control_steps_n < 75,
+        "{rollout:?}"
+    );
 }
 
 #[test]

@@ -199,7 +199,11 @@ fn each_protocol_states_its_friction_mass_drive_and_steps() {
         } = scene.drive;
         assert_eq!([stiffness, damping, torque_limit], drive, "{name:?}");
         let rollout = squeezed(name, 0.01);
-        assert_eq!(rollout.control_steps_n + rollout.skipped_steps_n, steps_n, "{name:?}");
+        assert_eq!(
+            rollout.control_steps_n + rollout.skipped_steps_n,
+            steps_n,
+            "{name:?}"
+        );
     }
 }
 
@@ -359,7 +363,10 @@ fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
     // Without a grip, a pull of 0.5 m/s² moves the cube by 2 cm in 0.28 s.
     let away = settled.rollout(&motion(0.3, [0.0, 0.0]), &resolved, TraceMode::Nothing);
     let away = away.unwrap();
-    assert_eq!((away.verdict, away.control_steps_n), (Verdict::Dropped, 50 + 15));
+    assert_eq!(
+        (away.verdict, away.control_steps_n),
+        (Verdict::Dropped, 50 + 15)
+    );
 }
 
 /// 19 g weigh 0.18 N: plates at 20 N/m hold them when they are 1 cm inside (0.28 N), and not at 5 mm (0.14 N).

@@ -59,7 +59,10 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
         assert!(n >= 3, "{n} are {}", verdict.as_str());
     }
     for (few, all) in few.iter().zip(&all) {
-        assert_eq!(few.control_steps_n + few.skipped_steps_n, all.control_steps_n + all.skipped_steps_n);
+        assert_eq!(
+            few.control_steps_n + few.skipped_steps_n,
+            all.control_steps_n + all.skipped_steps_n
+        );
         assert!(few.control_steps_n <= all.control_steps_n);
         match all.verdict {
             Verdict::Held => assert_eq!(all.skipped_steps_n, 0),
@@ -107,5 +110,8 @@ fn recorded_rollout_runs_to_its_end() {
         (Verdict::Held, Verdict::Held)
     );
     assert!(short.skipped_steps_n > 0 && whole.skipped_steps_n == 0);
-    assert_eq!(whole.trace.unwrap().steps.len() - 1, whole.control_steps_n as usize);
+    assert_eq!(
+        whole.trace.unwrap().steps.len() - 1,
+        whole.control_steps_n as usize
+    );
 }
