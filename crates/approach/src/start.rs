@@ -109,6 +109,26 @@ pub fn grasps(
     trajectories.iter().map(grasp).collect()
 }
 
+/// Returns the hands at the grasp of trajectories, above the table, with the joints in the hand's order.
+///
+/// # Errors
+///
+/// Fails if a trajectory is of another hand.
+pub fn grasping_hands(
+    trajectories: &[Trajectory],
+    joints: &[String],
+) -> Result<Vec<HandPose<Table>>, ApproachError> {
+    let hand = |trajectory: &Trajectory| {
+        let motion = reordered(trajectory, joints)?;
+        let grasp = motion.grasp();
+        Ok(HandPose {
+            frame_from_palm: trajectory.rest.table_from_object() * grasp.frame_from_palm,
+            q_rad: grasp.q_rad.clone(),
+        })
+    };
+    trajectories.iter().map(hand).collect()
+}
+
 /// Returns a trajectory's motion with the joints in the hand's order.
 fn reordered(
     trajectory: &Trajectory,
