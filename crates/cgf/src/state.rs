@@ -6,11 +6,7 @@ use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CgfError, Trainer,
-    curve::Epoch,
-    point_net::Statistics,
-    training::Best,
-    weights::Weights,
+    CgfError, Trainer, curve::Epoch, point_net::Statistics, training::Best, weights::Weights,
 };
 
 /// Version of the form.

@@ -2,9 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{
-    Grasp, HandBody, Lies, Reach, Start, VirtualContact, grasps, virtual_contacts,
-};
+use approach::{Grasp, HandBody, Lies, Reach, Start, VirtualContact, grasps, virtual_contacts};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,

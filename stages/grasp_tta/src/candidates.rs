@@ -7,9 +7,7 @@ use cgf::{
     HandState, Random, RestingObject,
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
 };
-use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit,
-};
+use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
@@ -25,7 +23,7 @@ use schemas::{
 use spatial::RestingPose;
 
 use crate::{
-    GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface,
+    Finish, GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface,
 };
 
 /// The artifact `candidates`.
@@ -141,7 +139,10 @@ impl Output for AdaptedCandidates {
         let mut candidates = Vec::with_capacity(drawn.len());
         for (number, one) in drawn.iter().enumerate() {
             let environment = Environment::new(Arc::clone(&field), one.rest);
-            let hand = one.hand_in_object();
+            let hand = match config.finish {
+                Finish::Adapted => one.hand_in_object(),
+                Finish::Closed => body.closed(&environment, &one.hand_in_object())?,
+            };
             let grasp = Grasp {
                 depth_m: body.clearance(&environment, &hand)?.depth_m(),
                 residual_m2: 0.0,
@@ -262,8 +263,7 @@ impl Drawn {
 
 fn metrics(drawn: &[Drawn], depth_m: f64) -> GraspTtaMetrics {
     let n = drawn.len() as f64;
-    let mean =
-        |of: fn(&Adapted) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
+    let mean = |of: fn(&Adapted) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
     GraspTtaMetrics {
         candidates: n,
         contact_drawn: mean(|one| one.drawn.contact),

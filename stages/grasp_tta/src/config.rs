@@ -50,9 +50,24 @@ pub struct GraspTtaConfig {
     /// How a grasp is adapted
     #[serde(default)]
     pub adaptation: AdaptationConfig,
+    /// Whether fingers close on the object after the adaptation: they do not, as published
+    #[serde(default)]
+    pub finish: Finish,
     /// The way to the grasp, and how the object lies
     #[serde(default)]
     pub approach: ApproachConfig,
+}
+
+/// What is done to a grasp after the adaptation.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum Finish {
+    /// Nothing.
+    #[default]
+    Adapted,
+    /// Its fingers close joint by joint until they touch, as those of the other generators of grasps do.
+    Closed,
 }
 
 impl GraspTtaConfig {
@@ -65,7 +80,10 @@ impl GraspTtaConfig {
         let bounds = MIN_HAND_POINTS..=MAX_HAND_POINTS;
         faults.within("hand_points", self.hand_points, bounds, why);
         if self.flexion_joints.is_empty() {
-            faults.note("flexion_joints", "is empty, and hands touch with what they bend");
+            faults.note(
+                "flexion_joints",
+                "is empty, and hands touch with what they bend",
+            );
         }
         for (table, checked) in [
             ("network", self.network.check()),

@@ -17,7 +17,7 @@ mod stage;
 mod surface;
 
 pub use candidates::{AdaptedCandidates, GraspTtaMetrics};
-pub use config::GraspTtaConfig;
+pub use config::{Finish, GraspTtaConfig};
 pub use error::GraspTtaError;
 pub use networks::{GraspNetworksMetrics, LearnedNetworks};
 pub use stage::GraspTta;

@@ -14,9 +14,7 @@ use lake::ReadInputs;
 use nalgebra::Point3;
 use schemas::{Table, grasp_networks, objects::Object, trajectories::Trajectory};
 
-use crate::{
-    GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface,
-};
+use crate::{GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface};
 
 /// The artifact `grasp_networks`.
 pub struct LearnedNetworks;
@@ -61,7 +59,9 @@ impl Output for LearnedNetworks {
         let metrics = &summary.metrics;
         let [grasps, objects] = [metrics.grasps, metrics.objects];
         let error_mm = 1e3 * metrics.points_error_m;
-        format!("{grasps} grasps of {objects} objects → networks, error of the hand {error_mm:.0} mm")
+        format!(
+            "{grasps} grasps of {objects} objects → networks, error of the hand {error_mm:.0} mm"
+        )
     });
 
     fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
@@ -134,12 +134,13 @@ fn demonstrated(
     let mut set = GraspSet::default();
     let hands = grasping_hands(trajectories, joints)?;
     for (trajectory, hand) in trajectories.iter().zip(hands) {
-        let object = known.get(trajectory.object.as_str()).ok_or_else(|| {
-            GraspTtaError::UnknownObject {
-                object: trajectory.object.clone(),
-                known: known.keys().map(|&name| name.to_owned()).collect(),
-            }
-        })?;
+        let object =
+            known
+                .get(trajectory.object.as_str())
+                .ok_or_else(|| GraspTtaError::UnknownObject {
+                    object: trajectory.object.clone(),
+                    known: known.keys().map(|&name| name.to_owned()).collect(),
+                })?;
         let same = |one: &RestingObject| one.object == object.name && one.rest == trajectory.rest;
         let idx = set.objects.iter().position(same);
         let idx = idx.unwrap_or_else(|| {

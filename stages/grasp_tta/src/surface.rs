@@ -36,3 +36,41 @@ pub(crate) fn hand_surface(body: &HandBody, n: usize) -> Result<HandSurface, Gra
     }
     Ok(HandSurface::new(Arc::new(body.model().clone()), points))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::fixture;
+
+    #[test]
+    fn hands_touch_with_the_inner_sides_of_the_links_that_bend_and_with_the_palm() {
+        let body = fixture::body();
+        let surface = hand_surface(&body, 800).unwrap();
+        let of = |name: &str, is_prior: bool| {
+            let link = body.model().link(name).unwrap();
+            let of_link = surface.points().iter().filter(|point| point.link == link);
+            let found: Vec<HandPoint> = of_link
+                .filter(|point| point.is_prior == is_prior)
+                .copied()
+                .collect();
+            assert!(!found.is_empty(), "{name} {is_prior}");
+            found
+        };
+        // The Allegro's fingers bend toward x, and its palm looks there.
+        for name in ["base_link", "link_1.0", "link_2.0", "link_3.0"] {
+            assert!(
+                of(name, true)
+                    .iter()
+                    .all(|point| point.normal_in_link.x > 0.7)
+            );
+            assert!(
+                of(name, false)
+                    .iter()
+                    .all(|point| point.normal_in_link.x < 0.8)
+            );
+        }
+        // Fingertips touch with what looks inward or ahead.
+        let tip = of("link_3.0_tip", true);
+        assert!(tip.iter().all(|point| point.normal_in_link.x > -0.1));
+    }
+}

@@ -24,7 +24,8 @@ const MAX_JITTER: f64 = 1.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspNetworkConfig {
-    /// Points of the object's surface that networks and losses see, the first ones; published: 3000
+    /// Points of the object's surface that networks and losses see, the first ones: as many as a grasping function sees;
+    /// published: 3000
     pub points: usize,
     /// Layers of the four point networks, over object and hand of both networks; published: up to 1024, for a hundred
     /// times as many grasps
@@ -44,10 +45,10 @@ pub struct GraspNetworkConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspTrainingConfig {
-    /// Passes over the demonstrated grasps that train the autoencoder: enough that the error of held-out grasps no longer
-    /// falls
+    /// Passes over the demonstrated grasps that train the autoencoder: minutes of one core
     pub epochs: usize,
-    /// Passes over the demonstrated grasps that train the contact network
+    /// Passes over the demonstrated grasps that train the contact network, every point of each an example: a minute of
+    /// one core
     pub contact_epochs: usize,
     /// Largest number of grasps in one step
     pub batch: usize,
@@ -62,6 +63,9 @@ pub struct GraspTrainingConfig {
     /// Weight of contact, consistency and penetration together, which `terms` weighs against each other (1): less than
     /// the demonstrated grasps weigh
     pub terms_weight: f64,
+    /// Object and hand are turned together about the vertical, by an angle from 0 to this (rad): not at all, since all
+    /// ways round take several times as many epochs to learn
+    pub turn_rad: f64,
     /// Standard deviation by which a hand is displaced for the contact network, along each axis (m): about the error of
     /// a drawn grasp
     pub jitter_m: f64,
@@ -102,7 +106,7 @@ pub struct TermWeights {
 impl Default for GraspNetworkConfig {
     fn default() -> Self {
         Self {
-            points: 1024,
+            points: 512,
             point_widths: vec![64, 128, 256],
             encoder_widths: vec![512, 256],
             latent_dim: 64,
@@ -115,13 +119,14 @@ impl Default for GraspNetworkConfig {
 impl Default for GraspTrainingConfig {
     fn default() -> Self {
         Self {
-            epochs: 60,
-            contact_epochs: 30,
+            epochs: 30,
+            contact_epochs: 8,
             batch: 16,
             learning_rate: 1e-3,
             points_weight: 100.0,
             kl_weight: 2e-3,
-            terms_weight: 0.1,
+            terms_weight: 0.01,
+            turn_rad: 0.0,
             jitter_m: 0.01,
             jitter_rad: 0.1,
         }
@@ -201,6 +206,8 @@ impl GraspTrainingConfig {
         check("points_weight", self.points_weight, 0.0..=MAX_WEIGHT, why)?;
         check("kl_weight", self.kl_weight, 0.0..=MAX_WEIGHT, why)?;
         check("terms_weight", self.terms_weight, 0.0..=MAX_WEIGHT, why)?;
+        let why = "a whole turn is all the way round";
+        check("turn_rad", self.turn_rad, 0.0..=std::f64::consts::TAU, why)?;
         let why = "a hand that is far away touches nothing";
         check("jitter_m", self.jitter_m, 0.0..=MAX_JITTER, why)?;
         check("jitter_rad", self.jitter_rad, 0.0..=MAX_JITTER, why)

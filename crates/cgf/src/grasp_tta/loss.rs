@@ -119,7 +119,11 @@ fn contact(
     for (touching, off) in &reached {
         by_points[*touching] += off * (2.0 * weight * factor);
     }
-    factor * reached.iter().map(|(_, off)| off.norm_squared()).sum::<f64>()
+    factor
+        * reached
+            .iter()
+            .map(|(_, off)| off.norm_squared())
+            .sum::<f64>()
 }
 
 /// How deep the hand's points are in the table.
@@ -167,7 +171,9 @@ mod tests {
     fn evaluate(weights: &TermWeights, row: &[f32]) -> (GraspTerms, Vec<f32>) {
         let surface = fixture::surface();
         let object = fixture::object();
-        let wanted: Vec<f32> = (0..object.len()).map(|idx| (idx % 3) as f32 / 3.0).collect();
+        let wanted: Vec<f32> = (0..object.len())
+            .map(|idx| (idx % 3) as f32 / 3.0)
+            .collect();
         let mut by_row = vec![0.0; row.len()];
         let terms = grasp_loss(&surface, weights, row, &object, &wanted, &mut by_row);
         (terms, by_row)
@@ -178,11 +184,41 @@ mod tests {
     fn gradients_equal_central_differences() {
         let row = fixture::row();
         for (name, weights) in [
-            ("contact", TermWeights { contact: 1.0, ..NOTHING }),
-            ("consistency", TermWeights { consistency: 10.0, ..NOTHING }),
-            ("penetration", TermWeights { penetration: 1.0, ..NOTHING }),
-            ("table", TermWeights { table: 1.0, ..NOTHING }),
-            ("limits", TermWeights { limits: 1.0, ..NOTHING }),
+            (
+                "contact",
+                TermWeights {
+                    contact: 1.0,
+                    ..NOTHING
+                },
+            ),
+            (
+                "consistency",
+                TermWeights {
+                    consistency: 10.0,
+                    ..NOTHING
+                },
+            ),
+            (
+                "penetration",
+                TermWeights {
+                    penetration: 1.0,
+                    ..NOTHING
+                },
+            ),
+            (
+                "table",
+                TermWeights {
+                    table: 1.0,
+                    ..NOTHING
+                },
+            ),
+            (
+                "limits",
+                TermWeights {
+                    limits: 1.0,
+                    ..NOTHING
+                },
+            ),
         ] {
             let (terms, found) = evaluate(&weights, &row);
             assert!(terms.total > 1e-3, "{name}: {terms:?}");

@@ -111,7 +111,8 @@ mod tests {
     #[test]
     fn the_nearest_is_the_one_that_a_plain_search_finds() {
         let mut random = Random::new(3, 0);
-        let mut draw = |n: usize| -> Vec<f32> { (0..3 * n).map(|_| narrow(random.normal())).collect() };
+        let mut draw =
+            |n: usize| -> Vec<f32> { (0..3 * n).map(|_| narrow(random.normal())).collect() };
         let (points, others) = (draw(37), draw(50));
         let others: Vec<[f32; 3]> = others.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect();
         let cloud = Cloud::new(&points);
@@ -119,9 +120,8 @@ mod tests {
         assert_eq!((cloud.len(), found.len()), (37, 37));
         for (idx, (point, found)) in points.chunks_exact(3).zip(found).enumerate() {
             assert_eq!(cloud.point(idx), point);
-            let squared = |other: &[f32; 3]| -> f32 {
-                (0..3).map(|k| (point[k] - other[k]).powi(2)).sum()
-            };
+            let squared =
+                |other: &[f32; 3]| -> f32 { (0..3).map(|k| (point[k] - other[k]).powi(2)).sum() };
             let best = (0..50).min_by(|&a, &b| squared(&others[a]).total_cmp(&squared(&others[b])));
             assert_eq!(found.idx as usize, best.unwrap());
             assert!((found.squared_m2 - squared(&others[best.unwrap()])).abs() < 1e-6);

@@ -165,11 +165,7 @@ impl GraspNetworks {
     }
 
     /// Decodes a latent code: the hand's numbers in meters and radians.
-    pub(crate) fn decode(
-        &self,
-        object: &SeenObject,
-        latent: &[f64],
-    ) -> Result<Vec<f32>, CgfError> {
+    pub(crate) fn decode(&self, object: &SeenObject, latent: &[f64]) -> Result<Vec<f32>, CgfError> {
         let latent = constant(narrow_all(latent), &[1, latent.len()])?;
         let decoded = self.tape().decode(&latent, &object.features[0])?;
         let decoded = decoded.flatten_all()?.to_vec1::<f32>()?;
@@ -284,8 +280,8 @@ impl Tape<'_> {
             let name = format!("contact.{layer}");
             x = self.linear(&name, &x)?;
             if layer == 1 {
-                let whole = (self.times(&name, "object", object)?
-                    + self.times(&name, "hand", hand)?)?;
+                let whole =
+                    (self.times(&name, "object", object)? + self.times(&name, "hand", hand)?)?;
                 let width = whole.dim(1)?;
                 x = x
                     .reshape((batch, n_points, width))?

@@ -63,6 +63,11 @@ impl HandSurface {
         }
     }
 
+    /// Returns the points.
+    pub fn points(&self) -> &[HandPoint] {
+        &self.points
+    }
+
     /// Returns the number of points.
     pub(crate) fn len(&self) -> usize {
         self.points.len()
@@ -125,4 +130,50 @@ impl PlacedSurface<'_> {
 
 fn narrowed(point: &Vector3<f64>) -> [f32; 3] {
     [narrow(point.x), narrow(point.y), narrow(point.z)]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::grasp_tta::fixture;
+
+    #[test]
+    fn points_are_where_their_links_are_and_their_gradient_is_that_of_their_places() {
+        let surface = fixture::surface();
+        let row = fixture::row();
+        let placed = surface.placed(&row);
+        // The second ball slides on the first hinge: its points are 2 cm from its center.
+        let ball = surface.points().iter().rposition(|point| point.link == 2);
+        let ball = ball.unwrap();
+        let center = placed.points[ball] - placed.normal(ball) * 0.02;
+        assert!((placed.points[ball - 1] - center).norm() - 0.02 < 1e-6);
+        let weights: Vec<Vector3<f64>> = (0..surface.len())
+            .map(|idx| Vector3::new(idx as f64, 1.0, -0.5 * idx as f64) / 100.0)
+            .collect();
+        let mut found = vec![0.0; row.len()];
+        placed.gradient(&weights, &mut found);
+        let value = |row: &[f32]| {
+            let points = surface.placed(row).points;
+            points
+                .iter()
+                .zip(&weights)
+                .map(|(p, w)| p.dot(w))
+                .sum::<f64>()
+        };
+        for k in 0..row.len() {
+            let moved = |by: f32| {
+                let mut moved = row.clone();
+                moved[k] += by;
+                moved
+            };
+            let (low, high) = (moved(-1e-3), moved(1e-3));
+            let expected = (value(&high) - value(&low)) / f64::from(high[k] - low[k]);
+            let off = (expected - f64::from(found[k])).abs();
+            assert!(
+                off < 1e-4 * (1.0 + expected.abs()),
+                "{k}: {expected} {}",
+                found[k]
+            );
+        }
+    }
 }

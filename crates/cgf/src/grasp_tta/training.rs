@@ -355,7 +355,7 @@ impl<'a> Trainer<'a> {
     fn seen(&self, grasps: &[usize], random: &mut Random) -> Vec<Seen> {
         let turns: Vec<(usize, f64)> = grasps
             .iter()
-            .map(|&grasp| (grasp, 2.0 * PI * random.uniform()))
+            .map(|&grasp| (grasp, self.training.turn_rad * random.uniform()))
             .collect();
         let seen = |&(grasp, angle): &(usize, f64)| {
             let grasp = &self.set.grasps[grasp];
@@ -450,12 +450,16 @@ impl<'a> Trainer<'a> {
         for (one_m2, one, _) in &all {
             points_m2 += share * one_m2;
             terms.add(one, share);
-            let value = self.training.points_weight * one_m2 + self.training.terms_weight * one.total;
+            let value =
+                self.training.points_weight * one_m2 + self.training.terms_weight * one.total;
             values.push(narrow(value));
         }
         let known = Known {
             values,
-            gradients: all.into_iter().flat_map(|(.., gradient)| gradient).collect(),
+            gradients: all
+                .into_iter()
+                .flat_map(|(.., gradient)| gradient)
+                .collect(),
             width,
         };
         let mean = rows.contiguous()?.apply_op1(known)?.mean_all()?;
@@ -577,5 +581,159 @@ impl GraspTerms {
         self.penetration += share * other.penetration;
         self.table += share * other.table;
         self.limits += share * other.limits;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use candle_core::{Device, Var};
+
+    use super::*;
+    use crate::grasp_tta::{Adaptation, AdaptationConfig, TermWeights, fixture};
+
+    fn options() -> GraspOptions {
+        GraspOptions {
+            network: GraspNetworkConfig {
+                points: 64,
+                point_widths: vec![8, 16],
+                encoder_widths: vec![16],
+                latent_dim: 3,
+                decoder_widths: vec![16],
+                contact_widths: vec![8, 16, 8],
+            },
+            training: GraspTrainingConfig {
+                epochs: 60,
+                contact_epochs: 20,
+                batch: 4,
+                learning_rate: 5e-3,
+                ..GraspTrainingConfig::default()
+            },
+            terms: TermWeights::default(),
+        }
+    }
+
+    /// Returns eight grasps that come near the cube from above, each from a side of its own.
+    fn set() -> GraspSet {
+        let grasp = |number: u32| {
+            let angle = f64::from(number) * 0.7;
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
+            DemonstratedGrasp {
+                object: 0,
+                hand: HandState {
+                    frame_from_palm: Pose::from_parts([0.0, 0.0, 0.03], turn),
+                    q_rad: vec![0.1, 0.03],
+                },
+            }
+        };
+        GraspSet {
+            objects: vec![fixture::resting()],
+            grasps: (0..8).map(grasp).collect(),
+        }
+    }
+
+    #[test]
+    fn a_loss_over_hands_has_the_gradient_of_its_value() {
+        let (surface, options, set) = (fixture::surface(), options(), set());
+        let trainer = Trainer::new(&set, &surface, &options).unwrap();
+        let seen = trainer.seen(&[0, 1], &mut Random::new(1, 0));
+        let row = fixture::row();
+        let at = [row.clone(), row.iter().map(|x| x + 0.003).collect()].concat();
+        let value = |at: &[f32]| {
+            let var = Var::from_slice(at, (2, row.len()), &Device::Cpu).unwrap();
+            let (mean, ..) = trainer.physical(var.as_tensor(), &seen).unwrap();
+            (mean, var)
+        };
+        let (mean, var) = value(&at);
+        let by = mean.backward().unwrap();
+        let found = by
+            .get(&var)
+            .unwrap()
+            .flatten_all()
+            .unwrap()
+            .to_vec1::<f32>()
+            .unwrap();
+        let largest = found.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        for k in 0..at.len() {
+            let moved = |by: f32| {
+                let mut moved = at.clone();
+                moved[k] += by;
+                value(&moved).0.to_scalar::<f32>().unwrap()
+            };
+            let h = 2e-4;
+            let expected = (moved(h) - moved(-h)) / (2.0 * h);
+            assert!(
+                (expected - found[k]).abs() < 0.05 * largest,
+                "{k}: {expected} {}",
+                found[k]
+            );
+        }
+    }
+
+    #[test]
+    fn both_networks_learn_and_adapted_grasps_cost_less() {
+        let (surface, options, set) = (fixture::surface(), options(), set());
+        let mut told = Vec::new();
+        let mut progress = |share: f64, _: &str| told.push(share);
+        let networks = train_grasps(&set, &surface, &options, 3, &mut progress).unwrap();
+        assert_eq!((told.len(), told.last()), (80, Some(&1.0)));
+        let description = networks.description();
+        let curve = &description.generator_curve;
+        let (first, last) = (curve[0], curve[curve.len() - 1]);
+        assert!(last.total < 0.5 * first.total, "{first:?} {last:?}");
+        let contact = &description.contact_curve;
+        assert!(contact[19] < 0.8 * contact[0], "{contact:?}");
+        let adaptation = |steps| Adaptation {
+            config: AdaptationConfig {
+                steps,
+                ..AdaptationConfig::default()
+            },
+            terms: TermWeights::default(),
+        };
+        let latents = vec![vec![0.5, -0.5, 1.0], vec![-1.0, 0.0, 0.3]];
+        let grasps = |steps| {
+            let object = fixture::resting();
+            networks
+                .grasps(&object, &surface, &latents, &adaptation(steps))
+                .unwrap()
+        };
+        let (drawn, adapted) = (grasps(0), grasps(50));
+        for (drawn, adapted) in drawn.iter().zip(&adapted) {
+            assert_eq!(drawn.drawn, drawn.adapted);
+            assert_eq!(drawn.drawn, adapted.drawn);
+            assert!(adapted.adapted.total < drawn.adapted.total, "{adapted:?}");
+        }
+    }
+
+    #[test]
+    fn networks_are_read_as_they_were_written_and_refused_for_another_hand() {
+        let (surface, mut options, set) = (fixture::surface(), options(), set());
+        (options.training.epochs, options.training.contact_epochs) = (1, 1);
+        let networks = train_grasps(&set, &surface, &options, 3, &mut |_, _| {}).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let [weights, description] = ["w", "d"].map(|name| folder.path().join(name));
+        networks.save(&weights, &description).unwrap();
+        let joints = surface.hand.joint_names();
+        let read = GraspNetworks::load(&weights, &description, &joints).unwrap();
+        assert_eq!(read.description(), networks.description());
+        assert!(read.weights == networks.weights);
+        let other = GraspNetworks::load(&weights, &description, &joints[..1]);
+        assert!(matches!(other, Err(CgfError::AnotherHand { .. })));
+        std::fs::write(&weights, b"none").unwrap();
+        let damaged = GraspNetworks::load(&weights, &description, &joints);
+        assert!(matches!(damaged, Err(CgfError::Weights(_))));
+    }
+
+    #[test]
+    fn one_grasp_or_one_of_another_hand_is_not_learned_from() {
+        let (surface, options, mut set) = (fixture::surface(), options(), set());
+        set.grasps[3].hand.q_rad.push(0.0);
+        let wrong = train_grasps(&set, &surface, &options, 3, &mut |_, _| {});
+        assert!(matches!(wrong, Err(CgfError::WrongDof { .. })));
+        set.grasps.truncate(1);
+        let few = train_grasps(&set, &surface, &options, 3, &mut |_, _| {});
+        assert!(matches!(
+            few,
+            Err(CgfError::TooFewTrajectories { found: 1 })
+        ));
     }
 }
