@@ -196,6 +196,14 @@ mod tests {
             (place - Vector3::new(-0.1, -0.3, 0.04)).norm() < 1e-12,
             "{place}"
         );
+        // The grasp is 0.1 m lower in the object's frame, which is 0.1 m along the table's x.
+        let grasping = grasping_hands(&[trajectory(&["a", "b"])], &names(&["b", "a"])).unwrap();
+        let place = grasping[0].frame_from_palm.translation.vector;
+        assert!(
+            (place - Vector3::new(0.0, -0.3, 0.04)).norm() < 1e-12,
+            "{place}"
+        );
+        assert_eq!(grasping[0].q_rad, [1.0, 0.0]);
         let both = [trajectory(&["a", "b"]), trajectory(&["b", "a"])];
         let mean = Start::mean_grasp(&both, &names(&["a", "b"])).unwrap();
         assert_eq!(mean, [0.5, 0.5]);

@@ -190,7 +190,7 @@ impl Drawer<'_> {
     /// Draws and adapts all grasps, each from random numbers of its own.
     fn drawn(&self) -> Result<Vec<Drawn>, GraspTtaError> {
         let latent_dim = self.networks.description().network.latent_dim;
-        let draw = |number: usize| {
+        let codes = |number: usize| {
             let mut random = Random::new(self.seed, number as u64);
             let rest = self.lies.at(random.uniform());
             let start = random.index(self.starts.len());
@@ -198,7 +198,7 @@ impl Drawer<'_> {
             (rest, start, latent)
         };
         let draws: Vec<(RestingPose, usize, Vec<f64>)> =
-            (0..self.config.per_object).map(draw).collect();
+            (0..self.config.per_object).map(codes).collect();
         let mut rests: Vec<RestingPose> = Vec::new();
         for (rest, ..) in &draws {
             if !rests.contains(rest) {
@@ -217,13 +217,13 @@ impl Drawer<'_> {
         }
         adapted.sort_by_key(|(number, _)| *number);
         let both = draws.into_iter().zip(adapted);
-        let drawn = both.map(|((rest, start, latent), (_, adapted))| Drawn {
+        let grasps = both.map(|((rest, start, latent), (_, adapted))| Drawn {
             rest,
             start,
             latent,
             adapted,
         });
-        Ok(drawn.collect())
+        Ok(grasps.collect())
     }
 
     /// Adapts the grasps of latent codes for the object as it lies.

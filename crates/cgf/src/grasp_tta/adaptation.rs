@@ -98,7 +98,7 @@ impl GraspNetworks {
             *q = narrow(within);
         }
         Ok(Adapted {
-            hand: self.hand_of(&object.name, &row)?,
+            hand: Self::hand_of(&object.name, &row)?,
             limit_excess_rad,
             drawn: drawn.unwrap_or(adapted),
             adapted,

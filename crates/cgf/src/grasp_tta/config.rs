@@ -52,8 +52,8 @@ pub struct GraspTrainingConfig {
     pub contact_epochs: usize,
     /// Largest number of grasps in one step
     pub batch: usize,
-    /// Adam's learning rate at the beginning, from where it falls along half a cosine; published: 1e-4, for a hundred
-    /// times as many grasps
+    /// Adam's learning rate at the beginning, from where it falls along half a cosine: a grasping function's;
+    /// published: 1e-4, for a hundred times as many grasps
     pub learning_rate: f64,
     /// Weight of the mean squared distance of the hand's surface points from the demonstrated ones (1/m²): 1 cm counts
     /// as much as a tenth of the spread of the hand's numbers
@@ -63,8 +63,8 @@ pub struct GraspTrainingConfig {
     /// Weight of contact, consistency and penetration together, which `terms` weighs against each other (1): less than
     /// the demonstrated grasps weigh
     pub terms_weight: f64,
-    /// Object and hand are turned together about the vertical, by an angle from 0 to this (rad): not at all, since all
-    /// ways round take several times as many epochs to learn
+    /// Object and hand are turned together about the vertical, by an angle from 0 to this (rad): all the way round, as a
+    /// grasping function's are
     pub turn_rad: f64,
     /// Standard deviation by which a hand is displaced for the contact network, along each axis (m): about the error of
     /// a drawn grasp
@@ -119,14 +119,14 @@ impl Default for GraspNetworkConfig {
 impl Default for GraspTrainingConfig {
     fn default() -> Self {
         Self {
-            epochs: 30,
+            epochs: 40,
             contact_epochs: 8,
-            batch: 16,
-            learning_rate: 1e-3,
+            batch: 8,
+            learning_rate: 2e-3,
             points_weight: 100.0,
             kl_weight: 2e-3,
             terms_weight: 0.01,
-            turn_rad: 0.0,
+            turn_rad: std::f64::consts::TAU,
             jitter_m: 0.01,
             jitter_rad: 0.1,
         }

@@ -201,7 +201,7 @@ impl GraspNetworks {
     }
 
     /// Returns the hand of numbers in meters and radians.
-    pub(crate) fn hand_of(&self, object: &str, row: &[f32]) -> Result<HandState<Table>, CgfError> {
+    pub(crate) fn hand_of(object: &str, row: &[f32]) -> Result<HandState<Table>, CgfError> {
         let numbers: Vec<f64> = row.iter().copied().map(f64::from).collect();
         let hand = HandState::from_numbers(&numbers);
         let finite = numbers.iter().all(|x| x.is_finite());

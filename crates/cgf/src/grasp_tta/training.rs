@@ -147,12 +147,15 @@ pub fn train_grasps(
     GraspNetworks::new(description, weights)
 }
 
+/// Computes the loss of a batch.
+type PhaseLoss = fn(&Trainer, &Tape, &[Seen], Statistics, &mut Random) -> Result<Loss, CgfError>;
+
 /// What differs between the trainings of the two networks.
 struct Phase {
     nets: [&'static str; 2],
     stream: u64,
     epochs: fn(&GraspTrainingConfig) -> usize,
-    loss: fn(&Trainer, &Tape, &[Seen], Statistics, &mut Random) -> Result<Loss, CgfError>,
+    loss: PhaseLoss,
 }
 
 const GENERATOR: Phase = Phase {
@@ -261,10 +264,10 @@ impl<'a> Trainer<'a> {
             let order = random.permutation(self.set.grasps.len());
             let mut epoch = GraspEpoch::default();
             for chunk in equal_chunks(&order, self.training.batch) {
-                let seen = self.seen(chunk, &mut random);
+                let batch = self.seen(chunk, &mut random);
                 let leaves = weights.variables(&candle_core::Device::Cpu)?;
                 let tape = self.tape(&leaves);
-                let loss = (phase.loss)(self, &tape, &seen, statistics, &mut random)?;
+                let loss = (phase.loss)(self, &tape, &batch, statistics, &mut random)?;
                 epoch.add(&loss.epoch, chunk.len() as f64 / order.len() as f64);
                 if !loss.epoch.total.is_finite() {
                     return Err(CgfError::Diverged {
@@ -274,8 +277,8 @@ impl<'a> Trainer<'a> {
                 }
                 let by = loss.total.backward()?;
                 let mut gradients = BTreeMap::new();
-                for (name, leaf) in &leaves {
-                    if let Some(gradient) = by.get(leaf) {
+                for (name, variable) in &leaves {
+                    if let Some(gradient) = by.get(variable) {
                         gradients.insert(name.clone(), gradient.flatten_all()?.to_vec1()?);
                     }
                 }
