@@ -10,6 +10,7 @@ use report_train::TrainReport;
 use stage_cem_mpc::CemMpc;
 use stage_eigengrasp::Eigengrasp;
 use stage_force_closure::ForceClosure;
+use stage_grasp_tta::GraspTta;
 use stage_interpolate::Interpolate;
 use stage_program::{Program, Shipped};
 use stage_refine::Refine;
@@ -32,6 +33,7 @@ pub fn kinds() -> Vec<Kind> {
         Kind::of::<Interpolate>(),
         Kind::of::<Eigengrasp>(),
         Kind::of::<ForceClosure>(),
+        Kind::of::<GraspTta>(),
         Kind::of::<Refine>(),
         Kind::of::<Rrt>(),
         Kind::of::<CemMpc>(),

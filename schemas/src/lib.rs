@@ -23,6 +23,7 @@ pub mod demonstrations;
 pub mod distance_fields;
 mod error;
 pub mod executions;
+pub mod grasp_networks;
 pub mod latents;
 pub mod objects;
 pub mod rates;

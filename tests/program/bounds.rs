@@ -32,6 +32,11 @@ kind = 'force_closure'
 inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
 shared = { hand = 'hand', hand_table = 'hand_table' }
 flexion_joints = ['joint_1.0']
+[stages.grasp_tta]
+kind = 'grasp_tta'
+inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
+shared.hand = 'hand'
+flexion_joints = ['joint_1.0']
 ";
 
 /// Rivals of the function, which the arm's job does not have either.

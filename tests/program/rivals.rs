@@ -13,11 +13,17 @@ const PLANNERS: [&str; 5] = [
     "cem_mpc.elites=2",
     "cem_mpc.iterations=1",
 ];
-const GRASPS: [&str; 4] = [
+const GRASPS: [&str; 10] = [
     "random_palm.per_object=2",
     "force_closure.per_object=2",
     "eigengrasp.per_object=2",
     "eigengrasp.steps=400",
+    "grasp_tta.per_object=2",
+    "grasp_tta.network.points=64",
+    "grasp_tta.hand_points=100",
+    "grasp_tta.training.epochs=2",
+    "grasp_tta.training.contact_epochs=2",
+    "grasp_tta.adaptation.steps=20",
 ];
 
 /// Runs a file with values on a number of threads, and returns what it published.
@@ -87,9 +93,9 @@ fn generators_of_grasps_have_as_many_as_asked_and_equal_bytes_on_any_number_of_t
     let one = published(&bench, "pipelines/rivals.toml", &GRASPS, "1");
     let counts = "select count(*) from candidates where origin = 'grasp' and refused = '' group by stage, object";
     let counts = column(&bench, counts);
-    // Three generators for each object.
+    // Four generators for each object.
     assert!(
-        counts.len() > 30 && counts.len().is_multiple_of(3),
+        counts.len() > 40 && counts.len().is_multiple_of(4),
         "{counts:?}"
     );
     assert!(counts.iter().all(|count| count == "2"), "{counts:?}");

@@ -22,6 +22,7 @@ mod lies;
 mod palms;
 mod pregrasp;
 mod start;
+mod virtual_contacts;
 mod way;
 
 pub use axes::HandAxes;
@@ -33,5 +34,6 @@ pub use hand_pose::HandPose;
 pub use lies::Lies;
 pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;
-pub use start::{Start, grasps};
+pub use start::{Start, grasping_hands, grasps};
+pub use virtual_contacts::{VirtualContact, virtual_contacts};
 pub use way::Way;

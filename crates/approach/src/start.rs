@@ -109,6 +109,26 @@ pub fn grasps(
     trajectories.iter().map(grasp).collect()
 }
 
+/// Returns the hands at the grasp of trajectories, above the table, with the joints in the hand's order.
+///
+/// # Errors
+///
+/// Fails if a trajectory is of another hand.
+pub fn grasping_hands(
+    trajectories: &[Trajectory],
+    joints: &[String],
+) -> Result<Vec<HandPose<Table>>, ApproachError> {
+    let hand = |trajectory: &Trajectory| {
+        let motion = reordered(trajectory, joints)?;
+        let grasp = motion.grasp();
+        Ok(HandPose {
+            frame_from_palm: trajectory.rest.table_from_object() * grasp.frame_from_palm,
+            q_rad: grasp.q_rad.clone(),
+        })
+    };
+    trajectories.iter().map(hand).collect()
+}
+
 /// Returns a trajectory's motion with the joints in the hand's order.
 fn reordered(
     trajectory: &Trajectory,
@@ -176,6 +196,14 @@ mod tests {
             (place - Vector3::new(-0.1, -0.3, 0.04)).norm() < 1e-12,
             "{place}"
         );
+        // The grasp is 0.1 m lower in the object's frame, which is 0.1 m along the table's x.
+        let grasping = grasping_hands(&[trajectory(&["a", "b"])], &names(&["b", "a"])).unwrap();
+        let place = grasping[0].frame_from_palm.translation.vector;
+        assert!(
+            (place - Vector3::new(0.0, -0.3, 0.04)).norm() < 1e-12,
+            "{place}"
+        );
+        assert_eq!(grasping[0].q_rad, [1.0, 0.0]);
         let both = [trajectory(&["a", "b"]), trajectory(&["b", "a"])];
         let mean = Start::mean_grasp(&both, &names(&["a", "b"])).unwrap();
         assert_eq!(mean, [0.5, 0.5]);

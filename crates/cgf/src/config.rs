@@ -588,7 +588,7 @@ impl TrainingConfig {
 }
 
 /// Refuses a value that is not within its bounds, and says why they are where they are.
-fn check<N: PartialOrd + Copy + Debug + Display>(
+pub(crate) fn check<N: PartialOrd + Copy + Debug + Display>(
     key: &'static str,
     value: N,
     bounds: RangeInclusive<N>,

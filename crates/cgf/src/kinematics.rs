@@ -104,6 +104,11 @@ impl<'a> Posed<'a> {
         }
     }
 
+    /// Takes a direction from the palm frame to the frame in which the row is.
+    pub(crate) fn turned(&self, vector_in_palm: &Vector3<f64>) -> Vector3<f64> {
+        self.frame.rotation * vector_in_palm
+    }
+
     /// Takes a point from the palm frame to the frame in which the row is.
     pub(crate) fn seen(&self, point_in_palm: &Vector3<f64>) -> Vector3<f64> {
         self.frame.translation + self.frame.rotation * point_in_palm

@@ -190,7 +190,7 @@ impl Network<'_> {
 }
 
 /// `ln(1 / (1 + exp(−x)))`, from parts of which none overflows.
-fn log_sigmoid(x: &Tensor) -> Result<Tensor, CgfError> {
+pub(crate) fn log_sigmoid(x: &Tensor) -> Result<Tensor, CgfError> {
     let below = (x.neg()?.relu()? * -1.0)?;
     let near = (x.abs()?.neg()?.exp()? + 1.0)?.log()?;
     Ok((below - near)?)

@@ -171,15 +171,16 @@ fn search(
 }
 
 /// A function of rows whose values and gradients are known where it is asked.
-struct Known {
-    values: Vec<f32>,
-    gradients: Vec<f32>,
-    width: usize,
+pub(crate) struct Known {
+    pub(crate) values: Vec<f32>,
+    /// One row of so many numbers for each value.
+    pub(crate) gradients: Vec<f32>,
+    pub(crate) width: usize,
 }
 
 impl CustomOp1 for Known {
     fn name(&self) -> &'static str {
-        "penetration"
+        "known"
     }
 
     fn cpu_fwd(&self, _: &CpuStorage, _: &Layout) -> candle_core::Result<(CpuStorage, Shape)> {

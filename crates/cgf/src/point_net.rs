@@ -133,6 +133,28 @@ pub(crate) fn initialize(
     }
 }
 
+/// Shifts the last layer so that the features of clouds start with mean 0: maxima of normal numbers are all positive, and
+/// what they share would drown what they tell apart.
+pub(crate) fn center(
+    weights: &mut Weights,
+    n_layers: usize,
+    clouds: &Clouds,
+) -> Result<(), CgfError> {
+    let net = PointNet::new(weights, n_layers)?;
+    let name = format!("point_net.{}.shift", n_layers - 1);
+    let width = weights.array(&name)?.values.len();
+    let features = net.forward(clouds, Statistics::Measured).features;
+    let n = (features.len() / width) as f32;
+    let mut shift = vec![0.0; width];
+    for feature in features.chunks_exact(width) {
+        for (shift, x) in shift.iter_mut().zip(feature) {
+            *shift -= x / n;
+        }
+    }
+    weights.set(&name, &[width], shift);
+    Ok(())
+}
+
 impl PointNet {
     pub(crate) fn new(weights: &Weights, n_layers: usize) -> Result<Self, CgfError> {
         let layers = (0..n_layers)

@@ -6,11 +6,7 @@ use safetensors::SafeTensors;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CgfError, Trainer,
-    curve::Epoch,
-    point_net::Statistics,
-    training::Best,
-    weights::{Array, Weights},
+    CgfError, Trainer, curve::Epoch, point_net::Statistics, training::Best, weights::Weights,
 };
 
 /// Version of the form.
@@ -46,21 +42,12 @@ impl Trainer<'_> {
             best: self.best.as_ref().map(|best| (best.epoch, best.total)),
         };
         let mut arrays = Weights::default();
-        let mut put = |prefix: &str, weights: &Weights| {
-            for (name, array) in weights.iter() {
-                arrays.set(
-                    &format!("{prefix}{name}"),
-                    &array.shape,
-                    array.values.clone(),
-                );
-            }
-        };
-        put(WEIGHTS, &self.weights);
+        arrays.add_part(WEIGHTS, self.weights.clone());
         let [first, second] = self.adam.moments();
-        put(FIRST_MOMENTS, &first);
-        put(SECOND_MOMENTS, &second);
+        arrays.add_part(FIRST_MOMENTS, first);
+        arrays.add_part(SECOND_MOMENTS, second);
         if let Some(best) = &self.best {
-            put(BEST, &best.weights);
+            arrays.add_part(BEST, best.weights.clone());
         }
         let about = HashMap::from([(ABOUT.to_owned(), serde_json::to_string(&about)?)]);
         arrays.to_bytes_about(Some(about))
@@ -87,26 +74,17 @@ impl Trainer<'_> {
             });
         }
         let arrays = Weights::from_bytes(bytes)?;
-        let part = |prefix: &str| {
-            let mut weights = Weights::default();
-            for (name, Array { shape, values }) in arrays.iter() {
-                if let Some(name) = name.strip_prefix(prefix) {
-                    weights.set(name, shape, values.clone());
-                }
-            }
-            weights
-        };
-        let weights = part(WEIGHTS);
+        let weights = arrays.part(WEIGHTS);
         weights.check_like(&self.weights)?;
         let best = about.best.map(|(epoch, total)| Best {
             epoch,
             total,
-            weights: part(BEST),
+            weights: arrays.part(BEST),
         });
         if let Some(best) = &best {
             best.weights.check_like(&self.weights)?;
         }
-        let moments = [part(FIRST_MOMENTS), part(SECOND_MOMENTS)];
+        let moments = [FIRST_MOMENTS, SECOND_MOMENTS].map(|prefix| arrays.part(prefix));
         self.adam.restore(about.adam_step, moments, &weights)?;
         self.weights = weights;
         self.best = best;

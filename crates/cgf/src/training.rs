@@ -215,24 +215,11 @@ impl<'a> Trainer<'a> {
         epoch as f64 / self.config().epochs as f64 >= self.config().fixed_statistics_after
     }
 
-    /// Shifts the point network's last layer so that the features start with mean 0 over the objects:
-    /// maxima of normal numbers are all positive, and what they share would drown what they tell apart.
+    /// Starts with features of mean 0 over the objects.
     fn center_features(&mut self, random: &mut Random) -> Result<(), CgfError> {
         let n_layers = self.batches.network.point_widths.len();
-        let net = PointNet::new(&self.weights, n_layers)?;
         let clouds = self.batches.learned_clouds(random);
-        let name = format!("point_net.{}.shift", n_layers - 1);
-        let width = self.weights.array(&name)?.values.len();
-        let features = net.forward(&clouds, Statistics::Measured).features;
-        let n = (features.len() / width) as f32;
-        let mut shift = vec![0.0; width];
-        for feature in features.chunks_exact(width) {
-            for (shift, x) in shift.iter_mut().zip(feature) {
-                *shift -= x / n;
-            }
-        }
-        self.weights.set(&name, &[width], shift);
-        Ok(())
+        point_net::center(&mut self.weights, n_layers, &clouds)
     }
 
     /// Goes once through all motions that are learned from.
@@ -394,7 +381,7 @@ pub(crate) fn ranges(hand: &RobotModel) -> Vec<JointRange> {
 }
 
 /// Cuts into as few chunks of at most `longest` as possible, of equal length but for one.
-fn equal_chunks<T>(order: &[T], longest: usize) -> Vec<&[T]> {
+pub(crate) fn equal_chunks<T>(order: &[T], longest: usize) -> Vec<&[T]> {
     let n = order.len().div_ceil(longest);
     let cut = |k: usize| k * order.len() / n;
     (0..n).map(|k| &order[cut(k)..cut(k + 1)]).collect()

@@ -45,6 +45,25 @@ impl Weights {
             .map(|(name, array)| (name.as_str(), array))
     }
 
+    /// Returns the arrays whose names begin so, without that beginning.
+    pub(crate) fn part(&self, prefix: &str) -> Self {
+        let arrays = self.arrays.iter();
+        let part = arrays.filter_map(|(name, array)| {
+            let name = name.strip_prefix(prefix)?;
+            Some((name.to_owned(), array.clone()))
+        });
+        Self {
+            arrays: part.collect(),
+        }
+    }
+
+    /// Adds all arrays of others, each under its name after `prefix`.
+    pub(crate) fn add_part(&mut self, prefix: &str, part: Self) {
+        let arrays = part.arrays.into_iter();
+        self.arrays
+            .extend(arrays.map(|(name, array)| (format!("{prefix}{name}"), array)));
+    }
+
     pub(crate) fn learned_mut(&mut self) -> impl Iterator<Item = (&str, &mut Array)> {
         self.arrays
             .iter_mut()

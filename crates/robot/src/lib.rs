@@ -49,6 +49,7 @@ mod joint_order;
 mod model;
 mod near;
 pub mod spheres;
+mod surface;
 mod urdf;
 
 pub use chain::{Chain, ChainRates, KinematicState};
@@ -64,4 +65,5 @@ pub use free_root::{FreeRootState, pose_from_twist};
 pub use hand_layout::HandLayout;
 pub use joint_order::{JointMismatch, JointOrder};
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
+pub use surface::{SurfacePoint, surface_points};
 pub use urdf::MAX_BYTES as MAX_URDF_BYTES;

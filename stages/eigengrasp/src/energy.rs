@@ -1,10 +1,8 @@
 //! The contact energy: how far virtual contacts are from an object, and how little they face it.
 
-use approach::Placed;
+use approach::{Placed, VirtualContact};
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
-
-use crate::virtual_contacts::VirtualContact;
 
 /// What a contact that faces away from the object costs, in millimeters, over twice that cost.
 const ANGLE_MM: f64 = 50.0;

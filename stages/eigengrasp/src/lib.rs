@@ -23,7 +23,6 @@ mod quality;
 mod run;
 mod stage;
 mod variables;
-mod virtual_contacts;
 
 pub use config::EigengraspConfig;
 pub use error::EigengraspError;

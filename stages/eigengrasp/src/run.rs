@@ -1,6 +1,6 @@
 //! One run: annealing from a random state, its best states finished.
 
-use approach::{ApproachError, HandBody, HandPose};
+use approach::{ApproachError, HandBody, HandPose, VirtualContact};
 use nalgebra::Point3;
 use posture::Environment;
 use rand_chacha::ChaCha8Rng;
@@ -13,7 +13,6 @@ use crate::{
     energy::contact_energy,
     quality::epsilon,
     variables::Variables,
-    virtual_contacts::VirtualContact,
 };
 
 /// Draws of a neighbor until one collides with nothing, `GraspIt`'s number.
@@ -205,12 +204,13 @@ fn keep(best: &mut Vec<Kept>, state: &Kept, most: usize) {
 
 #[cfg(test)]
 mod tests {
+    use approach::virtual_contacts;
     use nalgebra::UnitQuaternion;
     use rand::SeedableRng;
     use spatial::Pose;
 
     use super::*;
-    use crate::{fixture, virtual_contacts::virtual_contacts};
+    use crate::fixture;
 
     fn at(x: f64, energy_mm: f64) -> Kept {
         Kept {

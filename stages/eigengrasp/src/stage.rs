@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start, grasps};
+use approach::{Grasp, HandBody, Lies, Reach, Start, VirtualContact, grasps, virtual_contacts};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     SourceFile, Stage, Sum, Unit,
@@ -27,7 +27,6 @@ use crate::{
     EigengraspConfig, EigengraspError,
     basis::Basis,
     run::{Finished, Made, Run},
-    virtual_contacts::{VirtualContact, virtual_contacts},
 };
 
 /// Anneals grasps in the space of eigengrasps, and reaches for them.

@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Kinds of stages in the order of the flow; others follow.
-const FLOW: [&str; 15] = [
+const FLOW: [&str; 16] = [
     "ingest",
     "retarget",
     "replay",
@@ -21,6 +21,7 @@ const FLOW: [&str; 15] = [
     "interpolate",
     "eigengrasp",
     "force_closure",
+    "grasp_tta",
     "refine",
     "rrt",
     "cem_mpc",

@@ -1,28 +1,29 @@
 //! Where a hand should touch: points on the inner sides of its links.
 
-use approach::HandBody;
 use nalgebra::{Point3, Vector3};
 use robot::{Link, RobotModel, spheres::clusters};
 use spatial::{Palm, Pose};
+
+use crate::HandBody;
 
 /// Length below which a link has no direction, in meters.
 const SHORT_M: f64 = 1e-3;
 
 /// A point that should touch.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct VirtualContact {
+pub struct VirtualContact {
     /// The link, by its number among the model's.
-    pub(crate) link: usize,
+    pub link: usize,
     /// On its surface, in its frame, in meters.
-    pub(crate) at_in_link: Point3<f64>,
+    pub at_in_link: Point3<f64>,
     /// Unit normal, outward, in the link's frame.
-    pub(crate) normal_in_link: Vector3<f64>,
+    pub normal_in_link: Vector3<f64>,
 }
 
 /// Returns the virtual contacts of a hand: on each link that a flexion joint moves one in the middle of its inner side,
 /// on each fingertip one between inner side and end, on the palm four; and one more on each last link, so that the
 /// distal parts count for two.
-pub(crate) fn virtual_contacts(body: &HandBody) -> Vec<VirtualContact> {
+pub fn virtual_contacts(body: &HandBody) -> Vec<VirtualContact> {
     let model = body.model();
     let reach = Reach::new(model);
     let mut contacts = palm_contacts(body, &reach);

@@ -1,0 +1,107 @@
+//! A grasp is drawn, and moved to where object, hand and contact map agree.
+
+use std::collections::BTreeMap;
+
+use rayon::prelude::*;
+use spatial::Table;
+
+use super::{
+    AdaptationConfig, GraspNetworks, GraspTerms, HandSurface, TermWeights, loss::grasp_loss,
+    networks::SeenObject,
+};
+use crate::{
+    CgfError, HandState, RestingObject, adam::Adam, hand_state::PALM_WIDTH, precision::narrow,
+    weights::Weights,
+};
+
+/// The array of a hand's numbers among what the optimizer moves.
+const HAND: &str = "hand";
+
+/// How grasps are adapted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Adaptation {
+    /// How far.
+    pub config: AdaptationConfig,
+    /// To what.
+    pub terms: TermWeights,
+}
+
+/// A grasp as it was adapted.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Adapted {
+    /// The hand, its joints within their limits.
+    pub hand: HandState<Table>,
+    /// Greatest distance of a joint beyond its limits before it was put back, in radians (meters if prismatic).
+    pub limit_excess_rad: f64,
+    /// Its losses as it was drawn.
+    pub drawn: GraspTerms,
+    /// Its losses after the last step, by the last contact map.
+    pub adapted: GraspTerms,
+}
+
+impl GraspNetworks {
+    /// Draws the grasp of each latent code for an object and adapts it, one for each code; with no steps the grasps are
+    /// as they are drawn.
+    ///
+    /// The loss is made small by the hand's numbers themselves, with Adam; the paper moves the weights of its network,
+    /// its released code the hand's numbers.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the object has too few points, a code has another number of dimensions, or a hand is not finite.
+    pub fn grasps(
+        &self,
+        object: &RestingObject,
+        surface: &HandSurface,
+        latents: &[Vec<f64>],
+        adaptation: &Adaptation,
+    ) -> Result<Vec<Adapted>, CgfError> {
+        let seen = self.seen(object)?;
+        let adapt = |latent: &Vec<f64>| self.adapted(&seen, surface, latent, adaptation);
+        latents.par_iter().map(adapt).collect()
+    }
+
+    fn adapted(
+        &self,
+        object: &SeenObject,
+        surface: &HandSurface,
+        latent: &[f64],
+        Adaptation { config, terms }: &Adaptation,
+    ) -> Result<Adapted, CgfError> {
+        let mut hand = Weights::default();
+        let width = surface.width();
+        hand.set(HAND, &[width], self.decode(object, latent)?);
+        let mut adam = Adam::default();
+        let mut gradients = BTreeMap::from([(HAND.to_owned(), vec![0.0; width])]);
+        let mut wanted = Vec::new();
+        let mut drawn = None;
+        let mut adapted = GraspTerms::default();
+        // The last round measures what the last step left.
+        for step in 0..=config.steps {
+            let row = &hand.array(HAND)?.values;
+            if wanted.is_empty() || (step % config.map_steps == 0 && step < config.steps) {
+                wanted = self.predicted_map(object, surface, row)?;
+            }
+            let by_row = gradients.entry(HAND.to_owned()).or_default();
+            adapted = grasp_loss(surface, terms, row, &object.points, &wanted, by_row);
+            drawn.get_or_insert(adapted);
+            if step < config.steps {
+                adam.step(&mut hand, &gradients, config.learning_rate);
+            }
+        }
+        let mut row = hand.array(HAND)?.values.clone();
+        let mut limit_excess_rad = 0.0_f64;
+        for (q, joint) in row[PALM_WIDTH..].iter_mut().zip(surface.hand.joints()) {
+            let position = f64::from(*q);
+            let within = position.max(joint.lower).min(joint.upper);
+            limit_excess_rad = limit_excess_rad.max((position - within).abs());
+            *q = narrow(within);
+        }
+        Ok(Adapted {
+            hand: Self::hand_of(&object.name, &row)?,
+            limit_excess_rad,
+            drawn: drawn.unwrap_or(adapted),
+            adapted,
+        })
+    }
+}

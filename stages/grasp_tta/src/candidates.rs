@@ -1,0 +1,277 @@
+//! The artifact `candidates`: one unit per object.
+
+use std::sync::Arc;
+
+use approach::{Grasp, HandBody, HandPose, Lies, Reach, Start};
+use cgf::{
+    HandState, Random, RestingObject,
+    grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
+};
+use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use nalgebra::Point3;
+use posture::Environment;
+use schemas::{
+    Table,
+    candidates::{Candidates, ObjectSplit},
+    distance_fields::{self, FieldInfo},
+    grasp_networks,
+    objects::Object,
+    trajectories::Trajectory,
+};
+use spatial::RestingPose;
+
+use crate::{
+    Finish, GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface,
+};
+
+/// The artifact `candidates`.
+pub struct AdaptedCandidates;
+
+/// What the candidates say made them.
+const GENERATOR: &str = "grasp_tta";
+
+dataflow::metrics! {
+    /// Metrics of an object's grasps: the terms of their losses are means, in the released code's units.
+    pub struct GraspTtaMetrics {
+        /// Number of candidates.
+        candidates: Sum,
+        /// Contact term as the grasps were drawn, and after the adaptation.
+        contact_drawn: Mean,
+        /// Contact term after the adaptation.
+        contact: Mean,
+        /// Consistency term as the grasps were drawn.
+        consistency_drawn: Mean,
+        /// Consistency term after the adaptation.
+        consistency: Mean,
+        /// Penetration term as the grasps were drawn.
+        penetration_drawn: Mean,
+        /// Penetration term after the adaptation.
+        penetration: Mean,
+        /// Mean depth of the hands in object and table at the grasp, in meters.
+        depth_m: Mean,
+    }
+}
+
+impl Output for AdaptedCandidates {
+    type Stage = GraspTta;
+    type Metrics = GraspTtaMetrics;
+    type Error = GraspTtaError;
+
+    const ARTIFACT: &'static str = Candidates::NAME;
+    const SCHEMA: &'static str = Candidates::VERSION;
+    const PARTITION: &'static str = Candidates::PARTITION;
+    /// `objects` only chooses units, the others reach a unit in the networks.
+    const OPTIONS: OptionsUsed =
+        OptionsUsed::Except(&["objects", "unseen_objects", "network", "training"]);
+    const LINE: Option<Line<GraspTtaMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let n = metrics.candidates;
+        let [drawn, adapted] = [metrics.penetration_drawn, metrics.penetration];
+        format!(
+            "{} objects → {n} grasps, penetration {drawn:.2} → {adapted:.2} by adaptation",
+            summary.n_made
+        )
+    });
+
+    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
+        if scope.partitions(Object::NAME).is_empty() {
+            return Err(GraspTtaError::NoObjects);
+        }
+        let objects = scope.chosen(Object::NAME, &config.objects)?;
+        let fields = scope.partitions(FieldInfo::NAME);
+        let networks = scope.partitions(grasp_networks::NAME).iter();
+        let networks = networks.map(|model| model.key.as_str());
+        let trajectories = scope.partitions(Trajectory::NAME).iter();
+        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
+        let units = objects.into_iter().map(|object| {
+            let object = object.key.as_str();
+            let field = fields.iter().find(|field| field.key == *object);
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Object::NAME, [object])
+                .reading(FieldInfo::NAME, field.map(|field| &field.key))
+                .reading(grasp_networks::NAME, networks.clone())
+                .reading(Trajectory::NAME, trajectories.clone())
+                .only_files(Trajectory::NAME, [lake::table::FILE]);
+            with_hand(unit, config)
+        });
+        units.collect()
+    }
+
+    fn make(
+        config: &GraspTtaConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<GraspTtaMetrics>, GraspTtaError> {
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped("object has no distance field"));
+        };
+        let object: Object = inputs.one()?;
+        let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
+        let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
+        let joints = model.joint_names();
+        let files = inputs.artifact(grasp_networks::NAME)?;
+        let [weights, description] = [grasp_networks::WEIGHTS, grasp_networks::DESCRIPTION];
+        let networks =
+            GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)?;
+        let trajectories: Vec<Trajectory> = inputs.all()?;
+        let starts = Start::of(&trajectories, &joints)?;
+        let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
+        let body = HandBody::new(model, &config.flexion_joints, grasp_q)?;
+        let drawer = Drawer {
+            config,
+            networks: &networks,
+            surface: hand_surface(&body, config.hand_points)?,
+            object: &object,
+            lies: Lies::of(&object, config.approach.rests),
+            starts: &starts,
+            seed: cx.seed(),
+        };
+        let drawn = drawer.drawn()?;
+        let reach = Reach::new(&body, &config.approach, GENERATOR, &object.name);
+        let split = if networks.description().objects.contains(&object.name) {
+            ObjectSplit::Seen
+        } else {
+            ObjectSplit::Unseen
+        };
+        let mut candidates = Vec::with_capacity(drawn.len());
+        for (number, one) in drawn.iter().enumerate() {
+            let environment = Environment::new(Arc::clone(&field), one.rest);
+            let hand = match config.finish {
+                Finish::Adapted => one.hand_in_object(),
+                Finish::Closed => body.closed(&environment, &one.hand_in_object())?,
+            };
+            let grasp = Grasp {
+                depth_m: body.clearance(&environment, &hand)?.depth_m(),
+                residual_m2: 0.0,
+                hand,
+            };
+            let start = &starts[one.start];
+            let mut candidate = reach.candidate(number, &environment, &grasp, start)?;
+            candidate.latent.clone_from(&one.latent);
+            candidate.limit_excess_rad = one.adapted.limit_excess_rad;
+            candidate.source.object_split = Some(split);
+            candidates.push(candidate);
+        }
+        let depths = candidates.iter().map(|candidate| candidate.depth_m);
+        let depth_m = depths.sum::<f64>() / candidates.len() as f64;
+        cx.write(&Candidates {
+            object: object.name.clone(),
+            joints: joints.into(),
+            candidates,
+        })?;
+        Ok(Outcome::Made(metrics(&drawn, depth_m)))
+    }
+}
+
+/// Draws the grasps of one object.
+struct Drawer<'a> {
+    config: &'a GraspTtaConfig,
+    networks: &'a GraspNetworks,
+    surface: HandSurface,
+    object: &'a Object,
+    lies: Lies,
+    starts: &'a [Start],
+    seed: u64,
+}
+
+/// A grasp of the object as it lies.
+struct Drawn {
+    rest: RestingPose,
+    /// The start of its motion, by number.
+    start: usize,
+    latent: Vec<f64>,
+    adapted: Adapted,
+}
+
+impl Drawer<'_> {
+    /// Draws and adapts all grasps, each from random numbers of its own.
+    fn drawn(&self) -> Result<Vec<Drawn>, GraspTtaError> {
+        let latent_dim = self.networks.description().network.latent_dim;
+        let codes = |number: usize| {
+            let mut random = Random::new(self.seed, number as u64);
+            let rest = self.lies.at(random.uniform());
+            let start = random.index(self.starts.len());
+            let latent = (0..latent_dim).map(|_| random.normal()).collect();
+            (rest, start, latent)
+        };
+        let draws: Vec<(RestingPose, usize, Vec<f64>)> =
+            (0..self.config.per_object).map(codes).collect();
+        let mut rests: Vec<RestingPose> = Vec::new();
+        for (rest, ..) in &draws {
+            if !rests.contains(rest) {
+                rests.push(*rest);
+            }
+        }
+        let mut adapted = Vec::with_capacity(draws.len());
+        for rest in rests {
+            let of_rest = draws.iter().enumerate();
+            let of_rest = of_rest.filter(|(_, (lies, ..))| *lies == rest);
+            let (numbers, latents): (Vec<usize>, Vec<Vec<f64>>) = of_rest
+                .map(|(number, (.., latent))| (number, latent.clone()))
+                .unzip();
+            let grasps = self.adapted(rest, &latents)?;
+            adapted.extend(numbers.into_iter().zip(grasps));
+        }
+        adapted.sort_by_key(|(number, _)| *number);
+        let both = draws.into_iter().zip(adapted);
+        let grasps = both.map(|((rest, start, latent), (_, adapted))| Drawn {
+            rest,
+            start,
+            latent,
+            adapted,
+        });
+        Ok(grasps.collect())
+    }
+
+    /// Adapts the grasps of latent codes for the object as it lies.
+    fn adapted(
+        &self,
+        rest: RestingPose,
+        latents: &[Vec<f64>],
+    ) -> Result<Vec<Adapted>, GraspTtaError> {
+        let points = self.object.points_m.iter().copied();
+        let resting = RestingObject {
+            object: self.object.name.clone(),
+            rest,
+            points_in_object: points.map(Point3::from).collect(),
+        };
+        let adaptation = Adaptation {
+            config: self.config.adaptation.clone(),
+            terms: self.config.terms.clone(),
+        };
+        let networks = self.networks;
+        Ok(networks.grasps(&resting, &self.surface, latents, &adaptation)?)
+    }
+}
+
+impl Drawn {
+    /// Returns the hand in the object's frame.
+    fn hand_in_object(&self) -> HandPose<spatial::Object> {
+        let HandState {
+            frame_from_palm,
+            q_rad,
+        } = &self.adapted.hand;
+        HandPose {
+            frame_from_palm: self.rest.table_from_object().inverse() * *frame_from_palm,
+            q_rad: q_rad.clone(),
+        }
+    }
+}
+
+fn metrics(drawn: &[Drawn], depth_m: f64) -> GraspTtaMetrics {
+    let n = drawn.len() as f64;
+    let mean = |of: fn(&Adapted) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
+    GraspTtaMetrics {
+        candidates: n,
+        contact_drawn: mean(|one| one.drawn.contact),
+        contact: mean(|one| one.adapted.contact),
+        consistency_drawn: mean(|one| one.drawn.consistency),
+        consistency: mean(|one| one.adapted.consistency),
+        penetration_drawn: mean(|one| one.drawn.penetration),
+        penetration: mean(|one| one.adapted.penetration),
+        depth_m,
+    }
+}

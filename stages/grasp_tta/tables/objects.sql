@@ -1,0 +1,25 @@
+-- Grasps from learned networks, each adapted to its object, by object, beside random palms whose fingers close.
+--
+-- pipeline run pipelines/grasps.toml --set ingest.root=$DEXYCB
+with
+    sums as (
+        select object as grasped,
+            sum(case when generator = 'grasp_tta' then candidates_n else 0 end) as adapted_n,
+            sum(case when generator = 'grasp_tta' then successes_n else 0 end) as adapted,
+            sum(case when generator = 'grasp_tta' then not_grasped_n else 0 end) as not_grasped,
+            sum(case when generator = 'grasp_tta' then table_n else 0 end) as in_table,
+            sum(case when generator = 'grasp_tta' then knocked_over_n else 0 end) as knocked_over,
+            sum(case when generator = 'grasp_tta' then early_contact_n + too_deep_n else 0 end) as inside,
+            sum(case when generator = 'random_palm' then candidates_n else 0 end) as random_n,
+            sum(case when generator = 'random_palm' then successes_n else 0 end) as random_held
+        from all_success where run in (select run from runs) group by object)
+select
+    grasped as "object",
+    adapted_n as "grasps",
+    round(100.0 * adapted / adapted_n, 0) as "hold, %",
+    not_grasped as "not grasped",
+    in_table as "below the table",
+    knocked_over as "knocked over",
+    inside as "inside the object",
+    round(100.0 * random_held / random_n, 0) as "random palms hold, %"
+from sums order by "object"
