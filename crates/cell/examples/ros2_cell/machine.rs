@@ -46,13 +46,14 @@ impl Ros2Machine {
     }
 
     /// Returns the checks before any goal, by name, each with what is wrong.
-    pub(crate) fn readiness(&self) -> [(&'static str, Result<(), String>); 4] {
+    pub(crate) fn readiness(&self) -> [(&'static str, Result<(), String>); 5] {
         let (seen, max_age_s) = (&self.measurements, self.config.max_age_s);
         [
             ("joint states", seen.check_fresh(max_age_s)),
             ("clock", seen.check_clock()),
             ("stillness", seen.check_still(max_age_s)),
             ("controllers", self.controllers.check()),
+            ("object", self.check_object_heard()),
         ]
     }
 
@@ -140,15 +141,25 @@ impl Ros2Machine {
         Ok(())
     }
 
-    /// Checks that the object lies where the goal has it.
-    fn check_object(&self, goal: &Goal) -> Result<(), Rejection> {
+    /// Checks that the object's pose was heard a moment ago, where something measures it.
+    fn check_object_heard(&self) -> Result<(), String> {
         let Some(topic) = &self.config.object else {
             return Ok(());
         };
-        let seen = self.measurements.object();
-        let Some((_, there)) = seen.filter(|(age_s, _)| *age_s <= topic.max_age_s) else {
-            let reason = format!("no pose of the object is heard on `{}`", topic.pose);
-            return Err(Rejection::new(RejectionCode::Busy, reason));
+        match self.measurements.object() {
+            Some((age_s, _)) if age_s <= topic.max_age_s => Ok(()),
+            _ => Err(format!(
+                "no pose in the frame `{}` is heard on `{}`",
+                topic.frame, topic.pose
+            )),
+        }
+    }
+
+    /// Checks that the object lies where the goal has it.
+    fn check_object(&self, goal: &Goal) -> Result<(), Rejection> {
+        let object = self.config.object.as_ref().zip(self.measurements.object());
+        let Some((topic, (_, there))) = object else {
+            return Ok(());
         };
         let expected = goal.table_from_object.translation.vector;
         let off_m = (there.translation.vector - expected).norm();
@@ -184,12 +195,12 @@ impl Ros2Machine {
 
     /// Returns whether the object rose as the goal wants it, as far as it was measured.
     fn judge(&self, goal: &Goal, lift_m: f64) -> (Outcome, String) {
-        let Some(topic) = &self.config.object else {
+        if self.config.object.is_none() {
             let message = "executed; nothing measures the object".to_owned();
             return (Outcome::Unknown, message);
-        };
-        match self.measurements.object() {
-            Some((age_s, _)) if age_s <= topic.max_age_s => {
+        }
+        match self.check_object_heard() {
+            Ok(()) => {
                 let is_held = lift_m >= goal.grasp.lifted_m;
                 let outcome = if is_held {
                     Outcome::Succeeded
@@ -198,10 +209,7 @@ impl Ros2Machine {
                 };
                 (outcome, format!("the object rose {lift_m:.3} m"))
             }
-            _ => {
-                let message = "executed; the object was not measured at the end".to_owned();
-                (Outcome::Unknown, message)
-            }
+            Err(why) => (Outcome::Unknown, format!("executed; at the end {why}")),
         }
     }
 }

@@ -19,6 +19,9 @@ const PEAK: f64 = 1.875;
 /// Greatest deceleration of a brake, as a multiple of speed over duration.
 const BRAKE_PEAK: f64 = 1.5;
 
+/// Rounding of a time, as a share of a brake.
+const ROUNDING: f64 = 1e-9;
+
 /// The way of arm and hand; times are seconds since the goal's first row, negative before it.
 pub(crate) struct WayOfJoints {
     /// The arm's joints, then the hand's.
@@ -137,7 +140,8 @@ impl WayOfJoints {
         if time_s <= brake {
             return track.at(time_s);
         }
-        let share = ((time_s - brake) / self.brake_s).min(1.0);
+        // The last point of a slice is at rest, to the last bit.
+        let share = ((time_s - brake) / self.brake_s + ROUNDING).min(1.0);
         let (square, cube) = (share * share, share * share * share);
         let along_s = brake + self.brake_s * (share - cube + 0.5 * square * square);
         let speed = 1.0 - 3.0 * square + 2.0 * cube;
@@ -174,4 +178,76 @@ pub(crate) fn start_error(tracks: &[JointTrack; 2], measured: [&[f64]; 2]) -> Op
 )]
 fn steps_n(steps: f64) -> u32 {
     steps as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A joint that goes from 0 to 1 rad in a second.
+    fn way() -> WayOfJoints {
+        let track = |points: [(f64, f64); 3]| JointTrack {
+            joints: vec!["j".to_owned()],
+            points: points
+                .map(|(time_s, q)| JointPoint {
+                    time_s,
+                    q_rad: vec![q],
+                    rates: JointRates::zero(1),
+                })
+                .to_vec(),
+        };
+        let moving = track([(-0.3, 0.0), (0.0, 0.0), (1.0, 1.0)]);
+        WayOfJoints {
+            tracks: [moving.clone(), moving],
+            begin_s: -0.3,
+            brake_s: 0.03,
+            braked_at_s: None,
+        }
+    }
+
+    #[test]
+    fn slices_agree_where_they_follow_the_way_and_each_ends_at_rest() {
+        let way = way();
+        for step in 0..150 {
+            let time_s = f64::from(step) * 0.01 - 0.3 + 1e-4;
+            let slice = way.slice(time_s).unwrap();
+            let points = &slice.points[0];
+            assert_eq!(points.last().unwrap().rates.velocity, [0.0]);
+            for point in points {
+                let at_s = slice.begin_s + point.time_s;
+                let on_way = way.at(at_s).unwrap();
+                let off_rad = (point.q_rad[0] - on_way[0].q_rad[0]).abs();
+                let is_followed = at_s <= way.followed_until_s(time_s);
+                assert!(
+                    off_rad < if is_followed { 1e-12 } else { 0.04 },
+                    "{at_s} s: {off_rad}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn brake_is_smooth_stays_on_the_way_and_ends_in_time() {
+        let (free, mut braked) = (way(), way());
+        braked.brake(0.5);
+        braked.brake(0.7);
+        assert_eq!(braked.rests_from_s(), Some(0.53));
+        let limit = WayOfJoints::brake_deceleration(&free.tracks[0], free.brake_s);
+        let at = |way: &WayOfJoints, time_s: f64| way.at(time_s).unwrap()[0].clone();
+        let step_s = 1e-4;
+        for step in 0..800 {
+            let time_s = 0.48 + f64::from(step) * step_s;
+            let [before, now] = [at(&braked, time_s - step_s), at(&braked, time_s)];
+            let rate = (now.q_rad[0] - before.q_rad[0]) / step_s;
+            assert!((rate - now.rates.velocity[0]).abs() < 0.02, "{time_s} s");
+            assert!(now.rates.acceleration[0] > -1.01 * limit);
+            assert!(now.q_rad[0] <= at(&free, time_s).q_rad[0] + 1e-12);
+        }
+        let rest = at(&braked, 0.6);
+        assert_eq!(
+            (rest.rates.velocity[0], rest.rates.acceleration[0]),
+            (0.0, 0.0)
+        );
+        assert!((rest.q_rad[0] - at(&free, 0.515).q_rad[0]).abs() < 1e-9);
+    }
 }

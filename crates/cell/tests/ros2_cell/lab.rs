@@ -75,13 +75,19 @@ impl Lab {
         self.config.load().unwrap()
     }
 
-    /// Starts controllers whose joints are at the goal's start.
+    /// Starts controllers whose joints are at the goal's start, and something that measures the
+    /// object.
     pub(crate) fn emulate(&self, behaviors: [Behavior; 2]) -> Emulated {
-        let open = RobotModel::from_urdf(HAND).unwrap().mid_range();
-        let start = [ABOVE.to_vec(), open];
-        let emulated = Emulated::start(&self.config, &self.robot(), behaviors, start).unwrap();
+        let emulated = self.emulate_joints(behaviors);
         emulated.put_object(OBJECT_Z_M);
         emulated
+    }
+
+    /// As [`Lab::emulate`], but nothing measures the object.
+    pub(crate) fn emulate_joints(&self, behaviors: [Behavior; 2]) -> Emulated {
+        let open = RobotModel::from_urdf(HAND).unwrap().mid_range();
+        let start = [ABOVE.to_vec(), open];
+        Emulated::start(&self.config, &self.robot(), behaviors, start).unwrap()
     }
 
     /// Starts the cell in this process, once the machine is ready.

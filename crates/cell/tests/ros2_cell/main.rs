@@ -20,3 +20,4 @@ mod motions;
 #[path = "../../examples/ros2_cell/path.rs"]
 mod path;
 mod stopping;
+mod wire;
