@@ -55,8 +55,8 @@ pub(crate) struct Config {
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Controller {
-    /// Its name, e.g. `/xarm6_traj_controller`.
-    pub(crate) controller: String,
+    /// Its node, e.g. `/xarm6_traj_controller`.
+    pub(crate) node: String,
     /// Topic of its joints' states.
     pub(crate) joint_states: String,
     /// Names of the URDF's joints at the controller, where they differ.

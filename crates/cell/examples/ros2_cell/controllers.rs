@@ -33,7 +33,7 @@ impl Controllers {
         robot: &CellRobot,
     ) -> Result<Self, CellError> {
         let part = |controller: &Controller, joints: &[Joint]| {
-            let topic = format!("{}/joint_trajectory", controller.controller);
+            let topic = format!("{}/joint_trajectory", controller.node);
             let names = joints.iter().map(|joint| {
                 let theirs = controller.name_of(&joint.name);
                 (joint.name.clone(), theirs.to_owned())

@@ -140,7 +140,7 @@ impl Emulated {
                     lock(&filled).push_back((ros2_now_ns(), message));
                 }
             };
-            let topic = format!("{}/joint_trajectory", controller.controller);
+            let topic = format!("{}/joint_trajectory", controller.node);
             subscribers.push(node.subscribe(&topic, heard).map_err(said)?);
             let names = joints.iter().map(|joint| controller.name_of(&joint.name));
             emulations.push(Emulation {
@@ -334,11 +334,11 @@ impl Emulation {
         if seconds(now_ns - begin_ns) > last.time_s {
             return Err("it ends in the past".to_owned());
         }
-        let now_s = seconds(now_ns - begin_ns);
-        if now_s < first.time_s {
+        let elapsed_s = seconds(now_ns - begin_ns);
+        if elapsed_s < first.time_s {
             // The way to a first point in the future begins where the joints are.
             let here = JointPoint {
-                time_s: now_s,
+                time_s: elapsed_s,
                 q_rad: self.q_rad.clone(),
                 rates: JointRates::zero(dof),
             };

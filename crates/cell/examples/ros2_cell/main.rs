@@ -139,7 +139,7 @@ fn emulate(path: &Path, behaviors: [&str; 2]) -> Result<ExitCode, String> {
     let emulated = Emulated::start(&config, &robot, [arm?, hand?], start)?;
     emulated.put_object(0.05);
     ready(&config.router);
-    let (mut told_n, mut moved) = (0, false);
+    let (mut told_n, mut was_moving) = (0, false);
     loop {
         thread::sleep(LOOK);
         let log = emulated.log();
@@ -148,15 +148,15 @@ fn emulate(path: &Path, behaviors: [&str; 2]) -> Result<ExitCode, String> {
         }
         told_n = log.refused.len();
         let mut recent = log.steps.iter().rev().take(STEPS);
-        let moves = recent.any(|(_, change)| *change > 0.0);
-        if moves != moved {
+        let is_moving = recent.any(|(_, change)| *change > 0.0);
+        if is_moving != was_moving {
             let motion = log.motions_n;
             say(&format!(
                 "joints {}, message stream {motion}",
-                if moves { "move" } else { "stand" }
+                if is_moving { "move" } else { "stand" }
             ));
         }
-        moved = moves;
+        was_moving = is_moving;
     }
 }
 

@@ -25,9 +25,12 @@ const CLOCKS_NS: i64 = 50_000_000;
 /// The measurements of a machine, and the subscriptions that bring them.
 pub(crate) struct Measurements {
     joints: Arc<Mutex<Vec<JointReadings>>>,
-    object: Arc<Mutex<Option<(Instant, Pose<Table, Object>)>>>,
+    object: Arc<Mutex<Option<Seen>>>,
     _subscribers: Vec<Ros2Subscriber>,
 }
+
+/// When the object was seen, and where.
+type Seen = (Instant, Pose<Table, Object>);
 
 /// What was heard of a joint.
 struct JointReadings {
@@ -96,7 +99,7 @@ impl Measurements {
     /// Returns the latest positions, in the robot's order; `None` before all joints were heard.
     pub(crate) fn positions(&self) -> Option<Vec<f64>> {
         let joints = lock(&self.joints);
-        joints.iter().map(|joint| joint.latest()).collect()
+        joints.iter().map(JointReadings::latest).collect()
     }
 
     /// Checks that every joint was heard a moment ago.

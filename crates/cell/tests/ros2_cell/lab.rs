@@ -54,7 +54,7 @@ impl Lab {
         let path = folder.path().join("shipped.toml");
         lake::write_atomic(&path, SHIPPED.as_bytes()).unwrap();
         let mut config = Config::read(&path).unwrap();
-        config.router = router.endpoint().to_owned();
+        router.endpoint().clone_into(&mut config.router);
         config.journal = folder.path().join("journal");
         config.robot = robots.join("xarm6_allegro.urdf");
         config.hand_urdf = robots.join("allegro_right.urdf");

@@ -11,6 +11,9 @@ use crate::{
     lab::{Lab, OBJECT_Z_M, SOON, SOUND, execute, goal, wait_until},
 };
 
+/// A change of a track.
+type Change = fn(&mut cell::JointTrack);
+
 #[test]
 fn joints_follow_the_goal_and_a_lifted_object_is_a_success() {
     let lab = Lab::new();
@@ -126,7 +129,7 @@ fn a_goal_is_refused_unless_robot_and_object_are_ready_for_it() {
         "m from where the goal has it",
     );
     // The arm's first joint at more than 3.14 rad/s, and at a speed that no brake stops in time.
-    let faster: [(fn(&mut cell::JointTrack), RejectionCode, &str); 3] = [
+    let faster: [(Change, RejectionCode, &str); 3] = [
         (
             |arm| arm.points[1].time_s = 0.2,
             RejectionCode::Limits,

@@ -44,8 +44,8 @@ fn another_implementation_reads_the_commands_and_its_pose_of_the_object_is_read(
     let mut other = Command::new(python)
         .arg("-B")
         .arg(script)
-        .args([port, &lab.config.arm.controller])
-        .args([&lab.config.hand.controller, &object.pose])
+        .args([port, &lab.config.arm.node])
+        .args([&lab.config.hand.node, &object.pose])
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .spawn()
@@ -74,7 +74,7 @@ fn another_implementation_reads_the_commands_and_its_pose_of_the_object_is_read(
     }
     for (topic, kind) in [
         (
-            format!("{}/joint_trajectory", lab.config.arm.controller),
+            format!("{}/joint_trajectory", lab.config.arm.node),
             "trajectory_msgs/msg/JointTrajectory",
         ),
         (
