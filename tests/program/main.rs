@@ -30,6 +30,7 @@ mod refinement;
 mod repeatable;
 mod retargeting;
 mod rivals;
+mod ros2_cell;
 mod routing;
 mod shipped;
 mod stopping;

@@ -245,7 +245,7 @@ pub enum CellError {
         /// zenoh's message.
         source: Cause,
     },
-    /// The simulated cell cannot use its journal.
+    /// The cell cannot use its journal.
     #[error("cannot use the cell's journal in `{}`", path.display())]
     Journal {
         /// The folder.
@@ -254,13 +254,13 @@ pub enum CellError {
         source: std::io::Error,
     },
     /// The robot's URDF cannot be used.
-    #[error("the simulated cell cannot use the robot's description")]
+    #[error("the cell cannot use the robot's description")]
     Robot(#[from] robot::RobotError),
     /// The hand cannot be simulated.
     #[error("the simulated cell cannot simulate the hand")]
     Simulation(#[from] simulation::SimulationError),
-    /// The simulation thread could not be started.
-    #[error("cannot start the simulated cell's thread")]
+    /// The cell's thread could not be started.
+    #[error("cannot start the cell's thread")]
     Thread(#[source] std::io::Error),
 }
 
@@ -271,6 +271,24 @@ fn unreached() -> &'static str {
 }
 
 impl CellError {
+    /// Returns the failure of a connection as that of a connection to a router.
+    pub(crate) fn of_a_router(self) -> Self {
+        match self {
+            Self::Connect {
+                endpoint,
+                access,
+                waited,
+                source,
+            } => Self::Router {
+                endpoint,
+                access,
+                waited,
+                source,
+            },
+            other => other,
+        }
+    }
+
     /// Returns the next action, where one is known.
     #[expect(clippy::too_many_lines, reason = "a list: every error and its advice")]
     pub fn hint(&self) -> Option<String> {

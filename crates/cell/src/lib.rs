@@ -1,8 +1,8 @@
 //! The dispatch protocol over zenoh: goals and their outcomes, a client and a simulated cell.
 //!
 //! A robot cell takes one [`Goal`] at a time, executes it and reports its measurements.
-//! [`CellClient`] is the dispatcher's side, [`SimulatedCell`] a cell backed by physics alone. This
-//! crate's `README.md` specifies the protocol between them on one page, so that any lab can serve
+//! [`CellClient`] is the dispatcher's side, [`CellServer`] the cell's side for any [`Machine`], and
+//! [`SimulatedCell`] a cell backed by physics alone. This crate's `README.md` specifies the protocol between them on one page, so that any lab can serve
 //! it.
 //!
 //! - Goals and results are queries with replies, never bare publications: a missing answer is
@@ -22,20 +22,24 @@
 //! - Sessions do no scouting. Traffic that leaves this machine uses TLS, to and from the peers that
 //!   an [`Access`] file names.
 
+mod acceptance;
 mod access;
 mod capabilities;
+mod cell_robot;
 mod client;
 mod contradiction;
 mod error;
 mod goal;
 mod heartbeat;
 mod keys;
+mod machine;
 mod outcome;
 mod pacer;
 mod points;
 mod report;
 mod ros2;
 mod router;
+mod server;
 mod session;
 mod signature;
 mod simulated;
@@ -45,20 +49,26 @@ mod wire;
 
 pub use access::Access;
 pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
+pub use cell_robot::{CellArm, CellRobot};
 pub use client::{CellClient, ControlReply, GoalResult, Recovered};
 pub use contradiction::Contradiction;
 pub use error::{Cause, CellError, with_causes};
 pub use goal::{EncodedGoal, Goal, Rejection, RejectionCode, SendInfo};
 pub use keys::Keys;
+pub use machine::{Machine, MachineDescription};
 pub use motion::{JointPoint, JointRates, JointTrack, PalmPoint, PalmTrajectory};
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;
-pub use report::{Report, Sample, UncheckedReport};
+pub use report::{Ending, Report, Sample, UncheckedReport};
+pub use ros2::{Ros2Node, Ros2Publisher, Ros2Subscriber, Urgency, ros2_now_ns};
 pub use router::Router;
+pub use server::{
+    Abort, CellServer, Fault, MonitoredMotion, OutcomeListener, PlannedFault, ServerConfig,
+    ServiceConfig, Tick, TickListener,
+};
 pub use session::{check_endpoint, subscribe};
 pub use simulated::{
-    Abort, CellArm, Fault, ModelMismatch, ObjectFinder, OutcomeListener, PlannedFault,
-    ServiceConfig, SimulatedCell, SimulatedCellConfig, Tick, TickListener, execute_offline,
+    ModelMismatch, ObjectFinder, SimulatedCell, SimulatedCellConfig, execute_offline,
 };
 pub use state::State;
 pub use watch::{Counts, WatchEvent, Watcher};

@@ -20,9 +20,4 @@ impl Pacer {
         thread::sleep(due.saturating_duration_since(Instant::now()));
         due.elapsed().as_secs_f64()
     }
-
-    /// Whether no step has been taken yet.
-    pub(crate) fn is_new(&self) -> bool {
-        self.started.is_none()
-    }
 }

@@ -54,6 +54,17 @@ pub struct Sample {
     pub q_command_rad: Vec<f64>,
 }
 
+/// How a motion ended.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Ending {
+    /// The outcome.
+    pub outcome: Outcome,
+    /// The reason, for people.
+    pub message: String,
+    /// Rise of the object from the first to the last sample, in meters.
+    pub lift_m: f64,
+}
+
 /// First line of a report; its samples follow.
 #[derive(Debug, Serialize, Deserialize)]
 struct Header {
@@ -109,7 +120,11 @@ impl Sample {
     }
 
     /// Returns the sample with its positions in another joint order.
-    pub(crate) fn in_order(self, order: &JointOrder) -> Result<Self, WrongDof> {
+    ///
+    /// # Errors
+    ///
+    /// Fails unless it has one position for each joint.
+    pub fn in_order(self, order: &JointOrder) -> Result<Self, WrongDof> {
         Ok(Self {
             q_rad: order.apply(&self.q_rad)?,
             q_command_rad: order.apply(&self.q_command_rad)?,
@@ -151,6 +166,24 @@ impl Report {
     /// Returns the report on an accepted goal that the cell did not execute.
     pub(crate) fn aborted(goal_id: &str, message: String) -> Self {
         Self::without_motion(goal_id, Outcome::Aborted, message, None)
+    }
+
+    /// Returns the report on a goal that was executed, as far as `ending` says: `joints` are the
+    /// goal's, in its order, and so are the samples' positions.
+    pub fn of_motion(
+        goal_id: &str,
+        joints: Vec<String>,
+        ending: Ending,
+        samples: Vec<Sample>,
+    ) -> Self {
+        Self {
+            outcome: ending.outcome,
+            message: ending.message,
+            lift_m: ending.lift_m,
+            joints,
+            samples,
+            ..Self::without_motion(goal_id, ending.outcome, String::new(), None)
+        }
     }
 
     fn without_motion(

@@ -9,10 +9,13 @@ use simulation::{
 };
 use spatial::{Object, Pose, RestingPose, Table};
 
-use super::{
-    Abort, Robot, SimulatedCellConfig, journal::Job, model_mismatch::EncoderNoise, playing,
+use super::{SimulatedCellConfig, model_mismatch::EncoderNoise, playing};
+use crate::{
+    CellRobot, Goal,
+    goal::EncodedGoal,
+    report::{Report, Sample},
+    server::Abort,
 };
-use crate::report::{Report, Sample};
 
 /// Time for which a hand is simulated after its motion was aborted, in seconds.
 const HOLD_S: f64 = 0.5;
@@ -22,14 +25,13 @@ const SAMPLE_S: f64 = 0.01;
 /// Places the object as the goal says, plus the cell's pose error, and moves; `see` is called at
 /// every control step and returns a reason to abort, if any.
 pub(super) fn carry_out(
-    job: &Job,
+    (goal, encoded): (&Goal, &EncodedGoal),
     object: &ObjectShape,
-    robot: &Robot,
+    robot: &CellRobot,
     config: &SimulatedCellConfig,
     see: &mut dyn FnMut(&Sample) -> Option<Abort>,
 ) -> Result<Report, SimulationError> {
-    let goal = &job.goal;
-    let digest = &job.encoded.digest;
+    let digest = &encoded.digest;
     let scene = config.mismatch.drawn(&config.scene, digest);
     let rest = RestingPose::of(&goal.table_from_object);
     let settled = SettledScene::new(&scene, &robot.hand, object, &rest)?;
@@ -100,7 +102,7 @@ pub(super) fn carry_out(
     let samples = samples.into_iter().map(|sample| sample.in_order(&order));
     let samples = samples.collect::<Result<_, _>>();
     Ok(Report {
-        goal_id: job.encoded.goal_id.clone(),
+        goal_id: encoded.goal_id.clone(),
         rejection: None,
         outcome: end.outcome,
         message: end.message,

@@ -4,8 +4,7 @@ use motion::{JointTrack, PalmPoint, PalmTrajectory};
 use simulation::{CommandStep, Phase, Protocol, SimulationError};
 use spatial::{Object, Palm, Pose, Table};
 
-use super::Robot;
-use crate::goal::Goal;
+use crate::{CellRobot, goal::Goal};
 
 /// Rounding of a phase's duration, as a fraction of a control step.
 const ROUNDING: f64 = 1e-6;
@@ -18,7 +17,7 @@ const ASIDE_RAD: f64 = 0.01;
 /// `object_from_table`.
 pub(super) fn steps(
     goal: &Goal,
-    robot: &Robot,
+    robot: &CellRobot,
     object_from_table: &Pose<Object, Table>,
     control_s: f64,
     latency_s: f64,
@@ -134,7 +133,10 @@ impl Phases {
 }
 
 /// Returns the arm's track, if there is one, with its joints in its own order.
-pub(super) fn arm_of(goal: &Goal, robot: &Robot) -> Result<Option<JointTrack>, SimulationError> {
+pub(super) fn arm_of(
+    goal: &Goal,
+    robot: &CellRobot,
+) -> Result<Option<JointTrack>, SimulationError> {
     match (&goal.carrier, &robot.arm) {
         (PalmTrajectory::Arm(track), Some(arm)) => in_order(track, &arm.joint_names()).map(Some),
         (PalmTrajectory::Arm(_), None) | (PalmTrajectory::Palm(_), _) => Ok(None),

@@ -6,14 +6,13 @@ use robot::{Joint, JointKind};
 use simulation::Protocol;
 use spatial::Peaks;
 
-use super::Robot;
 use crate::{
-    PalmLimits,
+    CellRobot, PalmLimits,
     goal::{Goal, Rejection, RejectionCode},
 };
 
 /// Longest goal accepted, in bytes: a minute of 16 joints at 333 Hz.
-pub(super) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
+pub(crate) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
 /// Fewest points of a controller.
 const MIN_POINTS: usize = 2;
 /// Largest commanded excess of a finger over the URDF's limits, whatever the goal's tolerance, in
@@ -29,7 +28,7 @@ const PALM_ROUNDING: f64 = 1e-4;
 const ROUNDING_RAD: f64 = 1e-6;
 /// Limits of a free-flying palm: at least three times what the shipped pipelines need, and small
 /// enough to keep it in a room of the workspace's size.
-pub(super) const PALM: PalmLimits = PalmLimits {
+pub(crate) const PALM: PalmLimits = PalmLimits {
     speed_m_per_s: 3.0,
     acceleration_m_per_s2: 60.0,
     turn_rad_per_s: 12.0,
@@ -38,7 +37,7 @@ pub(super) const PALM: PalmLimits = PalmLimits {
 };
 
 /// Checks a message's length before it is parsed.
-pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
+pub(crate) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
     if bytes.len() <= MAX_GOAL_BYTES {
         return Ok(());
     }
@@ -49,9 +48,9 @@ pub(super) fn check_length(bytes: &[u8]) -> Result<(), Rejection> {
 }
 
 /// Checks that the robot can execute a goal: its joints, their limits, times and the object.
-pub(super) fn check(
+pub(crate) fn check(
     goal: &Goal,
-    robot: &Robot,
+    robot: &CellRobot,
     object_is_here: impl Fn(&str) -> bool,
 ) -> Result<(), Rejection> {
     if goal.robot != robot.digest {

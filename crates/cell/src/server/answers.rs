@@ -1,19 +1,18 @@
-//! Answers of a simulated cell.
+//! A cell's answers.
 
-use std::{cell::RefCell, sync::mpsc, time::Instant};
+use std::{sync::mpsc, time::Instant};
 
-use simulation::ObjectShape;
 use zenoh::{Wait, query::Query};
 
 use super::{
-    Fault, HEARTBEAT_TIMEOUT, Shared,
-    acceptance::{self, MAX_GOAL_BYTES, PALM},
+    Fault, Shared,
     fault::GARBLED,
     journal::{Job, Lookup},
     lock,
 };
 use crate::{
     Goal, PROTOCOL,
+    acceptance::{MAX_GOAL_BYTES, check_length},
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
     goal::{EncodedGoal, Rejection, RejectionCode, now_unix_ms},
     keys::goal_id_of,
@@ -40,21 +39,21 @@ impl Shared {
     }
 
     pub(super) fn capabilities(&self) -> Capabilities {
-        let scene = &self.config.scene;
+        let machine = &self.description;
         Capabilities {
             protocol: PROTOCOL,
             cell: self.keys.name().to_owned(),
             journal: self.key.name().to_owned(),
             clock_unix_ms: now_unix_ms(),
-            simulated: true,
-            robot: self.robot.digest.clone(),
-            controllers: self.robot.controllers(scene.control_step_s()),
-            palm: self.robot.arm.is_none().then_some(PALM),
-            table_from_base: self.robot.table_from_base(),
+            simulated: machine.simulated,
+            robot: machine.robot.clone(),
+            controllers: machine.controllers.clone(),
+            palm: machine.palm,
+            table_from_base: machine.table_from_base,
             max_goal_bytes: MAX_GOAL_BYTES,
-            gap: self.config.mismatch.description(scene),
-            real_time: self.config.service.real_time,
-            silence_s: (self.config.service.real_time).then_some(HEARTBEAT_TIMEOUT.as_secs_f64()),
+            gap: machine.gap.clone(),
+            real_time: self.real_time,
+            silence_s: machine.silence.map(|silence| silence.as_secs_f64()),
         }
     }
 
@@ -86,25 +85,10 @@ impl Shared {
         }
     }
 
-    /// Returns an object on the table, or why the lookup failed.
-    pub(super) fn object(&self, name: &str) -> Result<Option<ObjectShape>, String> {
-        if let Some(known) = lock(&self.objects).get(name) {
-            return Ok(Some(known.clone()));
-        }
-        let found = match lock(&self.finder).as_ref() {
-            Some(find) => find(name)?,
-            None => None,
-        };
-        if let Some(found) = &found {
-            lock(&self.objects).insert(name.to_owned(), found.clone());
-        }
-        Ok(found)
-    }
-
     /// Accepts or refuses a goal; a goal accepted before stays known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
         let received = Instant::now();
-        let opened = acceptance::check_length(bytes).and_then(|()| EncodedGoal::decode(bytes));
+        let opened = check_length(bytes).and_then(|()| EncodedGoal::decode(bytes));
         match opened.and_then(|(encoded, goal)| self.admit(encoded, goal, received)) {
             Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
             Ok(None) => (GoalAnswer::Accepted { known: true }, None),
@@ -124,18 +108,7 @@ impl Shared {
         }
         // Refuse before the checks, so that they cannot delay a motion.
         lock(&self.journal).is_free()?;
-        let unsaid = RefCell::new(None);
-        let known = |object: &str| match self.object(object) {
-            Ok(found) => found.is_some(),
-            Err(why) => {
-                *unsaid.borrow_mut() = Some(why);
-                false
-            }
-        };
-        acceptance::check(&goal, &self.robot, known).map_err(|refused| match unsaid.take() {
-            Some(why) => Rejection::new(refused.code, format!("{}: {why}", refused.reason)),
-            None => refused,
-        })?;
+        self.machine.check(&goal)?;
         let mut journal = lock(&self.journal);
         if self.control.is_stopped() {
             let reason = "the cell was stopped and has not been resumed";

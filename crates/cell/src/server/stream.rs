@@ -11,17 +11,15 @@ use std::{
     time::{Duration, Instant},
 };
 
-use nalgebra::Isometry3;
-use spatial::Pose;
 use zenoh::{
     Session, Wait,
     pubsub::Publisher,
     qos::{CongestionControl, Priority},
 };
 
-use super::{Robot, lock};
+use super::lock;
 use crate::{
-    Keys,
+    Keys, Machine,
     report::Sample,
     wire::{self, StateHeader},
 };
@@ -52,7 +50,7 @@ struct StreamState {
     seq: u64,
     /// The executing goal; empty if nothing moves.
     goal_id: String,
-    /// The latest measurement, as a row.
+    /// The latest measurement, as a row; empty before the first.
     measured: Vec<f64>,
     kept: VecDeque<KeptSample>,
 }
@@ -64,13 +62,12 @@ struct KeptSample {
 }
 
 impl Stream {
-    /// Starts the stream `epoch` of a cell that is `at_rest`.
+    /// Starts the stream `epoch` of a cell.
     pub(super) fn new(
         session: &Session,
         keys: &Keys,
         epoch: String,
         joints: Vec<String>,
-        at_rest: &Sample,
     ) -> Result<Self, zenoh::Error> {
         Ok(Self {
             epoch,
@@ -85,7 +82,7 @@ impl Stream {
             state: Mutex::new(StreamState {
                 seq: 0,
                 goal_id: String::new(),
-                measured: at_rest.to_row(),
+                measured: Vec::new(),
                 kept: VecDeque::with_capacity(KEPT),
             }),
         })
@@ -103,6 +100,24 @@ impl Stream {
     /// Records that nothing moves any more.
     pub(super) fn rest(&self) {
         lock(&self.state).goal_id.clear();
+    }
+
+    /// Measures a machine that executes nothing, and publishes; nothing if it has no measurement.
+    fn publish_idle(&self, machine: &dyn Machine) {
+        let executes = !lock(&self.state).goal_id.is_empty();
+        if executes {
+            return self.publish();
+        }
+        let Some(measured) = machine.measure() else {
+            return;
+        };
+        {
+            let mut state = lock(&self.state);
+            if state.goal_id.is_empty() {
+                state.measured = measured.to_row();
+            }
+        }
+        self.publish();
     }
 
     /// Publishes the latest measurement.
@@ -124,10 +139,10 @@ impl Stream {
     }
 
     /// Publishes the latest measurement at the stream's rate until the cell ends.
-    pub(super) fn run(&self, ended: &AtomicBool) {
+    pub(super) fn run(&self, machine: &dyn Machine, ended: &AtomicBool) {
         let mut next = Instant::now();
         while !ended.load(Ordering::Relaxed) {
-            self.publish();
+            self.publish_idle(machine);
             next += PERIOD;
             let now = Instant::now();
             thread::sleep(next.saturating_duration_since(now));
@@ -167,21 +182,5 @@ impl Stream {
             wire::push_numbers(&mut bytes, kept.row.iter().copied());
         }
         bytes
-    }
-}
-
-/// Returns the measurement before the first motion: the palm at the origin, and the joints at zero
-/// or as close to it as their limits allow.
-pub(super) fn at_rest(robot: &Robot) -> Sample {
-    let joints = robot.joints();
-    let q_rad: Vec<f64> = joints
-        .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-        .collect();
-    Sample {
-        time_s: 0.0,
-        table_from_palm: Pose::new(Isometry3::identity()),
-        table_from_object: Pose::new(Isometry3::identity()),
-        q_command_rad: q_rad.clone(),
-        q_rad,
     }
 }
