@@ -50,7 +50,7 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// Make a page of a run, or of several side by side
     Report(ReportArgs),
-    /// Write a motion as a file for other programs
+    /// Write motions as files for other programs
     Export(ExportArgs),
     /// List runs with their dates, values and outcomes
     Runs(RunsArgs),
@@ -137,11 +137,84 @@ pub(crate) struct ExportArgs {
     pub(crate) format: ExportFormat,
 }
 
-/// The format of an exported motion.
+/// The format of exported motions.
 #[derive(Subcommand)]
 pub(crate) enum ExportFormat {
     /// Write glTF 2.0 for Blender, browsers and viewers, one animation
+    #[command(after_help = GLB_LOSES)]
     Glb(GlbArgs),
+    /// Write a LeRobot dataset, v3.0: states and actions at a uniform rate
+    #[command(after_help = LEROBOT_LOSES)]
+    Lerobot(LerobotArgs),
+    /// Write grasps and objects for DexGraspBench's evaluator
+    #[command(after_help = DEXGRASPBENCH_LOSES)]
+    Dexgraspbench(DexgraspbenchArgs),
+    /// Write one table of all moments, as comma-separated values
+    #[command(after_help = CSV_LOSES)]
+    Csv(MotionsArgs),
+}
+
+const GLB_LOSES: &str = "\
+Lost: names and numbers of what is measured, joint limits, masses, and times between keyframes
+to 0.1 mm.";
+const LEROBOT_LOSES: &str = "\
+Lost: motion between frames, digits beyond 32 bits, rates, contacts, forces, latent codes,
+metrics, shapes, images. The export prints how much.";
+const DEXGRASPBENCH_LOSES: &str = "\
+Lost: the reach but for pregrasp, grasp and squeeze; times, rates, contacts, metrics, outcomes;
+true masses; the hand's limits and shapes, of which the evaluator has its own.";
+const CSV_LOSES: &str = "\
+Lost: rates, contacts, forces, latent codes, metrics, shapes.";
+
+/// Which motions, and where they go.
+#[derive(Args)]
+pub(crate) struct MotionsArgs {
+    /// The artifact: candidates, trajectories, rollouts or executions, e.g. `screen.rollouts`
+    pub(crate) artifact: String,
+    /// Its partitions, e.g. objects' names [default: all]
+    pub(crate) partitions: Vec<String>,
+    /// Folder to write, which must not exist
+    #[arg(long, value_name = "DIR")]
+    pub(crate) out: PathBuf,
+    /// The run [default: the newest]
+    #[arg(long, value_name = "RUN")]
+    pub(crate) run: Option<String>,
+    /// Only motions with this outcome [default: all]
+    ///
+    /// Of rollouts the `reason`, e.g. `held`; of executions the `outcome`, e.g. `succeeded`.
+    #[arg(long, value_name = "OUTCOME")]
+    pub(crate) outcome: Option<String>,
+    /// URDF of the robot hand [default: that of the run's screen]
+    #[arg(long, value_name = "FILE")]
+    pub(crate) hand: Option<PathBuf>,
+}
+
+/// Which motions, at which rate.
+#[derive(Args)]
+pub(crate) struct LerobotArgs {
+    #[command(flatten)]
+    pub(crate) motions: MotionsArgs,
+    /// Frames per second (Hz)
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=1000))]
+    pub(crate) fps: u32,
+}
+
+/// Which motions, and which of their moments are the grasp.
+#[derive(Args)]
+pub(crate) struct DexgraspbenchArgs {
+    #[command(flatten)]
+    pub(crate) motions: MotionsArgs,
+    /// Moment of the pregrasp, a fraction of the motion
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.75)]
+    pub(crate) pregrasp_at: f64,
+    /// Moment of the grasp, a fraction of the motion
+    ///
+    /// The squeeze is the end: of refined motions the last tenth. Without a squeeze, 1.
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.9)]
+    pub(crate) grasp_at: f64,
+    /// Folder of objects that the grasps name [default: `objects` in the folder that is written]
+    #[arg(long, value_name = "DIR")]
+    pub(crate) objects_at: Option<String>,
 }
 
 /// Which motion.

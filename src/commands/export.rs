@@ -1,25 +1,32 @@
 //! `pipeline export`
 
+mod folder;
+mod gather;
 mod motion;
+mod recorded;
 mod rerun;
 
 use std::path::PathBuf;
 
+use formats::{Export, FormatError, GraspTimes};
 use lake::Lake;
 
-use self::motion::motion;
+use self::{folder::Folder, gather::Gathered, motion::motion};
 use crate::{
-    arguments::{ExportArgs, ExportFormat, GlbArgs},
+    arguments::{DexgraspbenchArgs, ExportArgs, ExportFormat, GlbArgs, LerobotArgs, MotionsArgs},
     command_line::Program,
     commands::{lookup, report::failed},
     outcome::{CommandError, CommandOutcome},
     report,
 };
 
-/// Writes a motion as a file for other programs.
+/// Writes motions as files for other programs.
 pub(crate) fn export(program: &Program, args: &ExportArgs) -> Result<CommandOutcome, CommandError> {
     match &args.format {
         ExportFormat::Glb(args) => glb(program, args),
+        ExportFormat::Lerobot(args) => lerobot(program, args),
+        ExportFormat::Dexgraspbench(args) => dexgraspbench(program, args),
+        ExportFormat::Csv(args) => csv(program, args),
     }
 }
 
@@ -32,5 +39,55 @@ fn glb(program: &Program, args: &GlbArgs) -> Result<CommandOutcome, CommandError
     let path = path.unwrap_or_else(|| PathBuf::from(format!("{}.glb", args.name)));
     lake::write_atomic(&path, &bytes)?;
     report::data(format!("{}\n", path.display()).as_bytes())?;
+    Ok(CommandOutcome::Done)
+}
+
+fn lerobot(program: &Program, args: &LerobotArgs) -> Result<CommandOutcome, CommandError> {
+    let folder = Folder::new(&args.motions.out)?;
+    let gathered = Gathered::executed(program, &args.motions)?;
+    let export = formats::to_lerobot(&gathered.episodes, args.fps, &gathered.hand);
+    finish(program, &args.motions, folder, gathered, export)
+}
+
+fn csv(program: &Program, args: &MotionsArgs) -> Result<CommandOutcome, CommandError> {
+    let folder = Folder::new(&args.out)?;
+    let gathered = Gathered::executed(program, args)?;
+    let export = formats::to_csv(&gathered.episodes);
+    finish(program, args, folder, gathered, export)
+}
+
+fn dexgraspbench(
+    program: &Program,
+    args: &DexgraspbenchArgs,
+) -> Result<CommandOutcome, CommandError> {
+    let folder = Folder::new(&args.motions.out)?;
+    let gathered = Gathered::planned(program, &args.motions)?;
+    let objects = gathered.objects(program, &args.motions)?;
+    let times = GraspTimes {
+        pregrasp: args.pregrasp_at,
+        grasp: args.grasp_at,
+    };
+    let beside = || folder.path().join("objects").display().to_string();
+    let objects_at = args.objects_at.clone().unwrap_or_else(beside);
+    let export = formats::to_dexgraspbench(&gathered.episodes, &objects, times, &objects_at);
+    finish(program, &args.motions, folder, gathered, export)
+}
+
+/// Writes an export, and says what is in it and what is not.
+fn finish(
+    program: &Program,
+    args: &MotionsArgs,
+    folder: Folder,
+    gathered: Gathered,
+    export: Result<Export, FormatError>,
+) -> Result<CommandOutcome, CommandError> {
+    let export = export.map_err(CommandError::with_hint(FormatError::hint))?;
+    folder.write(&export.files)?;
+    for fact in gathered.left_out.iter().chain(&export.lost) {
+        program.say(&format!("lost   {fact}"));
+    }
+    let n = gathered.episodes.len();
+    program.say(&format!("done   {n} motions of `{}`", args.artifact));
+    report::data(format!("{}\n", args.out.display()).as_bytes())?;
     Ok(CommandOutcome::Done)
 }

@@ -120,6 +120,9 @@ pub enum Format {
     #[default]
     #[serde(rename = "dexycb")]
     DexYcb,
+    /// `HO-Cap`'s: `subject_N/SEQUENCE/meta.yaml`, `calibration`, `models`.
+    #[serde(rename = "hocap")]
+    HoCap,
     /// Landmarks and object poses as they are: `SUBJECT/SEQUENCE/track.yml` and `track.npz`.
     Tracks,
 }

@@ -35,6 +35,14 @@ pub enum IngestError {
         /// A directory above or below that holds some.
         near: Option<PathBuf>,
     },
+    /// The directory does not have `HO-Cap`'s layout.
+    #[error("no HO-Cap sequences under `{}`", root.display())]
+    NoHoCap {
+        /// The directory searched.
+        root: PathBuf,
+        /// A directory above or below that has it.
+        near: Option<PathBuf>,
+    },
     /// An option names a subject or an object that no recording has.
     #[error("no recording has the name `{name}` of `{key}`")]
     UnknownName {
@@ -139,6 +147,9 @@ impl Advise for IngestError {
             }
             | Self::NoTracks {
                 near: Some(near), ..
+            }
+            | Self::NoHoCap {
+                near: Some(near), ..
             } => Some(format!(
                 "the dataset's root seems to be `{}`: set `root` to that",
                 near.display()
@@ -156,6 +167,11 @@ impl Advise for IngestError {
             Self::NoTracks { root, near: None } => Some(format!(
                 "every recording has a folder with `track.yml` and `track.npz`; a dataset in \
                  DexYCB's layout has `format = \"dexycb\"`{}",
+                elsewhere(root)
+            )),
+            Self::NoHoCap { root, near: None } => Some(format!(
+                "unpack the dataset so that `{}` exists{}",
+                root.join("subject_1").display(),
                 elsewhere(root)
             )),
             Self::UnknownName { near, known, .. } => Some(match near {

@@ -4,6 +4,7 @@
 //! next; what is read of each is `joint_3d` and `pose_y`, never the segmentation.
 
 use std::{
+    collections::BTreeSet,
     fs::File,
     io::{ErrorKind, Read},
 };
@@ -15,8 +16,11 @@ use spatial::{Camera, Object, Pose};
 
 use crate::{
     error::RecordingError,
+    folders::{names, plain},
     npz::{self, Arrays, NpzError, Unpacker},
+    reader::{Listed, those_there},
     recording::Keypoints,
+    selection::Cameras,
     yaml,
 };
 
@@ -31,6 +35,78 @@ const AXES: usize = 3;
 /// Numbers of one object's pose: `[R|t]`.
 const POSE_NUMBERS: usize = 12;
 
+/// How the names of a dataset's label files begin; they go on with the image's number and `.npz`.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct LabelNames(pub(crate) &'static str);
+
+impl LabelNames {
+    const END: &str = ".npz";
+
+    /// Returns the number of the image that a file is about; `None` if it is no label.
+    pub(crate) fn image(self, file: &str) -> Option<u32> {
+        let digits = file.strip_prefix(self.0)?.strip_suffix(Self::END)?;
+        let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
+        is_number.then(|| digits.parse().ok()).flatten()
+    }
+
+    /// Says whether a name was meant for a label, as far as it can be read.
+    fn is_like(self, name: &[u8]) -> bool {
+        name.starts_with(self.0.as_bytes()) && name.ends_with(Self::END.as_bytes())
+    }
+
+    /// Lists the label files that are there in the folders of some of a recording's cameras.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a folder cannot be listed, or if something else than a file lies in a label's place.
+    pub(crate) fn of_cameras(
+        self,
+        listed: &Listed,
+        cameras: Cameras,
+    ) -> Result<Vec<SourceFile>, RecordingError> {
+        let mut files = Vec::new();
+        let serials = listed.cameras.iter().enumerate();
+        let mut taken = BTreeSet::new();
+        for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
+            // A camera that is named twice is reported when the recording is read.
+            if plain(serial) != *serial || !taken.insert(serial) {
+                continue;
+            }
+            files.extend(those_there(self.of_camera(listed, serial)?)?);
+        }
+        Ok(files)
+    }
+
+    /// Lists what has the name of a label in a camera's folder.
+    fn of_camera(
+        self,
+        listed: &Listed,
+        serial: &str,
+    ) -> Result<Vec<(SourceFile, u64)>, RecordingError> {
+        let folder = listed.file(serial);
+        let names = names(&folder.path).map_err(|source| RecordingError::Unreadable {
+            file: folder.name.clone(),
+            source,
+        })?;
+        let mut labels = Vec::with_capacity(names.len());
+        for name in names {
+            match name.to_str() {
+                Some(label) if self.image(label).is_some() => {
+                    labels.push((listed.file(&format!("{serial}/{label}")), MAX_LABEL_BYTES));
+                }
+                None if self.is_like(name.as_encoded_bytes()) => {
+                    return Err(RecordingError::NotUtf8 {
+                        name: format!("{}/{}", folder.name, name.to_string_lossy()),
+                    });
+                }
+                // Images, and whatever else lies beside the labels.
+                Some(_) | None => {}
+            }
+        }
+        Ok(labels)
+    }
+}
+
 /// What one camera saw in one image, in the camera's frame: x right, y down, z forward, in meters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labels {
@@ -38,6 +114,15 @@ pub struct Labels {
     pub keypoints_in_camera: Option<Keypoints>,
     /// The grasped object's pose; `None` where the file marks it as not there (all 0).
     pub camera_from_object: Option<Pose<Camera, Object>>,
+}
+
+/// What one camera of `HO-Cap` saw in one image, in the camera's frame.
+#[derive(Debug)]
+pub(crate) struct HandLabels {
+    /// The right and the left hand's landmarks; `None` for a hand of which one is marked as not there (all −1).
+    pub(crate) hands: [Option<Keypoints>; 2],
+    /// The grasped object's pose, where there is one.
+    pub(crate) camera_from_object: Option<Pose<Camera, Object>>,
 }
 
 /// Reads label files one after another, in memory that is kept from one to the next.
@@ -102,6 +187,52 @@ impl LabelReader {
         })
     }
 
+    /// Reads a label file of `HO-Cap`, of a scene of `n_objects` objects, of which the one at index `grasped` is
+    /// grasped: what of both hands and of that object is there.
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`LabelReader::read`] does.
+    pub(crate) fn read_hands(
+        &mut self,
+        file: &SourceFile,
+        n_objects: usize,
+        grasped: usize,
+    ) -> Result<HandLabels, RecordingError> {
+        let len = self.fill(file)?;
+        let bytes = self.file.get(..len).unwrap_or_default();
+        let npz = |source| RecordingError::Npz {
+            file: file.name.clone(),
+            source,
+        };
+        let mut arrays = Arrays::open_with(bytes, &mut self.unpacker).map_err(npz)?;
+        let numbers = &mut self.numbers;
+        let shape = [2, KEYPOINTS as u64, AXES as u64];
+        arrays
+            .numbers_into("hand_joints_3d", &shape, numbers)
+            .map_err(npz)?;
+        let mut hands = numbers.as_chunks::<{ AXES * KEYPOINTS }>().0.iter();
+        let mut next = || {
+            let (points, _) = hands.next()?.as_chunks::<AXES>();
+            #[expect(clippy::float_cmp, reason = "the mark for `not there` is exactly -1")]
+            let is_there = |point: &[f64; AXES]| point.iter().any(|&number| number != -1.0);
+            points.iter().all(is_there).then(|| to_keypoints(points))
+        };
+        let hands = [next(), next()];
+        let object = match arrays.numbers_into("obj_poses", &[n_objects as u64, 4, 4], numbers) {
+            Ok(()) => numbers.as_chunks::<{ POSE_NUMBERS + 4 }>().0.get(grasped),
+            // Nothing but a check depends on it.
+            Err(NpzError::Missing(_)) => None,
+            Err(source) => return Err(npz(source)),
+        };
+        // The last of its four rows is 0 0 0 1; a mark for `not there` is no rotation.
+        let rows = object.and_then(|matrix| matrix.first_chunk::<POSE_NUMBERS>());
+        Ok(HandLabels {
+            hands,
+            camera_from_object: rows.and_then(yaml::pose),
+        })
+    }
+
     /// Reads the file's bytes into the buffer and returns how many they are.
     ///
     /// Neither its length is asked for nor its end, as long as what was read ends as an archive
@@ -150,11 +281,15 @@ fn keypoints(
     if is_marked {
         return Ok(None);
     }
+    Ok(Some(to_keypoints(numbers.as_chunks::<AXES>().0)))
+}
+
+fn to_keypoints(points: &[[f64; AXES]]) -> Keypoints {
     let mut keypoints = [Point3::origin(); KEYPOINTS];
-    for (point, xyz) in keypoints.iter_mut().zip(numbers.as_chunks::<AXES>().0) {
-        *point = Point3::from(*xyz);
+    for (keypoint, xyz) in keypoints.iter_mut().zip(points) {
+        *keypoint = Point3::from(*xyz);
     }
-    Ok(Some(keypoints))
+    keypoints
 }
 
 /// Returns the grasped object's `[R|t]`, row by row, `None` if all numbers are 0: no object.
@@ -167,4 +302,20 @@ fn pose_rows(
     arrays.numbers_into("pose_y", &[n_objects as u64, 3, 4], numbers)?;
     let rows = numbers.as_chunks::<POSE_NUMBERS>().0.get(grasped).copied();
     Ok(rows.filter(|rows| rows.iter().any(|&number| number != 0.0)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_known_by_their_number() {
+        let image = |file| LabelNames("labels_").image(file);
+        assert_eq!(image("labels_000012.npz"), Some(12));
+        assert_eq!(image("labels_.npz"), None);
+        assert_eq!(image("labels_+00001.npz"), None);
+        assert_eq!(image("labels_99999999999.npz"), None);
+        assert_eq!(image("color_000012.jpg"), None);
+        assert_eq!(image("label_000012.npz"), None);
+    }
 }

@@ -10,8 +10,9 @@
 //!
 //! A dataset's reader turns files into one struct of parsed frames; the rest is independent of the
 //! dataset: the object's rest and departure, the table, the reach, the mirror image.
-//! `DexYCB` (Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021) and
-//! plain tracks have readers.
+//! `DexYCB` (Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021), `HO-Cap`
+//! (Wang et al., *HO-Cap: A Capture System and Dataset for 3D Reconstruction and Pose Tracking of
+//! Hand-Object Interaction*, 2024) and plain tracks have readers.
 //!
 //! Landmarks come from the dataset's labels or from the user's hand model ([`ManoModel`]). This crate
 //! does not read images and does not retarget.
@@ -26,6 +27,7 @@ mod error;
 mod fixture;
 mod folders;
 mod fuse;
+mod hocap;
 mod labels;
 mod mano;
 mod mirror;

@@ -19,7 +19,7 @@ mod zip;
 use flate2::{Decompress, FlushDecompress, Status};
 
 use self::{
-    header::Header,
+    header::{Element, Header},
     zip::{Directory, Entry, Method},
 };
 
@@ -174,32 +174,77 @@ impl<'a> Arrays<'a> {
         if !too_long && crc32fast::hash(bytes) != entry.crc32 {
             return Err(damaged("its checksum is wrong"));
         }
-        let (header, data) =
-            Header::parse(bytes, MAX_HEADER_BYTES).ok_or_else(|| damaged("no array header"))?;
-        if header.shape() != expected {
-            return Err(NpzError::Shape {
-                array: array.to_owned(),
-                found: header.shape().to_vec(),
-                expected: expected.to_vec(),
-            });
-        }
-        let element = header.element().ok_or_else(|| NpzError::Type {
-            array: array.to_owned(),
-            found: header.descr.to_owned(),
-        })?;
-        if too_long || Some(data.len()) != count.checked_mul(element.bytes()) {
+        if too_long {
+            let (header, _) =
+                Header::parse(bytes, MAX_HEADER_BYTES).ok_or_else(|| damaged("no array header"))?;
+            header.check_shape(array, expected)?;
+            header.check_type(array)?;
             return Err(damaged("its length does not fit its shape"));
         }
-        element.widen_into(data, numbers);
-        if !numbers.iter().all(|number| number.is_finite()) {
-            return Err(NpzError::NotFinite {
-                array: array.to_owned(),
-            });
+        widen(bytes, array, expected, numbers)
+    }
+}
+
+/// Returns the numbers of an `.npy` file whose array has exactly this shape, last axis fastest; `array` is its
+/// name in messages.
+///
+/// # Errors
+///
+/// Fails if the file is damaged, has another shape or other elements than `f4` and `f8`, or holds a number that
+/// is not finite.
+pub(crate) fn npy(file: &[u8], array: &str, expected: &[u64]) -> Result<Vec<f64>, NpzError> {
+    let mut numbers = Vec::new();
+    widen(file, array, expected, &mut numbers)?;
+    Ok(numbers)
+}
+
+/// Replaces `numbers` by those of an array in `numpy`'s format.
+fn widen(
+    bytes: &[u8],
+    array: &str,
+    expected: &[u64],
+    numbers: &mut Vec<f64>,
+) -> Result<(), NpzError> {
+    let damaged = |reason: &str| NpzError::Damaged {
+        array: array.to_owned(),
+        reason: reason.to_owned(),
+    };
+    let (header, data) =
+        Header::parse(bytes, MAX_HEADER_BYTES).ok_or_else(|| damaged("no array header"))?;
+    header.check_shape(array, expected)?;
+    let element = header.check_type(array)?;
+    if Some(data.len()) != element_count(expected).checked_mul(element.bytes()) {
+        return Err(damaged("its length does not fit its shape"));
+    }
+    element.widen_into(data, numbers);
+    if !numbers.iter().all(|number| number.is_finite()) {
+        return Err(NpzError::NotFinite {
+            array: array.to_owned(),
+        });
+    }
+    if header.fortran_order {
+        *numbers = last_axis_fastest(numbers, expected);
+    }
+    Ok(())
+}
+
+impl Header<'_> {
+    fn check_shape(&self, array: &str, expected: &[u64]) -> Result<(), NpzError> {
+        if self.shape() == expected {
+            return Ok(());
         }
-        if header.fortran_order {
-            *numbers = last_axis_fastest(numbers, expected);
-        }
-        Ok(())
+        Err(NpzError::Shape {
+            array: array.to_owned(),
+            found: self.shape().to_vec(),
+            expected: expected.to_vec(),
+        })
+    }
+
+    fn check_type(&self, array: &str) -> Result<Element, NpzError> {
+        self.element().ok_or_else(|| NpzError::Type {
+            array: array.to_owned(),
+            found: self.descr.to_owned(),
+        })
     }
 }
 

@@ -8,6 +8,8 @@ use spatial::{Camera, Pose, World};
 pub use crate::labels::{LabelReader, Labels};
 pub use crate::recording::Keypoints;
 use crate::{
+    RecordingError,
+    departure::Rule,
     npz::{Arrays, NpzError},
     yaml::{self, Extrinsics, Meta, YamlError},
 };
@@ -41,4 +43,34 @@ pub fn extrinsics(file: &[u8]) -> Result<Vec<Pose<World, Camera>>, YamlError> {
     let extrinsics: Extrinsics = yaml::parse(file)?;
     let rows = extrinsics.extrinsics.values();
     Ok(rows.filter_map(yaml::pose).collect())
+}
+
+/// Returns how many images of a recording in plain tracks show the hand and the object, from the bytes of
+/// `track.yml` and `track.npz`.
+///
+/// # Errors
+///
+/// Fails if one is damaged or does not fit the other.
+pub fn tracks(about: &[u8], track: &[u8]) -> Result<usize, RecordingError> {
+    let (_, images) = crate::tracks::from_bytes(about, track)?;
+    let whole = images
+        .iter()
+        .filter(|image| image.keypoints_in_world.is_some() && image.world_from_object.is_some());
+    Ok(whole.count())
+}
+
+/// Returns the number of the object that is more than 4 mm or 4° from its rest first, in a recording of `HO-Cap`,
+/// from the bytes of `meta.yaml` and `poses_o.npy`; `None` if none is.
+///
+/// # Errors
+///
+/// Fails if one is damaged or does not fit the other.
+pub fn hocap(meta: &[u8], poses: &[u8]) -> Result<Option<usize>, RecordingError> {
+    let rule = Rule {
+        threshold_m: 0.004,
+        threshold_rad: 0.07,
+        jitter_factor: 4.0,
+        settle_n: 5,
+    };
+    crate::hocap::first_moved(meta, poses, &rule)
 }

@@ -17,6 +17,7 @@ use crate::{
     dexycb::DexYcb,
     error::{IngestError, RecordingError},
     folders::RecordingFolder,
+    hocap::{self, HoCap},
     place,
     recording::Recording,
     selection::Cameras,
@@ -61,6 +62,7 @@ pub(crate) trait Reader {
 pub(crate) fn reader(config: &IngestConfig) -> Box<dyn Reader + '_> {
     match config.format {
         Format::DexYcb => Box::new(DexYcb::new(config)),
+        Format::HoCap => Box::new(HoCap::new(config)),
         Format::Tracks => Box::new(Tracks::new(config)),
     }
 }
@@ -148,8 +150,12 @@ pub(crate) const MAX_MESH_BYTES: u64 = 256 << 20;
 pub(crate) const MODELS: &str = "models/";
 
 /// Returns where an object's mesh lies, relative to a dataset.
-pub(crate) fn mesh_name(object: &str) -> String {
-    format!("{MODELS}{object}/textured_simple.obj")
+pub(crate) fn mesh_name(format: Format, object: &str) -> String {
+    let file = match format {
+        Format::DexYcb | Format::Tracks => "textured_simple.obj",
+        Format::HoCap => hocap::MESH,
+    };
+    format!("{MODELS}{object}/{file}")
 }
 
 /// Returns what a listing looks at of a small file: its bytes, none where it cannot be read or has more

@@ -3,10 +3,7 @@
 //! Folders are listed; `meta.yml` and the calibrations are read for what a recording is about;
 //! nothing else is opened.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    path::Path,
-};
+use std::{collections::BTreeMap, path::Path};
 
 use dataflow::SourceFile;
 
@@ -18,8 +15,8 @@ use crate::{
         hand_model,
     },
     error::{IngestError, RecordingError},
-    folders::{RecordingFolder, names, plain, recordings, root_near},
-    labels::MAX_LABEL_BYTES,
+    folders::{RecordingFolder, plain, recordings, root_near},
+    labels::LabelNames,
     reader::{About, Listed, glance, those_there},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
@@ -30,8 +27,8 @@ use crate::{
 pub(super) const META: &str = "meta.yml";
 /// Holds the poses of a recording's objects and hand.
 const POSES: &str = "pose.npz";
-/// How the name of a label begins and ends.
-const LABEL: (&str, &str) = ("labels_", ".npz");
+/// The labels, `labels_NNNNNN.npz`.
+const LABELS: LabelNames = LabelNames("labels_");
 /// Marks a recording whose `pose_m` holds something else than a hand model's numbers.
 const NOT_MANO: &str = "NOT_MANO.txt";
 /// Folders beside the subjects' ones.
@@ -116,41 +113,8 @@ pub(super) fn files_of(
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];
     let own = own.map(|(name, limit)| (listed.file(name), limit));
     let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
-    let serials = listed.cameras.iter().enumerate();
-    let mut taken = BTreeSet::new();
-    for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
-        // A camera that is named twice is reported when the recording is read.
-        if plain(serial) != *serial || !taken.insert(serial) {
-            continue;
-        }
-        files.extend(those_there(labels_of(listed, serial)?)?);
-    }
+    files.extend(LABELS.of_cameras(listed, cameras)?);
     Ok(files)
-}
-
-/// Lists what has the name of a label in a camera's folder.
-fn labels_of(listed: &Listed, serial: &str) -> Result<Vec<(SourceFile, u64)>, RecordingError> {
-    let folder = listed.file(serial);
-    let names = names(&folder.path).map_err(|source| RecordingError::Unreadable {
-        file: folder.name.clone(),
-        source,
-    })?;
-    let mut labels = Vec::with_capacity(names.len());
-    for name in names {
-        match name.to_str() {
-            Some(label) if image_of_label(label).is_some() => {
-                labels.push((listed.file(&format!("{serial}/{label}")), MAX_LABEL_BYTES));
-            }
-            None if is_like_a_label(name.as_encoded_bytes()) => {
-                return Err(RecordingError::NotUtf8 {
-                    name: format!("{}/{}", folder.name, name.to_string_lossy()),
-                });
-            }
-            // Images, and whatever else lies beside the labels.
-            Some(_) | None => {}
-        }
-    }
-    Ok(labels)
 }
 
 /// Returns what a recording is about; `None` where `meta.yml` names what there is not.
@@ -173,18 +137,6 @@ fn has_tag(root: &Path, id: &str) -> bool {
     let path = root.join(calibration::extrinsics_name(id));
     yaml::parse::<Extrinsics>(&glance(&path, MAX_YAML_BYTES))
         .map_or(true, |extrinsics| extrinsics.extrinsics.contains_key(TAG))
-}
-
-/// Returns the image's number of a file `labels_NNNNNN.npz`.
-fn image_of_label(file: &str) -> Option<u32> {
-    let digits = file.strip_prefix(LABEL.0)?.strip_suffix(LABEL.1)?;
-    let is_number = !digits.is_empty() && digits.bytes().all(|byte| byte.is_ascii_digit());
-    is_number.then(|| digits.parse().ok()).flatten()
-}
-
-/// Says whether a name was meant for a label, as far as it can be read.
-fn is_like_a_label(name: &[u8]) -> bool {
-    name.starts_with(LABEL.0.as_bytes()) && name.ends_with(LABEL.1.as_bytes())
 }
 
 /// The files of one recording by what they are, from the names that [`files_of`] gave them.
@@ -223,7 +175,7 @@ impl<'a> SequenceFiles<'a> {
                 }
                 [_, _, POSES] => sorted.poses = Some(file),
                 [_, _, camera, label] => {
-                    if let Some(image) = image_of_label(label) {
+                    if let Some(image) = LABELS.image(label) {
                         sorted.labels.entry(camera).or_default().insert(image, file);
                     }
                 }
@@ -231,19 +183,5 @@ impl<'a> SequenceFiles<'a> {
             }
         }
         sorted
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn labels_are_known_by_their_number() {
-        assert_eq!(image_of_label("labels_000012.npz"), Some(12));
-        assert_eq!(image_of_label("labels_.npz"), None);
-        assert_eq!(image_of_label("labels_+00001.npz"), None);
-        assert_eq!(image_of_label("labels_99999999999.npz"), None);
-        assert_eq!(image_of_label("color_000012.jpg"), None);
     }
 }

@@ -37,8 +37,9 @@ pub(super) fn shape(
     let name = cx.partition().as_str();
     let mass_kg = inputs.fact(MASS).and_then(|kg| kg.parse().ok());
     let (Some(file), Some(mass_kg)) = (inputs.files().first(), mass_kg) else {
+        // Its unit has both.
         let missing = RecordingError::Missing {
-            file: reader::mesh_name(name),
+            file: format!("{MODELS}{name}"),
         };
         return Ok(Outcome::skipped(missing.to_string()));
     };

@@ -53,7 +53,12 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
                 unit = unit.with_label(ADDED, "true");
             }
             match file {
-                Ok(file) => unit.files.extend(file),
+                Ok(Some(file)) => unit.files.push(file),
+                Ok(None) => {
+                    let file = reader::mesh_name(config.format, &object);
+                    let missing = RecordingError::Missing { file };
+                    unit = unit.with_fact(UNREADABLE, missing.to_string());
+                }
                 Err(unusable) => unit = unit.with_fact(UNREADABLE, unusable.to_string()),
             }
             Ok(unit)
@@ -74,7 +79,7 @@ fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, 
             path: added.file.clone(),
         }));
     }
-    let name = reader::mesh_name(object);
+    let name = reader::mesh_name(config.format, object);
     let path = config.root.join(&name);
     let file = SourceFile { name, path };
     Ok(place::is_there(&file, MAX_MESH_BYTES)?.then_some(file))

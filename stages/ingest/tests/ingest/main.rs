@@ -3,6 +3,7 @@
 mod bench;
 mod damage;
 mod hand_model;
+mod hocap;
 mod labels;
 mod objects;
 mod places;

@@ -82,6 +82,12 @@ fn plain_tracks_give_the_known_reach() {
     fs::write(folder.join("track.yml"), "object: [").unwrap();
     let reason = refused(&config);
     assert!(reason.contains("track.yml`: "), "{reason}");
+    fs::write(folder.join("track.yml"), about(IMAGES) + "unit: inch\n").unwrap();
+    let reason = refused(&config);
+    assert!(
+        reason.contains("unknown variant `inch`, expected one of m, cm, mm"),
+        "{reason}"
+    );
     // A name that would lead elsewhere.
     for name in ["../mug", "a/b", "''"] {
         let about = format!("object: {name}\nhand: right\nimages: 1\n");
@@ -97,4 +103,121 @@ fn plain_tracks_give_the_known_reach() {
             .starts_with("no `SUBJECT/SEQUENCE/track.yml`")
     );
     assert!(err.hint().unwrap().contains("track.npz"));
+}
+
+/// Makes the known recording with another `track.yml`, and lengths of the tracks multiplied.
+fn changed(about: &str, keypoints: &str, factor: f32) -> Result<Bench, IngestError> {
+    let root = tempfile::tempdir().unwrap();
+    tracks(root.path());
+    let folder = root.path().join("20200709-subject-01/first try");
+    let file = fs::read(folder.join("track.npz")).unwrap();
+    let array = |name: &str, shape: &[u64]| -> Vec<f32> {
+        let numbers = stage_ingest::read::npz(&file, name, shape).unwrap();
+        numbers.into_iter().map(|number| number as f32).collect()
+    };
+    let mut hands = array("keypoints_m", &[IMAGES as u64, 21, 3]);
+    for number in hands.iter_mut().filter(|number| **number != -1.0) {
+        *number *= factor;
+    }
+    let mut poses = array("world_from_object", &[IMAGES as u64, 7]);
+    for pose in poses.chunks_mut(7) {
+        pose[..3].iter_mut().for_each(|length| *length *= factor);
+    }
+    rig::npz(
+        &folder.join("track.npz"),
+        &[
+            (keypoints, &[IMAGES as u64, 21, 3], &hands),
+            ("world_from_object", &[IMAGES as u64, 7], &poses),
+        ],
+    );
+    fs::write(folder.join("track.yml"), about).unwrap();
+    let mut config = config(root.path());
+    config.format = Format::Tracks;
+    Bench::until(config, "objects")
+}
+
+/// The table's direction up and its distance, in a unit of which a meter has `factor`.
+fn plane(factor: f64) -> String {
+    let table = Rig::world_from_tag();
+    let up = table * nalgebra::Vector3::z();
+    let distance = up.dot(&table.translation.vector) * factor;
+    format!("[{:?}, {:?}, {:?}, {distance:?}]", up.x, up.y, up.z)
+}
+
+#[test]
+fn a_plane_and_another_unit_give_the_same_reach() {
+    let head = |rest: String| {
+        format!(
+            "object: {}\nhand: right\nimages: {IMAGES}\n{rest}",
+            OBJECT.0
+        )
+    };
+    for (unit, factor) in [("m", 1.0), ("cm", 100.0), ("mm", 1000.0)] {
+        let about = head(format!("unit: {unit}\ntable_plane: {}\n", plane(factor)));
+        let bench = changed(&about, &format!("keypoints_{unit}"), factor as f32);
+        crate::assert_known_answer(&bench.unwrap().only());
+    }
+    let mut table = Rig::world_from_tag();
+    table.translation.vector *= 1000.0;
+    let about = head(format!("unit: mm\ntable: {}\n", rows(&table)));
+    crate::assert_known_answer(&changed(&about, "keypoints_mm", 1000.0).unwrap().only());
+}
+
+#[test]
+fn bad_tracks_end_with_a_reason() {
+    let head = |rest: &str| {
+        format!(
+            "object: {}\nhand: right\nimages: {IMAGES}\n{rest}",
+            OBJECT.0
+        )
+    };
+    let skipped = |about: String, keypoints: &str, factor: f32, expected: &str| {
+        let (word, reason) = changed(&about, keypoints, factor).unwrap().reason();
+        assert_eq!(word, "skipped");
+        assert!(reason.contains(expected), "{expected}: {reason}");
+    };
+    let table = format!("table_plane: {}\n", plane(1.0));
+    // Millimeters that are taken for meters, with and without a table, and meters for millimeters.
+    skipped(
+        head(&table),
+        "keypoints_m",
+        1000.0,
+        "m long, as no palm is: is `unit` right?",
+    );
+    skipped(
+        head(""),
+        "keypoints_m",
+        1000.0,
+        "m long, as no palm is: is `unit` right?",
+    );
+    skipped(
+        head("unit: mm\n"),
+        "keypoints_mm",
+        1.0,
+        "0.000 m long, as no palm is",
+    );
+    skipped(
+        head("unit: mm\n"),
+        "keypoints_m",
+        1000.0,
+        "no array `keypoints_mm`",
+    );
+    // No table: the object alone stands on any of its sides.
+    skipped(head(""), "keypoints_m", 1.0, "only 1 of the still objects");
+    skipped(
+        head("table_plane: [0, 0, 2, 0]\n"),
+        "keypoints_m",
+        1.0,
+        "not a direction of length 1",
+    );
+    let both = format!("{table}table: {}\n", rows(&Rig::world_from_tag()));
+    skipped(head(&both), "keypoints_m", 1.0, "one too many");
+    let off = "table_plane: [0, 0, 1, 0.2]\n";
+    skipped(head(off), "keypoints_m", 1.0, "mm from the table");
+    let left = head(&table).replace("right", "left");
+    let err = changed(&left, "keypoints_m", 1.0).err().unwrap();
+    assert!(
+        matches!(err, IngestError::NoneChosen { found: 1, .. }),
+        "{err}"
+    );
 }
