@@ -8,7 +8,7 @@ with
         select max(run) as newest_run from runs where pipeline = 'paper_tables' and run in (select run from runs)),
     held as (
         select * from all_rollouts join newest on all_rollouts.run = newest.newest_run where success and reached
-            and stage in ('screen', 'screen_drawn', 'screen_rrt', 'screen_rrt_eigengrasp', 'screen_cem', 'screen_line')),
+            and stage in ('screen', 'screen_drawn', 'screen_rrt', 'screen_rrt_tta', 'screen_rrt_eigengrasp', 'screen_cem', 'screen_line')),
     measured as (
         select stage, 0 as place, 'planned' as motion, count(*) as n,
             avg(paper_joints_position) as q, log10(avg(paper_joints_velocity)) as dq,
@@ -34,7 +34,7 @@ with
         select * from (values
             ('screen', 1, 'the function, refined'), ('screen_drawn', 2, 'the function, as drawn'),
             ('cgf', 2, 'the function, as drawn'), ('screen_rrt', 3, 'force closure, RRT-Connect'),
-            ('screen_rrt_eigengrasp', 4, 'eigengrasps, RRT-Connect'), ('rrt', 5, 'GraspTTA, RRT'),
+            ('screen_rrt_eigengrasp', 4, 'eigengrasps, RRT-Connect'), ('screen_rrt_tta', 5, 'GraspTTA, RRT-Connect'), ('rrt', 5, 'GraspTTA, RRT-Connect'),
             ('screen_cem', 6, 'force closure, CEM-MPC'), ('cem', 7, 'GraspTTA, CEM-MPC'),
             ('screen_line', 8, 'straight line'), ('line', 8, 'straight line')) as names(of_stage, number, shown))
 select
