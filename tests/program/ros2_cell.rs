@@ -3,7 +3,7 @@
 
 use std::{
     fs,
-    io::{BufRead, BufReader, Read},
+    io::{BufRead, BufReader},
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Child, Command, Stdio},
@@ -77,10 +77,7 @@ impl Running {
     }
 
     fn said(&self) -> String {
-        let mut text = String::new();
-        let mut file = fs::File::open(&self.said).unwrap();
-        file.read_to_string(&mut text).unwrap();
-        text
+        fs::read_to_string(&self.said).unwrap()
     }
 }
 
@@ -202,10 +199,10 @@ impl Lab {
         assert_eq!(unknown, unknown_n, "{}", stdout(&asked));
         // The controllers count motions by themselves.
         let said = self.emulated.said();
-        let streams = said
+        let mut streams = said
             .lines()
             .filter_map(|line| line.rsplit_once("message stream "));
-        let streams_n: usize = streams.last().map_or(0, |(_, n)| n.parse().unwrap());
+        let streams_n: usize = streams.next_back().map_or(0, |(_, n)| n.parse().unwrap());
         assert!(
             streams_n > 0 && streams_n <= CONTROLLERS * self.taken(),
             "{said}"
