@@ -46,14 +46,14 @@ fn lerobot(program: &Program, args: &LerobotArgs) -> Result<CommandOutcome, Comm
     let folder = Folder::new(&args.motions.out)?;
     let gathered = Gathered::executed(program, &args.motions)?;
     let export = formats::to_lerobot(&gathered.episodes, args.fps, &gathered.hand);
-    finish(program, &args.motions, folder, gathered, export)
+    finish(program, &args.motions, folder, &gathered, export)
 }
 
 fn csv(program: &Program, args: &MotionsArgs) -> Result<CommandOutcome, CommandError> {
     let folder = Folder::new(&args.out)?;
     let gathered = Gathered::executed(program, args)?;
     let export = formats::to_csv(&gathered.episodes);
-    finish(program, args, folder, gathered, export)
+    finish(program, args, folder, &gathered, export)
 }
 
 fn dexgraspbench(
@@ -70,7 +70,7 @@ fn dexgraspbench(
     let beside = || folder.path().join("objects").display().to_string();
     let objects_at = args.objects_at.clone().unwrap_or_else(beside);
     let export = formats::to_dexgraspbench(&gathered.episodes, &objects, times, &objects_at);
-    finish(program, &args.motions, folder, gathered, export)
+    finish(program, &args.motions, folder, &gathered, export)
 }
 
 /// Writes an export, and says what is in it and what is not.
@@ -78,7 +78,7 @@ fn finish(
     program: &Program,
     args: &MotionsArgs,
     folder: Folder,
-    gathered: Gathered,
+    gathered: &Gathered,
     export: Result<Export, FormatError>,
 ) -> Result<CommandOutcome, CommandError> {
     let export = export.map_err(CommandError::with_hint(FormatError::hint))?;

@@ -23,6 +23,11 @@ const MESH: &str = "# a thing\nmtllib a.mtl\no a\nv 0 0 0\nv 1 0 0\nv 1 1 0 1.0\
     vt 0 0\nvn 0 0 1\ns off\nf 1/1/1 2/2 3//3 4\nf -4 -2 -1 # a triangle\n";
 const CLOSED: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
 
+const TRACK: &str = "object: 025_mug\nhand: right\nimages: 2\nunit: mm\ntable_plane: [0, 0, 1, 0.5]\n";
+const TABLE: &str = "object: a\nhand: left\nimages: 2\ntable: [1, 0, 0, 0,  0, 1, 0, 0,  0, 0, 1, 0]\n";
+const HOCAP: &str = "num_frames: 6\nobject_ids: [G01_1, G01_2]\nmano_sides: [right, left]\nsubject_id: subject_1\n\
+    task_id: 1\nrealsense:\n  serials: ['037522251142', '043422252387']\n  width: 640\nextrinsics: extrinsics_20231014.yaml\n";
+
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("corpus");
     let save = |target: &str, name: &str, bytes: &[u8]| {
@@ -75,6 +80,21 @@ fn main() {
         bytes.extend(vec![0; n_bytes]);
         save("npz", name, &bytes);
     }
+    let track = tracks();
+    for (name, text) in [("plane", TRACK), ("table", TABLE)] {
+        save("tracks", name, &[text.as_bytes(), &[0][..]].concat());
+        save("tracks", &format!("{name}_whole"), &[text.as_bytes(), &[0][..], &track[..]].concat());
+    }
+    save("", "track.npz", &track);
+    let header = "{'descr': '<f4', 'fortran_order': False, 'shape': (2, 6, 7), }\n";
+    let mut poses = b"\x93NUMPY\x01\x00".to_vec();
+    poses.extend((header.len() as u16).to_le_bytes());
+    poses.extend(header.as_bytes());
+    for n in 0..12_u8 {
+        let lift = 0.02 * f32::from(n % 6);
+        poses.extend([0.0, 0.0, 0.0, 1.0, 0.1, 0.2, lift].map(f32::to_le_bytes).as_flattened());
+    }
+    save("hocap", "whole", &[HOCAP.as_bytes(), &[0][..], &poses[..]].concat());
     save(
         "pickle",
         "dictionary",
@@ -104,6 +124,25 @@ fn archive(method: CompressionMethod) -> Vec<u8> {
         array
             .extend((0..count).map(|n| 0.1 * f32::from(n)))
             .unwrap();
+        array.finish().unwrap();
+    }
+    drop(npz);
+    bytes.into_inner()
+}
+
+/// Tracks of two images, their landmarks in each unit.
+fn tracks() -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let mut npz = NpzWriter::new(&mut bytes);
+    for (name, shape, step) in [
+        ("keypoints_m", &[2, 21, 3][..], 0.003),
+        ("keypoints_mm", &[2, 21, 3], 3.0),
+        ("world_from_object", &[2, 7], 0.0),
+    ] {
+        let array = npz.array(name, FileOptions::default()).unwrap();
+        let mut array = array.default_dtype().shape(shape).begin_nd().unwrap();
+        let count = shape.iter().product::<u64>() as u16;
+        array.extend((0..count).map(|n| step * f32::from(n % 63))).unwrap();
         array.finish().unwrap();
     }
     drop(npz);

@@ -36,7 +36,7 @@ const BEFORE_HEADER: usize = 10;
 /// Writes a value as numpy saves an object: `numpy.load(…, allow_pickle=True).item()` gives it back.
 pub(super) fn npy(value: &Value) -> Vec<u8> {
     let mut header = "{'descr': '|O', 'fortran_order': False, 'shape': (), }".to_owned();
-    while (BEFORE_HEADER + header.len() + 1) % ALIGNMENT != 0 {
+    while !(BEFORE_HEADER + header.len() + 1).is_multiple_of(ALIGNMENT) {
         header.push(' ');
     }
     header.push('\n');

@@ -20,6 +20,11 @@ use crate::{
     lerobot::{Feature, Frame, Recorded, stats::Stats},
 };
 
+/// Converts a count; none in memory exceeds `i64::MAX`.
+fn count(n: usize) -> i64 {
+    i64::try_from(n).unwrap_or(i64::MAX)
+}
+
 /// Columns with their names.
 type Columns = Vec<(String, ArrayRef)>;
 
@@ -40,18 +45,18 @@ pub(super) fn frames(
                 vectors(&one.frames, names.len(), *numbers)?,
             ));
         }
-        let count = |from: i64| Arc::new(Int64Array::from_iter_values((from..).take(n)));
+        let from = |from: i64| Arc::new(Int64Array::from_iter_values((from..).take(n)));
         let same = |of: i64| Arc::new(Int64Array::from(vec![of; n]));
         columns.push(("timestamp".to_owned(), Arc::new(timestamps(n, fps))));
-        columns.push(("frame_index".to_owned(), count(0)));
+        columns.push(("frame_index".to_owned(), from(0)));
         columns.push(("episode_index".to_owned(), same(episode)));
-        columns.push(("index".to_owned(), count(first)));
-        columns.push(("task_index".to_owned(), same(one.task as i64)));
+        columns.push(("index".to_owned(), from(first)));
+        columns.push(("task_index".to_owned(), same(count(one.task))));
         let done = (1..=n)
             .map(|frame| Some(frame == n))
             .collect::<BooleanArray>();
         columns.push(("next.done".to_owned(), Arc::new(done)));
-        first += n as i64;
+        first += count(n);
         RecordBatch::try_from_iter_with_nullable(not_null(columns))
     });
     let batches = batches.collect::<Result<Vec<_>, ArrowError>>();
@@ -65,7 +70,7 @@ pub(super) fn episodes(
     fps: u32,
 ) -> Result<Vec<u8>, FormatError> {
     const FILE: &str = "meta/episodes/chunk-000/file-000.parquet";
-    let lengths: Vec<i64> = recorded.iter().map(|one| one.frames.len() as i64).collect();
+    let lengths: Vec<i64> = recorded.iter().map(|one| count(one.frames.len())).collect();
     let ends: Vec<i64> = lengths
         .iter()
         .scan(0, |end, length| {
@@ -141,7 +146,7 @@ fn statistics(by_episode: &[Vec<super::stats::FeatureStats>]) -> Columns {
             );
             columns.push((format!("stats/{}/{statistic}", feature.name), list));
         }
-        let counts = by_episode.iter().map(|all| all[idx].frames_n as i64);
+        let counts = by_episode.iter().map(|all| count(all[idx].frames_n));
         let counts = Arc::new(Int64Array::from_iter_values(counts));
         columns.push((
             format!("stats/{}/count", feature.name),
@@ -156,7 +161,7 @@ pub(super) fn tasks(tasks: &BTreeMap<String, usize>) -> Result<Vec<u8>, FormatEr
     const FILE: &str = "meta/tasks.parquet";
     let mut in_order: Vec<(&String, &usize)> = tasks.iter().collect();
     in_order.sort_by_key(|(_, number)| **number);
-    let numbers = in_order.iter().map(|(_, number)| **number as i64);
+    let numbers = in_order.iter().map(|(_, number)| count(**number));
     let columns: [ArrayRef; 2] = [
         Arc::new(Int64Array::from_iter_values(numbers)),
         Arc::new(StringArray::from_iter_values(
