@@ -5,8 +5,6 @@ mod rerun;
 
 use std::path::PathBuf;
 
-use lake::Lake;
-
 use self::motion::motion;
 use crate::{
     arguments::{ExportArgs, ExportFormat, GlbArgs},
@@ -24,7 +22,7 @@ pub(crate) fn export(program: &Program, args: &ExportArgs) -> Result<CommandOutc
 }
 
 fn glb(program: &Program, args: &GlbArgs) -> Result<CommandOutcome, CommandError> {
-    let lake = Lake::open(&program.lake);
+    let lake = program.open_lake()?;
     let run = lookup::run(&lake, args.run.as_deref())?;
     let motion = motion(program, &lake, &run, args)?;
     let bytes = motion.to_glb(&args.name, usize::MAX).map_err(failed)?;

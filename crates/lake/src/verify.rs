@@ -3,7 +3,7 @@
 mod published;
 
 use std::{
-    collections::HashMap,
+    collections::{BTreeSet, HashMap},
     fs, io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
@@ -68,6 +68,10 @@ impl Lake {
             lake: self,
             verified: Verified::default(),
             inodes: HashMap::new(),
+            unfetched: names_in(&self.folder.unfetched())?
+                .iter()
+                .filter_map(|name| name.parse().ok())
+                .collect(),
         };
         verifier.blobs(on_bytes)?;
         verifier.records()?;
@@ -160,6 +164,8 @@ struct Verifier<'a> {
     verified: Verified,
     /// The existing blobs, by device and inode.
     inodes: HashMap<(u64, u64), Digest>,
+    /// Blobs that were left in the depot.
+    unfetched: BTreeSet<Digest>,
 }
 
 impl Verifier<'_> {
@@ -229,7 +235,8 @@ impl Verifier<'_> {
         outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
             let is_there = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
-            (!is_there).then(|| format!("its file `{name}` is missing or cut off"))
+            let is_here = is_there || self.unfetched.contains(&file.digest);
+            (!is_here).then(|| format!("its file `{name}` is missing or cut off"))
         })
     }
 
