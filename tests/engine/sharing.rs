@@ -15,8 +15,8 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 use crate::place::{
-    CHAIN, Place, Running, assert_same, chances, files_below, number, put, read, stderr,
-    stdout, well, write_unnoticed,
+    CHAIN, Place, Running, assert_same, chances, files_below, number, put, read, stderr, stdout,
+    well, write_unnoticed,
 };
 
 /// What a run may lose to a depot that is down, beside what it takes alone.

@@ -90,14 +90,14 @@ impl Link {
                 is_wanted.then_some(()).ok_or_else(not_wanted)
             })
         };
-        let mut sunk = Ok(());
+        let mut taken = Ok(());
         let got = self.ask("get", key, PATIENCE, work, |bytes: Vec<u8>| {
             let n_bytes = bytes.len() as u64;
             self.bytes_got.fetch_add(n_bytes, Ordering::Relaxed);
-            sunk = sink(&bytes);
-            sunk.is_ok()
+            taken = sink(&bytes);
+            taken.is_ok()
         });
-        sunk.map_err(DepotError::io("get", key))?;
+        taken.map_err(DepotError::io("get", key))?;
         got
     }
 

@@ -22,19 +22,13 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Digest, OutputFingerprint, RecordOutcome};
+use dataflow::{Digest, RecordOutcome};
 use depot::{Depot, DepotError, Traffic};
 
-use crate::{
-    LakeError,
-    blobs::Blobs,
-    folder::Folder,
-    mutex::lock,
-    records::{Records, Stored},
-};
+use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
 
 use self::{
-    index::Index,
+    index::{Found, Index},
     marks::{Item, Outbox, Unfetched},
     remote::Remote,
     send::Sender,
@@ -74,7 +68,7 @@ pub(crate) struct Shared {
     /// Blobs that came damaged.
     damaged: Mutex<BTreeSet<Digest>>,
     /// Records that were found in the depot and are not kept here yet.
-    found: Mutex<Vec<(Arc<Stored>, Arc<OutputFingerprint>)>>,
+    found: Mutex<Vec<Found>>,
     n_found: AtomicUsize,
     n_fetched: AtomicUsize,
 }

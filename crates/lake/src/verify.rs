@@ -234,9 +234,9 @@ impl Verifier<'_> {
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
         outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
-            let is_there = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
-            let is_here = is_there || self.unfetched.contains(&file.digest);
-            (!is_here).then(|| format!("its file `{name}` is missing or cut off"))
+            let is_left = self.unfetched.contains(&file.digest);
+            let is_here = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
+            (!is_here && !is_left).then(|| format!("its file `{name}` is missing or cut off"))
         })
     }
 

@@ -5,6 +5,7 @@
 //! refer to has blobs that were sent, or sent again, within a day.
 
 use std::{
+    cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
     path::Path,
     time::{Duration, SystemTime},
@@ -63,7 +64,7 @@ impl Shared {
         let mut garbage = Garbage::default();
         let mut n_left: BTreeMap<(String, String), usize> = BTreeMap::new();
         let mut runs = link.list(keys::RUNS)?;
-        runs.sort_by(|a, b| b.modified.cmp(&a.modified));
+        runs.sort_by_key(|run| Reverse(run.modified));
         for run in runs {
             let left = n_left.entry(series(&run.key)).or_insert(n_runs);
             if is_old(&run) && *left == 0 {
@@ -85,7 +86,9 @@ impl Shared {
             let stored: Option<Stored> = read_if_whole(link, &unit.key)?;
             if !is_old(&unit) {
                 garbage.n_kept += 1;
-                stored.iter().for_each(|stored| kept.add(stored));
+                if let Some(stored) = &stored {
+                    kept.add(stored);
+                }
                 continue;
             }
             if let Some(stored) = stored {

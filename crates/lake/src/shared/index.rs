@@ -47,6 +47,9 @@ pub(crate) struct SharedRun {
     pub(crate) recipes: BTreeMap<Digest, OutputFingerprint>,
 }
 
+/// A record that was found, and its recipe.
+pub(crate) type Found = (Arc<Stored>, Arc<OutputFingerprint>);
+
 /// What is known of a depot's records.
 #[derive(Default)]
 pub(crate) struct Index(Mutex<Known>);
@@ -97,7 +100,7 @@ impl Index {
         remote: &Remote,
         records: &Records,
         fingerprint: &Digest,
-    ) -> Result<Option<(Arc<Stored>, Arc<OutputFingerprint>)>, LakeError> {
+    ) -> Result<Option<Found>, LakeError> {
         let mut known = lock(&self.0);
         let Some(stored) = known.stored(remote, fingerprint) else {
             return Ok(None);
@@ -154,7 +157,7 @@ impl Known {
     fn read_run(&mut self, remote: &Remote) -> Option<()> {
         if self.runs.is_none() {
             let mut runs = remote.list(&keys::runs(&self.pipeline))?;
-            runs.sort_by(|a, b| a.modified.cmp(&b.modified));
+            runs.sort_by_key(|run| run.modified);
             let from = runs.len().saturating_sub(N_RUNS);
             let newest = runs.into_iter().skip(from).map(|run| run.key);
             self.runs = Some(newest.collect());

@@ -16,12 +16,8 @@ use std::{
 use dataflow::{Digest, FileRef};
 use depot::{Content, DepotError, PutMode};
 
-use super::{
-    index::SharedRun,
-    keys,
-    marks::{Item, Outbox, Unfetched},
-    remote::Remote,
-};
+use super::marks::{Item, Outbox, Unfetched};
+use super::{index::SharedRun, keys, remote::Remote};
 use crate::{
     LakeError, atomic,
     blobs::Blobs,
