@@ -37,19 +37,6 @@ impl Program<'_> {
         Ok(Lake::open(&self.lake).with_depot(depot))
     }
 
-    /// Says, where a run makes the lake, that no other machine may write to it.
-    pub(crate) fn say_unlocked(&self, lake: &Lake) {
-        if lake.check_exists().is_err()
-            && let Some(kind) = lake.file_system_without_locks()
-        {
-            report::line(&format!(
-                "note   the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
-                 hint: {}",
-                instead()
-            ));
-        }
-    }
-
     /// Sends what is left to send, for a while, and says what was shared.
     pub(crate) fn end_sharing(&self, lake: &Lake) -> Result<(), CommandError> {
         lake.finish_sending(PATIENCE)?;
@@ -97,6 +84,19 @@ impl Program<'_> {
             ));
         }
         Ok(())
+    }
+}
+
+/// Says, where a run makes the lake, that no other machine may write to it.
+pub(crate) fn say_unlocked(lake: &Lake) {
+    if lake.check_exists().is_err()
+        && let Some(kind) = lake.file_system_without_locks()
+    {
+        report::line(&format!(
+            "note   the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
+             hint: {}",
+            instead()
+        ));
     }
 }
 

@@ -20,7 +20,7 @@ use crate::{
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
-    report,
+    report, sharing,
 };
 
 /// The artifact that is a page of a run.
@@ -31,7 +31,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
     let lake = Arc::new(program.open_lake()?);
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;
-        program.say_unlocked(&lake);
+        sharing::say_unlocked(&lake);
     }
     let outcome = sweep::each(program, &args.pipeline, |pipeline| {
         let args = RunArgs {
