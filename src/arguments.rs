@@ -15,6 +15,8 @@ Options of every command:
   -h, --help        Print help: `-h` on one screen, `--help` everything
   -V, --version     Print the version
 
+Not in the list: `untag` removes a tag, `unit` makes one partition, as `run --processes` does.
+
 Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml";
 
 /// Learn dexterous grasps from human demonstrations
@@ -61,8 +63,11 @@ pub(crate) enum Command {
     /// Trace an artifact to its inputs, or to the artifacts made from it
     Lineage(LineageArgs),
     /// Tag a run, which protects it from `gc`
+    ///
+    /// `pipeline untag NAME` removes the tag.
     Tag(TagArgs),
     /// Remove a tag
+    #[command(hide = true)]
     Untag(UntagArgs),
     /// List the kinds of stages, their inputs, outputs and options
     Stages(StagesArgs),
@@ -78,9 +83,21 @@ pub(crate) enum Command {
     Verify(VerifyArgs),
     /// Remove unreferenced artifacts
     Gc(GcArgs),
+    /// Send results to the depot that machines share
+    ///
+    /// Every result of the lake's runs that it lacks. `run` sends what it makes by itself; this is for
+    /// results from before, and for those that a run without a network left. `PIPELINE_DEPOT` names the
+    /// depot, e.g. `/mnt/lab/depot`.
+    Push,
+    /// Fetch files of the newest results from the depot
+    ///
+    /// `run` fetches tables, charts and pages, and what the units that it makes read; this fetches the
+    /// recordings, meshes and weights that it left.
+    Pull(PullArgs),
     /// Make one partition of one output
     ///
     /// It is what `run --processes` starts, here or on another machine.
+    #[command(hide = true)]
     Unit(UnitArgs),
     /// Print a script that completes commands in a shell
     Completions(CompletionsArgs),
@@ -521,6 +538,13 @@ pub(crate) struct CompletionsArgs {
     pub(crate) shell: Shell,
 }
 
+/// What is fetched.
+#[derive(Args)]
+pub(crate) struct PullArgs {
+    /// Outputs to fetch, e.g. `train.checkpoint` [default: all]
+    pub(crate) artifacts: Vec<String>,
+}
+
 #[derive(Args)]
 pub(crate) struct VerifyArgs {
     /// Check also the files outside the lake that it has read
@@ -528,6 +552,11 @@ pub(crate) struct VerifyArgs {
     /// Finds those that were changed behind an unchanged size, time and inode, and has them read again.
     #[arg(long)]
     pub(crate) inputs: bool,
+    /// Check the depot instead of the lake
+    ///
+    /// Every byte in it, and that nothing in it lacks a file.
+    #[arg(long, conflicts_with = "inputs")]
+    pub(crate) depot: bool,
     /// Delete damaged artifacts; the next run makes them again
     #[arg(long)]
     pub(crate) drop: bool,
@@ -547,6 +576,11 @@ pub(crate) struct GcArgs {
     /// Tagged runs are always kept.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) keep: u16,
+    /// Clean the depot instead of the lake
+    ///
+    /// The newest runs of each pipeline on each machine are kept, and everything younger than a week.
+    #[arg(long, conflicts_with = "files")]
+    pub(crate) depot: bool,
     /// List what would be removed, and remove nothing
     #[arg(long)]
     pub(crate) dry_run: bool,

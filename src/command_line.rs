@@ -74,6 +74,8 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Router(args) => commands::router(&program, args),
         Command::Verify(args) => commands::verify(&program, args),
         Command::Gc(args) => commands::gc(&program, args),
+        Command::Push => commands::push(&program),
+        Command::Pull(args) => commands::pull(&program, args),
         Command::Unit(args) => commands::unit(&program, args),
         Command::Completions(args) => commands::completions(args),
     };

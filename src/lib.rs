@@ -19,6 +19,7 @@ mod processes;
 mod progress;
 mod report;
 mod sample;
+mod sharing;
 mod system_errors;
 mod timestamps;
 

@@ -4,33 +4,39 @@
 use std::{
     env,
     io::{self, BufRead, BufReader},
-    path::PathBuf,
     process::{Child, Command, ExitStatus, Stdio},
 };
 
 use dataflow::{Failure, Forced, Origin, Relay, RemoteWorker, UnitName};
+use lake::Lake;
+
+use crate::sharing;
 
 /// Makes each unit in a separate process.
-pub(crate) struct Processes {
-    /// The lake's folder.
-    pub(crate) lake: PathBuf,
+pub(crate) struct Processes<'a> {
+    /// The lake.
+    pub(crate) lake: &'a Lake,
     /// The pipeline's file, profile and values.
     pub(crate) origin: Origin,
 }
 
-impl Processes {
+impl Processes<'_> {
     fn start(&self, unit: &UnitName, forced: Forced) -> io::Result<Child> {
         let mut command = Command::new(env::current_exe()?);
-        command.arg("unit").arg("--lake").arg(&self.lake).args([
-            "--format",
-            "json",
-            "--with-parent",
-        ]);
+        command
+            .arg("unit")
+            .arg("--lake")
+            .arg(self.lake.root())
+            .args(["--format", "json", "--with-parent"]);
         if let Some(profile) = &self.origin.profile {
             command.args(["--profile", profile]);
         }
         for value in &self.origin.overrides {
             command.args(["--set", value]);
+        }
+        if self.lake.is_depot_offline() {
+            // So that not every process waits for it.
+            command.env_remove(sharing::VARIABLE);
         }
         if forced == Forced::Yes {
             command.arg("--fresh");
@@ -45,7 +51,7 @@ impl Processes {
     }
 }
 
-impl RemoteWorker for Processes {
+impl RemoteWorker for Processes<'_> {
     fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure> {
         let UnitName { node, partition } = unit;
         let failed = |message: String, hint: Option<String>| Failure::Remote {

@@ -5,13 +5,14 @@ mod lake_folder;
 mod robot;
 
 use dataflow::Pipeline;
+use depot::{Content, Link, PutMode};
 
 use crate::{
     arguments::DoctorArgs,
     command_line::Program,
     commands::pipeline_file,
     outcome::{CommandError, CommandOutcome},
-    report,
+    report, sharing,
     system_errors::in_words,
 };
 
@@ -67,7 +68,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
         return robot::check(urdf);
     }
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
-    let found = all(program, &pipeline);
+    let found = all(program, &pipeline)?;
     let rows: Vec<Vec<String>> = found
         .iter()
         .map(|check| {
@@ -97,10 +98,34 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
     }
 }
 
-fn all(program: &Program, pipeline: &Pipeline) -> Vec<Check> {
+fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandError> {
     let mut found = lake_folder::check(&program.lake);
+    found.extend(depot()?);
     found.push(checks::compute());
     found.extend(checks::stages(pipeline));
     found.extend(checks::robot_cells(pipeline));
-    found
+    Ok(found)
+}
+
+/// Stores a file in the depot, reads and removes it, if the environment names a depot.
+fn depot() -> Result<Option<Check>, CommandError> {
+    let Some(depot) = sharing::depot()? else {
+        return Ok(None);
+    };
+    let link = Link::new(depot);
+    let key = format!("doctor/{}", std::process::id());
+    let tried = link
+        .put(
+            &key,
+            Content::of_bytes(b"doctor".to_vec()),
+            PutMode::IfAbsent,
+        )
+        .and_then(|_| link.read(&key))
+        .and_then(|_| link.remove(&key));
+    Ok(Some(match tried {
+        Ok(()) => Check::new(State::Ok, "depot", "results can be shared"),
+        Err(err) => Check::new(State::Missing, "depot", err.chain()).with_hint(
+            "runs work without it: check that it is mounted and can be written".to_owned(),
+        ),
+    }))
 }

@@ -9,7 +9,6 @@ mod rerun;
 use std::path::PathBuf;
 
 use formats::{Export, FormatError, GraspTimes};
-use lake::Lake;
 
 use self::{folder::Folder, gather::Gathered, motion::motion};
 use crate::{
@@ -31,7 +30,7 @@ pub(crate) fn export(program: &Program, args: &ExportArgs) -> Result<CommandOutc
 }
 
 fn glb(program: &Program, args: &GlbArgs) -> Result<CommandOutcome, CommandError> {
-    let lake = Lake::open(&program.lake);
+    let lake = program.open_lake()?;
     let run = lookup::run(&lake, args.run.as_deref())?;
     let motion = motion(program, &lake, &run, args)?;
     let bytes = motion.to_glb(&args.name, usize::MAX).map_err(failed)?;

@@ -18,6 +18,23 @@ use crate::{
 
 /// Removes artifacts that no kept run and no pipeline file refers to.
 pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<CommandOutcome, CommandError> {
+    let collecting = if args.dry_run {
+        GcMode::Count
+    } else {
+        GcMode::Remove
+    };
+    let collected = if args.depot {
+        let lake = program.open_shared_lake()?;
+        lake.collect_depot(usize::from(args.keep), collecting)?
+    } else {
+        of_lake(program, args, collecting)?
+    };
+    report::answer(args.format, &collected, |it| listed(it, collecting))?;
+    program.say(&summary(&collected, collecting));
+    Ok(CommandOutcome::Done)
+}
+
+fn of_lake(program: &Program, args: &GcArgs, collecting: GcMode) -> Result<GcReport, CommandError> {
     let lake = Lake::open(&program.lake);
     lake.check_exists()?;
     let mut kept: Vec<Digest> = Vec::new();
@@ -28,15 +45,7 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<CommandOutcome, Com
             Err(err) => note(program, &pipeline.origin.file, &err.to_string()),
         }
     }
-    let collecting = if args.dry_run {
-        GcMode::Count
-    } else {
-        GcMode::Remove
-    };
-    let collected = lake.collect(&kept, usize::from(args.keep), collecting)?;
-    report::answer(args.format, &collected, |it| listed(it, collecting))?;
-    program.say(&summary(&collected, collecting));
-    Ok(CommandOutcome::Done)
+    Ok(lake.collect(&kept, usize::from(args.keep), collecting)?)
 }
 
 /// The pipeline files to keep: the named ones, or the existing ones of the lake's runs.

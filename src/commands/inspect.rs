@@ -136,9 +136,14 @@ fn one(
     {
         for (name, file) in files {
             let path = lake.file(file);
+            let place = if path.exists() {
+                path.display().to_string()
+            } else {
+                "left in the depot".to_owned()
+            };
             rows.push(vec![
                 format!("file {name}"),
-                format!("{} bytes, {}", file.size, path.display()),
+                format!("{} bytes, {place}", file.size),
             ]);
         }
         rows.extend(

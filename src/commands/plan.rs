@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use dataflow::{Cause, NodeName, Plan, PlannedUnit, UnitState};
-use lake::Lake;
 
 use crate::{
     arguments::{Format, PlanArgs},
@@ -34,7 +33,9 @@ pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<CommandOutcome,
 fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, CommandError> {
     let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
-    let plan = dataflow::plan(&pipeline, &Lake::open(&program.lake), &options)?;
+    let lake = program.open_lake()?;
+    let plan = dataflow::plan(&pipeline, &lake, &options)?;
+    program.say_shared(&lake)?;
     match args.format {
         Format::Text => report::text(&text(&plan, Page::of_stdout().width))?,
         Format::Json => report::json(&plan)?,
@@ -65,12 +66,22 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
             .iter()
             .filter(|unit| unit.state == UnitState::Cached)
             .count();
+        let in_depot = units.iter().filter_map(|unit| match unit.state {
+            UnitState::Depot { bytes } => Some(bytes),
+            _ => None,
+        });
+        let in_depot: Vec<u64> = in_depot.collect();
         if n_cached > 0 {
             row(
                 "cached",
                 name.clone(),
                 format!("{n_cached} of {}", units.len()),
             );
+        }
+        if !in_depot.is_empty() {
+            let (n, bytes) = (in_depot.len(), report::bytes(in_depot.iter().sum()));
+            let what = format!("{n} of {}, up to {bytes} to fetch", units.len());
+            row("depot", name.clone(), what);
         }
         if node.may_grow {
             row(
@@ -92,7 +103,7 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
     let mut groups: BTreeMap<_, Vec<&str>> = BTreeMap::new();
     for unit in units {
         let key = match &unit.state {
-            UnitState::Cached => continue,
+            UnitState::Cached | UnitState::Depot { .. } => continue,
             UnitState::Run { causes, upstream } => {
                 let mut reasons = said(causes);
                 if !upstream.is_empty() {

@@ -19,7 +19,7 @@ const OBJECT_TRIANGLES: usize = 2000;
 
 /// Makes a page of a run, or of several side by side.
 pub(crate) fn report(program: &Program, args: &ReportArgs) -> Result<CommandOutcome, CommandError> {
-    let lake = Lake::open(&program.lake);
+    let lake = program.open_lake()?;
     let mut runs = Vec::new();
     let names: Vec<Option<&str>> = match args.runs.as_slice() {
         [] => vec![None],
@@ -99,8 +99,8 @@ fn gathered(
                         key: unit.partition.clone(),
                         labels: labels.clone(),
                         files: files
-                            .map(|(name, file)| (name.clone(), lake.file(file)))
-                            .collect(),
+                            .map(|(name, file)| Ok((name.clone(), lake.fetched(file)?)))
+                            .collect::<Result<_, CommandError>>()?,
                     });
                 }
                 RecordOutcome::Skipped { reason } | RecordOutcome::Filtered { reason } => {

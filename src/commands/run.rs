@@ -20,7 +20,7 @@ use crate::{
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
-    report,
+    report, sharing,
 };
 
 /// The artifact that is a page of a run.
@@ -28,9 +28,10 @@ const PAGE: &str = "page";
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
 pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, CommandError> {
-    let lake = Arc::new(Lake::open(&program.lake));
+    let lake = Arc::new(program.open_lake()?);
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;
+        sharing::say_unlocked(&lake);
     }
     let outcome = sweep::each(program, &args.pipeline, |pipeline| {
         let args = RunArgs {
@@ -39,8 +40,9 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
         };
         run_variant(program, &lake, &args)
     });
+    let shared = program.end_sharing(&lake);
     lake.leave();
-    outcome
+    outcome.and_then(|outcome| shared.map(|()| outcome))
 }
 
 fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, CommandError> {
@@ -57,7 +59,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     }
     let screen = Screen::new(program.quiet);
     let processes = Processes {
-        lake: program.lake.clone(),
+        lake: store,
         origin: pipeline.origin.clone(),
     };
     let remote = args.processes.then_some(&processes as &dyn RemoteWorker);

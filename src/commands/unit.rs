@@ -34,7 +34,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome,
             near.unwrap_or_else(|| format!("its outputs are: {}", known.join(", "))),
         )
     })?;
-    let lake = Arc::new(Lake::open(&program.lake));
+    let lake = Arc::new(program.open_lake()?);
     interrupt::drop_on_signal(&lake)?;
     if args.with_parent {
         stop_with_parent(&lake);
@@ -48,6 +48,9 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome,
     };
     let unit = UnitName::new(&node, &args.partition);
     let made = make_one(&pipeline, lake.as_ref(), &unit, forced, events);
+    if !args.with_parent {
+        program.end_sharing(&lake)?;
+    }
     lake.leave();
     let outcome = match (made, args.format) {
         (Ok(made), Format::Text) => {

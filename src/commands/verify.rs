@@ -15,7 +15,11 @@ use crate::{
 
 /// Checks every byte of the lake, or of the files outside that it has read.
 pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutcome, CommandError> {
-    let lake = Lake::open(&program.lake);
+    let lake = if args.depot {
+        program.open_shared_lake()?
+    } else {
+        Lake::open(&program.lake)
+    };
     let bar = Mutex::new(None);
     let on_bytes = |done: u64, total: u64| {
         if program.quiet == Quiet::Yes {
@@ -26,7 +30,11 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutc
             bar.set_position(done);
         }
     };
-    let mut verified = lake.verify(&on_bytes)?;
+    let mut verified = if args.depot {
+        lake.verify_depot(&on_bytes)?
+    } else {
+        lake.verify(&on_bytes)?
+    };
     if args.inputs {
         let inputs = lake.verify_inputs(&on_bytes)?;
         verified.n_files += inputs.n_files;
@@ -49,7 +57,11 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutc
     }
     let n_faults = verified.faults.len();
     if args.drop {
-        let n_dropped = lake.drop_damaged(&|_, _| {})?;
+        let n_dropped = if args.depot {
+            lake.drop_damaged_in_depot(&verified.faults)?
+        } else {
+            lake.drop_damaged(&|_, _| {})?
+        };
         program.say(&format!("drop   {n_dropped} damaged files"));
     }
     Err(CommandError::failed(

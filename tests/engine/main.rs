@@ -2,7 +2,8 @@
 //!
 //! The tests check the program's output, the lake's published `tables` and `files`, and a log that
 //! the stages write; the lake's internal storage is not checked. Longer versions are the same tests
-//! with larger counts: `PIPELINE_EDITS`, `PIPELINE_KILLS`, `PIPELINE_FLIPS` and `PIPELINE_FAULTS`;
+//! with larger counts: `PIPELINE_EDITS`, `PIPELINE_KILLS`, `PIPELINE_FLIPS`, `PIPELINE_FAULTS` and
+//! `PIPELINE_ROUNDS`;
 //! `PIPELINE_SEED` changes the random draws.
 
 #[path = "../own_stages/stages.rs"]
@@ -27,3 +28,5 @@ mod programs;
 mod remote;
 mod reports;
 mod resume;
+mod sharing;
+mod two_mounts;

@@ -128,6 +128,7 @@ impl Place {
         program
             .current_dir(self.folder.path())
             .env("OWN_STAGES_LOG", self.log_file())
+            .env_remove("PIPELINE_DEPOT")
             .args([command, "--lake"])
             .arg(lake);
         program

@@ -218,7 +218,7 @@ fn compare_planned(
     for (unit, expected) in expected.iter().filter(|(_, expected)| expected.made) {
         let is_announced = match states.get(unit) {
             Some(UnitState::Run { .. } | UnitState::Pending { .. }) => true,
-            Some(UnitState::Cached) => false,
+            Some(UnitState::Cached | UnitState::Depot { .. }) => false,
             None => growing.contains(unit.stage.as_str()),
         };
         if !is_announced {
@@ -256,7 +256,7 @@ fn compare_planned(
                     faults.push(format!("{unit}: uncertain, but waits for nothing"));
                 }
             }
-            UnitState::Cached => {}
+            UnitState::Cached | UnitState::Depot { .. } => {}
         }
     }
 }

@@ -91,6 +91,7 @@ impl Bench {
         let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
         program
             .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .env_remove("PIPELINE_DEPOT")
             .args([command, file, "--lake"])
             .arg(self.lake())
             .arg("--set")
@@ -106,6 +107,7 @@ impl Bench {
     pub(crate) fn run_own(&self, file: &Path) {
         let ran = Command::new(env!("CARGO_BIN_EXE_pipeline"))
             .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .env_remove("PIPELINE_DEPOT")
             .arg("run")
             .arg(file)
             .arg("--lake")
@@ -150,6 +152,7 @@ impl Bench {
     pub(crate) fn ask(&self, arguments: &[&str]) -> Output {
         Command::new(env!("CARGO_BIN_EXE_pipeline"))
             .env_remove("COLUMNS")
+            .env_remove("PIPELINE_DEPOT")
             .args(arguments)
             .arg("--lake")
             .arg(self.lake())

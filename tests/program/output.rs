@@ -11,7 +11,7 @@ use crate::{
 };
 
 /// Commands that only say on stderr what they did.
-const WITHOUT_DATA: [&str; 3] = ["new", "tag", "untag"];
+const WITHOUT_DATA: [&str; 5] = ["new", "tag", "untag", "push", "pull"];
 
 /// Commands that go on until they are interrupted, and print where they listen.
 const SERVING: [&[&str]; 2] = [

@@ -63,6 +63,11 @@ pub struct PlannedUnit {
 pub enum UnitState {
     /// Its result is in the lake.
     Cached,
+    /// Its result is in the depot, from where a run fetches what it needs.
+    Depot {
+        /// Bytes that are not in the lake.
+        bytes: u64,
+    },
     /// It would run.
     Run {
         /// Every difference from the last time; while it waits, those known so far.
@@ -166,7 +171,7 @@ impl Planner<'_> {
         for (unit, sure) in units.iter().zip(sure) {
             let (state, outcome) = self.unit(node, unit, sure)?;
             match (&state, outcome) {
-                (UnitState::Cached, Some(outcome)) => {
+                (UnitState::Cached | UnitState::Depot { .. }, Some(outcome)) => {
                     let made = self.state.learn(&node.name, &unit.partition, outcome);
                     known.extend(made.map(|known| (unit.partition.clone(), known)));
                 }
@@ -239,7 +244,12 @@ impl Planner<'_> {
             self.store.lookup(&digest)?
         };
         let state = match &cached {
-            Some(_) if sure == Certainty::Whole => UnitState::Cached,
+            Some(outcome) if sure == Certainty::Whole => {
+                match self.store.bytes_elsewhere(outcome) {
+                    0 => UnitState::Cached,
+                    bytes => UnitState::Depot { bytes },
+                }
+            }
             Some(_) => UnitState::Pending {
                 upstream: self.open_inputs(node),
                 causes: Vec::new(),

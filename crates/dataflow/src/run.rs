@@ -166,14 +166,7 @@ impl Runner<'_> {
                 left_out: leaving,
             });
         }
-        let mut made = Vec::with_capacity(units.len());
-        let mut missing = Vec::new();
-        for unit in &units {
-            match self.found(node, unit)? {
-                Some(unit) => made.push(unit),
-                None => missing.push(unit),
-            }
-        }
+        let (mut made, missing) = self.found_and_missing(node, &units)?;
         let mut failure = None;
         if !missing.is_empty() {
             self.begin()?;
@@ -220,6 +213,31 @@ impl Runner<'_> {
             self.store.keep_progress(number, &progress)?;
         }
         Ok(())
+    }
+
+    /// Returns the units that are stored, and those that are to be made.
+    fn found_and_missing<'u>(
+        &self,
+        node: &Node,
+        units: &'u [ListedUnit],
+    ) -> Result<(Vec<UnitReport>, Vec<&'u ListedUnit>), Failure> {
+        let (mut found, mut missing) = (Vec::with_capacity(units.len()), Vec::new());
+        for unit in units {
+            match self.found(node, unit)? {
+                Some(report) => found.push((unit, report)),
+                None => missing.push(unit),
+            }
+        }
+        let outcomes: Vec<&RecordOutcome> = found.iter().map(|(_, it)| &*it.outcome).collect();
+        let mut is_complete = self.store.fetch_shown(&outcomes)?.into_iter();
+        let mut made = Vec::with_capacity(units.len());
+        for (unit, report) in found {
+            match is_complete.next() {
+                Some(true) => made.push(report),
+                Some(false) | None => missing.push(unit),
+            }
+        }
+        Ok((made, missing))
     }
 
     /// Returns a unit's stored result, unless a rerun is forced.

@@ -205,6 +205,17 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
 
+    /// Fetches what a run shows of these results and is not here. Returns whether each is complete; one
+    /// that is not is made again.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be written.
+    fn fetch_shown(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised>;
+
+    /// Returns how many bytes of a result are not here, but would be fetched when they are needed.
+    fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64;
+
     /// Returns the whole record of a fingerprint, to list differences from it.
     ///
     /// # Errors

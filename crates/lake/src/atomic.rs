@@ -8,10 +8,13 @@ use std::{
         LazyLock,
         atomic::{AtomicU64, Ordering},
     },
-    time::UNIX_EPOCH,
+    time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
-use crate::{LakeError, clock::now};
+use crate::{
+    LakeError,
+    clock::{host, now},
+};
 
 /// Makes the names of one process's temporary files unique.
 static COUNTER: AtomicU64 = AtomicU64::new(0);
@@ -21,6 +24,16 @@ static STARTED: LazyLock<u128> = LazyLock::new(|| {
     let since = now().duration_since(UNIX_EPOCH);
     since.unwrap_or_default().as_nanos()
 });
+
+/// The machine, as processes are named after it.
+static MACHINE: LazyLock<String> = LazyLock::new(|| {
+    let named = host();
+    let letters = named.chars().filter(char::is_ascii_alphanumeric);
+    letters.take(HOST).collect()
+});
+
+/// Letters of a machine's name that are in the names of its processes.
+const HOST: usize = 32;
 
 /// Writes a file whole or not at all: beside it, synced, then renamed. A reader finds the old bytes
 /// or the new ones, even after a crash of the program or the machine. Creates parent folders.
@@ -62,15 +75,34 @@ pub(crate) fn place(
     placed
 }
 
-/// A unique name in `staging`.
+/// A unique name of a file in `staging`.
 pub(crate) fn temporary_name(staging: &Path) -> PathBuf {
-    let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-    staging.join(format!("{}-{number}.new", process_name()))
+    unique_name(staging, "new")
 }
 
-/// A name for this process that is never reused.
+/// A name in `staging` that no attempt of any process on any machine has used.
+pub(crate) fn unique_name(staging: &Path, ending: &str) -> PathBuf {
+    let number = COUNTER.fetch_add(1, Ordering::Relaxed);
+    staging.join(format!("{}-{number}.{ending}", process_name()))
+}
+
+/// A name for this process that is never reused: its number, when it first needed a name, in
+/// nanoseconds since 1970, and its machine, without `-` and `.`.
 pub(crate) fn process_name() -> String {
-    format!("{}-{}", std::process::id(), *STARTED)
+    format!("{}-{}-{}", std::process::id(), *STARTED, *MACHINE)
+}
+
+/// The process in a name that begins with a process's.
+pub(crate) fn process_of(name: &str) -> &str {
+    let mut dashes = name.match_indices(['-', '.']);
+    name.get(..dashes.nth(2).map_or(name.len(), |(at, _)| at))
+        .unwrap_or(name)
+}
+
+/// When a process first needed a name, by its name.
+pub(crate) fn started(process: &str) -> Option<SystemTime> {
+    let nanoseconds = process.split('-').nth(1)?.parse().ok()?;
+    Some(UNIX_EPOCH + Duration::from_nanos(nanoseconds))
 }
 
 /// Moves a file to its final name, creating parent folders. Across file systems, the file is first
@@ -154,6 +186,20 @@ mod tests {
         }
         let beside = fs::read_dir(path.parent().unwrap()).unwrap();
         assert_eq!(beside.count(), 1);
+    }
+
+    #[test]
+    fn names_of_attempts_differ_and_tell_their_process() {
+        let staging = Path::new("staging");
+        let names = [(); 2].map(|()| unique_name(staging, "unit"));
+        assert_ne!(names[0], names[1]);
+        for name in names {
+            let name = name.file_name().unwrap().to_str().unwrap();
+            assert_eq!(process_of(name), process_name());
+        }
+        assert_eq!(process_of(&process_name()), process_name());
+        let since = now().duration_since(started(&process_name()).unwrap());
+        assert!(since.unwrap() < Duration::from_hours(1));
     }
 
     #[test]

@@ -75,6 +75,16 @@ impl Blobs {
         Ok(kept)
     }
 
+    /// Moves a file, whose bytes were just checked and synced, into the folder under their digest.
+    pub(crate) fn take_fetched(&self, file: &Path, digest: &Digest) -> Result<(), LakeError> {
+        let metadata = fs::metadata(file).map_err(io_error("read", file))?;
+        let mut permissions = metadata.permissions();
+        permissions.set_readonly(true);
+        fs::set_permissions(file, permissions).map_err(io_error("write", file))?;
+        rename(file, &self.path(digest))?;
+        self.remember(digest)
+    }
+
     /// Whether a file's bytes match its name. They are read only if the file's stamp has changed
     /// since they were last verified.
     pub(crate) fn is_unchanged(&self, file: &FileRef) -> Result<bool, LakeError> {

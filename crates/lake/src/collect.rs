@@ -1,7 +1,7 @@
 //! Garbage collection of unreferenced artifacts.
 //!
 //! Kept are the units of tagged runs, of the newest runs of every pipeline and of its newest state,
-//! those named by the caller, and all made or used since the oldest living process began. Records
+//! those named by the caller, those still to be sent to the depot, and all made or used since the oldest living process began. Records
 //! of runs and their tables always stay. So does the resume state of interrupted units, until it
 //! expires.
 
@@ -86,6 +86,7 @@ impl Lake {
         self.keep_of_runs(n_runs, since, &mut kept)?;
         kept.extend(self.cache.all_current()?);
         kept.extend(self.newest_shown_units()?);
+        kept.extend(self.waiting_units()?);
         let mut collected = GcReport::default();
         let mut blobs = BTreeSet::new();
         let mut recipes = BTreeSet::new();
@@ -124,6 +125,7 @@ impl Lake {
         }
         self.collect_recipes(&recipes, since, collecting)?;
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
+        self.collect_unfetched(&blobs, collecting)?;
         self.collect_resumable(collecting, &mut collected)?;
         self.collect_logs(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
@@ -136,10 +138,7 @@ impl Lake {
     /// When the oldest living process that writes to the lake began, or now.
     fn oldest_process(&self) -> Result<SystemTime, LakeError> {
         let others = self.locks.other_processes()?;
-        let began = others.iter().filter_map(|process| {
-            let (_, nanoseconds) = process.split_once('-')?;
-            Some(UNIX_EPOCH + Duration::from_nanos(nanoseconds.parse().ok()?))
-        });
+        let began = others.iter().filter_map(|process| atomic::started(process));
         Ok(began.fold(now(), SystemTime::min))
     }
 
@@ -231,6 +230,26 @@ impl Lake {
         Ok(())
     }
 
+    /// Removes the marks of blobs that no unit has any more.
+    fn collect_unfetched(
+        &self,
+        kept: &BTreeSet<Digest>,
+        collecting: GcMode,
+    ) -> Result<(), LakeError> {
+        for name in names_in(&self.folder.unfetched())? {
+            if !name.parse().is_ok_and(|blob| kept.contains(&blob)) {
+                remove(&self.folder.unfetched().join(name), collecting)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Units that are still to be sent to the depot.
+    fn waiting_units(&self) -> Result<Vec<Digest>, LakeError> {
+        let names = names_in(&self.folder.outbox())?;
+        Ok(names.iter().filter_map(|name| name.parse().ok()).collect())
+    }
+
     /// Removes stale staging folders and locks of dead processes.
     fn collect_leftovers(
         &self,
@@ -254,15 +273,12 @@ impl Lake {
         let staging = self.folder.staging();
         for name in names_in(&staging)? {
             let path = staging.join(&name);
-            let process = name.trim_start_matches("history-");
-            let mut words = process.split('-');
-            let process = [words.next(), words.next()].map(Option::unwrap_or_default);
-            let process = process.join("-");
-            if self.locks.is_held(&name) || self.locks.is_alive(process.trim_end_matches(".new")) {
+            let process = atomic::process_of(name.trim_start_matches("history-"));
+            if self.locks.is_held(&name) || self.locks.is_alive(process) {
                 continue;
             }
             if collecting == GcMode::Remove {
-                // No process starts to make the unit meanwhile.
+                // No other process removes it meanwhile.
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };

@@ -6,6 +6,7 @@ use std::{
 };
 
 use dataflow::{Advise, PartitionKey};
+use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
 
@@ -55,6 +56,25 @@ pub enum LakeError {
         /// Where it was.
         path: PathBuf,
     },
+    /// Another machine writes to the lake, and neither sees the locks of the other.
+    #[error(
+        "the lake `{}` is that of the machine `{host}`: locks on `{file_system}` hold on one machine only",
+        path.display()
+    )]
+    OtherMachine {
+        /// The lake.
+        path: PathBuf,
+        /// The machine that writes to it.
+        host: String,
+        /// The type of its file system.
+        file_system: String,
+    },
+    /// The lake shares results with no other machine.
+    #[error("the lake has no depot")]
+    NoDepot,
+    /// The depot did not do what it was asked.
+    #[error(transparent)]
+    Depot(#[from] DepotError),
     /// There is no lake.
     #[error("no lake in `{}`", path.display())]
     NoLake {
@@ -204,6 +224,17 @@ impl Advise for LakeError {
             Self::Lost { .. } => Some(
                 "run its pipeline again: what is missing is put back or made again; \
                  `pipeline verify` lists everything that is missing"
+                    .to_owned(),
+            ),
+            Self::OtherMachine { path, host, .. } => Some(format!(
+                "put the lake on a disk of this machine with `--lake DIR`, and share results by \
+                 `PIPELINE_DEPOT=DIR` on both; if `{host}` does not use it any more, remove `{}`",
+                path.join("locks/machine").display()
+            )),
+            Self::NoDepot => Some("name one, e.g. `export PIPELINE_DEPOT=/mnt/lab/depot`".to_owned()),
+            Self::Depot(_) => Some(
+                "check that it is mounted and can be written by you; results stay in the lake until \
+                 then"
                     .to_owned(),
             ),
             Self::NoLake { .. } => Some(

@@ -99,6 +99,16 @@ impl Folder {
         self.logs().join(format!("{}.log", fingerprint.to_hex()))
     }
 
+    /// Marks of what is to be sent to the depot.
+    pub(crate) fn outbox(&self) -> PathBuf {
+        self.join("outbox")
+    }
+
+    /// Marks of blobs that are in the depot and not here.
+    pub(crate) fn unfetched(&self) -> PathBuf {
+        self.join("unfetched")
+    }
+
     pub(crate) fn blobs(&self) -> PathBuf {
         self.join("blobs")
     }
@@ -242,7 +252,7 @@ impl ShownFolders {
     pub(crate) fn path(&self, column: &str, partition: &PartitionKey, name: &str) -> String {
         let folder = if name == table::FILE {
             self.tables.join(format!("{column}={partition}"))
-        } else if SHOWN.iter().any(|ending| name.ends_with(ending)) {
+        } else if is_shown(name) {
             self.charts.join(partition.as_str())
         } else {
             self.files.join(partition.as_str())
@@ -253,6 +263,11 @@ impl ShownFolders {
     pub(crate) fn all(self) -> [PathBuf; 3] {
         [self.tables, self.files, self.charts]
     }
+}
+
+/// Whether a file of an artifact is what people look at: a table, a chart or a page.
+pub(crate) fn is_shown(name: &str) -> bool {
+    name == table::FILE || SHOWN.iter().any(|ending| name.ends_with(ending))
 }
 
 fn shown_table(table: &ArtifactName, pipeline: &str) -> PathBuf {

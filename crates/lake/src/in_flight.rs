@@ -45,7 +45,7 @@ impl InFlight {
         let folders = lock(&self.folders);
         for folder in folders.iter() {
             // A stage may still be writing into it, so a second try may be needed; leftovers are
-            // removed by the next process that makes the unit.
+            // removed by a later run.
             let _left = fs::remove_dir_all(folder).or_else(|_| fs::remove_dir_all(folder));
         }
         (gate, folders.len())

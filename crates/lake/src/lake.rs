@@ -3,21 +3,27 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::{Arc, OnceLock},
+    time::Duration,
 };
 
 use dataflow::{ArtifactName, Digest, FileRef, Record, RunStatus};
+use depot::Depot;
 
 use crate::{
     LakeError,
     atomic::io_error,
     blobs::Blobs,
     cache::Cache,
+    clock,
     dirty::DirtyMarks,
     folder::{Folder, HISTORY, REPORTS, files_below},
     in_flight::InFlight,
     lock::Locks,
+    mount,
     records::{Provenance, Records},
     register::{Register, Run},
+    shared::{Shared, SharingReport},
     sources::Sources,
 };
 
@@ -32,6 +38,10 @@ pub struct Lake {
     pub(crate) dirty: DirtyMarks,
     pub(crate) sources: Sources,
     pub(crate) in_flight: InFlight,
+    /// Where results are shared with other machines, if they are.
+    pub(crate) shared: Option<Shared>,
+    /// The type of its file system, if that has no locks between machines.
+    unlocked: OnceLock<Option<String>>,
 }
 
 impl Lake {
@@ -47,8 +57,37 @@ impl Lake {
             dirty: DirtyMarks::new(folder.clone()),
             sources: Sources::new(folder.clone()),
             in_flight: InFlight::default(),
+            shared: None,
+            unlocked: OnceLock::new(),
             folder,
         }
+    }
+
+    /// Shares results with other machines in a depot; nothing is asked of it yet.
+    #[must_use]
+    pub fn with_depot(mut self, depot: Arc<dyn Depot>) -> Self {
+        self.shared = Some(Shared::new(depot, &self.folder));
+        self
+    }
+
+    /// Sends what is made so far to the depot, for at most `patience`; what is left is sent later.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake cannot be read.
+    pub fn finish_sending(&self, patience: Duration) -> Result<(), LakeError> {
+        self.shared
+            .as_ref()
+            .map_or(Ok(()), |shared| shared.finish(patience))
+    }
+
+    /// Returns what this process shared with its depot, if it has one.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake cannot be read.
+    pub fn sharing(&self) -> Result<Option<SharingReport>, LakeError> {
+        self.shared.as_ref().map(Shared::report).transpose()
     }
 
     /// The folder.
@@ -60,7 +99,33 @@ impl Lake {
     pub(crate) fn prepare(&self) -> Result<(), LakeError> {
         let staging = self.folder.staging();
         fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
+        self.check_machine()?;
         self.locks.enter()
+    }
+
+    /// Returns the type of the file system under the lake, if its locks do not exclude processes on
+    /// other machines.
+    pub fn file_system_without_locks(&self) -> Option<&str> {
+        let found = self
+            .unlocked
+            .get_or_init(|| mount::without_shared_locks(self.root()));
+        found.as_deref()
+    }
+
+    /// Checks that no other machine writes to a lake whose locks hold on one machine only.
+    fn check_machine(&self) -> Result<(), LakeError> {
+        let Some(file_system) = self.file_system_without_locks() else {
+            return Ok(());
+        };
+        let host = self.locks.reserve()?;
+        if host == clock::host() {
+            return Ok(());
+        }
+        Err(LakeError::OtherMachine {
+            path: self.root().to_owned(),
+            host,
+            file_system: file_system.to_owned(),
+        })
     }
 
     /// Ends this process's writing to the lake.
@@ -191,5 +256,47 @@ impl Lake {
     /// Returns the path of an artifact's file.
     pub fn file(&self, file: &FileRef) -> PathBuf {
         self.blobs.path(&file.digest)
+    }
+
+    /// Whether the lake has a depot, and it is not asked any more.
+    pub fn is_depot_offline(&self) -> bool {
+        let shared = self.shared.as_ref();
+        shared.is_some_and(Shared::is_offline)
+    }
+
+    /// Whether a blob was left in the depot.
+    pub(crate) fn is_elsewhere(&self, blob: &Digest) -> bool {
+        let shared = self.shared.as_ref();
+        shared.is_some_and(|shared| shared.has(blob))
+    }
+
+    /// Fetches blobs that were left in the depot, as far as it has them.
+    pub(crate) fn fetch_all<'f>(
+        &self,
+        files: impl IntoIterator<Item = &'f FileRef>,
+    ) -> Result<(), LakeError> {
+        match &self.shared {
+            Some(shared) => shared.fetch_all(&self.blobs, files),
+            None => Ok(()),
+        }
+    }
+
+    /// Returns the path of an artifact's file; it is fetched if it was left in the depot.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it can neither be found nor fetched.
+    pub fn fetched(&self, file: &FileRef) -> Result<PathBuf, LakeError> {
+        let path = self.file(file);
+        let is_here = path.exists()
+            || match &self.shared {
+                Some(shared) => shared.fetch(&self.blobs, file)?,
+                None => false,
+            };
+        if is_here {
+            Ok(path)
+        } else {
+            Err(LakeError::Lost { path })
+        }
     }
 }

@@ -23,6 +23,8 @@
 //! changing/PIPELINE.…      marks of pipelines whose tables and files are being changed
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress
+//! outbox/                  marks of units and runs that are to be sent to the depot
+//! unfetched/               marks of blobs that are in the depot and not here, until they are asked for
 //! logs/abcd….log           what the program of a unit printed, until its unit is collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored
 //! ```
@@ -58,12 +60,14 @@ mod collect;
 mod digests;
 mod dirty;
 mod error;
+mod exchange;
 mod folder;
 mod history;
 mod in_flight;
 mod irreplaceable;
 mod lake;
 mod lock;
+mod mount;
 mod mutex;
 mod newest;
 mod published;
@@ -74,6 +78,7 @@ mod repair;
 mod repeats;
 mod replicas;
 mod sealed;
+mod shared;
 mod snapshot;
 mod sources;
 mod staging;
@@ -95,5 +100,6 @@ pub use error::LakeError;
 pub use lake::Lake;
 pub use records::Provenance;
 pub use register::Run;
+pub use shared::SharingReport;
 pub use unit::{ReadInputs, WriteArtifact};
 pub use verify::{Fault, Verified};

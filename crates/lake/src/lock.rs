@@ -70,6 +70,9 @@ pub(crate) struct Locks {
 /// The lock between taking records into use (shared) and collecting them (exclusive).
 const COLLECTING: &str = "collecting";
 
+/// Name of the machine for which the lake is reserved.
+const MACHINE: &str = "machine";
+
 /// Prefix, before a process's name, of the lock that it holds while it is alive.
 const PROCESS: &str = "process-";
 
@@ -92,6 +95,23 @@ impl Locks {
             *alive = self.try_take(&name, "artifacts")?;
         }
         Ok(())
+    }
+
+    /// Reserves the lake for this machine, which others must not write to, since they do not see its
+    /// locks; returns the machine for which it is reserved.
+    pub(crate) fn reserve(&self) -> Result<String, LakeError> {
+        let path = self.folder.join(MACHINE);
+        atomic::make_parent(&path)?;
+        let reserved = File::create_new(&path).and_then(|mut file| {
+            let host = clock::host();
+            file.write_all(host.as_bytes()).map(|()| host)
+        });
+        match reserved {
+            Err(err) if err.kind() == io::ErrorKind::AlreadyExists => {
+                fs::read_to_string(&path).map_err(io_error("read", &path))
+            }
+            reserved => reserved.map_err(io_error("write", &path)),
+        }
     }
 
     /// Announces that this process no longer writes to the lake.
@@ -158,7 +178,7 @@ impl Locks {
     /// Names of the stale locks of dead processes.
     pub(crate) fn left(&self) -> Result<Vec<String>, LakeError> {
         let mut names = names_in(&self.folder)?;
-        names.retain(|name| name != COLLECTING && !self.is_held(name));
+        names.retain(|name| ![COLLECTING, MACHINE].contains(&&**name) && !self.is_held(name));
         Ok(names)
     }
 

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, Node, NodeName, PartitionKey, PublishedUnit};
+use dataflow::{Digest, FileRef, Node, NodeName, PartitionKey, PublishedUnit};
 
 use crate::{
     LakeError,
@@ -26,7 +26,7 @@ const LINK_TRIES: u32 = 100;
 
 /// A file to publish.
 struct Wanted<'a> {
-    digest: Digest,
+    file: &'a FileRef,
     fingerprint: &'a Digest,
     partition: &'a PartitionKey,
     is_table: bool,
@@ -42,7 +42,7 @@ pub(crate) fn publish(
     made: &[PublishedUnit],
     before: Option<&Shown>,
 ) -> Result<Option<Shown>, LakeError> {
-    let wanted = wanted(pipeline, node, made);
+    let wanted = wanted(lake, pipeline, node, made);
     let folders = ShownFolders::of(pipeline, &node.name).all();
     if let Some(before) = before
         && is_shown(lake, before, &wanted)
@@ -56,7 +56,7 @@ pub(crate) fn publish(
     let mut shown = Shown::new();
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
-        show(lake, &file.digest, &target)?;
+        show(lake, &file.file.digest, &target)?;
         if file.is_table {
             let every = lake.folder.every_table(
                 &node.name.artifact,
@@ -64,11 +64,11 @@ pub(crate) fn publish(
                 file.partition,
                 file.fingerprint,
             );
-            show(lake, &file.digest, &every)?;
+            show(lake, &file.file.digest, &every)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
         let file = ShownFile {
-            digest: file.digest,
+            digest: file.file.digest,
             fingerprint: *file.fingerprint,
             stamp,
         };
@@ -80,7 +80,10 @@ pub(crate) fn publish(
     Ok(Some(shown))
 }
 
+/// Lists the files to publish. Those that were left in the depot are published once something has
+/// asked for them.
 fn wanted<'a>(
+    lake: &Lake,
     pipeline: &str,
     node: &Node,
     made: &[PublishedUnit<'a>],
@@ -90,8 +93,11 @@ fn wanted<'a>(
     for unit in made {
         for (name, file) in unit.outcome.files().into_iter().flatten() {
             let path = folders.path(node.output.partition, unit.partition, name);
+            if lake.is_elsewhere(&file.digest) {
+                continue;
+            }
             let file = Wanted {
-                digest: file.digest,
+                file,
                 fingerprint: unit.fingerprint,
                 partition: unit.partition,
                 is_table: name == table::FILE,
@@ -110,7 +116,7 @@ fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> b
             .zip(wanted)
             .all(|((path, shown), (name, file))| {
                 path == name
-                    && shown.digest == file.digest
+                    && shown.digest == file.file.digest
                     && shown.fingerprint == *file.fingerprint
                     && Stamp::read(&lake.folder.join(path)).is_ok_and(|stamp| {
                         // Another unit with the same bytes has taken their blob into use.

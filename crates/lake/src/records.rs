@@ -3,6 +3,7 @@
 use std::{
     collections::{BTreeMap, HashSet},
     fs::File,
+    io::Write,
     path::{Path, PathBuf},
     sync::{Arc, Mutex},
 };
@@ -14,7 +15,7 @@ use dataflow::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    LakeError,
+    LakeError, atomic,
     clock::now,
     folder::{Folder, digest_named, files_below},
     mutex::lock,
@@ -39,7 +40,7 @@ pub struct Provenance {
 }
 
 /// A record as stored in the lake.
-#[derive(Debug, Serialize, Deserialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub(crate) struct Stored {
     pub(crate) fingerprint: Digest,
     pub(crate) recipe: Digest,
@@ -55,7 +56,8 @@ pub(crate) struct Stored {
 }
 
 impl Stored {
-    fn fingerprint(self, recipe: Arc<OutputFingerprint>) -> Fingerprint {
+    /// Joins it with its recipe.
+    pub(crate) fn fingerprint(self, recipe: Arc<OutputFingerprint>) -> Fingerprint {
         Fingerprint {
             recipe,
             stage: self.stage,
@@ -135,11 +137,7 @@ impl Records {
     pub(crate) fn keep(&self, record: &Record, provenance: Provenance) -> Result<(), LakeError> {
         let fingerprint = &record.fingerprint;
         let recipe = fingerprint.recipe.digest();
-        let path = self.recipe_path(&recipe);
-        if self.recipe(&recipe)?.is_none() {
-            let bytes = sealed::seal(&path, fingerprint.recipe.as_ref())?;
-            replicas::write(&self.folder, &path, &bytes)?;
-        }
+        self.keep_recipe(&recipe, &fingerprint.recipe)?;
         let stored = Stored {
             fingerprint: fingerprint.digest(),
             recipe,
@@ -158,6 +156,36 @@ impl Records {
         Ok(())
     }
 
+    fn keep_recipe(&self, digest: &Digest, recipe: &OutputFingerprint) -> Result<(), LakeError> {
+        let path = self.recipe_path(digest);
+        if self.recipe(digest)?.is_none() {
+            let bytes = sealed::seal(&path, recipe)?;
+            replicas::write(&self.folder, &path, &bytes)?;
+        }
+        Ok(())
+    }
+
+    /// Stores a record from elsewhere. It is not synced: a damaged one counts as missing and comes
+    /// again.
+    pub(crate) fn adopt(
+        &self,
+        stored: &Stored,
+        recipe: &OutputFingerprint,
+    ) -> Result<(), LakeError> {
+        let path = self.path(&stored.fingerprint);
+        if self.read(&stored.fingerprint)?.is_some() {
+            return Ok(());
+        }
+        self.keep_recipe(&stored.recipe, recipe)?;
+        let bytes = sealed::seal(&path, stored)?;
+        atomic::place(&self.folder.staging(), &path, |beside| {
+            let written = File::create_new(beside).and_then(|mut file| file.write_all(&bytes));
+            written.map_err(atomic::io_error("write", &path))
+        })?;
+        self.remember(&stored.fingerprint);
+        Ok(())
+    }
+
     /// Reads the record of a fingerprint; a damaged one counts as missing: the unit is rebuilt.
     pub(crate) fn read(&self, fingerprint: &Digest) -> Result<Option<Stored>, LakeError> {
         let stored: Option<Stored> = sealed::read_if_whole(&self.path(fingerprint))?;
@@ -165,7 +193,7 @@ impl Records {
     }
 
     /// Reads a recipe; if it and its copy are damaged, it counts as missing.
-    fn recipe(&self, digest: &Digest) -> Result<Option<OutputFingerprint>, LakeError> {
+    pub(crate) fn recipe(&self, digest: &Digest) -> Result<Option<OutputFingerprint>, LakeError> {
         match replicas::read(&self.folder, &self.recipe_path(digest), parse_recipe) {
             Err(LakeError::Damaged { .. } | LakeError::Json { .. }) => Ok(None),
             read => read,

@@ -29,7 +29,7 @@ pub(crate) struct UnitInProgress<'a> {
 }
 
 impl<'a> UnitInProgress<'a> {
-    /// Waits for the unit's lock and clears the leftovers of a dead owner.
+    /// Waits for the unit's lock.
     pub(crate) fn begin(
         lake: &'a Lake,
         fingerprint: &Digest,
@@ -38,8 +38,7 @@ impl<'a> UnitInProgress<'a> {
     ) -> Result<Self, LakeError> {
         let lock = lake.locks.unit(fingerprint, unit, waiting)?;
         let name = fingerprint.to_hex();
-        let folder = lake.folder.staging().join(&name);
-        atomic::remove_folder_if_there(&folder)?;
+        let folder = atomic::unique_name(&lake.folder.staging(), "unit");
         fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
         lake.in_flight.begin(&folder);
         Ok(Self {
@@ -82,6 +81,9 @@ impl<'a> UnitInProgress<'a> {
             host: host(),
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
+        if let Some(shared) = &self.lake.shared {
+            shared.send_unit(&record.fingerprint.digest())?;
+        }
         self.lake.records.keep(&record, provenance)?;
         // Leftovers are removed by the next garbage collection.
         let _left = self.start_over();
@@ -125,7 +127,7 @@ impl UnitTransaction for UnitInProgress<'_> {
 
 impl Drop for UnitInProgress<'_> {
     fn drop(&mut self) {
-        // Leftovers are removed by the next process that makes the unit.
+        // Leftovers are removed by a later run.
         let _left = fs::remove_dir_all(&self.folder);
         self.lake.in_flight.end(&self.folder);
     }

@@ -13,15 +13,18 @@ use dataflow::{
 };
 
 use crate::{
-    GcMode, LakeError, history, lake::Lake, newest::Newest, published, repair,
-    staging::UnitInProgress,
+    GcMode, LakeError, folder::is_shown, history, lake::Lake, newest::Newest, published, repair,
+    shared::Shared, staging::UnitInProgress,
 };
 
 impl Lake {
-    /// Whether every file of a result exists, unchanged.
+    /// Whether every file of a result exists, unchanged, or was left in the depot.
     fn is_whole(&self, outcome: &RecordOutcome) -> Result<bool, LakeError> {
+        let shared = self.shared.as_ref();
         for file in outcome.files().into_iter().flat_map(BTreeMap::values) {
-            if !self.blobs.is_unchanged(file)? {
+            if !self.blobs.is_unchanged(file)?
+                && !shared.is_some_and(|shared| shared.can_fetch(&file.digest))
+            {
                 return Ok(false);
             }
         }
@@ -78,8 +81,36 @@ impl Lake {
     }
 }
 
+/// Results shared with other machines.
+impl Lake {
+    /// Returns a result from the depot.
+    fn find_elsewhere(
+        &self,
+        fingerprint: &Digest,
+    ) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
+        match &self.shared {
+            Some(shared) => shared.lookup(&self.records, &self.blobs, fingerprint),
+            None => Ok(None),
+        }
+    }
+
+    /// Stores the records that were found in the depot.
+    fn adopt(&self) -> Result<(), LakeError> {
+        match &self.shared {
+            Some(shared) if shared.has_found() => {
+                self.prepare()?;
+                shared.adopt(&self.records, &self.blobs)
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
 impl Store for Lake {
     fn enter(&self, pipeline: &str) -> Result<(), Advised> {
+        if let Some(shared) = &self.shared {
+            shared.enter(pipeline);
+        }
         self.records.invalidate();
         self.cache
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
@@ -88,15 +119,45 @@ impl Store for Lake {
     }
 
     fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
-        Ok(self.find(fingerprint)?)
+        match self.find(fingerprint)? {
+            Some(outcome) => Ok(Some(outcome)),
+            None => Ok(self.find_elsewhere(fingerprint)?),
+        }
     }
 
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
         // The record comes first: the cached newest state may be older.
         match self.recall_old(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
-            None => Ok(self.cache.outcome(fingerprint)),
+            None => match self.cache.outcome(fingerprint) {
+                Some(outcome) => Ok(Some(outcome)),
+                None => Ok(self.find_elsewhere(fingerprint)?),
+            },
         }
+    }
+
+    fn fetch_shown(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised> {
+        let Some(shared) = &self.shared else {
+            return Ok(vec![true; outcomes.len()]);
+        };
+        let shown = |outcome: &&RecordOutcome| -> Vec<FileRef> {
+            let files = outcome.files().into_iter().flatten();
+            let shown = files.filter(|(name, file)| is_shown(name) && shared.has(&file.digest));
+            shown.map(|(_, file)| file.clone()).collect()
+        };
+        let absent: Vec<Vec<FileRef>> = outcomes.iter().map(shown).collect();
+        shared.fetch_all(&self.blobs, absent.iter().flatten())?;
+        let is_here = |files: Vec<FileRef>| files.iter().all(|file| self.file(file).exists());
+        Ok(absent.into_iter().map(is_here).collect())
+    }
+
+    fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64 {
+        let Some(shared) = &self.shared else {
+            return 0;
+        };
+        let files = outcome.files().into_iter().flat_map(BTreeMap::values);
+        let absent = files.filter(|file| shared.has(&file.digest));
+        absent.map(|file| file.size).sum()
     }
 
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
@@ -122,6 +183,7 @@ impl Store for Lake {
         waiting: &dyn Fn(&str),
     ) -> Result<Box<dyn UnitTransaction + '_>, Advised> {
         self.prepare()?;
+        self.adopt()?;
         Ok(Box::new(UnitInProgress::begin(
             self,
             fingerprint,
@@ -137,10 +199,14 @@ impl Store for Lake {
         let mut paths = BTreeMap::new();
         let mut is_whole = true;
         for (name, file) in files {
-            if self.blobs.is_whole(file)? {
+            let is_here = self.blobs.is_whole(file)?;
+            if !is_here {
+                self.blobs.drop(file)?;
+            }
+            let fetch = |shared: &Shared| shared.fetch(&self.blobs, file);
+            if is_here || self.shared.as_ref().map_or(Ok(false), fetch)? {
                 paths.insert(name.clone(), self.blobs.path(&file.digest));
             } else {
-                self.blobs.drop(file)?;
                 is_whole = false;
             }
         }
@@ -149,6 +215,7 @@ impl Store for Lake {
 
     fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised> {
         let _permit = self.in_flight.permit_commit();
+        self.adopt()?;
         let shown_of = |newest: &mut Newest| newest.shown.get(&node.name).cloned();
         let before = self.cache.with(pipeline, shown_of);
         let shown = published::publish(self, pipeline, node, made, before.as_ref());
@@ -177,6 +244,10 @@ impl Store for Lake {
     fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
         let _permit = self.in_flight.permit_commit();
         self.prepare()?;
+        self.adopt()?;
+        if let Some(shared) = &self.shared {
+            shared.start();
+        }
         self.collect_staging(GcMode::Remove)?;
         Ok(self.register.begin(run, &self.locks)?)
     }
@@ -204,6 +275,9 @@ impl Store for Lake {
         };
         let history = history::keep(self, &run, record, units)?;
         self.register.end(run, record.clone(), history)?;
+        if let Some(shared) = &self.shared {
+            shared.send_run(number)?;
+        }
         self.dirty.unmark(&record.pipeline, &self.locks)?;
         Ok(repair::repair(self)?)
     }
@@ -226,6 +300,7 @@ impl Store for Lake {
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
     ) -> Result<(), Advised> {
         let _permit = self.in_flight.permit_commit();
+        self.adopt()?;
         let is_changed = self.cache.with(pipeline, |newest| newest.is_changed());
         if units.is_some() || is_changed || self.blobs.learned() || self.records.stamps.learned() {
             let parts = (&self.records, &self.blobs);

@@ -3,7 +3,7 @@
 mod published;
 
 use std::{
-    collections::HashMap,
+    collections::{BTreeSet, HashMap},
     fs, io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
@@ -68,6 +68,10 @@ impl Lake {
             lake: self,
             verified: Verified::default(),
             inodes: HashMap::new(),
+            unfetched: names_in(&self.folder.unfetched())?
+                .iter()
+                .filter_map(|name| name.parse().ok())
+                .collect(),
         };
         verifier.blobs(on_bytes)?;
         verifier.records()?;
@@ -160,6 +164,8 @@ struct Verifier<'a> {
     verified: Verified,
     /// The existing blobs, by device and inode.
     inodes: HashMap<(u64, u64), Digest>,
+    /// Blobs that were left in the depot.
+    unfetched: BTreeSet<Digest>,
 }
 
 impl Verifier<'_> {
@@ -228,8 +234,9 @@ impl Verifier<'_> {
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
         outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
-            let is_there = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
-            (!is_there).then(|| format!("its file `{name}` is missing or cut off"))
+            let is_left = self.unfetched.contains(&file.digest);
+            let is_here = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
+            (!is_here && !is_left).then(|| format!("its file `{name}` is missing or cut off"))
         })
     }
 

@@ -6,7 +6,10 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use lake::Lake;
+
 use super::{Check, State};
+use crate::sharing;
 
 /// Tries a run's file operations in the lake; its probe files are removed.
 pub(super) fn check(lake: &Path) -> Vec<Check> {
@@ -31,9 +34,15 @@ pub(super) fn check(lake: &Path) -> Vec<Check> {
             format!("{err}; tables are copies and take their space again"),
         ),
     });
-    found.push(match probe.lock() {
-        Ok(()) => Check::new(State::Ok, "locks", "several runs can share the lake"),
-        Err(err) => Check::new(State::Missing, "locks", err.to_string())
+    let lake = Lake::open(lake);
+    found.push(match (probe.lock(), lake.file_system_without_locks()) {
+        (Ok(()), None) => Check::new(State::Ok, "locks", "several runs can share the lake"),
+        (Ok(()), Some(kind)) => {
+            let finding =
+                format!("`{kind}` keeps them on this machine: no other may write to the lake");
+            Check::new(State::Unset, "locks", finding).with_hint(sharing::instead())
+        }
+        (Err(err), _) => Check::new(State::Missing, "locks", err.to_string())
             .with_hint("choose a lake on a file system with locks with `--lake DIR`".to_owned()),
     });
     found

@@ -61,7 +61,7 @@ impl Gathered {
     }
 
     fn of(program: &Program, args: &MotionsArgs, part: Part) -> Result<Self, CommandError> {
-        let lake = Lake::open(&program.lake);
+        let lake = program.open_lake()?;
         let run = lookup::run(&lake, args.run.as_deref())?;
         let (node, units) = lookup::units(&run, &args.artifact)?;
         let units = chosen(&run, &units, args)?;
@@ -235,7 +235,7 @@ impl Gathered {
         program: &Program,
         args: &MotionsArgs,
     ) -> Result<BTreeMap<String, BenchObject>, CommandError> {
-        let lake = Lake::open(&program.lake);
+        let lake = program.open_lake()?;
         let run = lookup::run(&lake, args.run.as_deref())?;
         let names: BTreeSet<&str> = self.episodes.iter().map(Episode::object).collect();
         let mut objects = BTreeMap::new();

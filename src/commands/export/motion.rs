@@ -90,8 +90,8 @@ pub(super) fn artifact(lake: &Lake, unit: &UnitRef) -> Result<Option<Artifact>, 
         key: unit.partition.clone(),
         labels,
         files: files
-            .map(|(name, file)| (name.clone(), lake.file(file)))
-            .collect(),
+            .map(|(name, file)| Ok((name.clone(), lake.fetched(file)?)))
+            .collect::<Result<_, CommandError>>()?,
     }))
 }
 

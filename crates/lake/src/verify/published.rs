@@ -94,8 +94,8 @@ impl Verifier<'_> {
                 self.check_published_file(&state, &path, promise);
             }
         }
-        for (name, _) in promised {
-            if !state.is_changing(Path::new(&name)) {
+        for (name, digest) in promised {
+            if !state.is_changing(Path::new(&name)) && !self.unfetched.contains(&digest) {
                 self.fault(&folder.join(&name), "is missing: a unit made it");
             }
         }

@@ -1,0 +1,69 @@
+//! Why a depot did not do what it was asked.
+
+use std::{error::Error, io, time::Duration};
+
+/// Why a depot did not do what it was asked.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum DepotError {
+    /// A file or folder of a shared folder could not be used.
+    #[error("cannot {action} `{key}` in the depot")]
+    Io {
+        /// What was tried, e.g. `get`.
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// An object store refused or broke off a request.
+    #[error("cannot {action} `{key}` in the depot")]
+    Store {
+        /// What was tried, e.g. `get`.
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// Why it failed.
+        source: Box<dyn Error + Send + Sync>,
+    },
+    /// A request was not answered.
+    #[error("the depot did not answer within {} s: {action} `{key}`", waited.as_secs())]
+    Silent {
+        /// What was tried, e.g. `get`.
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// How long it was waited for, without any progress.
+        waited: Duration,
+    },
+    /// A depot that failed before is not asked again by this process.
+    #[error("the depot is not asked any more: {why}")]
+    Offline {
+        /// The first failure.
+        why: String,
+    },
+}
+
+impl DepotError {
+    /// Returns a function that adds the action and the key to a system's error.
+    pub(crate) fn io(action: &'static str, key: &str) -> impl FnOnce(io::Error) -> Self {
+        let key = key.to_owned();
+        move |source| Self::Io {
+            action,
+            key,
+            source,
+        }
+    }
+
+    /// Returns the error with its causes, in one line.
+    pub fn chain(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = self.source();
+        while let Some(err) = cause {
+            text.push_str(": ");
+            text.push_str(&err.to_string());
+            cause = err.source();
+        }
+        text
+    }
+}

@@ -1,0 +1,158 @@
+//! What a person asks of a depot: to send, to fetch, to verify and to remove.
+
+use std::{collections::BTreeSet, time::Duration};
+
+use dataflow::{Digest, FileRef, NodeName};
+
+use crate::{
+    GcMode, GcReport, LakeError,
+    digests::OnBytes,
+    lake::Lake,
+    published,
+    shared::Shared,
+    verify::{Fault, Verified},
+};
+
+/// Time without a limit.
+const PATIENCE: Duration = Duration::from_hours(10 * 24);
+
+impl Lake {
+    /// Sends every result of the lake's runs that the depot lacks, and waits for it.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot, or it or a record of the lake cannot be read.
+    pub fn push(&self) -> Result<(), LakeError> {
+        let shared = self.depot()?;
+        self.check_exists()?;
+        self.prepare()?;
+        let mut there = shared.fingerprints()?;
+        for number in self.runs()? {
+            let run = self.run(number)?;
+            let mut is_lacking = false;
+            for unit in run.record.units {
+                if self.records.is_whole(&unit.fingerprint)? && there.insert(unit.fingerprint) {
+                    shared.send_unit(&unit.fingerprint)?;
+                    is_lacking = true;
+                }
+            }
+            if is_lacking {
+                shared.send_run(number)?;
+            }
+        }
+        shared.finish(PATIENCE)
+    }
+
+    /// Fetches the files of the newest results that were left in the depot, of these outputs or of
+    /// all, and shows them. Returns how many the depot no longer has.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot, a record of the lake cannot be read, or a file cannot be
+    /// written.
+    pub fn pull(&self, outputs: &[NodeName]) -> Result<usize, LakeError> {
+        self.depot()?;
+        self.check_exists()?;
+        self.prepare()?;
+        let mut wanted: BTreeSet<(Digest, u64)> = BTreeSet::new();
+        for fingerprint in self.newest_shown_units()? {
+            let Some(stored) = self.records.read(&fingerprint)? else {
+                continue;
+            };
+            let output = self.records.output(&stored)?;
+            let is_asked = |node: &NodeName| {
+                node.stage == stored.stage && output.as_ref() == Some(&node.artifact)
+            };
+            if outputs.is_empty() || outputs.iter().any(is_asked) {
+                let files = stored
+                    .outcome
+                    .files()
+                    .into_iter()
+                    .flat_map(|files| files.values());
+                wanted.extend(files.map(|file| (file.digest, file.size)));
+            }
+        }
+        let files = wanted.into_iter();
+        let files = files.map(|(digest, size)| FileRef { digest, size });
+        let files: Vec<FileRef> = files.collect();
+        self.fetch_all(&files)?;
+        let n_lost = files
+            .iter()
+            .filter(|file| !self.file(file).exists())
+            .count();
+        for pipeline in self.recorded_pipelines()? {
+            let _turn = self.locks.lock_publication(&pipeline)?;
+            for (path, blob) in self.promised_by(&pipeline)?.0 {
+                let path = self.folder.join(path);
+                if !path.exists() && self.blobs.path(&blob).exists() {
+                    published::show(self, &blob, &path)?;
+                }
+            }
+        }
+        Ok(n_lost)
+    }
+
+    /// Checks every byte of the depot against what was stored, and that records have their files.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot or it cannot be read.
+    pub fn verify_depot(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+        let (n_files, n_bytes, faults) = self.depot()?.check(on_bytes)?;
+        let faults = faults.into_iter().map(|(path, what)| Fault {
+            path,
+            what,
+            can_drop: true,
+        });
+        Ok(Verified {
+            n_files,
+            n_bytes,
+            faults: faults.collect(),
+        })
+    }
+
+    /// Removes damaged files from the depot, so that they are made and sent again. Returns how many.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot or it cannot be written.
+    pub fn drop_damaged_in_depot(&self, faults: &[Fault]) -> Result<usize, LakeError> {
+        for fault in faults {
+            self.depot()?.remove(&fault.path)?;
+        }
+        Ok(faults.len())
+    }
+
+    /// Removes or counts what no kept run refers to in the depot: of each pipeline on each machine,
+    /// the newest `n_runs` are kept, and everything younger than a week.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot, or it cannot be read or written.
+    pub fn collect_depot(&self, n_runs: usize, collecting: GcMode) -> Result<GcReport, LakeError> {
+        let shared = self.depot()?;
+        let garbage = shared.garbage(&self.records, n_runs)?;
+        let mut report = GcReport {
+            n_blobs: garbage.n_blobs,
+            n_bytes: garbage.n_bytes,
+            n_leftovers: garbage.n_leftovers,
+            n_kept: garbage.n_kept,
+            ..GcReport::default()
+        };
+        for (output, n_bytes) in garbage.units {
+            let of_output = report.units.entry(output).or_default();
+            of_output.n_units += 1;
+            of_output.n_bytes += n_bytes;
+        }
+        if collecting == GcMode::Remove {
+            for key in &garbage.keys {
+                shared.remove(key.as_ref())?;
+            }
+        }
+        Ok(report)
+    }
+
+    fn depot(&self) -> Result<&Shared, LakeError> {
+        self.shared.as_ref().ok_or(LakeError::NoDepot)
+    }
+}

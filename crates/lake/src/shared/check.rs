@@ -1,0 +1,120 @@
+//! Verification of a depot: every byte against its stored digest.
+
+use std::{
+    collections::BTreeSet,
+    path::{Path, PathBuf},
+    sync::{
+        Mutex,
+        atomic::{AtomicU64, AtomicUsize, Ordering},
+    },
+    thread,
+};
+
+use dataflow::Digest;
+use depot::{DepotError, Entry, Link};
+
+use super::{Shared, index::SharedRun, keys};
+use crate::{
+    digests::OnBytes,
+    mutex::lock,
+    records::{Stored, parse_recipe},
+    sealed,
+};
+
+/// Files read at once.
+const AT_ONCE: usize = 8;
+
+/// A fault in a depot: the key, and what is wrong.
+pub(crate) type KeyFault = (PathBuf, String);
+
+impl Shared {
+    /// Reads every file of the depot. Returns the number of files, their bytes, and the faults.
+    pub(crate) fn check(
+        &self,
+        on_bytes: &OnBytes,
+    ) -> Result<(usize, u64, Vec<KeyFault>), DepotError> {
+        let link = self.remote.link();
+        let mut entries = Vec::new();
+        for prefix in [keys::BLOBS, keys::RECIPES, keys::UNITS, keys::RUNS] {
+            entries.extend(link.list(prefix)?);
+        }
+        let there: BTreeSet<&str> = entries.iter().map(|entry| entry.key.as_str()).collect();
+        let total = entries.iter().map(|entry| entry.size).sum();
+        let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
+        let faults = Mutex::new(Vec::new());
+        let work = || {
+            while let Some(entry) = entries.get(next.fetch_add(1, Ordering::Relaxed)) {
+                if let Some(what) = fault(link, entry, &there)? {
+                    lock(&faults).push((PathBuf::from(&entry.key), what));
+                }
+                on_bytes(
+                    done.fetch_add(entry.size, Ordering::Relaxed) + entry.size,
+                    total,
+                );
+            }
+            Ok::<_, DepotError>(())
+        };
+        thread::scope(|scope| {
+            let workers: Vec<_> = (0..AT_ONCE).map(|_| scope.spawn(work)).collect();
+            workers
+                .into_iter()
+                .filter_map(|worker| worker.join().ok())
+                .collect::<Result<(), _>>()
+        })?;
+        let mut faults = std::mem::take(&mut *lock(&faults));
+        faults.sort();
+        Ok((entries.len(), total, faults))
+    }
+
+    /// Removes a file from the depot.
+    pub(crate) fn remove(&self, key: &Path) -> Result<(), DepotError> {
+        self.remote.link().remove(&key.to_string_lossy())
+    }
+}
+
+/// Returns what is wrong with a file of a depot.
+fn fault(link: &Link, entry: &Entry, there: &BTreeSet<&str>) -> Result<Option<String>, DepotError> {
+    let key = entry.key.as_str();
+    let path = Path::new(key);
+    let damaged = || {
+        Ok(Some(
+            "its bytes are not the ones that were stored".to_owned(),
+        ))
+    };
+    if key.starts_with(keys::BLOBS) {
+        let mut hasher = blake3::Hasher::new();
+        let is_there = link.get(key, &mut |piece| {
+            hasher.update(piece);
+            Ok(())
+        })?;
+        let digest = Digest::from(*hasher.finalize().as_bytes());
+        return match keys::digest_of(key) {
+            Some(named) if named == digest || !is_there => Ok(None),
+            _ => damaged(),
+        };
+    }
+    // It was removed meanwhile.
+    let Some(bytes) = link.read(key)? else {
+        return Ok(None);
+    };
+    if key.starts_with(keys::RECIPES) {
+        return parse_recipe(path, &bytes).map_or_else(|_| damaged(), |_| Ok(None));
+    }
+    if key.starts_with(keys::RUNS) {
+        let run = sealed::parse::<SharedRun>(path, &bytes);
+        return run.map_or_else(|_| damaged(), |_| Ok(None));
+    }
+    let Ok(stored) = sealed::parse::<Stored>(path, &bytes) else {
+        return damaged();
+    };
+    if keys::digest_of(key) != Some(stored.fingerprint) {
+        return damaged();
+    }
+    let files = stored.outcome.files().into_iter().flatten();
+    let lacking = files
+        .filter(|(_, file)| !there.contains(keys::blob(&file.digest).as_str()))
+        .map(|(name, _)| format!("its file `{name}` is not there"));
+    let recipe = (!there.contains(keys::recipe(&stored.recipe).as_str()))
+        .then(|| "its recipe is not there".to_owned());
+    Ok(lacking.chain(recipe).next())
+}

@@ -1,0 +1,127 @@
+//! Fetching blobs, checked while they come.
+
+use std::{
+    fs::{self, File},
+    io::{self, Write},
+    path::Path,
+    sync::atomic::{AtomicUsize, Ordering},
+    thread,
+};
+
+use dataflow::{Digest, FileRef};
+
+use super::{Shared, keys};
+use crate::{
+    LakeError,
+    atomic::{self, io_error},
+    blobs::Blobs,
+    mutex::lock,
+};
+
+/// Blobs fetched at once.
+const AT_ONCE: usize = 8;
+
+/// Times that bytes which came damaged are asked for.
+const TRIES: usize = 2;
+
+/// What came of a blob that was asked for.
+enum Came {
+    Whole,
+    Damaged,
+    Nothing,
+}
+
+impl Shared {
+    /// Fetches the blobs that are not here, as far as the depot has them whole.
+    pub(crate) fn fetch_all<'f>(
+        &self,
+        blobs: &Blobs,
+        files: impl IntoIterator<Item = &'f FileRef>,
+    ) -> Result<(), LakeError> {
+        let files = files.into_iter();
+        let absent: Vec<&FileRef> = files
+            .filter(|file| !blobs.path(&file.digest).exists())
+            .collect();
+        let next = AtomicUsize::new(0);
+        let work = || {
+            while let Some(file) = absent.get(next.fetch_add(1, Ordering::Relaxed)) {
+                self.fetch(blobs, file)?;
+            }
+            Ok(())
+        };
+        thread::scope(|scope| {
+            let workers = (0..absent.len().min(AT_ONCE)).map(|_| scope.spawn(work));
+            let workers: Vec<_> = workers.collect();
+            workers
+                .into_iter()
+                .filter_map(|worker| worker.join().ok())
+                .collect()
+        })
+    }
+
+    /// Fetches a blob; returns whether it is here whole now.
+    pub(crate) fn fetch(&self, blobs: &Blobs, file: &FileRef) -> Result<bool, LakeError> {
+        let digest = &file.digest;
+        if lock(&self.lost).contains(digest) {
+            return Ok(false);
+        }
+        let staging = self.folder.staging();
+        fs::create_dir_all(&staging).map_err(io_error("create", &staging))?;
+        for _ in 0..TRIES {
+            let beside = atomic::temporary_name(&staging);
+            let came = self.download(file, &beside);
+            if let Ok(Came::Whole) = came {
+                blobs.take_fetched(&beside, digest)?;
+                self.unfetched.remove(digest);
+                self.n_fetched.fetch_add(1, Ordering::Relaxed);
+                return Ok(true);
+            }
+            let _gone = fs::remove_file(&beside);
+            match came? {
+                Came::Damaged => {
+                    lock(&self.damaged).insert(*digest);
+                }
+                Came::Whole | Came::Nothing => break,
+            }
+        }
+        // A depot that is offline may still have it.
+        if self.remote.idle().offline().is_none() {
+            lock(&self.lost).insert(*digest);
+            self.unfetched.remove(digest);
+        }
+        Ok(false)
+    }
+
+    /// Writes a blob's bytes to a file, synced.
+    fn download(&self, file: &FileRef, beside: &Path) -> Result<Came, LakeError> {
+        let mut to = File::create_new(beside).map_err(io_error("write", beside))?;
+        let mut hasher = blake3::Hasher::new();
+        let mut left = file.size;
+        let mut written = Ok(());
+        let got = self
+            .remote
+            .link()
+            .get(&keys::blob(&file.digest), &mut |piece| {
+                left = left
+                    .checked_sub(piece.len() as u64)
+                    .ok_or_else(|| io::Error::other("too long"))?;
+                hasher.update(piece);
+                written = to.write_all(piece);
+                if written.is_err() {
+                    return Err(io::Error::other("cannot be kept"));
+                }
+                Ok(())
+            });
+        written.map_err(io_error("write", beside))?;
+        let is_whole = || Digest::from(*hasher.finalize().as_bytes()) == file.digest;
+        match got {
+            Ok(false) => Ok(Came::Nothing),
+            Ok(true) if is_whole() => {
+                to.sync_all().map_err(io_error("write", beside))?;
+                Ok(Came::Whole)
+            }
+            Err(_) if self.remote.idle().offline().is_some() => Ok(Came::Nothing),
+            Ok(true) | Err(_) => Ok(Came::Damaged),
+        }
+    }
+}

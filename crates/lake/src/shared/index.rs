@@ -1,0 +1,216 @@
+//! What is known of a depot's records, learned in few requests.
+//!
+//! The first records are asked for one by one. From then on the names of all are listed, and most
+//! records come together: a run leaves those of all its units in one file.
+
+use std::{
+    collections::{BTreeMap, HashMap, HashSet},
+    path::Path,
+    sync::{Arc, Mutex},
+    time::{Duration, Instant},
+};
+
+use dataflow::{Digest, OutputFingerprint};
+use serde::{Deserialize, Serialize};
+
+use super::{keys, remote::Remote};
+use crate::{
+    LakeError,
+    mutex::lock,
+    records::{Records, Stored, parse_recipe},
+    sealed,
+};
+
+/// Records that are asked for one by one before the names of all are listed.
+const N_SINGLE: usize = 2;
+
+/// Runs of a pipeline of which the records are read, the newest.
+const N_RUNS: usize = 8;
+
+/// Age after which a list of names is refreshed for a name that is not in it; a list that took long
+/// lives longer.
+const FRESH: Duration = Duration::from_mins(1);
+const FRESH_PER_TIME: u32 = 20;
+
+/// A run as it is in a depot.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct SharedRun {
+    /// The pipeline.
+    pub(crate) pipeline: String,
+    /// The machine that ran it.
+    pub(crate) host: String,
+    /// When it began, in nanoseconds since 1970, by the clock of that machine.
+    pub(crate) started_ns: u64,
+    /// The records of its units.
+    pub(crate) units: Vec<Stored>,
+    /// The recipes of its units.
+    pub(crate) recipes: BTreeMap<Digest, OutputFingerprint>,
+}
+
+/// A record that was found, and its recipe.
+pub(crate) type Found = (Arc<Stored>, Arc<OutputFingerprint>);
+
+/// What is known of a depot's records.
+#[derive(Default)]
+pub(crate) struct Index(Mutex<Known>);
+
+#[derive(Default)]
+struct Known {
+    /// The pipeline whose runs are read.
+    pipeline: String,
+    n_single: usize,
+    names: Option<Names>,
+    /// Keys of the runs that are not read yet, the newest last; `None` before they are listed.
+    runs: Option<Vec<String>>,
+    records: HashMap<Digest, Arc<Stored>>,
+    recipes: HashMap<Digest, Arc<OutputFingerprint>>,
+}
+
+/// The names of all records at a time.
+struct Names {
+    digests: HashSet<Digest>,
+    listed: Instant,
+    took: Duration,
+}
+
+impl Names {
+    fn is_fresh(&self) -> bool {
+        self.listed.elapsed() < FRESH.max(self.took * FRESH_PER_TIME)
+    }
+}
+
+impl Index {
+    /// Begins to look for the units of a pipeline.
+    pub(crate) fn enter(&self, pipeline: &str) {
+        let mut known = lock(&self.0);
+        if known.pipeline != pipeline {
+            pipeline.clone_into(&mut known.pipeline);
+            known.runs = None;
+        }
+    }
+
+    /// Lists the fingerprints of all records.
+    pub(crate) fn fingerprints(remote: &Remote) -> Option<HashSet<Digest>> {
+        names(remote).map(|names| names.digests)
+    }
+
+    /// Returns the record of a fingerprint, if the depot has a whole one, and its recipe.
+    pub(crate) fn record(
+        &self,
+        remote: &Remote,
+        records: &Records,
+        fingerprint: &Digest,
+    ) -> Result<Option<Found>, LakeError> {
+        let mut known = lock(&self.0);
+        let Some(stored) = known.stored(remote, fingerprint) else {
+            return Ok(None);
+        };
+        let Some(recipe) = known.recipe(remote, records, &stored.recipe)? else {
+            return Ok(None);
+        };
+        let whole = Stored::clone(&stored).fingerprint(Arc::clone(&recipe));
+        Ok((whole.digest() == *fingerprint).then_some((stored, recipe)))
+    }
+}
+
+impl Known {
+    fn stored(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
+        if let Some(stored) = self.records.get(fingerprint) {
+            return Some(Arc::clone(stored));
+        }
+        if self.names.is_none() && self.n_single < N_SINGLE {
+            self.n_single += 1;
+            return self.fetch(remote, fingerprint);
+        }
+        let is_named = |names: &Names| names.digests.contains(fingerprint);
+        if !self
+            .names
+            .as_ref()
+            .is_some_and(|names| is_named(names) || names.is_fresh())
+        {
+            self.names = Some(names(remote)?);
+        }
+        if !self.names.as_ref().is_some_and(is_named) {
+            return None;
+        }
+        while self.read_run(remote).is_some() {
+            if let Some(stored) = self.records.get(fingerprint) {
+                return Some(Arc::clone(stored));
+            }
+        }
+        self.fetch(remote, fingerprint)
+    }
+
+    fn fetch(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
+        let key = keys::record(fingerprint);
+        let bytes = remote.read(&key)?;
+        let stored: Stored = sealed::parse(Path::new(&key), &bytes).ok()?;
+        if stored.fingerprint != *fingerprint {
+            return None;
+        }
+        let stored = Arc::new(stored);
+        self.records.insert(*fingerprint, Arc::clone(&stored));
+        Some(stored)
+    }
+
+    /// Reads the records of one more run of the pipeline, if there is one.
+    fn read_run(&mut self, remote: &Remote) -> Option<()> {
+        if self.runs.is_none() {
+            let mut runs = remote.list(&keys::runs(&self.pipeline))?;
+            runs.sort_by_key(|run| run.modified);
+            let from = runs.len().saturating_sub(N_RUNS);
+            let newest = runs.into_iter().skip(from).map(|run| run.key);
+            self.runs = Some(newest.collect());
+        }
+        let key = self.runs.as_mut()?.pop()?;
+        let read = remote.read(&key);
+        // One that is damaged or of another version has no records.
+        let run = read.and_then(|bytes| sealed::parse(Path::new(&key), &bytes).ok());
+        let run: Option<SharedRun> = run;
+        for stored in run.into_iter().flat_map(|run| {
+            let recipes = run.recipes.into_iter();
+            self.recipes
+                .extend(recipes.map(|(digest, recipe)| (digest, Arc::new(recipe))));
+            run.units
+        }) {
+            let record = self.records.entry(stored.fingerprint);
+            record.or_insert_with(|| Arc::new(stored));
+        }
+        Some(())
+    }
+
+    fn recipe(
+        &mut self,
+        remote: &Remote,
+        records: &Records,
+        digest: &Digest,
+    ) -> Result<Option<Arc<OutputFingerprint>>, LakeError> {
+        if let Some(recipe) = self.recipes.get(digest) {
+            return Ok(Some(Arc::clone(recipe)));
+        }
+        let here = records.recipe(digest)?;
+        let recipe = here.or_else(|| {
+            let key = keys::recipe(digest);
+            parse_recipe(Path::new(&key), &remote.read(&key)?).ok()
+        });
+        let recipe = recipe.map(Arc::new);
+        if let Some(recipe) = &recipe {
+            self.recipes.insert(*digest, Arc::clone(recipe));
+        }
+        Ok(recipe)
+    }
+}
+
+/// The names of all records in a depot.
+fn names(remote: &Remote) -> Option<Names> {
+    let listed = Instant::now();
+    let entries = remote.list(keys::UNITS)?;
+    let digests = entries
+        .iter()
+        .filter_map(|entry| keys::digest_of(&entry.key));
+    Some(Names {
+        digests: digests.collect(),
+        listed,
+        took: listed.elapsed(),
+    })
+}

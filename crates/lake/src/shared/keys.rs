@@ -1,0 +1,60 @@
+//! The keys of a depot's files.
+//!
+//! ```text
+//! format                       version of this layout
+//! blobs/ab/abcd…               bytes of artifacts, as in a lake
+//! recipes/abcd….json           as in a lake
+//! units/ab/abcd….json          records of units, as in a lake: each after its blobs and its recipe
+//! runs/PIPELINE/NAME.json      the records of all units of a run in one file
+//! differing/abcd…/NAME.json    records of units that came out differently than the first time
+//! ```
+
+use dataflow::Digest;
+
+/// Key of the layout's version.
+pub(crate) const FORMAT: &str = "format";
+
+/// The layout's version.
+pub(crate) const VERSION: &[u8] = b"depot 1\n";
+
+/// Prefixes of keys.
+pub(crate) const BLOBS: &str = "blobs";
+pub(crate) const RECIPES: &str = "recipes";
+pub(crate) const UNITS: &str = "units";
+pub(crate) const RUNS: &str = "runs";
+pub(crate) const DIFFERING: &str = "differing";
+/// Files that are being written to a folder.
+pub(crate) const WRITING: &str = "writing";
+
+pub(crate) fn blob(digest: &Digest) -> String {
+    let name = digest.to_hex();
+    format!("{BLOBS}/{}/{name}", name.get(..2).unwrap_or_default())
+}
+
+pub(crate) fn recipe(digest: &Digest) -> String {
+    format!("{RECIPES}/{digest}.json")
+}
+
+pub(crate) fn record(fingerprint: &Digest) -> String {
+    let name = fingerprint.to_hex();
+    format!("{UNITS}/{}/{name}.json", name.get(..2).unwrap_or_default())
+}
+
+/// Prefix of the runs of a pipeline.
+pub(crate) fn runs(pipeline: &str) -> String {
+    format!("{RUNS}/{pipeline}")
+}
+
+pub(crate) fn run(pipeline: &str, name: &str) -> String {
+    format!("{RUNS}/{pipeline}/{name}.json")
+}
+
+pub(crate) fn differing(fingerprint: &Digest, name: &str) -> String {
+    format!("{DIFFERING}/{fingerprint}/{name}.json")
+}
+
+/// The digest that a key ends in.
+pub(crate) fn digest_of(key: &str) -> Option<Digest> {
+    let name = key.rsplit('/').next()?;
+    name.strip_suffix(".json").unwrap_or(name).parse().ok()
+}

@@ -1,0 +1,403 @@
+//! Sending results to the depot, beside the work.
+
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    fs::File,
+    io::{self, Read},
+    path::Path,
+    sync::{
+        Arc, Condvar, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
+    thread,
+    time::{Duration, Instant, SystemTime},
+};
+
+use dataflow::{Digest, FileRef};
+use depot::{Content, DepotError, PutMode};
+
+use super::marks::{Item, Outbox, Unfetched};
+use super::{index::SharedRun, keys, remote::Remote};
+use crate::{
+    LakeError, atomic,
+    blobs::Blobs,
+    clock::{host, now},
+    folder::Folder,
+    lock::Locks,
+    mutex::lock,
+    records::{Records, Stored},
+    register::Register,
+    sealed,
+};
+
+/// Items sent at once.
+const AT_ONCE: usize = 8;
+
+/// Time between looks at what other processes have put into the outbox.
+const EVERY: Duration = Duration::from_millis(500);
+
+/// Age from which a blob that is there is sent again, so that garbage collection, which removes
+/// unreferenced blobs much older, sees that it is in use.
+const RENEWED: Duration = Duration::from_hours(24);
+
+/// Why an item was not sent.
+#[derive(Debug, thiserror::Error)]
+pub(crate) enum Unsent {
+    /// The depot is offline.
+    #[error(transparent)]
+    Depot(#[from] DepotError),
+    /// The lake could not be read.
+    #[error(transparent)]
+    Lake(#[from] LakeError),
+}
+
+/// What was sent.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub(crate) struct Sent {
+    /// Number of units.
+    pub(crate) n_units: usize,
+    /// Units, as `stage` and partition, that the depot holds with other files, and the machine that
+    /// made those.
+    pub(crate) differing: BTreeSet<(String, String)>,
+}
+
+/// Sends what is in the outbox, in a thread that is started by the first to ask for it.
+pub(crate) struct Sender {
+    work: Arc<Work>,
+    is_started: Mutex<bool>,
+}
+
+struct Work {
+    remote: Arc<Remote>,
+    outbox: Outbox,
+    records: Records,
+    blobs: Blobs,
+    locks: Locks,
+    register: Register,
+    unfetched: Arc<Unfetched>,
+    /// Blobs that this process has sent or seen in the depot.
+    there: Mutex<BTreeSet<Digest>>,
+    /// Blobs that the depot has lost or damaged.
+    lost: Arc<Mutex<BTreeSet<Digest>>>,
+    sent: Mutex<Sent>,
+    passes: Mutex<Passes>,
+    changed: Condvar,
+}
+
+/// Passes through the outbox.
+#[derive(Default)]
+struct Passes {
+    /// Passes asked for.
+    n_asked: usize,
+    /// Passes done that were asked for.
+    n_done: usize,
+}
+
+impl Sender {
+    pub(crate) fn new(
+        remote: Arc<Remote>,
+        folder: &Folder,
+        unfetched: Arc<Unfetched>,
+        lost: Arc<Mutex<BTreeSet<Digest>>>,
+    ) -> Self {
+        let work = Work {
+            remote,
+            outbox: Outbox::new(folder),
+            records: Records::new(folder.clone()),
+            blobs: Blobs::new(folder.clone()),
+            locks: Locks::new(folder.locks()),
+            register: Register::new(folder.clone()),
+            unfetched,
+            there: Mutex::default(),
+            lost,
+            sent: Mutex::default(),
+            passes: Mutex::default(),
+            changed: Condvar::new(),
+        };
+        Self {
+            work: Arc::new(work),
+            is_started: Mutex::new(false),
+        }
+    }
+
+    /// Begins to send.
+    pub(crate) fn start(&self) {
+        let mut is_started = lock(&self.is_started);
+        if !*is_started {
+            *is_started = true;
+            let work = Arc::clone(&self.work);
+            thread::spawn(move || work.go_on());
+        }
+    }
+
+    /// Waits until everything that is complete is sent, the depot is offline, or for `patience`.
+    pub(crate) fn finish(&self, patience: Duration) {
+        self.start();
+        let until = Instant::now() + patience;
+        let mut passes = lock(&self.work.passes);
+        passes.n_asked += 1;
+        let asked = passes.n_asked;
+        self.work.changed.notify_all();
+        while passes.n_done < asked {
+            let left = until.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                return;
+            }
+            let waited = self.work.changed.wait_timeout(passes, left);
+            passes = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+
+    pub(crate) fn sent(&self) -> Sent {
+        lock(&self.work.sent).clone()
+    }
+}
+
+impl Work {
+    /// Passes through the outbox until the process ends or the depot is offline.
+    fn go_on(&self) {
+        loop {
+            let asked = lock(&self.passes).n_asked;
+            // What cannot be read now is tried again in the next pass.
+            let _tried = self.outbox.list().map(|items| self.pass(&items));
+            let is_offline = self.remote.idle().offline().is_some();
+            let mut passes = lock(&self.passes);
+            passes.n_done = if is_offline { usize::MAX } else { asked };
+            self.changed.notify_all();
+            if is_offline {
+                return;
+            }
+            if passes.n_asked == asked {
+                let waited = self.changed.wait_timeout(passes, EVERY);
+                drop(waited);
+            }
+        }
+    }
+
+    /// Sends units, then the runs that refer to them.
+    fn pass(&self, items: &[Item]) {
+        let (units, runs): (Vec<Item>, Vec<Item>) =
+            items.iter().partition(|item| matches!(item, Item::Unit(_)));
+        for items in [units, runs] {
+            let next = AtomicUsize::new(0);
+            let send = || {
+                while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    if self.send(*item).is_err() && self.remote.idle().offline().is_some() {
+                        return;
+                    }
+                }
+            };
+            thread::scope(|scope| {
+                for _ in 0..items.len().min(AT_ONCE) {
+                    scope.spawn(send);
+                }
+            });
+        }
+    }
+
+    fn send(&self, item: Item) -> Result<(), Unsent> {
+        match item {
+            Item::Unit(fingerprint) => self.send_unit(&fingerprint),
+            Item::Run(number) => self.send_run(number),
+        }
+    }
+
+    fn send_unit(&self, fingerprint: &Digest) -> Result<(), Unsent> {
+        let item = Item::Unit(*fingerprint);
+        let Some(stored) = self.records.read(fingerprint)? else {
+            // A unit in the making is marked before its record is stored.
+            if !self.locks.is_held(&fingerprint.to_hex()) {
+                self.outbox.remove(item)?;
+            }
+            return Ok(());
+        };
+        for file in stored
+            .outcome
+            .files()
+            .into_iter()
+            .flat_map(|files| files.values())
+        {
+            if !self.send_blob(file)? {
+                // It is not here whole, so that its unit will be made again.
+                return Ok(self.outbox.remove(item)?);
+            }
+        }
+        self.send_recipe(&stored.recipe)?;
+        let path = self.records.path(fingerprint);
+        let bytes = sealed::seal(&path, &stored)?;
+        if let Some(there) = self.remote.create(&keys::record(fingerprint), &bytes)? {
+            self.compare(&stored, bytes, &there)?;
+        }
+        lock(&self.sent).n_units += 1;
+        Ok(self.outbox.remove(item)?)
+    }
+
+    /// Compares a record with the one that was there first. Of two that differ the first stays; one
+    /// that is damaged is replaced.
+    fn compare(&self, stored: &Stored, bytes: Vec<u8>, there: &[u8]) -> Result<(), Unsent> {
+        let fingerprint = &stored.fingerprint;
+        let key = keys::record(fingerprint);
+        let first: Option<Stored> = sealed::parse(Path::new(&key), there).ok();
+        let Some(first) = first.filter(|first| first.fingerprint == *fingerprint) else {
+            let content = Content::of_bytes(bytes);
+            self.remote
+                .to_write()?
+                .put(&key, content, PutMode::Always)?;
+            return Ok(());
+        };
+        if first.outcome == stored.outcome {
+            return Ok(());
+        }
+        let unit = format!("{} `{}`", stored.stage, stored.partition);
+        let differing = (unit, first.provenance.host);
+        lock(&self.sent).differing.insert(differing);
+        let key = keys::differing(fingerprint, &atomic::process_name());
+        let content = Content::of_bytes(bytes);
+        self.remote
+            .to_write()?
+            .put(&key, content, PutMode::Always)?;
+        Ok(())
+    }
+
+    fn send_recipe(&self, digest: &Digest) -> Result<(), Unsent> {
+        if lock(&self.there).contains(digest) {
+            return Ok(());
+        }
+        if let Some(recipe) = self.records.recipe(digest)? {
+            let key = keys::recipe(digest);
+            let bytes = sealed::seal(Path::new(&key), &recipe)?;
+            let link = self.remote.to_write()?;
+            if link.head(&key)?.is_none() {
+                link.put(&key, Content::of_bytes(bytes), PutMode::Always)?;
+            }
+            lock(&self.there).insert(*digest);
+        }
+        Ok(())
+    }
+
+    /// Sends a blob, unless it is there; returns whether it is there now.
+    fn send_blob(&self, file: &FileRef) -> Result<bool, Unsent> {
+        let digest = &file.digest;
+        let is_lost = lock(&self.lost).contains(digest);
+        if lock(&self.there).contains(digest) && !is_lost {
+            return Ok(true);
+        }
+        let key = keys::blob(digest);
+        let link = self.remote.to_write()?;
+        if !is_lost
+            && let Some(there) = link.head(&key)?
+            && there.size == file.size
+            && is_recent(there.modified)
+        {
+            lock(&self.there).insert(*digest);
+            return Ok(true);
+        }
+        let path = self.blobs.path(digest);
+        let Ok(opened) = File::open(&path) else {
+            return Ok(self.unfetched.contains(digest));
+        };
+        let content = Content {
+            size: file.size,
+            reader: Box::new(Whole::new(opened, file)),
+        };
+        match link.put(&key, content, PutMode::Always) {
+            Ok(_) => {}
+            Err(err) if link.offline().is_some() => return Err(err.into()),
+            // It is damaged here.
+            Err(_) => return Ok(false),
+        }
+        lock(&self.there).insert(*digest);
+        lock(&self.lost).remove(digest);
+        Ok(true)
+    }
+
+    /// Sends the records of a run's units in one file, once all of them are there.
+    fn send_run(&self, number: u64) -> Result<(), Unsent> {
+        let item = Item::Run(number);
+        let Ok(run) = self.register.read(number) else {
+            return Ok(self.outbox.remove(item)?);
+        };
+        let waiting = self.outbox.list()?;
+        let mut shared = SharedRun {
+            pipeline: run.record.pipeline.clone(),
+            host: host(),
+            started_ns: run.started_ns,
+            units: Vec::new(),
+            recipes: BTreeMap::new(),
+        };
+        for unit in self.register.units(&run)? {
+            if waiting.contains(&Item::Unit(unit.fingerprint)) {
+                return Ok(());
+            }
+            let Some(stored) = self.records.read(&unit.fingerprint)? else {
+                continue;
+            };
+            if !shared.recipes.contains_key(&stored.recipe)
+                && let Some(recipe) = self.records.recipe(&stored.recipe)?
+            {
+                shared.recipes.insert(stored.recipe, recipe);
+            }
+            shared.units.push(stored);
+        }
+        let name = format!("{:020}-{}", run.started_ns, run.process);
+        let key = keys::run(&shared.pipeline, &name);
+        let bytes = sealed::seal(Path::new(&key), &shared)?;
+        let content = Content::of_bytes(bytes);
+        self.remote
+            .to_write()?
+            .put(&key, content, PutMode::Always)?;
+        Ok(self.outbox.remove(item)?)
+    }
+}
+
+/// Whether a blob was stored so lately that it is safe from collection. Clocks that differ by hours
+/// make no difference.
+fn is_recent(modified: SystemTime) -> bool {
+    now()
+        .duration_since(modified)
+        .is_ok_and(|age| age < RENEWED)
+}
+
+/// The bytes of a blob, which end in an error if they are not those of its digest: then nothing is
+/// stored.
+struct Whole {
+    file: File,
+    hasher: blake3::Hasher,
+    expected: Digest,
+    left: u64,
+}
+
+impl Whole {
+    fn new(file: File, expected: &FileRef) -> Self {
+        Self {
+            file,
+            hasher: blake3::Hasher::new(),
+            expected: expected.digest,
+            left: expected.size,
+        }
+    }
+}
+
+impl Read for Whole {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let n_read = self.file.read(into)?;
+        self.hasher.update(into.get(..n_read).unwrap_or_default());
+        let left = self.left.checked_sub(n_read as u64);
+        self.left = left.ok_or_else(damaged)?;
+        // Whoever stores it may not ask for more than its size.
+        if self.left == 0 && Digest::from(*self.hasher.finalize().as_bytes()) != self.expected {
+            return Err(damaged());
+        }
+        if n_read == 0 && self.left > 0 && !into.is_empty() {
+            return Err(damaged());
+        }
+        Ok(n_read)
+    }
+}
+
+fn damaged() -> io::Error {
+    io::Error::new(
+        io::ErrorKind::InvalidData,
+        "its bytes are not those of its digest",
+    )
+}

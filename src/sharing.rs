@@ -1,0 +1,134 @@
+//! The depot in which this machine shares results with others, as the environment names it.
+
+use std::{env, path::Path, sync::Arc, time::Duration};
+
+use depot::{Depot, FolderDepot};
+use lake::Lake;
+
+use crate::{command_line::Program, outcome::CommandError, report};
+
+/// Variable with the depot's URL or folder.
+pub(crate) const VARIABLE: &str = "PIPELINE_DEPOT";
+
+/// Time that the end of a run waits for what is still being sent.
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// Units of one kind that are named in a line.
+const NAMED: usize = 3;
+
+impl Program<'_> {
+    /// Opens the lake with the depot that the environment names, if it names one.
+    pub(crate) fn open_lake(&self) -> Result<Lake, CommandError> {
+        let lake = Lake::open(&self.lake);
+        Ok(match depot()? {
+            Some(depot) => lake.with_depot(depot),
+            None => lake,
+        })
+    }
+
+    /// Opens the lake with its depot, for a command that makes no sense without one.
+    pub(crate) fn open_shared_lake(&self) -> Result<Lake, CommandError> {
+        let depot = depot()?.ok_or_else(|| {
+            CommandError::usage(
+                "no depot to share results in",
+                format!("name one, e.g. `export {VARIABLE}=/mnt/lab/depot`"),
+            )
+        })?;
+        Ok(Lake::open(&self.lake).with_depot(depot))
+    }
+
+    /// Sends what is left to send, for a while, and says what was shared.
+    pub(crate) fn end_sharing(&self, lake: &Lake) -> Result<(), CommandError> {
+        lake.finish_sending(PATIENCE)?;
+        self.say_shared(lake)
+    }
+
+    /// Says what was shared, and what is wrong with the depot.
+    pub(crate) fn say_shared(&self, lake: &Lake) -> Result<(), CommandError> {
+        let Some(shared) = lake.sharing()? else {
+            return Ok(());
+        };
+        let traffic = shared.traffic;
+        if traffic.n_requests > 0 {
+            self.say(&format!(
+                "depot  {} units found, {} files fetched ({}), {} units sent ({}), {} requests",
+                shared.n_units_found,
+                shared.n_files_fetched,
+                report::bytes(traffic.bytes_got),
+                shared.n_units_sent,
+                report::bytes(traffic.bytes_put),
+                traffic.n_requests,
+            ));
+        }
+        if let Some(why) = &shared.offline {
+            report::line(&format!(
+                "warn   the depot is not used: {why}\n\
+                 hint: everything is done here alone, and sent by a later run or `pipeline push`"
+            ));
+        } else if shared.n_units_waiting > 0 {
+            self.say(&format!(
+                "note   {} units are not in the depot yet; a later run or `pipeline push` sends them",
+                shared.n_units_waiting
+            ));
+        }
+        if shared.n_damaged > 0 {
+            report::line(&format!(
+                "warn   {} files came damaged from the depot and are not used\n\
+                 hint: `pipeline verify --depot` lists what is damaged in it",
+                shared.n_damaged
+            ));
+        }
+        for (unit, host) in shared.differing.iter().take(NAMED) {
+            report::line(&format!(
+                "note   {unit} came out differently on `{host}`, whose result the depot keeps"
+            ));
+        }
+        Ok(())
+    }
+}
+
+/// Says, where a run makes the lake, that no other machine may write to it.
+pub(crate) fn say_unlocked(lake: &Lake) {
+    if lake.check_exists().is_err()
+        && let Some(kind) = lake.file_system_without_locks()
+    {
+        report::line(&format!(
+            "note   the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
+             hint: {}",
+            instead()
+        ));
+    }
+}
+
+/// What to do instead of a lake on a folder that machines share.
+pub(crate) fn instead() -> String {
+    format!(
+        "keep the lake on a disk of this machine with `--lake DIR`, and share results in a folder by \
+         `export {VARIABLE}=DIR`"
+    )
+}
+
+/// Returns the depot that the environment names.
+pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
+    let Some(named) = env::var_os(VARIABLE).filter(|named| !named.is_empty()) else {
+        return Ok(None);
+    };
+    let url = named.to_string_lossy();
+    let path = match url.split_once("://") {
+        None => Path::new(&named),
+        Some(("file", path)) => Path::new(path),
+        Some((scheme, _)) => {
+            return Err(CommandError::usage(
+                format!("`{VARIABLE}` names a depot of the unknown kind `{scheme}`"),
+                "use a folder, e.g. `/mnt/lab/depot` or `file:///mnt/lab/depot`",
+            ));
+        }
+    };
+    if path.is_relative() {
+        return Err(CommandError::usage(
+            format!("`{VARIABLE}` is `{url}`, which is relative to the working directory"),
+            "name the folder from the root, e.g. `/mnt/lab/depot`",
+        ));
+    }
+    Ok(Some(Arc::new(FolderDepot::new(path))))
+}

@@ -1,0 +1,506 @@
+//! Machines that share results in a depot, each with a lake of its own. `PIPELINE_ROUNDS`,
+//! `PIPELINE_KILLS` and `PIPELINE_FLIPS` set how often.
+
+use std::{
+    collections::BTreeMap,
+    fs::{self, File},
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    thread,
+    time::{Duration, Instant, SystemTime},
+};
+
+use rand::{Rng, seq::IndexedRandom};
+use serde_json::Value;
+use tempfile::TempDir;
+
+use crate::place::{
+    CHAIN, Place, Running, assert_same, chances, files_below, number, put, read, stderr, stdout,
+    well, write_unnoticed,
+};
+
+/// What a run may lose to a depot that is down, beside what it takes alone.
+const LOST: Duration = Duration::from_secs(5);
+
+/// The pipeline with another value, for which the inputs of `second` are read.
+const OTHER: [&str; 2] = ["--set", "second.add=9"];
+
+/// A depot, and machines that use it.
+struct Lab {
+    folder: TempDir,
+}
+
+impl Lab {
+    fn new() -> Self {
+        let lab = Self {
+            folder: TempDir::new().unwrap(),
+        };
+        fs::create_dir(lab.depot()).unwrap();
+        lab
+    }
+
+    fn depot(&self) -> PathBuf {
+        self.folder.path().join("depot")
+    }
+
+    /// Lets a command use the depot.
+    fn share(&self, mut command: Command) -> Command {
+        command.env("PIPELINE_DEPOT", self.depot());
+        command
+    }
+
+    fn run(&self, machine: &Place, arguments: &[&str]) -> Output {
+        well(self.share(machine.command("run", arguments)))
+    }
+
+    /// A command that takes no pipeline file.
+    fn ask(&self, machine: &Place, command: &str, arguments: &[&str]) -> Output {
+        let mut command = self.share(machine.bare(&machine.lake(), command));
+        command.args(arguments).output().unwrap()
+    }
+
+    /// Asserts that every file of the depot is whole, and no record lacks a file.
+    fn assert_whole(&self, machine: &Place) {
+        let verified = self.ask(machine, "verify", &["--depot"]);
+        let said = stdout(&verified) + &stderr(&verified);
+        assert_eq!(verified.status.code(), Some(0), "{said}");
+    }
+
+    fn keys(&self, folder: &str) -> Vec<PathBuf> {
+        files_below(&self.depot().join(folder))
+    }
+}
+
+/// A machine with a lake and inputs of its own, equal to those of every other.
+fn machine() -> Place {
+    Place::with_inputs(CHAIN, 12)
+}
+
+/// The numbers in the line that says what was shared: units found, files fetched, units sent, requests.
+fn shared(output: &Output) -> [usize; 4] {
+    let said = stderr(output);
+    let line = said.lines().find(|line| line.starts_with("depot "));
+    let line = line.unwrap_or_else(|| panic!("nothing was shared: {said}"));
+    let before = |what: &str| {
+        let (before, _) = line.split_once(what).unwrap();
+        let word = before.trim_end().rsplit(' ').next().unwrap();
+        word.parse().unwrap()
+    };
+    [" units found", " files fetched", " units sent", " requests"].map(before)
+}
+
+/// Number of lines that warn.
+fn warnings(output: &Output) -> usize {
+    let said = stderr(output);
+    said.lines()
+        .filter(|line| line.starts_with("warn "))
+        .count()
+}
+
+#[test]
+fn a_second_machine_makes_nothing_and_fetches_what_is_asked_for() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    let [_, _, n_sent, _] = shared(&lab.run(&first, &[]));
+    assert_eq!(n_sent, first.take_log().len());
+    let plan = well(lab.share(second.command("plan", &[])));
+    let [n_found, n_fetched, _, n_requests] = shared(&plan);
+    assert_eq!((n_found, n_fetched), (n_sent, 0));
+    assert!(n_requests <= 10, "{n_requests} requests to plan");
+    let planned = stdout(&plan);
+    assert!(
+        planned.lines().all(|line| line.starts_with("depot ")),
+        "{planned}"
+    );
+    assert!(!second.lake().exists(), "a plan makes nothing");
+
+    lab.run(&second, &[]);
+    assert_eq!(second.take_log(), []);
+    let is_shown = |path: &str| path.starts_with("tables/");
+    let mut tables = first.published();
+    tables.retain(|path, _| is_shown(path));
+    assert_same(&second.published(), &tables, "what people look at");
+    well(second.bare(&second.lake(), "verify"));
+    // What a new unit reads, and no more: the data of `first`.
+    let [_, n_fetched, _, _] = shared(&lab.run(&second, &OTHER));
+    assert_eq!(n_fetched, 12);
+    let made = second.take_counts();
+    assert_eq!(
+        made,
+        BTreeMap::from([("gather".to_owned(), 1), ("map".to_owned(), 12)])
+    );
+    assert_eq!(
+        lab.ask(&second, "pull", &["split.parts"]).status.code(),
+        Some(0)
+    );
+    assert!(
+        second
+            .published()
+            .contains_key("files/own/split/parts/p000/data.bin")
+    );
+    lab.run(&second, &[]);
+    assert_eq!(lab.ask(&second, "pull", &[]).status.code(), Some(0));
+    assert_same(&second.published(), &first.published(), "everything");
+    well(second.bare(&second.lake(), "verify"));
+    lab.assert_whole(&second);
+}
+
+#[test]
+fn results_from_before_are_pushed() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    first.run_well(&[]);
+    assert!(lab.keys("units").is_empty());
+    let pushed = lab.ask(&first, "push", &[]);
+    assert_eq!(pushed.status.code(), Some(0), "{}", stderr(&pushed));
+    let again = lab.ask(&first, "push", &[]);
+    assert_eq!(shared(&again)[2], 0, "everything is there");
+    lab.run(&second, &["--processes"]);
+    assert_eq!(second.take_log(), []);
+    lab.assert_whole(&second);
+}
+
+#[test]
+fn processes_and_single_units_share_as_runs_do() {
+    let lab = Lab::new();
+    let (first, second, third) = (machine(), machine(), machine());
+    lab.run(&first, &["--processes"]);
+    lab.assert_whole(&first);
+    lab.run(&second, &[]);
+    assert_eq!(second.take_log(), []);
+    // A worker that has nothing but the depot.
+    let unit = lab.share(third.command("unit", &["second.parts", "p003", OTHER[0], OTHER[1]]));
+    well(unit);
+    assert_eq!(third.take_log().len(), 1);
+    lab.run(&second, &OTHER);
+    let made = second.take_log();
+    assert!(made.iter().all(|made| made.partition != "p003"), "{made:?}");
+    assert_eq!(made.len(), 11 + 1);
+}
+
+#[test]
+fn a_run_that_makes_nothing_asks_nothing() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    lab.run(&first, &[]);
+    lab.run(&second, &[]);
+    fs::rename(lab.depot(), lab.folder.path().join("elsewhere")).unwrap();
+    for machine in [&first, &second] {
+        let said = stderr(&lab.run(machine, &[]));
+        assert!(said.contains("nothing to run"), "{said}");
+        assert!(!said.contains("depot"), "{said}");
+    }
+}
+
+/// Breaks a depot.
+type Break = fn(&Path);
+
+/// Ways in which a depot is down, by name, and whether its silence must be waited for.
+const DOWN: [(&str, Break); 4] = [
+    ("missing", |depot| {
+        fs::rename(depot, depot.with_extension("away")).unwrap()
+    }),
+    ("a file", |depot| {
+        fs::rename(depot, depot.with_extension("away")).unwrap();
+        put(depot, b"not a folder");
+    }),
+    ("cannot be written", |depot| {
+        let _old = fs::rename(depot.join("units"), depot.with_extension("units"));
+        put(&depot.join("units"), b"not a folder");
+    }),
+    ("black hole", |depot| {
+        // Whoever opens a pipe waits for somebody who writes to it.
+        let mut pipes = files_below(&depot.join("blobs"));
+        pipes.push(depot.join("format"));
+        for pipe in pipes {
+            let _old = fs::remove_file(&pipe);
+            let mut make = Command::new("mkfifo");
+            make.arg(pipe);
+            well(make);
+        }
+    }),
+];
+
+#[test]
+fn a_depot_that_is_down_costs_one_warning_and_the_next_run_sends_the_rest() {
+    for (name, break_it) in DOWN {
+        let lab = Lab::new();
+        let (first, second) = (machine(), machine());
+        let expected = first.undisturbed(&[]);
+        break_it(&lab.depot());
+        let started = Instant::now();
+        let ran = lab.run(&first, &[]);
+        let took = started.elapsed();
+        assert!(took < 2 * LOST, "{name}: {took:?}");
+        assert_eq!(warnings(&ran), 1, "{name}: {}", stderr(&ran));
+        assert_same(&first.published(), &expected, name);
+        // It is there again.
+        let _gone = fs::remove_dir_all(lab.depot());
+        let _gone = fs::remove_file(lab.depot());
+        fs::create_dir(lab.depot()).unwrap();
+        let drained = lab.run(&first, &[]);
+        assert_eq!(warnings(&drained), 0, "{name}: {}", stderr(&drained));
+        lab.assert_whole(&first);
+        lab.run(&second, &[]);
+        assert_eq!(second.take_log(), [], "{name}");
+    }
+}
+
+#[test]
+fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
+    for (name, break_it) in DOWN {
+        let lab = Lab::new();
+        let (first, second) = (machine(), machine());
+        lab.run(&first, &["--until", "first"]);
+        lab.run(&second, &["--until", "first"]);
+        // Held in the middle of the units whose inputs are still in the depot.
+        second.input("held", b"a held one");
+        for partition in 0..12 {
+            second.let_go(&crate::place::name(partition));
+        }
+        let mut run = Running::start(lab.share(second.held(&[])));
+        run.wait_for(&second, "held");
+        break_it(&lab.depot());
+        fs::remove_dir_all(second.path("gate")).unwrap();
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{name}: {said}");
+        let n_warnings = said
+            .lines()
+            .filter(|line| line.starts_with("warn "))
+            .count();
+        assert_eq!(n_warnings, 1, "{name}: {said}");
+        assert_same(&all_shown(&second), &second.undisturbed(&[]), name);
+    }
+}
+
+/// What a lake shows once nothing is left in a depot, without which everything is made again.
+fn all_shown(machine: &Place) -> BTreeMap<String, String> {
+    machine.run_well(&[]);
+    machine.published()
+}
+
+#[test]
+fn units_made_at_once_on_two_machines_are_one_record() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    let n_rounds: usize = number("PIPELINE_ROUNDS", 8);
+    for round in 0..n_rounds {
+        // Values are bytes; the second one makes more rounds than those differ.
+        let values = [
+            format!("first.add={}", round % 250),
+            format!("second.add={}", round / 250),
+        ];
+        let arguments = ["--set", &values[0], "--set", &values[1]];
+        let runs = [&first, &second].map(|machine| {
+            let mut command = lab.share(machine.command("run", &arguments));
+            command.stdout(Stdio::null()).stderr(Stdio::piped());
+            command.spawn().unwrap()
+        });
+        for run in runs {
+            let output = run.wait_with_output().unwrap();
+            assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+            assert_eq!(warnings(&output), 0, "{}", stderr(&output));
+            assert!(!stderr(&output).contains("came out differently"));
+        }
+    }
+    lab.assert_whole(&first);
+    assert_eq!(lab.keys("differing"), Vec::<PathBuf>::new());
+    assert_eq!(lab.keys("writing"), Vec::<PathBuf>::new());
+    let third = machine();
+    lab.run(&third, &["--set", "first.add=0"]);
+    third.take_log();
+    assert_same(&first.undisturbed(&[]), &second.undisturbed(&[]), "");
+}
+
+#[test]
+fn a_kill_while_sending_leaves_nothing_half_sent() {
+    let mut rng = chances("kills while sending");
+    let lab = Lab::new();
+    let first = machine();
+    // Large enough to be cut.
+    for partition in 0..12 {
+        let bytes = vec![u8::try_from(partition).unwrap(); 1 << 20];
+        first.input(&crate::place::name(partition), &bytes);
+    }
+    first.run_well(&[]);
+    let n_kills: usize = number("PIPELINE_KILLS", 12);
+    for _ in 0..n_kills {
+        let mut push = lab.share(first.bare(&first.lake(), "push"));
+        push.stdout(Stdio::null()).stderr(Stdio::null());
+        let mut push = push.spawn().unwrap();
+        thread::sleep(Duration::from_micros(rng.random_range(0..150_000)));
+        push.kill().unwrap();
+        push.wait().unwrap();
+        lab.assert_whole(&first);
+        if rng.random_bool(0.3) {
+            fs::remove_dir_all(lab.depot()).unwrap();
+            fs::create_dir(lab.depot()).unwrap();
+        }
+    }
+    let pushed = lab.ask(&first, "push", &[]);
+    assert_eq!(pushed.status.code(), Some(0), "{}", stderr(&pushed));
+    lab.assert_whole(&first);
+    let second = Place::new(CHAIN);
+    for path in files_below(&first.inputs()) {
+        fs::copy(&path, second.inputs().join(path.file_name().unwrap())).unwrap();
+    }
+    lab.run(&second, &[]);
+    assert_eq!(second.take_log(), []);
+}
+
+#[test]
+fn what_the_depot_has_lost_is_made_again() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    lab.run(&first, &[]);
+    lab.run(&second, &[]);
+    for blob in lab.keys("blobs").iter().step_by(3) {
+        fs::remove_file(blob).unwrap();
+    }
+    let ran = lab.run(&second, &OTHER);
+    let said = stderr(&ran);
+    assert!(said.contains("is made again"), "{said}");
+    assert_eq!(warnings(&ran), 0, "{said}");
+    assert_same(
+        &all_shown_of(&second, &OTHER),
+        &second.undisturbed(&OTHER),
+        &said,
+    );
+    // What is made again is there again.
+    lab.run(&first, &OTHER);
+    let third = machine();
+    lab.run(&third, &OTHER);
+    assert_same(
+        &all_shown_of(&third, &OTHER),
+        &first.undisturbed(&OTHER),
+        "",
+    );
+}
+
+fn all_shown_of(machine: &Place, arguments: &[&str]) -> BTreeMap<String, String> {
+    machine.run_well(arguments);
+    machine.published()
+}
+
+#[test]
+fn a_flipped_byte_is_found_before_it_is_used() {
+    let mut rng = chances("flips in a depot");
+    let lab = Lab::new();
+    let first = machine();
+    lab.run(&first, &[]);
+    let expected = first.undisturbed(&OTHER);
+    for round in 0..number("PIPELINE_FLIPS", 24) {
+        let folder = ["blobs", "units", "recipes", "runs"]
+            .choose(&mut rng)
+            .unwrap();
+        let keys = lab.keys(folder);
+        let path = keys.choose(&mut rng).unwrap();
+        let before = read(path);
+        let mut bytes = before.clone();
+        let place = rng.random_range(0..bytes.len());
+        bytes[place] ^= 1 << rng.random_range(0..8);
+        write_unnoticed(path, &bytes);
+        let context = format!("round {round}: {}", path.display());
+        let verified = lab.ask(&first, "verify", &["--depot"]);
+        assert_eq!(verified.status.code(), Some(1), "{context}");
+        let key = path
+            .strip_prefix(lab.depot())
+            .unwrap()
+            .display()
+            .to_string();
+        assert!(
+            stdout(&verified).contains(&key),
+            "{context}: {}",
+            stdout(&verified)
+        );
+        let second = machine();
+        lab.run(&second, &OTHER);
+        lab.ask(&second, "pull", &[]);
+        assert_same(&all_shown_of(&second, &OTHER), &expected, &context);
+        write_unnoticed(path, &before);
+    }
+}
+
+/// Makes everything in a depot older.
+fn age(depot: &Path, by: Duration) {
+    for path in files_below(depot) {
+        let file = File::options().append(true).open(&path);
+        let file = file.or_else(|_| File::open(&path)).unwrap();
+        let then = file.metadata().unwrap().modified().unwrap() - by;
+        file.set_modified(then).unwrap();
+    }
+}
+
+const DAY: Duration = Duration::from_hours(24);
+
+#[test]
+fn gc_of_a_depot_keeps_the_newest_runs_and_whatever_is_young() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    lab.run(&first, &["--set", "first.add=3"]);
+    age(&lab.depot(), 8 * DAY);
+    lab.run(&first, &[]);
+    let collect = |arguments: &[&str]| -> Value {
+        let arguments = [&["--depot", "--format", "json"], arguments].concat();
+        let output = lab.ask(&first, "gc", &arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let n_before = lab.keys("").len();
+    let said = collect(&["--dry-run"]);
+    assert_eq!(lab.keys("").len(), n_before, "a dry run removes nothing");
+    // What another machine makes meanwhile and had in the old run as well stays.
+    second.input("held", b"a held one");
+    for partition in 0..12 {
+        second.let_go(&crate::place::name(partition));
+    }
+    let mut run = Running::start(lab.share(second.held(&["--set", "first.add=4"])));
+    run.wait_for(&second, "held");
+    let done = collect(&[]);
+    assert_eq!(done["units"], said["units"]);
+    assert_eq!(done["units"]["first.parts"]["n_units"], 12, "{done}");
+    assert!(done["units"].get("split.parts").is_none(), "{done}");
+    fs::remove_dir_all(second.path("gate")).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    lab.assert_whole(&first);
+    let third = machine();
+    lab.run(&third, &[]);
+    assert_eq!(third.take_log(), [], "the newest run was kept");
+    lab.run(&third, &["--set", "first.add=3"]);
+    assert!(!third.take_log().is_empty(), "the old one was not");
+    let now = SystemTime::now();
+    for path in lab.keys("blobs") {
+        let stored = fs::metadata(path).unwrap().modified().unwrap();
+        let age = now.duration_since(stored).unwrap_or_default();
+        assert!(age < 9 * DAY);
+    }
+}
+
+#[test]
+fn a_depot_that_is_not_one_is_an_error_with_a_hint() {
+    let machine = machine();
+    for (name, says) in [
+        ("s4://bucket/lab", "unknown kind `s4`"),
+        ("lab/depot", "relative to the working directory"),
+    ] {
+        let mut run = machine.command("run", &[]);
+        let refused = run.env("PIPELINE_DEPOT", name).output().unwrap();
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains(says) && said.contains("hint: "), "{said}");
+    }
+    for command in ["push", "pull"] {
+        let refused = machine.bare(&machine.lake(), command).output().unwrap();
+        let said = stderr(&refused);
+        assert_eq!(refused.status.code(), Some(2), "{said}");
+        assert!(said.contains("export PIPELINE_DEPOT="), "{said}");
+    }
+    assert!(!machine.lake().exists());
+    // One of another version is left alone.
+    let lab = Lab::new();
+    put(&lab.depot().join("format"), b"depot 99\n");
+    let ran = lab.run(&machine, &[]);
+    assert_eq!(warnings(&ran), 1, "{}", stderr(&ran));
+    assert_eq!(lab.keys("").len(), 1);
+}
