@@ -182,7 +182,6 @@ mod tests {
     /// Compares each term's gradient with central differences, at a hand that is in object, table and limits at once.
     #[test]
     fn gradients_equal_central_differences() {
-        let row = fixture::row();
         for (name, weights) in [
             (
                 "contact",
@@ -220,6 +219,11 @@ mod tests {
                 },
             ),
         ] {
+            let mut row = fixture::row();
+            if name == "penetration" {
+                // The first ball's center 6 mm before a side of the cube.
+                row[..3].copy_from_slice(&[-0.0613, 0.0101, -0.0124]);
+            }
             let (terms, found) = evaluate(&weights, &row);
             assert!(terms.total > 1e-3, "{name}: {terms:?}");
             let largest = found.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
