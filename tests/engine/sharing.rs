@@ -198,7 +198,7 @@ type Break = fn(&Path);
 /// Ways in which a depot is down, by name, and whether its silence must be waited for.
 const DOWN: [(&str, Break); 4] = [
     ("missing", |depot| {
-        fs::rename(depot, depot.with_extension("away")).unwrap()
+        fs::rename(depot, depot.with_extension("away")).unwrap();
     }),
     ("a file", |depot| {
         fs::rename(depot, depot.with_extension("away")).unwrap();
