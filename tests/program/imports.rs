@@ -85,7 +85,8 @@ fn sequences(root: &Path) -> Vec<Sequence> {
 /// How the name of an object begins, by its number in the dataset.
 fn ycb(number: usize) -> &'static str {
     [
-        "002", "003", "004", "005", "006", "007", "008", "009", "010", "011", "019", "021", "024", "025", "035", "036", "037", "040", "051", "052", "061", "056",
+        "002", "003", "004", "005", "006", "007", "008", "009", "010", "011", "019", "021", "024",
+        "025", "035", "036", "037", "040", "051", "052", "061", "056",
     ][number - 1]
 }
 
@@ -152,7 +153,8 @@ impl Sequence {
 
 /// An array of `f4` in numpy's format.
 fn npy(shape: &[usize], numbers: &[f64]) -> Vec<u8> {
-    let shape: String = shape.iter().map(|length| format!("{length}, ")).collect();
+    let shape: Vec<String> = shape.iter().map(|length| format!("{length}, ")).collect();
+    let shape = shape.concat();
     let header = format!("{{'descr': '<f4', 'fortran_order': False, 'shape': ({shape}), }}\n");
     let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
     bytes.extend(u16::try_from(header.len()).unwrap().to_le_bytes());
@@ -198,11 +200,9 @@ fn hocap(sample: &Path, root: &Path) -> usize {
         write(&root.join(file), calibration.as_bytes());
         let subject = name(sequence.folder.parent().unwrap());
         let folder = root.join(subject).join(name(&sequence.folder));
-        let serials: String = sequence
-            .serials
-            .iter()
-            .map(|serial| format!("'{serial}', "))
-            .collect();
+        let serials = sequence.serials.iter();
+        let serials: Vec<String> = serials.map(|serial| format!("'{serial}', ")).collect();
+        let serials = serials.concat();
         let meta = format!(
             "num_frames: {}\nobject_ids: [{}]\nmano_sides: [right]\nsubject_id: x\ntask_id: 1\n\
                  realsense: {{serials: [{serials}], width: 640, height: 480}}\nextrinsics: {}.yaml\n",

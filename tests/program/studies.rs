@@ -57,7 +57,13 @@ fn studied() -> Bench {
         "sample_noisy.point_noise=0.0,1.0".to_owned(),
         "screen_pose.pose_noise=1.0".to_owned(),
     ];
-    let generators = ["sample", "sample_noisy", "grasp_tta", "force_closure", "eigengrasp"];
+    let generators = [
+        "sample",
+        "sample_noisy",
+        "grasp_tta",
+        "force_closure",
+        "eigengrasp",
+    ];
     for stage in generators {
         values.push(format!("{stage}.objects={OBJECTS:?}"));
     }

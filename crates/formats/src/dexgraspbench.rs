@@ -182,14 +182,14 @@ mod tests {
     fn joints_are_found_by_name() {
         let joints = allegro((0..16).rev());
         let q: Vec<f64> = (0..16).rev().map(f64::from).collect();
-        let episode = Episode::new("a", "o", &joints, vec![moment(0.0, q.clone())]).unwrap();
+        let episode = Episode::new("a", "o", &joints, &[moment(0.0, q.clone())]).unwrap();
         let order = allegro_order(&episode).unwrap();
         let numbers = qpos(&episode.at(0.0), &order);
         let expected: Vec<f64> = (0..16).map(f64::from).collect();
         assert_eq!(numbers[7..], expected);
         for joints in [allegro(0..15), allegro(1..17)] {
             let q = vec![0.0; joints.len()];
-            let other = Episode::new("a", "o", &joints, vec![moment(0.0, q)]).unwrap();
+            let other = Episode::new("a", "o", &joints, &[moment(0.0, q)]).unwrap();
             assert!(matches!(
                 allegro_order(&other),
                 Err(FormatError::NotAllegro { .. })
@@ -210,7 +210,7 @@ mod tests {
     fn times_out_of_order_and_objects_without_shape_are_refused() {
         let joints = allegro(0..16);
         let moments = vec![moment(0.0, vec![0.0; 16]), moment(1.0, vec![0.1; 16])];
-        let episode = [Episode::new("a", "o", &joints, moments).unwrap()];
+        let episode = [Episode::new("a", "o", &joints, &moments).unwrap()];
         let export = |pregrasp, grasp| {
             to_dexgraspbench(
                 &episode,

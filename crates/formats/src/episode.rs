@@ -75,7 +75,7 @@ impl Episode {
         name: &str,
         object: &str,
         joints: &[Joint],
-        moments: Vec<Moment>,
+        moments: &[Moment],
     ) -> Result<Self, FormatError> {
         let first_s = moments.first().map_or(0.0, |moment| moment.time_s);
         let step = |moment: &Moment, q: &[f64]| Step {
@@ -258,7 +258,7 @@ pub(crate) mod tests {
 
     pub(crate) fn episode(name: &str, times_s: &[f64]) -> Episode {
         let moments = times_s.iter().map(|&time_s| moment(time_s));
-        Episode::new(name, "025_mug", &joints(), moments.collect()).unwrap()
+        Episode::new(name, "025_mug", &joints(), &moments.collect::<Vec<_>>()).unwrap()
     }
 
     #[test]
@@ -272,7 +272,7 @@ pub(crate) mod tests {
     #[test]
     fn refuses_what_is_no_motion() {
         let refused =
-            |moments: Vec<Moment>| Episode::new("a", "o", &joints(), moments).unwrap_err();
+            |moments: Vec<Moment>| Episode::new("a", "o", &joints(), &moments).unwrap_err();
         assert!(matches!(refused(vec![]), FormatError::Motion { .. }));
         assert!(matches!(
             refused(vec![moment(1.0), moment(1.0)]),
@@ -297,7 +297,7 @@ pub(crate) mod tests {
             q: vec![0.0],
             ..moment(0.0)
         }];
-        let other = Episode::new("b", "o", &joints()[..1], moments).unwrap();
+        let other = Episode::new("b", "o", &joints()[..1], &moments).unwrap();
         let mixed = check_together(&[one, other]).unwrap_err();
         assert!(matches!(mixed, FormatError::Joints { .. }));
         assert!(matches!(

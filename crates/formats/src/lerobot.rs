@@ -175,7 +175,7 @@ fn resampling_error(episodes: &[Episode], fps: u32) -> (f64, f64) {
     let mut worst = (0.0_f64, 0.0_f64);
     for episode in episodes {
         let moments = resampled(episode, fps);
-        let Ok(again) = Episode::new(episode.name(), episode.object(), episode.joints(), moments)
+        let Ok(again) = Episode::new(episode.name(), episode.object(), episode.joints(), &moments)
         else {
             continue;
         };
@@ -227,7 +227,7 @@ mod tests {
             q_command: Some(vec![time_s + 1.0, 0.25]),
             ..moment(time_s)
         });
-        let commanded = Episode::new("a", "o", &joints(), moments.to_vec()).unwrap();
+        let commanded = Episode::new("a", "o", &joints(), &moments).unwrap();
         let frames = frames(&commanded, 2);
         assert_eq!(frames[1].action[7..], [1.5, 0.25]);
         assert_eq!(frames[1].action[..7], frames[2].state[..7]);
@@ -244,7 +244,7 @@ mod tests {
             });
             let moments = corner.into_iter().zip([0.0, 0.13, 0.26]);
             let moments = moments.map(|(moment, time_s)| Moment { time_s, ..moment });
-            let corner = Episode::new("a", "o", &joints(), moments.collect()).unwrap();
+            let corner = Episode::new("a", "o", &joints(), &moments.collect::<Vec<_>>()).unwrap();
             resampling_error(&[corner], fps).1
         };
         // The corner at 0.13 s is cut by the line from 0.13 at 0 s to 0.07 at 0.2 s.

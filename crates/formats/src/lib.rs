@@ -13,7 +13,7 @@
 //!     q_command: None,
 //! };
 //! let joints = [Joint { name: "knuckle".to_owned(), unit: Unit::Radian }];
-//! let episode = Episode::new("025_mug-00000", "025_mug", &joints, vec![moment(0.0), moment(1.0)])?;
+//! let episode = Episode::new("025_mug-00000", "025_mug", &joints, &[moment(0.0), moment(1.0)])?;
 //! let export = formats::to_lerobot(&[episode], 30, "a_hand")?;
 //! assert!(export.files.contains_key("meta/info.json"));
 //! assert!(!export.lost.is_empty());

@@ -124,7 +124,7 @@ fn touch(name: &str, aside_m: f64) -> Episode {
         }
     };
     let moments = [(0.0, 0.0), (0.6, 0.1), (0.85, 0.28), (1.0, 0.32)].map(closing);
-    Episode::new(name, "025_mug", &joints(), moments.to_vec()).unwrap()
+    Episode::new(name, "025_mug", &joints(), &moments).unwrap()
 }
 
 #[test]

@@ -85,7 +85,8 @@ fn parquet_has_the_frames_that_were_exported() {
             assert_near(&numbers("action", row), action(moments, frame));
             let time_s = f64::from(column::<Float32Array>(&data, "timestamp").value(row));
             assert!((time_s - moment.time_s).abs() < 1e-6);
-            let number = |name| column::<Int64Array>(&data, name).value(row) as usize;
+            let number =
+                |name| usize::try_from(column::<Int64Array>(&data, name).value(row)).unwrap();
             assert_eq!(number("frame_index"), frame);
             assert_eq!((number("episode_index"), number("index")), (episode, row));
             assert_eq!(number("task_index"), usize::from(episode == 2));
@@ -102,7 +103,7 @@ fn metadata_says_where_frames_are_and_what_numbers_mean() {
     let export = export();
     let lengths: Vec<i64> = expected()
         .iter()
-        .map(|moments| moments.len() as i64)
+        .map(|moments| i64::try_from(moments.len()).unwrap())
         .collect();
     let about = &batches(&export, EPISODES, "episodes")[0];
     let number = |name| column::<Int64Array>(about, name).values().to_vec();
@@ -135,14 +136,17 @@ fn metadata_says_where_frames_are_and_what_numbers_mean() {
     assert_eq!(state["info"]["units"][2], "m");
     assert_eq!(state["info"]["units"][7], "rad");
 
-    let stats: Value = serde_json::from_slice(&bytes(&export, "meta/stats.json")).unwrap();
-    assert_eq!(stats["action"]["count"][0], lengths.iter().sum::<i64>());
+    let statistics: Value = serde_json::from_slice(&bytes(&export, "meta/stats.json")).unwrap();
+    assert_eq!(
+        statistics["action"]["count"][0],
+        lengths.iter().sum::<i64>()
+    );
     let lowest = expected()
         .iter()
         .flatten()
         .map(|moment| moment.q[0])
         .fold(9.0, f64::min);
-    let found = stats["observation.state"]["min"][7].as_f64().unwrap();
+    let found = statistics["observation.state"]["min"][7].as_f64().unwrap();
     assert!((found - lowest).abs() < 1e-6);
 }
 

@@ -93,8 +93,8 @@ mod tests {
     use super::*;
 
     fn files(names: &[&str]) -> BTreeMap<String, Vec<u8>> {
-        let named = names.iter();
-        named
+        names
+            .iter()
             .map(|name| ((*name).to_owned(), b"bytes".to_vec()))
             .collect()
     }

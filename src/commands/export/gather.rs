@@ -150,7 +150,7 @@ impl Gathered {
                 &trajectory.sequence,
                 &trajectory.object,
                 &joints,
-                moments.collect(),
+                &moments.collect::<Vec<_>>(),
             );
             self.episodes
                 .push(episode.map_err(CommandError::with_hint(FormatError::hint))?);
@@ -314,8 +314,13 @@ fn drawn(candidate: &Candidate, object: &str, joints: &[Joint]) -> Result<Episod
         q: step.q_rad.clone(),
         q_command: None,
     });
-    Episode::new(&candidate.candidate_id, object, joints, moments.collect())
-        .map_err(CommandError::with_hint(FormatError::hint))
+    Episode::new(
+        &candidate.candidate_id,
+        object,
+        joints,
+        &moments.collect::<Vec<_>>(),
+    )
+    .map_err(CommandError::with_hint(FormatError::hint))
 }
 
 /// Joints by their names, with the units that the hand gives them.

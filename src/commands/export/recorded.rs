@@ -49,7 +49,7 @@ pub(super) fn episode(
         }
     });
     let joints = joints(&motion.robot.joint_names(), &motion.robot);
-    let episode = Episode::new(candidate, object, &joints, moments.collect());
+    let episode = Episode::new(candidate, object, &joints, &moments.collect::<Vec<_>>());
     Ok(Some(
         episode.map_err(CommandError::with_hint(FormatError::hint))?,
     ))

@@ -256,13 +256,13 @@ impl HoCap<'_> {
                 for (hand, seen) in labels.hands.into_iter().zip(&mut seen) {
                     seen.extend(hand.map(|hand| hand.map(|point| **world_from_camera * point)));
                 }
-                let posed = poses
+                let tracked = poses
                     .get(grasped)
                     .and_then(|poses| *poses.get(image as usize)?);
                 let labeled = labels
                     .camera_from_object
                     .map(|pose| **world_from_camera * pose);
-                apart_m.extend(posed.zip(labeled).map(|(a, b)| fuse::distance_m(&a, &b)));
+                apart_m.extend(tracked.zip(labeled).map(|(a, b)| fuse::distance_m(&a, &b)));
             }
             for (seen, hand) in seen.iter().zip(&mut hands) {
                 let fused = fuse::keypoints(seen, self.camera_agreement_m);

@@ -12,7 +12,7 @@ pub(super) enum Value {
     /// A numpy array of one dimension, double precision.
     Array(Vec<f64>),
     /// A Python `dict`.
-    Dictionary(Vec<(&'static str, Value)>),
+    Dictionary(Vec<(&'static str, Self)>),
 }
 
 const PROTOCOL: [u8; 2] = [0x80, 2];

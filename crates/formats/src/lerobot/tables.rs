@@ -122,10 +122,10 @@ pub(super) fn episodes(
         ("meta/episodes/chunk_index".to_owned(), zeros()),
         ("meta/episodes/file_index".to_owned(), zeros()),
     ];
-    let stats = recorded
+    let by_episode = recorded
         .chunks(1)
         .map(|one| Stats::of(one, features, fps).0);
-    columns.extend(statistics(&stats.collect::<Vec<_>>()));
+    columns.extend(statistics(&by_episode.collect::<Vec<_>>()));
     let batch = RecordBatch::try_from_iter_with_nullable(not_null(columns));
     parquet(FILE, &[batch.map_err(FormatError::encode(FILE))?])
 }

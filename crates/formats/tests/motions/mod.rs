@@ -52,7 +52,7 @@ pub(crate) fn episodes() -> Vec<Episode> {
         });
         let object = if seed < 2 { "025_mug" } else { "004_sugar_box" };
         let name = format!("{object}-{seed:05}");
-        let episode = Episode::new(&name, object, &joints(), moments.collect()).unwrap();
+        let episode = Episode::new(&name, object, &joints(), &moments.collect::<Vec<_>>()).unwrap();
         episode.with_outcome(if seed == 0 { "slipped" } else { "held" })
     };
     (0..3).map(episode).collect()
@@ -61,10 +61,8 @@ pub(crate) fn episodes() -> Vec<Episode> {
 /// A Python with these modules; else it is said why nothing is tried.
 pub(crate) fn python(modules: &[&str]) -> Option<PathBuf> {
     let python = measured_data::named_by("PIPELINE_PYTHON")?;
-    let imports: String = modules
-        .iter()
-        .map(|module| format!("import {module}\n"))
-        .collect();
+    let imports = modules.iter().map(|module| format!("import {module}\n"));
+    let imports = imports.collect::<Vec<_>>().concat();
     let has = Command::new(&python).args(["-c", &imports]).output();
     if has.is_ok_and(|ran| ran.status.success()) {
         return Some(python);

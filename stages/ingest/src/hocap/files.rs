@@ -77,9 +77,9 @@ impl Meta {
     /// Returns the hand that is read: the only one, or of two the one that is asked for; `None` if a side is none.
     pub(super) fn hand(&self, asked: Side) -> Option<Side> {
         let sides = self.mano_sides.iter().map(|side| Side::parse(side));
-        match sides.collect::<Option<Vec<_>>>()?.as_slice() {
-            &[side] => Some(side),
-            &[a, b] if a != b => Some(asked),
+        match *sides.collect::<Option<Vec<_>>>()? {
+            [side] => Some(side),
+            [a, b] if a != b => Some(asked),
             _ => None,
         }
     }

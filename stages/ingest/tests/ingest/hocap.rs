@@ -97,7 +97,7 @@ impl HoCapRig {
             lines += &format!("  {tag}: {}\n", rows(&Self::master_from_tag()));
         }
         let lines = lines.lines().filter(|line| !line.contains(self.without));
-        let lines: String = lines.map(|line| format!("{line}\n")).collect();
+        let lines = lines.collect::<Vec<_>>().join("\n");
         fs::write(calibration.join("extrinsics_20231014.yaml"), lines).unwrap();
         let serials = CAMERAS.map(|serial| format!("  - '{serial}'\n")).concat();
         let meta = format!(
@@ -202,6 +202,9 @@ fn reason(rig: &HoCapRig) -> (&'static str, String) {
     make_with(rig, |_| {}).reason()
 }
 
+/// Damages a dataset.
+type Damage<'a> = &'a dyn Fn(&Path);
+
 #[test]
 fn the_object_that_moves_first_is_the_one_that_is_reached_for() {
     let bench = make_with(&HoCapRig::default(), |_| {});
@@ -238,7 +241,7 @@ fn of_two_hands_the_configured_one_is_read_if_it_is_nearer() {
 #[test]
 fn the_still_objects_say_where_the_table_is_if_asked() {
     let bench = make_with(&HoCapRig::default(), |config| {
-        config.table = TableRule::Objects
+        config.table = TableRule::Objects;
     });
     crate::assert_known_but_rest(&bench.only());
     assert_eq!(bench.units["shapes"].len(), 2);
@@ -351,7 +354,7 @@ fn damaged_files_and_names_that_lead_elsewhere_are_reasons() {
             fs::write(&path, text.replace(from, to)).unwrap();
         }
     };
-    let cases: [(&dyn Fn(&Path), &str); 6] = [
+    let cases: [(Damage<'_>, &str); 6] = [
         (
             &meta("object_ids: [", "object_ids: [../x, "),
             "a name has letters",
