@@ -2,7 +2,7 @@
 
 use crate::{
     Episode, Export, FormatError,
-    episode::{check_together, joint_names, pose_names},
+    episode::{check_together, joint_names, pose_names, without_commands},
 };
 
 /// Name of the file.
@@ -59,6 +59,7 @@ pub fn to_csv(episodes: &[Episode]) -> Result<Export, FormatError> {
         "shapes of hand and object: only their names and poses are in it".to_owned(),
         "types and frames: names end in units, poses are in the table's frame, and a quaternion is x y z w".to_owned(),
     ];
+    export.lost.extend(without_commands(episodes));
     Ok(export)
 }
 

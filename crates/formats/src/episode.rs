@@ -231,6 +231,13 @@ pub(crate) fn joint_names(joints: &[Joint]) -> Vec<String> {
         .collect()
 }
 
+/// Says how many motions have no commands at the times of their positions, if there are any.
+pub(crate) fn without_commands(episodes: &[Episode]) -> Option<String> {
+    let without = episodes.iter().filter(|episode| !episode.has_commands());
+    let (n, all) = (without.count(), episodes.len());
+    (n > 0).then(|| format!("commands: {n} of {all} motions have none at the times of their positions"))
+}
+
 #[cfg(test)]
 pub(crate) mod tests {
     use nalgebra::{UnitQuaternion, Vector3};

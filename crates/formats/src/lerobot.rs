@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 use crate::{
     Episode, Export, FormatError, Moment,
-    episode::{check_together, joint_names, pose_names},
+    episode::{check_together, joint_names, pose_names, without_commands},
     lerobot::stats::Stats,
 };
 
@@ -157,16 +157,8 @@ fn lost(episodes: &[Episode], fps: u32) -> Vec<String> {
         "shapes of hand and object: only their names and poses are in it".to_owned(),
         "units and frames have no field: they end the names of the numbers, and README.md says them".to_owned(),
     ];
-    let n = episodes
-        .iter()
-        .filter(|episode| !episode.has_commands())
-        .count();
-    if n > 0 {
-        lost.push(format!(
-            "commands: {n} of {} motions have none, and their actions are the next frame's positions",
-            episodes.len()
-        ));
-    }
+    let without = without_commands(episodes);
+    lost.extend(without.map(|fact| format!("{fact}, and their actions are the next frame's positions")));
     lost
 }
 
