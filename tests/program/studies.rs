@@ -51,7 +51,6 @@ fn studied() -> Bench {
         "cem_mpc.elites=4".to_owned(),
         "dispatch.per_object=1".to_owned(),
         "dispatch_rrt.per_object=1".to_owned(),
-        "dispatch_rrt_tta.per_object=1".to_owned(),
         "dispatch_rrt_eigengrasp.per_object=1".to_owned(),
         "dispatch_cem.per_object=1".to_owned(),
         "sample_noisy.point_noise=0.0,1.0".to_owned(),

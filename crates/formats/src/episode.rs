@@ -235,7 +235,9 @@ pub(crate) fn joint_names(joints: &[Joint]) -> Vec<String> {
 pub(crate) fn without_commands(episodes: &[Episode]) -> Option<String> {
     let without = episodes.iter().filter(|episode| !episode.has_commands());
     let (n, all) = (without.count(), episodes.len());
-    (n > 0).then(|| format!("commands: {n} of {all} motions have none at the times of their positions"))
+    (n > 0).then(|| {
+        format!("commands: {n} of {all} motions have none at the times of their positions")
+    })
 }
 
 #[cfg(test)]

@@ -158,7 +158,9 @@ fn lost(episodes: &[Episode], fps: u32) -> Vec<String> {
         "units and frames have no field: they end the names of the numbers, and README.md says them".to_owned(),
     ];
     let without = without_commands(episodes);
-    lost.extend(without.map(|fact| format!("{fact}, and their actions are the next frame's positions")));
+    lost.extend(
+        without.map(|fact| format!("{fact}, and their actions are the next frame's positions")),
+    );
     lost
 }
 
