@@ -67,6 +67,6 @@ select
     case when held > 0 then cast(round(log10(1.0 * steps / held), 2) as varchar) else '-' end as "as simulated",
     case when held > 0 and checks > 0 then cast(round(log10(1.0 * checks / held), 2) as varchar) else '-' end as "checks",
     -- The processor time of GraspTTA is not measured by object.
-    case when held > 0 and stage <> 'screen_rrt_tta' then cast(round(cpu_s / held, 2) as varchar) else '-' end as "s",
-    case when split = 'seen' then seen else unseen end as "the paper's cost, s"
+    case when held > 0 and stage <> 'screen_rrt_tta' then cast(round(cpu_s / held, 2) as varchar) else '-' end as "CPU, s",
+    case when split = 'seen' then seen else unseen end as "the paper's: cost, s"
 from sums join names on sums.stage = names.of_stage order by number, split

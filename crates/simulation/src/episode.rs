@@ -4,10 +4,11 @@ use nalgebra::Vector3;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    config::{ControllerKind, Support},
+    config::Support,
     error::SimulationError,
     hand::LinkShape,
     judge::IMPLAUSIBLE_SPEED,
+    script::HandPose,
     settings::SettingFault,
     settled_scene::SettledScene,
     units::meters,
@@ -18,16 +19,6 @@ use crate::{
 /// same bits.
 pub struct Episode {
     world: World,
-}
-
-/// Command to palm and fingers for one control step.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HandCommand {
-    /// Pose of the palm at the end of the step, in the frame of the object as it lay.
-    pub object_from_palm: Pose<Object, Palm>,
-    /// Positions to which the fingers are driven during the step, in radians (meters if prismatic), in the order of the
-    /// hand's joints.
-    pub q: Vec<f64>,
 }
 
 /// What can be seen of an episode.
@@ -53,8 +44,8 @@ impl SettledScene {
     ///
     /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if the
     /// fingers' drives look ahead or are late: what they will be told is not known.
-    pub fn begin(&self, start: &HandCommand) -> Result<Episode, SimulationError> {
-        if self.scene.drive.controller != ControllerKind::Pd {
+    pub fn begin(&self, start: &HandPose) -> Result<Episode, SimulationError> {
+        if self.scene.drive.controller.follows_motion() {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
             return Err(SettingFault::new("drive.controller", problem).into());
         }
@@ -77,12 +68,13 @@ impl SettledScene {
         Ok(Episode { world })
     }
 
-    /// Advances an episode of this scene by one control step, as in the reach of a rollout.
+    /// Advances an episode of this scene by one control step, as in the reach of a rollout: `command` is the pose of the palm
+    /// at its end, and the positions to which the fingers are driven during it.
     ///
     /// # Errors
     ///
     /// Fails if the simulation diverges; from then on nothing is to be seen in it.
-    pub fn advance(&self, episode: &mut Episode, command: &HandCommand) -> Result<(), Diverged> {
+    pub fn advance(&self, episode: &mut Episode, command: &HandPose) -> Result<(), Diverged> {
         let world = &mut episode.world;
         let target = self.table_from_estimate() * command.object_from_palm;
         self.hand
@@ -103,7 +95,7 @@ impl SettledScene {
 
     /// Returns how far a hand that followed a command exactly would be below the table, in meters; 0 if it is above, or
     /// there is none. The palm follows its commands even through the table.
-    pub fn below_table_m(&self, command: &HandCommand) -> f64 {
+    pub fn below_table_m(&self, command: &HandPose) -> f64 {
         if self.scene.support != Support::Table {
             return 0.0;
         }

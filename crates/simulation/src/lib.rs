@@ -44,7 +44,7 @@ pub use config::{
     Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
-pub use episode::{Diverged, Episode, EpisodeState, HandCommand};
+pub use episode::{Diverged, Episode, EpisodeState};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;

@@ -6,7 +6,7 @@ use robot::RobotModel;
 use spatial::{Object, Palm, Pose};
 
 use crate::{
-    config::{ControllerKind, SceneConfig},
+    config::SceneConfig,
     desired::Desired,
     error::SimulationError,
     script::{Command, HandPose, Phase, Script},
@@ -51,12 +51,8 @@ impl Script {
         let reach = commands.iter().rfind(|command| command.phase.is_reach());
         let requested = reach.map(|grasp| grasp.hand.clone()).into_iter().collect();
         let start = commands.remove(0);
-        let desired = match scene.drive.controller {
-            ControllerKind::Pd => None,
-            ControllerKind::PdVelocity
-            | ControllerKind::PdVelocityInterpolated
-            | ControllerKind::PdFeedforward => Some(Desired::played(steps, scene)),
-        };
+        let follows_motion = scene.drive.controller.follows_motion();
+        let desired = follows_motion.then(|| Desired::played(steps, scene));
         Ok(Self {
             start,
             commands,

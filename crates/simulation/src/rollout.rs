@@ -176,7 +176,9 @@ pub(crate) fn run_watched<'a>(
         trace,
         ..
     } = execution;
-    let has_reached = executed.len() > script.reach_len() && verdict != Some(Verdict::Diverged);
+    let has_reached = aborted.is_none()
+        && executed.len() > script.reach_len()
+        && verdict != Some(Verdict::Diverged);
     let verdict = verdict.unwrap_or_else(|| judge.conclude(settled));
     let rollout = Rollout {
         verdict,

@@ -6,7 +6,7 @@ use robot::RobotModel;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    config::{Approach, ControllerKind, Protocol, SceneConfig, Trial},
+    config::{Approach, Protocol, SceneConfig, Trial},
     desired::Desired,
     error::SimulationError,
     settings::SettingFault,
@@ -53,6 +53,15 @@ pub struct HandPose {
     pub object_from_palm: Pose<Object, Palm>,
     /// Joint positions in radians (meters if prismatic), in the order of the hand's joints.
     pub q: Vec<f64>,
+}
+
+impl<R> From<Step<Object, R>> for HandPose {
+    fn from(step: Step<Object, R>) -> Self {
+        Self {
+            object_from_palm: step.frame_from_palm,
+            q: step.q_rad,
+        }
+    }
 }
 
 /// What is commanded at the end of one control step.
@@ -193,14 +202,9 @@ impl Script {
                 }
             }
         }
-        let desired = match scene.drive.controller {
-            ControllerKind::Pd => None,
-            ControllerKind::PdVelocity
-            | ControllerKind::PdVelocityInterpolated
-            | ControllerKind::PdFeedforward => {
-                Some(Desired::new(&start, &commands, motion, protocol, scene))
-            }
-        };
+        let follows_motion = scene.drive.controller.follows_motion();
+        let desired =
+            follows_motion.then(|| Desired::new(&start, &commands, motion, protocol, scene));
         Ok(Self {
             start,
             commands,
@@ -384,14 +388,6 @@ impl<R: Rates> Writer<'_, R> {
     }
 
     fn at(&self, fraction: f64) -> HandPose {
-        let Step {
-            frame_from_palm,
-            q_rad,
-            ..
-        } = self.motion.at_fraction(fraction);
-        HandPose {
-            object_from_palm: frame_from_palm,
-            q: q_rad,
-        }
+        self.motion.at_fraction(fraction).into()
     }
 }

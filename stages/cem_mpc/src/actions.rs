@@ -2,7 +2,7 @@
 
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::RobotModel;
-use simulation::HandCommand;
+use simulation::HandPose;
 use spatial::Pose;
 
 /// Numbers that move the palm.
@@ -54,7 +54,7 @@ impl Actions {
     }
 
     /// Returns the command of an action after another command.
-    pub(crate) fn command(&self, before: &HandCommand, action: &[f64]) -> HandCommand {
+    pub(crate) fn command(&self, before: &HandPose, action: &[f64]) -> HandPose {
         let (palm, fingers) = action.split_at(PALM);
         let number = |idx: usize| palm.get(idx).copied().unwrap_or(0.0);
         let moved = Vector3::new(number(0), number(1), number(2));
@@ -63,7 +63,7 @@ impl Actions {
         let at = before.object_from_palm;
         let step = self.joint_per_s * self.control_s;
         let q = before.q.iter().zip(fingers).zip(&self.joints);
-        HandCommand {
+        HandPose {
             object_from_palm: Pose::from_parts(
                 at.translation.vector + moved * self.speed_m_per_s * self.control_s,
                 turn * at.rotation,
@@ -94,7 +94,7 @@ mod tests {
         };
         let actions = Actions::new(&hand, &speeds, 0.02);
         assert_eq!(actions.len(), 7);
-        let start = HandCommand {
+        let start = HandPose {
             object_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(0.1, 0.2, 0.3),
                 Vector3::new(0.0, 0.4, 0.0),

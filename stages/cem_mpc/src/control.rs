@@ -6,7 +6,7 @@ use motion::{Motion, MotionError, Step};
 use nalgebra::Point3;
 use rand::Rng;
 use robot::RobotModel;
-use simulation::{Episode, EpisodeState, HandCommand, SettledScene, SimulationError};
+use simulation::{Episode, EpisodeState, HandPose, SettledScene, SimulationError};
 use spatial::Object;
 
 use crate::{
@@ -84,7 +84,7 @@ impl Controller<'_> {
         rng: &mut impl Rng,
     ) -> Result<Controlled, ControlError> {
         let [start, grasp] = [given.first(), given.grasp()];
-        let start = HandCommand {
+        let start = HandPose {
             object_from_palm: start.frame_from_palm,
             q: start.q_rad.clone(),
         };
@@ -153,7 +153,7 @@ impl Controller<'_> {
         scene: &SettledScene,
         from: &Episode,
         goal: &Goal,
-        before: &HandCommand,
+        before: &HandPose,
         plan: &[f64],
     ) -> (f64, u64) {
         let mut episode = from.fork();
@@ -204,10 +204,7 @@ impl CemMpcConfig {
 
 /// Returns commands as a motion, evenly spaced from the first time of another one to its last: the screen stretches a
 /// motion to its reach, and there they are one control step apart.
-fn on_clock(
-    given: &Motion<Object>,
-    commands: &[HandCommand],
-) -> Result<Motion<Object>, MotionError> {
+fn on_clock(given: &Motion<Object>, commands: &[HandPose]) -> Result<Motion<Object>, MotionError> {
     let between_s = given.duration_s() / (commands.len() - 1).max(1) as f64;
     let first_s = given.first().time_s;
     let steps = commands.iter().enumerate().map(|(idx, command)| Step {

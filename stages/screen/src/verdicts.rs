@@ -6,7 +6,7 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use motion::{Motion, Step};
+use motion::Motion;
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
@@ -213,7 +213,7 @@ impl Screening<'_> {
         rollout: &Rollout,
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
-        let drawn: Vec<HandPose> = motion.steps().iter().map(hand_pose).collect();
+        let drawn: Vec<HandPose> = motion.steps().iter().cloned().map(HandPose::from).collect();
         let measured = |steps: &[HandPose]| smoothness(steps, self.model).map_err(motion_error);
         let has_reached = !rollout.executed.is_empty();
         let executed = has_reached.then(|| measured(&rollout.executed));
@@ -230,13 +230,6 @@ impl Screening<'_> {
             executed: ExecutedSmoothness(executed.transpose()?),
             ..infeasible(candidate)
         })
-    }
-}
-
-fn hand_pose(step: &Step<InObject>) -> HandPose {
-    HandPose {
-        object_from_palm: step.frame_from_palm,
-        q: step.q_rad.clone(),
     }
 }
 

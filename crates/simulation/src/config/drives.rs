@@ -53,6 +53,13 @@ pub enum ControllerKind {
     PdFeedforward,
 }
 
+impl ControllerKind {
+    /// Whether it knows more of a motion than the commanded positions.
+    pub(crate) fn follows_motion(self) -> bool {
+        self != Self::Pd
+    }
+}
+
 /// Drives of the palm's coordinates, three along the axes of its start and three about them, with the torque law of the
 /// fingers' drives ([`DriveConfig::controller`]): they carry the hand's mass and inertia to the commanded path, and end with
 /// the reach, the squeeze and the pause; the lift is exact. Neither fingers nor object push the palm back.

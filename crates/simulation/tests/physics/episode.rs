@@ -2,7 +2,7 @@
 
 use motion::Motion;
 use simulation::{
-    Approach, ControllerKind, Episode, EpisodeState, HandCommand, SettledScene, SimulationError,
+    Approach, ControllerKind, Episode, EpisodeState, HandPose, SettledScene, SimulationError,
     TraceMode,
 };
 use spatial::Object;
@@ -15,11 +15,11 @@ fn motion() -> Motion<Object, ()> {
 }
 
 /// Returns the commands of a grasp from the side, the start first, one per control step of the reach.
-fn commands() -> Vec<HandCommand> {
+fn commands() -> Vec<HandPose> {
     let motion = motion();
     let at = |step: i32| {
         let at = motion.at_fraction(f64::from(step) / 40.0);
-        HandCommand {
+        HandPose {
             object_from_palm: at.frame_from_palm,
             q: at.q_rad,
         }
@@ -38,8 +38,8 @@ fn bits(state: &EpisodeState) -> Vec<u64> {
 }
 
 /// Advances by commands; returns what is seen after each.
-fn advance(scene: &SettledScene, episode: &mut Episode, by: &[HandCommand]) -> Vec<Vec<u64>> {
-    let step = |command: &HandCommand| {
+fn advance(scene: &SettledScene, episode: &mut Episode, by: &[HandPose]) -> Vec<Vec<u64>> {
+    let step = |command: &HandPose| {
         scene.advance(episode, command).unwrap();
         bits(&scene.observe(episode))
     };
@@ -111,7 +111,7 @@ fn drives_that_look_ahead_or_are_late_and_other_hands_commands_are_refused() {
             _ => panic!("not refused"),
         }
     }
-    let short = HandCommand {
+    let short = HandPose {
         q: vec![0.0; 3],
         ..start
     };
@@ -126,7 +126,7 @@ fn a_command_below_the_table_is_as_deep_as_its_lowest_link() {
     assert_eq!(scene.below_table_m(&above), 0.0);
     let lowered = |by_m: f64| {
         let down = scene.table_from_estimate().rotation.inverse() * -nalgebra::Vector3::z();
-        scene.below_table_m(&HandCommand {
+        scene.below_table_m(&HandPose {
             object_from_palm: above.object_from_palm.translated(&(down * by_m)),
             q: above.q.clone(),
         })
