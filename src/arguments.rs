@@ -573,7 +573,7 @@ pub(crate) struct GcArgs {
     pub(crate) files: Vec<PathBuf>,
     /// Finished runs of each pipeline to keep, the newest
     ///
-    /// Tagged runs are always kept.
+    /// Tagged runs of the lake are always kept; a depot has no tags.
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) keep: u16,
     /// Clean the depot instead of the lake

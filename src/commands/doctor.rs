@@ -5,7 +5,7 @@ mod lake_folder;
 mod robot;
 
 use dataflow::Pipeline;
-use depot::{Content, Link, PutMode};
+use lake::Lake;
 
 use crate::{
     arguments::DoctorArgs,
@@ -100,7 +100,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
 
 fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandError> {
     let mut found = lake_folder::check(&program.lake);
-    found.extend(depot()?);
+    found.extend(depot(program)?);
     found.push(checks::compute());
     found.extend(checks::stages(pipeline));
     found.extend(checks::robot_cells(pipeline));
@@ -108,24 +108,19 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
 }
 
 /// Stores a file in the depot, reads and removes it, if the environment names a depot.
-fn depot() -> Result<Option<Check>, CommandError> {
+fn depot(program: &Program) -> Result<Option<Check>, CommandError> {
     let Some(depot) = sharing::depot()? else {
         return Ok(None);
     };
-    let link = Link::new(depot);
-    let key = format!("doctor/{}", std::process::id());
-    let tried = link
-        .put(
-            &key,
-            Content::of_bytes(b"doctor".to_vec()),
-            PutMode::IfAbsent,
-        )
-        .and_then(|_| link.read(&key))
-        .and_then(|_| link.remove(&key));
-    Ok(Some(match tried {
-        Ok(()) => Check::new(State::Ok, "depot", "results can be shared"),
-        Err(err) => Check::new(State::Missing, "depot", err.chain()).with_hint(
+    let missing = |why: String| {
+        Check::new(State::Missing, "depot", why).with_hint(
             "runs work without it: check that it is mounted and can be written".to_owned(),
-        ),
+        )
+    };
+    let lake = Lake::open(&program.lake).with_depot(depot);
+    Ok(Some(match lake.try_depot() {
+        Ok(true) => Check::new(State::Ok, "depot", "results can be shared"),
+        Ok(false) => missing("a file is not read as it was stored".to_owned()),
+        Err(err) => missing(report::chain(&err.into())),
     }))
 }

@@ -139,7 +139,7 @@ fn one(
             let place = if path.exists() {
                 path.display().to_string()
             } else {
-                "left in the depot".to_owned()
+                "not in the lake".to_owned()
             };
             rows.push(vec![
                 format!("file {name}"),

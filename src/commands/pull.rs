@@ -26,6 +26,10 @@ pub(crate) fn pull(program: &Program, args: &PullArgs) -> Result<CommandOutcome,
     program.say_shared(&lake)?;
     match n_lost {
         0 => Ok(CommandOutcome::Done),
+        n if lake.is_depot_offline() => Err(CommandError::failed(
+            anyhow::anyhow!("{n} files were not fetched: the depot is offline"),
+            None,
+        )),
         n => Err(CommandError::failed(
             anyhow::anyhow!("{n} files are neither here nor in the depot"),
             Some("a run that needs one makes it again".to_owned()),

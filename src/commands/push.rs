@@ -12,9 +12,15 @@ pub(crate) fn push(program: &Program) -> Result<CommandOutcome, CommandError> {
     lake.leave();
     pushed?;
     program.say_shared(&lake)?;
-    match lake.sharing()?.map(|shared| shared.n_units_waiting) {
-        None | Some(0) => Ok(CommandOutcome::Done),
-        Some(n) => Err(CommandError::failed(
+    let shared = lake.sharing()?;
+    let counts = shared.map(|shared| (shared.n_units_waiting, shared.n_units_damaged));
+    match counts.unwrap_or_default() {
+        (0, 0) => Ok(CommandOutcome::Done),
+        (0, n) => Err(CommandError::failed(
+            anyhow::anyhow!("{n} units are damaged here and were not sent"),
+            Some("`pipeline verify --drop` removes them, and a run makes them again".to_owned()),
+        )),
+        (n, _) => Err(CommandError::failed(
             anyhow::anyhow!("{n} units are not in the depot"),
             None,
         )),

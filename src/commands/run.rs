@@ -40,7 +40,11 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
         };
         run_variant(program, &lake, &args)
     });
-    let shared = program.end_sharing(&lake);
+    let shared = if args.dry_run {
+        program.say_shared(&lake)
+    } else {
+        program.end_sharing(&lake)
+    };
     lake.leave();
     outcome.and_then(|outcome| shared.map(|()| outcome))
 }

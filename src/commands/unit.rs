@@ -48,9 +48,11 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome,
     };
     let unit = UnitName::new(&node, &args.partition);
     let made = make_one(&pipeline, lake.as_ref(), &unit, forced, events);
-    if !args.with_parent {
-        program.end_sharing(&lake)?;
-    }
+    let shared = if args.with_parent {
+        Ok(())
+    } else {
+        program.end_sharing(&lake)
+    };
     lake.leave();
     let outcome = match (made, args.format) {
         (Ok(made), Format::Text) => {
@@ -77,6 +79,7 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome,
             CommandOutcome::Reported
         }
     };
+    shared?;
     lines.finish().map(|()| outcome)
 }
 

@@ -195,7 +195,7 @@ fn a_run_that_makes_nothing_asks_nothing() {
 /// Breaks a depot.
 type Break = fn(&Path);
 
-/// Ways in which a depot is down, by name, and whether its silence must be waited for.
+/// Ways in which a depot is down, by name.
 const DOWN: [(&str, Break); 4] = [
     ("missing", |depot| {
         fs::rename(depot, depot.with_extension("away")).unwrap();
@@ -270,6 +270,12 @@ fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
             .count();
         assert_eq!(n_warnings, 1, "{name}: {said}");
         assert_same(&all_shown(&second), &second.undisturbed(&[]), name);
+        // What was made again here is shown although it once was in the depot.
+        let _gone = fs::remove_dir_all(lab.depot());
+        let _gone = fs::remove_file(lab.depot());
+        fs::create_dir(lab.depot()).unwrap();
+        lab.run(&second, &[]);
+        assert_same(&second.published(), &second.undisturbed(&[]), name);
     }
 }
 
@@ -307,8 +313,8 @@ fn units_made_at_once_on_two_machines_are_one_record() {
     assert_eq!(lab.keys("differing"), Vec::<PathBuf>::new());
     assert_eq!(lab.keys("writing"), Vec::<PathBuf>::new());
     let third = machine();
-    lab.run(&third, &["--set", "first.add=0"]);
-    third.take_log();
+    lab.run(&third, &["--set", "first.add=0", "--set", "second.add=0"]);
+    assert_eq!(third.take_log(), []);
     assert_same(&first.undisturbed(&[]), &second.undisturbed(&[]), "");
 }
 
@@ -469,12 +475,6 @@ fn gc_of_a_depot_keeps_the_newest_runs_and_whatever_is_young() {
     assert_eq!(third.take_log(), [], "the newest run was kept");
     lab.run(&third, &["--set", "first.add=3"]);
     assert!(!third.take_log().is_empty(), "the old one was not");
-    let now = SystemTime::now();
-    for path in lab.keys("blobs") {
-        let stored = fs::metadata(path).unwrap().modified().unwrap();
-        let age = now.duration_since(stored).unwrap_or_default();
-        assert!(age < 9 * DAY);
-    }
 }
 
 #[test]

@@ -138,6 +138,11 @@ impl<'a> Maker<'a> {
         // Another process may have made it while this one waited for the lock.
         if forced == Forced::No
             && let Some(outcome) = self.store.lookup(&digest)?
+            && self
+                .store
+                .fetch_shown(&[&*outcome])?
+                .into_iter()
+                .all(|it| it)
         {
             return Ok(UnitReport {
                 partition: unit.partition.clone(),

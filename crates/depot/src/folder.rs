@@ -67,11 +67,18 @@ impl FolderDepot {
     /// Writes content beside its final name, synced.
     fn write(&self, content: Content) -> io::Result<PathBuf> {
         self.check()?;
-        let number = COUNTER.fetch_add(1, Ordering::Relaxed);
-        let name = format!("{}-{}-{number}", *MACHINE, process::id());
-        let beside = self.path(WRITING).join(name);
-        make_parent(&beside)?;
-        let written = write_synced(&beside, content);
+        // A process of the same name may have left a file behind.
+        let (beside, file) = loop {
+            let number = COUNTER.fetch_add(1, Ordering::Relaxed);
+            let name = format!("{}-{}-{number}", *MACHINE, process::id());
+            let beside = self.path(WRITING).join(name);
+            make_parent(&beside)?;
+            match File::create_new(&beside) {
+                Err(err) if err.kind() == io::ErrorKind::AlreadyExists => {}
+                created => break (beside, created?),
+            }
+        };
+        let written = write_synced(file, content);
         if written.is_err() {
             let _gone = fs::remove_file(&beside);
         }
@@ -184,8 +191,7 @@ fn link(beside: &Path, path: &Path) -> io::Result<Put> {
     }
 }
 
-fn write_synced(path: &Path, mut content: Content) -> io::Result<()> {
-    let mut file = File::create_new(path)?;
+fn write_synced(mut file: File, mut content: Content) -> io::Result<()> {
     let written = io::copy(&mut content.reader, &mut file)?;
     if written != content.size {
         let ended = format!("{written} bytes instead of {}", content.size);

@@ -1,6 +1,6 @@
 //! Files by key that several machines share: a depot.
 //!
-//! A [`Depot`] is a folder that machines mount ([`FolderDepot`]) or an object store. It needs no
+//! A [`Depot`] is a folder that machines mount ([`FolderDepot`]). It needs no
 //! locks: a file appears whole or not at all, and of several that are put at one key at the same
 //! time with [`PutMode::IfAbsent`] one wins.
 //!

@@ -75,8 +75,7 @@ impl Link {
         }
     }
 
-    /// Passes the bytes of a file to `sink`; returns whether there is such a file, and whether `sink`
-    /// took all of it.
+    /// Passes the bytes of a file to `sink`; returns whether there is such a file.
     ///
     /// # Errors
     ///

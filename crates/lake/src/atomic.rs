@@ -28,7 +28,9 @@ static STARTED: LazyLock<u128> = LazyLock::new(|| {
 /// The machine, as processes are named after it.
 static MACHINE: LazyLock<String> = LazyLock::new(|| {
     let named = host();
-    let letters = named.chars().filter(char::is_ascii_alphanumeric);
+    let letters = named
+        .chars()
+        .map(|c| if c.is_ascii_alphanumeric() { c } else { '_' });
     letters.take(HOST).collect()
 });
 

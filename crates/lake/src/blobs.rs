@@ -66,10 +66,8 @@ impl Blobs {
             File::open(file)
                 .and_then(|file| file.sync_all())
                 .map_err(io_error("write", file))?;
-            let mut permissions = metadata.permissions();
-            permissions.set_readonly(true);
-            fs::set_permissions(file, permissions).map_err(io_error("write", file))?;
-            rename(file, &self.path(&digest))?;
+            self.take_fetched(file, &digest)?;
+            return Ok(kept);
         }
         self.remember(&digest)?;
         Ok(kept)

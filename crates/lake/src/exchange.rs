@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, time::Duration};
 
-use dataflow::{Digest, FileRef, NodeName};
+use dataflow::{Digest, FileRef, NodeName, RunStatus};
 
 use crate::{
     GcMode, GcReport, LakeError,
@@ -30,13 +30,13 @@ impl Lake {
         for number in self.runs()? {
             let run = self.run(number)?;
             let mut is_lacking = false;
-            for unit in run.record.units {
+            for unit in &run.record.units {
                 if self.records.is_whole(&unit.fingerprint)? && there.insert(unit.fingerprint) {
                     shared.send_unit(&unit.fingerprint)?;
                     is_lacking = true;
                 }
             }
-            if is_lacking {
+            if is_lacking && run.record.status == RunStatus::Finished {
                 shared.send_run(number)?;
             }
         }
@@ -90,6 +90,15 @@ impl Lake {
             }
         }
         Ok(n_lost)
+    }
+
+    /// Stores a file in the depot, reads and removes it; returns whether what was read is what was stored.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake has no depot, or it cannot be used.
+    pub fn try_depot(&self) -> Result<bool, LakeError> {
+        Ok(self.depot()?.try_out()?)
     }
 
     /// Checks every byte of the depot against what was stored, and that records have their files.

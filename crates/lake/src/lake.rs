@@ -267,7 +267,7 @@ impl Lake {
     /// Whether a blob was left in the depot.
     pub(crate) fn is_elsewhere(&self, blob: &Digest) -> bool {
         let shared = self.shared.as_ref();
-        shared.is_some_and(|shared| shared.has(blob))
+        shared.is_some_and(|shared| shared.has(blob)) && !self.blobs.path(blob).exists()
     }
 
     /// Fetches blobs that were left in the depot, as far as it has them.
@@ -276,7 +276,10 @@ impl Lake {
         files: impl IntoIterator<Item = &'f FileRef>,
     ) -> Result<(), LakeError> {
         match &self.shared {
-            Some(shared) => shared.fetch_all(&self.blobs, files),
+            Some(shared) => {
+                self.prepare()?;
+                shared.fetch_all(&self.blobs, files)
+            }
             None => Ok(()),
         }
     }
@@ -290,7 +293,10 @@ impl Lake {
         let path = self.file(file);
         let is_here = path.exists()
             || match &self.shared {
-                Some(shared) => shared.fetch(&self.blobs, file)?,
+                Some(shared) => {
+                    self.prepare()?;
+                    shared.fetch(&self.blobs, file)?
+                }
                 None => false,
             };
         if is_here {

@@ -45,6 +45,8 @@ pub struct SharingReport {
     pub n_files_fetched: usize,
     /// Units sent.
     pub n_units_sent: usize,
+    /// Units that were not sent because a file of theirs is missing or damaged here.
+    pub n_units_damaged: usize,
     /// Units that are still to be sent.
     pub n_units_waiting: usize,
     /// Files that the depot has damaged.
@@ -61,7 +63,7 @@ pub(crate) struct Shared {
     folder: Folder,
     index: Index,
     pub(crate) outbox: Outbox,
-    pub(crate) unfetched: Arc<Unfetched>,
+    pub(crate) unfetched: Unfetched,
     sender: Sender,
     /// Blobs that the depot does not have, or has damaged.
     lost: Arc<Mutex<BTreeSet<Digest>>>,
@@ -76,20 +78,14 @@ pub(crate) struct Shared {
 impl Shared {
     pub(crate) fn new(depot: Arc<dyn Depot>, folder: &Folder) -> Self {
         let remote = Arc::new(Remote::new(depot));
-        let unfetched = Arc::new(Unfetched::new(folder));
         let lost = Arc::default();
         Self {
-            sender: Sender::new(
-                Arc::clone(&remote),
-                folder,
-                Arc::clone(&unfetched),
-                Arc::clone(&lost),
-            ),
+            sender: Sender::new(Arc::clone(&remote), folder, Arc::clone(&lost)),
             remote,
             folder: folder.clone(),
             index: Index::default(),
             outbox: Outbox::new(folder),
-            unfetched,
+            unfetched: Unfetched::new(folder),
             lost,
             damaged: Mutex::default(),
             found: Mutex::default(),
@@ -216,6 +212,7 @@ impl Shared {
             n_units_found: self.n_found.load(Ordering::Relaxed),
             n_files_fetched: self.n_fetched.load(Ordering::Relaxed),
             n_units_sent: sent.n_units,
+            n_units_damaged: sent.n_damaged,
             n_units_waiting: waiting.iter().filter(is_unit).count(),
             n_damaged: lock(&self.damaged).len(),
             differing: sent.differing.into_iter().collect(),

@@ -9,7 +9,7 @@ use std::{
 
 use dataflow::{
     Advised, Digest, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit, Record,
-    RecordOutcome, RunRecord, Store, UnitName, UnitRef, UnitTransaction,
+    RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef, UnitTransaction,
 };
 
 use crate::{
@@ -137,26 +137,26 @@ impl Store for Lake {
     }
 
     fn fetch_shown(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised> {
-        let Some(shared) = &self.shared else {
+        if self.shared.is_none() {
             return Ok(vec![true; outcomes.len()]);
-        };
+        }
         let shown = |outcome: &&RecordOutcome| -> Vec<FileRef> {
             let files = outcome.files().into_iter().flatten();
-            let shown = files.filter(|(name, file)| is_shown(name) && shared.has(&file.digest));
+            let shown =
+                files.filter(|(name, file)| is_shown(name) && self.is_elsewhere(&file.digest));
             shown.map(|(_, file)| file.clone()).collect()
         };
         let absent: Vec<Vec<FileRef>> = outcomes.iter().map(shown).collect();
-        shared.fetch_all(&self.blobs, absent.iter().flatten())?;
+        if absent.iter().any(|files| !files.is_empty()) {
+            self.fetch_all(absent.iter().flatten())?;
+        }
         let is_here = |files: Vec<FileRef>| files.iter().all(|file| self.file(file).exists());
         Ok(absent.into_iter().map(is_here).collect())
     }
 
     fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64 {
-        let Some(shared) = &self.shared else {
-            return 0;
-        };
         let files = outcome.files().into_iter().flat_map(BTreeMap::values);
-        let absent = files.filter(|file| shared.has(&file.digest));
+        let absent = files.filter(|file| self.is_elsewhere(&file.digest));
         absent.map(|file| file.size).sum()
     }
 
@@ -276,7 +276,15 @@ impl Store for Lake {
         let history = history::keep(self, &run, record, units)?;
         self.register.end(run, record.clone(), history)?;
         if let Some(shared) = &self.shared {
-            shared.send_run(number)?;
+            if shared.is_offline() {
+                // Processes that were started without it marked nothing.
+                for (unit, _) in units.iter().filter(|(unit, _)| unit.made_now) {
+                    shared.send_unit(&unit.fingerprint)?;
+                }
+            }
+            if record.status == RunStatus::Finished {
+                shared.send_run(number)?;
+            }
         }
         self.dirty.unmark(&record.pipeline, &self.locks)?;
         Ok(repair::repair(self)?)

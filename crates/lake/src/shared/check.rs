@@ -2,6 +2,7 @@
 
 use std::{
     collections::BTreeSet,
+    panic::resume_unwind,
     path::{Path, PathBuf},
     sync::{
         Mutex,
@@ -11,10 +12,11 @@ use std::{
 };
 
 use dataflow::Digest;
-use depot::{DepotError, Entry, Link};
+use depot::{Content, DepotError, Entry, Link, PutMode};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
+    atomic,
     digests::OnBytes,
     mutex::lock,
     records::{Stored, parse_recipe},
@@ -23,6 +25,9 @@ use crate::{
 
 /// Files read at once.
 const AT_ONCE: usize = 8;
+
+/// What a depot is tried out with.
+const TRIED: &[u8] = b"tried";
 
 /// A fault in a depot: the key, and what is wrong.
 pub(crate) type KeyFault = (PathBuf, String);
@@ -35,7 +40,8 @@ impl Shared {
     ) -> Result<(usize, u64, Vec<KeyFault>), DepotError> {
         let link = self.remote.link();
         let mut entries = Vec::new();
-        for prefix in [keys::BLOBS, keys::RECIPES, keys::UNITS, keys::RUNS] {
+        // A record comes after its files, so it is listed before them.
+        for prefix in [keys::RUNS, keys::UNITS, keys::RECIPES, keys::BLOBS] {
             entries.extend(link.list(prefix)?);
         }
         let there: BTreeSet<&str> = entries.iter().map(|entry| entry.key.as_str()).collect();
@@ -58,12 +64,23 @@ impl Shared {
             let workers: Vec<_> = (0..AT_ONCE).map(|_| scope.spawn(work)).collect();
             workers
                 .into_iter()
-                .filter_map(|worker| worker.join().ok())
+                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
                 .collect::<Result<(), _>>()
         })?;
         let mut faults = std::mem::take(&mut *lock(&faults));
         faults.sort();
         Ok((entries.len(), total, faults))
+    }
+
+    /// Stores a file in the depot, reads and removes it; returns whether what was read is what was stored.
+    pub(crate) fn try_out(&self) -> Result<bool, DepotError> {
+        let link = self.remote.to_write()?;
+        let key = format!("doctor/{}", atomic::process_name());
+        let content = || Content::of_bytes(TRIED.to_vec());
+        link.put(&key, content(), PutMode::IfAbsent)?;
+        let read = link.read(&key)?;
+        link.remove(&key)?;
+        Ok(read.as_deref() == Some(TRIED))
     }
 
     /// Removes a file from the depot.

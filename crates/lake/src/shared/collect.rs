@@ -5,7 +5,6 @@
 //! refer to has blobs that were sent, or sent again, within a day.
 
 use std::{
-    cmp::Reverse,
     collections::{BTreeMap, BTreeSet},
     path::Path,
     time::{Duration, SystemTime},
@@ -64,7 +63,8 @@ impl Shared {
         let mut garbage = Garbage::default();
         let mut n_left: BTreeMap<(String, String), usize> = BTreeMap::new();
         let mut runs = link.list(keys::RUNS)?;
-        runs.sort_by_key(|run| Reverse(run.modified));
+        // Names begin with the time at which the run started.
+        runs.sort_by(|a, b| b.key.cmp(&a.key));
         for run in runs {
             let left = n_left.entry(series(&run.key)).or_insert(n_runs);
             if is_old(&run) && *left == 0 {
@@ -92,14 +92,12 @@ impl Shared {
                 continue;
             }
             if let Some(stored) = stored {
-                let output = match records.recipe(&stored.recipe)? {
-                    Some(recipe) => recipe.output.to_string(),
-                    None => "of another machine".to_owned(),
+                let name = match records.output(&stored)? {
+                    Some(output) => format!("{}.{output}", stored.stage),
+                    None => format!("{} of another machine", stored.stage),
                 };
                 let n_bytes = files(&stored.outcome).map(|(_, size)| size).sum();
-                garbage
-                    .units
-                    .push((format!("{}.{output}", stored.stage), n_bytes));
+                garbage.units.push((name, n_bytes));
             }
             garbage.keys.push(unit.key);
         }

@@ -3,6 +3,7 @@
 use std::{
     fs::{self, File},
     io::{self, Write},
+    panic::resume_unwind,
     path::Path,
     sync::atomic::{AtomicUsize, Ordering},
     thread,
@@ -54,7 +55,7 @@ impl Shared {
             let workers: Vec<_> = workers.collect();
             workers
                 .into_iter()
-                .filter_map(|worker| worker.join().ok())
+                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
                 .collect()
         })
     }

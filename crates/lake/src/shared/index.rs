@@ -37,10 +37,6 @@ const FRESH_PER_TIME: u32 = 20;
 pub(crate) struct SharedRun {
     /// The pipeline.
     pub(crate) pipeline: String,
-    /// The machine that ran it.
-    pub(crate) host: String,
-    /// When it began, in nanoseconds since 1970, by the clock of that machine.
-    pub(crate) started_ns: u64,
     /// The records of its units.
     pub(crate) units: Vec<Stored>,
     /// The recipes of its units.

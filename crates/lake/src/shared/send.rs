@@ -14,14 +14,14 @@ use std::{
 };
 
 use dataflow::{Digest, FileRef};
-use depot::{Content, DepotError, PutMode};
+use depot::{Content, DepotError, Entry, PutMode};
 
-use super::marks::{Item, Outbox, Unfetched};
+use super::marks::{Item, Outbox};
 use super::{index::SharedRun, keys, remote::Remote};
 use crate::{
     LakeError, atomic,
     blobs::Blobs,
-    clock::{host, now},
+    clock::now,
     folder::Folder,
     lock::Locks,
     mutex::lock,
@@ -56,6 +56,8 @@ pub(crate) enum Unsent {
 pub(crate) struct Sent {
     /// Number of units.
     pub(crate) n_units: usize,
+    /// Number of units that have a file missing or damaged here.
+    pub(crate) n_damaged: usize,
     /// Units, as `stage` and partition, that the depot holds with other files, and the machine that
     /// made those.
     pub(crate) differing: BTreeSet<(String, String)>,
@@ -74,7 +76,6 @@ struct Work {
     blobs: Blobs,
     locks: Locks,
     register: Register,
-    unfetched: Arc<Unfetched>,
     /// Blobs that this process has sent or seen in the depot.
     there: Mutex<BTreeSet<Digest>>,
     /// Blobs that the depot has lost or damaged.
@@ -97,7 +98,6 @@ impl Sender {
     pub(crate) fn new(
         remote: Arc<Remote>,
         folder: &Folder,
-        unfetched: Arc<Unfetched>,
         lost: Arc<Mutex<BTreeSet<Digest>>>,
     ) -> Self {
         let work = Work {
@@ -107,7 +107,6 @@ impl Sender {
             blobs: Blobs::new(folder.clone()),
             locks: Locks::new(folder.locks()),
             register: Register::new(folder.clone()),
-            unfetched,
             there: Mutex::default(),
             lost,
             sent: Mutex::default(),
@@ -206,7 +205,8 @@ impl Work {
         let item = Item::Unit(*fingerprint);
         let Some(stored) = self.records.read(fingerprint)? else {
             // A unit in the making is marked before its record is stored.
-            if !self.locks.is_held(&fingerprint.to_hex()) {
+            let lock = self.locks.try_take(&fingerprint.to_hex(), "nothing")?;
+            if lock.is_some() && self.records.read(fingerprint)?.is_none() {
                 self.outbox.remove(item)?;
             }
             return Ok(());
@@ -219,6 +219,7 @@ impl Work {
         {
             if !self.send_blob(file)? {
                 // It is not here whole, so that its unit will be made again.
+                lock(&self.sent).n_damaged += 1;
                 return Ok(self.outbox.remove(item)?);
             }
         }
@@ -267,7 +268,9 @@ impl Work {
             let key = keys::recipe(digest);
             let bytes = sealed::seal(Path::new(&key), &recipe)?;
             let link = self.remote.to_write()?;
-            if link.head(&key)?.is_none() {
+            let there = link.head(&key)?;
+            let is_whole = |it: &Entry| it.size == bytes.len() as u64 && is_recent(it.modified);
+            if !there.is_some_and(|it| is_whole(&it)) {
                 link.put(&key, Content::of_bytes(bytes), PutMode::Always)?;
             }
             lock(&self.there).insert(*digest);
@@ -284,17 +287,16 @@ impl Work {
         }
         let key = keys::blob(digest);
         let link = self.remote.to_write()?;
-        if !is_lost
-            && let Some(there) = link.head(&key)?
-            && there.size == file.size
-            && is_recent(there.modified)
-        {
+        let there = if is_lost { None } else { link.head(&key)? };
+        let there = there.filter(|it| it.size == file.size);
+        if there.as_ref().is_some_and(|it| is_recent(it.modified)) {
             lock(&self.there).insert(*digest);
             return Ok(true);
         }
         let path = self.blobs.path(digest);
-        let Ok(opened) = File::open(&path) else {
-            return Ok(self.unfetched.contains(digest));
+        let opened = match File::open(&path) {
+            Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(there.is_some()),
+            opened => opened.map_err(atomic::io_error("read", &path))?,
         };
         let content = Content {
             size: file.size,
@@ -320,8 +322,6 @@ impl Work {
         let waiting = self.outbox.list()?;
         let mut shared = SharedRun {
             pipeline: run.record.pipeline.clone(),
-            host: host(),
-            started_ns: run.started_ns,
             units: Vec::new(),
             recipes: BTreeMap::new(),
         };
