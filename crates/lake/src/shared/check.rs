@@ -64,8 +64,7 @@ impl Shared {
             let workers: Vec<_> = (0..AT_ONCE).map(|_| scope.spawn(work)).collect();
             workers
                 .into_iter()
-                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
-                .collect::<Result<(), _>>()
+                .try_for_each(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
         })?;
         let mut faults = std::mem::take(&mut *lock(&faults));
         faults.sort();

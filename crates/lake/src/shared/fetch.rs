@@ -55,8 +55,7 @@ impl Shared {
             let workers: Vec<_> = workers.collect();
             workers
                 .into_iter()
-                .map(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
-                .collect()
+                .try_for_each(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
         })
     }
 
