@@ -286,7 +286,7 @@ fn joints_of<'a>(
 }
 
 fn check_times(samples: &[Sample], goal: &Goal, outcome: Outcome) -> Result<(), Contradiction> {
-    let end_s = end_s(goal);
+    let end_s = goal.end_s();
     let mut after_s = -f64::EPSILON;
     for (row, sample) in samples.iter().enumerate() {
         let until_s = (after_s + GAP_S).min(end_s + MAX_OVERRUN_S);
@@ -433,7 +433,7 @@ fn check_success(
     if report.lift_m < lifted_m {
         return low(report.lift_m, last.time_s);
     }
-    let held_s = end_s(goal) - grasp.hold_s + LATE_S;
+    let held_s = goal.end_s() - grasp.hold_s + LATE_S;
     let held = |sample: &&Sample| sample.time_s >= held_s || std::ptr::eq(*sample, last);
     for sample in report.samples.iter().filter(held) {
         let rise_m = height_m(sample) - height_m(first);
@@ -459,12 +459,6 @@ fn height_m(sample: &Sample) -> f64 {
     sample.table_from_object.translation.z
 }
 
-/// Returns the end of a goal's hold, in seconds.
-fn end_s(goal: &Goal) -> f64 {
-    let grasp = &goal.grasp;
-    grasp.reach_s + grasp.squeeze_s + grasp.pause_s + grasp.lift_s + grasp.hold_s
-}
-
 /// A goal's trajectory, sampled.
 struct CommandedSamples {
     /// Positions of each joint at each sampled time.
@@ -479,7 +473,7 @@ struct CommandedSamples {
 impl CommandedSamples {
     /// Samples a goal's trajectory; `None` if the goal has none.
     fn of(goal: &Goal) -> Option<Self> {
-        let samples_n = sample_idx(end_s(goal)) + 2;
+        let samples_n = sample_idx(goal.end_s()) + 2;
         let times = || (0..samples_n).map(|idx| idx as f64 * SAMPLE_PERIOD_S);
         let (arm, palm) = match &goal.carrier {
             PalmTrajectory::Arm(arm) => (Some(arm), None),

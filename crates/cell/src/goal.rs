@@ -180,6 +180,12 @@ enum Controller {
 }
 
 impl Goal {
+    /// Returns the end of the hold, in seconds.
+    pub fn end_s(&self) -> f64 {
+        let grasp = &self.grasp;
+        grasp.reach_s + grasp.squeeze_s + grasp.pause_s + grasp.lift_s + grasp.hold_s
+    }
+
     /// Returns the joint names: the arm's, if there is one, then the hand's. A report's numbers
     /// have the same order.
     pub fn joint_names(&self) -> Vec<String> {

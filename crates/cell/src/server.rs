@@ -339,8 +339,8 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
         let bytes = shared.faults.given(report.clone());
         let (waiting, outcome) = {
             let mut journal = lock(&shared.journal);
-            let waiting = journal.conclude(&report.goal_id, bytes.clone());
-            (waiting, journal.outcome(&report.goal_id))
+            let waiting = journal.conclude(&job.encoded.goal_id, bytes.clone());
+            (waiting, journal.outcome(&job.encoded.goal_id))
         };
         if let Some(notify) = lock(&shared.listener).as_ref() {
             notify(&report);

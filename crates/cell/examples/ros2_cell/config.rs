@@ -11,6 +11,8 @@ use robot::{Joint, RobotModel};
 use serde::Deserialize;
 use spatial::Pose;
 
+use crate::path::{BRAKE_PEAK, MAX_BRAKE_S};
+
 /// A cell on ROS 2.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -95,6 +97,22 @@ impl Config {
         for (key, number) in config.numbers() {
             if !(number.is_finite() && number > 0.0) {
                 return Err(said(format!("`{key}` is {number}, expected more than 0")));
+            }
+        }
+        if config.brake_s > MAX_BRAKE_S {
+            let brake_s = config.brake_s;
+            return Err(said(format!(
+                "`brake_s` is {brake_s}, expected at most {MAX_BRAKE_S}"
+            )));
+        }
+        let needed = BRAKE_PEAK * config.approach_rad_per_s / config.brake_s;
+        for controller in [&config.arm, &config.hand] {
+            let most = controller.deceleration_rad_per_s2;
+            if needed > most {
+                return Err(said(format!(
+                    "a brake on the approach decelerates at {needed:.1} rad/s², more than `deceleration_rad_per_s2`, \
+                     {most}: lower `approach_rad_per_s`, or raise `brake_s`"
+                )));
             }
         }
         Ok(config)

@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 use cell::{Abort, Goal, MonitoredMotion, PalmTrajectory, Sample, ros2_now_ns};
 use robot::JointOrder;
 use schemas::executions::Outcome;
+use spatial::{Object, Pose, Table};
 
 use crate::{config::Controller, machine::Ros2Machine, path::WayOfJoints};
 
@@ -28,6 +29,8 @@ pub(crate) struct Executing<'a> {
     /// When the goal's first row is due, by the monotonic clock and as a stamp.
     origin: Instant,
     origin_ns: i64,
+    /// The object's pose as the goal has it, for where nothing measures it.
+    table_from_object: Pose<Table, Object>,
     pub(crate) samples: Vec<Sample>,
     /// Why it was aborted, if it was.
     pub(crate) aborted: Option<Abort>,
@@ -51,6 +54,7 @@ impl<'a> Executing<'a> {
             way,
             origin: Instant::now() + approach,
             origin_ns: ros2_now_ns() + approach_ns,
+            table_from_object: goal.table_from_object,
             samples: Vec::new(),
             aborted: None,
         })
@@ -59,8 +63,13 @@ impl<'a> Executing<'a> {
     /// Moves until the goal's end, or until the robot rests after a brake; returns why it does not
     /// rest, if it does not.
     pub(crate) fn run(&mut self, goal: &Goal, motion: &mut MonitoredMotion<'_>) -> Option<String> {
-        let grasp = &goal.grasp;
-        let end_s = grasp.reach_s + grasp.squeeze_s + grasp.pause_s + grasp.lift_s + grasp.hold_s;
+        // Rows may go on beyond the hold.
+        let last = self
+            .way
+            .tracks
+            .iter()
+            .filter_map(|track| track.points.last());
+        let end_s = last.fold(goal.end_s(), |end_s, point| end_s.max(point.time_s));
         let (begin_s, max_age_s) = (self.way.begin_s, self.machine.config.max_age_s);
         let (mut slice_s, mut followed_s) = (begin_s, f64::INFINITY);
         let mut rested_s = None;
@@ -128,7 +137,8 @@ impl<'a> Executing<'a> {
     fn sample(&self, now_s: f64) -> Option<Sample> {
         let [arm, hand] = self.way.at(now_s)?;
         let commanded = self.in_machine_order(&arm.q_rad, &hand.q_rad)?;
-        self.machine.sample(now_s, Some(commanded))
+        self.machine
+            .sample(now_s, Some(commanded), self.table_from_object)
     }
 
     /// Returns positions of the way in the machine's order.

@@ -6,17 +6,16 @@ use cell::{
     CellError, CellRobot, EncodedGoal, Ending, Goal, Machine, MachineDescription, MonitoredMotion,
     PalmTrajectory, Rejection, RejectionCode, Report, Ros2Node, Sample, UncheckedReport,
 };
-use nalgebra::Isometry3;
 use robot::Joint;
 use schemas::executions::Outcome;
-use spatial::Pose;
+use spatial::{Object, Pose, Table};
 
 use crate::{
     config::Config,
     controllers::Controllers,
     executing::Executing,
     measurements::Measurements,
-    path::{WayOfJoints, start_error},
+    path::{POINT_S, WayOfJoints, start_error},
 };
 
 /// An arm and a hand on ROS 2.
@@ -173,21 +172,22 @@ impl Ros2Machine {
         Ok(())
     }
 
-    /// Returns a measurement: with the latest positions, in the machine's order.
-    pub(crate) fn sample(&self, time_s: f64, commanded: Option<Vec<f64>>) -> Option<Sample> {
+    /// Returns a measurement: with the latest positions, in the machine's order, and the object where it is
+    /// `unmeasured` if nothing measures it.
+    pub(crate) fn sample(
+        &self,
+        time_s: f64,
+        commanded: Option<Vec<f64>>,
+        unmeasured: Pose<Table, Object>,
+    ) -> Option<Sample> {
         let q_rad = self.measurements.positions()?;
-        let names = self
-            .robot
-            .arm_joints()
-            .iter()
-            .map(|joint| joint.name.clone());
-        let [arm_q, _] = self.measured([&names.collect::<Vec<_>>(), &[]])?;
+        // The arm's joints come after the hand's.
+        let arm_q = q_rad.get(self.robot.hand_joints().len()..)?;
         let object = self.measurements.object();
         Some(Sample {
             time_s,
-            table_from_palm: self.robot.palm(&arm_q)?,
-            table_from_object: object
-                .map_or_else(|| Pose::new(Isometry3::identity()), |(_, pose)| pose),
+            table_from_palm: self.robot.palm(arm_q)?,
+            table_from_object: object.map_or(unmeasured, |(_, pose)| pose),
             q_command_rad: commanded.unwrap_or_else(|| q_rad.clone()),
             q_rad,
         })
@@ -220,7 +220,7 @@ impl Machine for Ros2Machine {
             simulated: self.config.simulated,
             robot: self.robot.digest().to_owned(),
             joints: self.robot.joint_names(),
-            controllers: self.robot.controllers(1.0 / 100.0),
+            controllers: self.robot.controllers(POINT_S),
             palm: None,
             table_from_base: self.robot.table_from_base(),
             gap: "ROS 2 controllers; poses of palm and object as far as they are measured"
@@ -242,7 +242,7 @@ impl Machine for Ros2Machine {
 
     fn measure(&self) -> Option<Sample> {
         self.measurements.check_fresh(self.config.max_age_s).ok()?;
-        self.sample(0.0, None)
+        self.sample(0.0, None, Pose::identity())
     }
 
     fn execute(

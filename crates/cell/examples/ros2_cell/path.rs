@@ -9,15 +9,17 @@ use cell::{Goal, JointPoint, JointRates, JointTrack, PalmTrajectory};
 
 /// How far a slice reaches into the past and into the future, in seconds.
 const PAST_S: f64 = 0.05;
-pub(crate) const HORIZON_S: f64 = 0.25;
+const HORIZON_S: f64 = 0.25;
+/// Longest brake, in seconds: two slices may be lost before it would begin.
+pub(crate) const MAX_BRAKE_S: f64 = 0.15;
 /// Time between the points of a slice, in seconds: between them a controller interpolates.
-const POINT_S: f64 = 0.01;
+pub(crate) const POINT_S: f64 = 0.01;
 /// Shortest time from where the robot is to the goal's first row, in seconds.
 const MIN_APPROACH_S: f64 = 0.3;
 /// Greatest speed of a quintic from rest to rest, as a multiple of its mean.
 const PEAK: f64 = 1.875;
 /// Greatest deceleration of a brake, as a multiple of speed over duration.
-const BRAKE_PEAK: f64 = 1.5;
+pub(crate) const BRAKE_PEAK: f64 = 1.5;
 
 /// Rounding of a time, as a share of a brake.
 const ROUNDING: f64 = 1e-9;

@@ -2,7 +2,7 @@
 
 use motion::JointTrack;
 use nalgebra::{UnitQuaternion, Vector3};
-use robot::JointOrder;
+use robot::{JointKind, JointOrder};
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{
     ObjectShape, SettledScene, SimulationError, StepDecision, TraceStep, WatchedRollout,
@@ -19,6 +19,10 @@ use crate::{
 
 /// Time for which a hand is simulated after its motion was aborted, in seconds.
 const HOLD_S: f64 = 0.5;
+/// Excess over a joint's limits at which the motion is aborted, in radians and in meters: a report with
+/// more than `contradiction::LIMIT_RAD` would not be believed.
+const MAX_EXCESS_RAD: f64 = 0.15;
+const MAX_EXCESS_M: f64 = 0.015;
 /// Sampling period of a report, in seconds, unless the control step is longer.
 const SAMPLE_S: f64 = 0.01;
 
@@ -64,7 +68,7 @@ pub(super) fn carry_out(
     let (mut samples, mut reason): (Vec<Sample>, Option<Abort>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
-        let abort = see(&sample);
+        let abort = see(&sample).or_else(|| beyond_limits(robot, &sample));
         let now_s = sample.time_s;
         let due = SAMPLE_S * (samples.len() as f64 - 1e-9);
         if sample.time_s >= due {
@@ -109,6 +113,24 @@ pub(super) fn carry_out(
         lift_m,
         samples: samples.map_err(|err| SimulationError::Motion(err.to_string()))?,
         joints,
+    })
+}
+
+/// Returns the reason to abort if a measured joint is far beyond its limits: contact pushes it into its stop.
+fn beyond_limits(robot: &CellRobot, sample: &Sample) -> Option<Abort> {
+    robot.joints().zip(&sample.q_rad).find_map(|(joint, &q)| {
+        let (most, unit) = match joint.kind {
+            JointKind::Prismatic => (MAX_EXCESS_M, "m"),
+            _ => (MAX_EXCESS_RAD, "rad"),
+        };
+        let excess = (joint.lower - q).max(q - joint.upper);
+        (excess > most).then(|| Abort {
+            outcome: Outcome::Aborted,
+            message: format!(
+                "joint `{}` is {excess:.2} {unit} beyond its limits",
+                joint.name
+            ),
+        })
     })
 }
 
@@ -218,5 +240,33 @@ fn outcome(verdict: Verdict) -> Outcome {
         | Verdict::EarlyContact
         | Verdict::Diverged
         | Verdict::Infeasible => Outcome::Aborted,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use robot::RobotModel;
+
+    use super::*;
+
+    #[test]
+    fn a_joint_that_is_pushed_far_into_its_stop_aborts_the_motion() {
+        let urdf = include_str!("../../tests/gripper.urdf");
+        let hand = RobotModel::from_urdf(urdf).unwrap();
+        let robot = CellRobot::new(urdf, hand, None).unwrap();
+        let at = |q: f64| {
+            let sample = Sample {
+                q_rad: vec![0.0, q],
+                ..super::super::at_rest(&robot)
+            };
+            beyond_limits(&robot, &sample).map(|abort| abort.message)
+        };
+        // Its limits are 0 and 0.06 m.
+        assert_eq!(
+            (at(0.0), at(0.06), at(0.074), at(-0.014)),
+            (None, None, None, None)
+        );
+        let said = Some("joint `slide_right` is 0.02 m beyond its limits".to_owned());
+        assert_eq!((at(0.076), at(-0.016)), (said.clone(), said));
     }
 }
