@@ -380,6 +380,8 @@ pub(crate) struct PlanArgs {
 #[derive(Args)]
 pub(crate) struct QueryArgs {
     /// SQL query, e.g. `select * from objects`
+    // A query may begin with a comment, `--`.
+    #[arg(allow_hyphen_values = true)]
     pub(crate) sql: String,
     /// Output format
     #[arg(long, value_enum, default_value_t = QueryFormat::Table)]

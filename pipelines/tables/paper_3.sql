@@ -29,7 +29,7 @@ with
             ('dispatch', 1, 'the function, refined'), ('dispatch_rrt', 3, 'force closure, RRT-Connect'),
             ('dispatch_rrt_eigengrasp', 4, 'eigengrasps, RRT-Connect'), ('dispatch_cem', 8, 'force closure, CEM-MPC'),
             ('cgf', 2, 'the paper''s function, robot'), ('rrt', 7, 'the paper''s GraspTTA, RRT, robot'),
-            ('gi', 5, 'the paper''s GraspIt, RRT, robot'), ('cem', 9, 'the paper''s GraspTTA, CEM-MPC, robot')) as names(of_stage, number, shown))
+            ('dispatch_rrt_tta', 6, 'GraspTTA, RRT-Connect'), ('gi', 5, 'the paper''s GraspIt, RRT, robot'), ('cem', 9, 'the paper''s GraspTTA, CEM-MPC, robot')) as names(of_stage, number, shown))
 select
     shown as "grasp, motion",
     round(banana, 0) as "banana, %",

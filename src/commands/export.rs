@@ -68,7 +68,8 @@ fn dexgraspbench(
     };
     let beside = || folder.path().join("objects").display().to_string();
     let objects_at = args.objects_at.clone().unwrap_or_else(beside);
-    let export = formats::to_dexgraspbench(&gathered.episodes, &objects, times, &objects_at);
+    let (episodes, hand) = (&gathered.episodes, &gathered.hand);
+    let export = formats::to_dexgraspbench(episodes, &objects, times, &objects_at, hand);
     finish(program, &args.motions, folder, &gathered, export)
 }
 

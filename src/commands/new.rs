@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 45] = files![
+const FILES: [(&str, &str); 47] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -73,6 +73,8 @@ const FILES: [(&str, &str); 45] = files![
     "pipelines/script.toml",
     "pipelines/strict.toml",
     "pipelines/unseen.toml",
+    "pipelines/waterfall.toml",
+    "pipelines/waterfall_functions.toml",
     ".gitignore",
 ];
 

@@ -10,7 +10,7 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 26] = [
+const FILES: [&str; 28] = [
     "cgf",
     "agreement",
     "arm",
@@ -37,6 +37,8 @@ const FILES: [&str; 26] = [
     "script",
     "strict",
     "unseen",
+    "waterfall",
+    "waterfall_functions",
 ];
 
 /// The values of a file by their keys.

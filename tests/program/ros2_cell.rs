@@ -33,7 +33,8 @@ const CHANGES: [(&str, &str); 7] = [
     ("max_off_m = 0.03", "max_off_m = 0.3"),
 ];
 /// Few enough objects, one motion each: every motion takes its time.
-const VALUES: [&str; 4] = [
+const VALUES: [&str; 5] = [
+    "dispatch.cell_name=lab",
     r#"sample.objects=["003_cracker_box", "004_sugar_box", "006_mustard_bottle", "010_potted_meat_can"]"#,
     "sample.per_object=32",
     "dispatch.per_object=1",

@@ -51,6 +51,7 @@ fn studied() -> Bench {
         "dispatch.per_object=1".to_owned(),
         "dispatch_rrt.per_object=1".to_owned(),
         "dispatch_rrt_eigengrasp.per_object=1".to_owned(),
+        "dispatch_rrt_tta.per_object=1".to_owned(),
         "dispatch_cem.per_object=1".to_owned(),
         "sample_noisy.point_noise=0.0,1.0".to_owned(),
         "screen_pose.pose_noise=1.0".to_owned(),

@@ -1,9 +1,9 @@
-//! The dispatch protocol over zenoh: goals and their outcomes, a client and a simulated cell.
+//! The dispatch protocol over zenoh: goals and their outcomes, a client, a server for any machine, and a simulated cell.
 //!
 //! A robot cell takes one [`Goal`] at a time, executes it and reports its measurements.
 //! [`CellClient`] is the dispatcher's side, [`CellServer`] the cell's side for any [`Machine`], and
-//! [`SimulatedCell`] a cell backed by physics alone. This crate's `README.md` specifies the protocol between them on one page, so that any lab can serve
-//! it.
+//! [`SimulatedCell`] a cell backed by physics alone. This crate's `README.md` specifies the protocol
+//! between them on one page, so that any lab can serve it.
 //!
 //! - Goals and results are queries with replies, never bare publications: a missing answer is
 //!   always detected.

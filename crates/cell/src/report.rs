@@ -75,14 +75,7 @@ struct Header {
     joints: Vec<String>,
 }
 
-/// A report without its samples.
-pub(crate) struct OutcomeClass {
-    pub(crate) outcome: Outcome,
-    pub(crate) message: String,
-    pub(crate) lift_m: f64,
-}
-
-impl OutcomeClass {
+impl Ending {
     /// Parses the first line of a report.
     pub(crate) fn read(bytes: &[u8]) -> Option<Self> {
         let (header, _): (Header, _) = wire::split_line("report", bytes).ok()?;

@@ -24,7 +24,7 @@ use zenoh::{
 };
 
 use crate::{
-    Access, CellError,
+    CellError,
     goal::{Goal, now},
     report::Sample,
     session,
@@ -76,11 +76,10 @@ impl Ros2Node {
     /// Fails if no router answers within `timeout`.
     pub fn connect(
         router: &str,
-        access: Option<&Access>,
         (domain, name): (u32, &str),
         timeout: Duration,
     ) -> Result<Self, CellError> {
-        let session = session::connect(router, access, timeout);
+        let session = session::connect(router, None, timeout);
         Self::new(&session.map_err(CellError::of_a_router)?, domain, name)
     }
 

@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use ::robot::RobotModel;
+use ::robot::{Joint, RobotModel};
 use nalgebra::Isometry3;
 use simulation::{ObjectShape, SceneConfig, check_hand};
 use spatial::Pose;
@@ -244,9 +244,7 @@ impl Machine for Simulated {
 /// or as close to it as their limits allow.
 fn at_rest(robot: &CellRobot) -> Sample {
     let joints = robot.joints();
-    let q_rad: Vec<f64> = joints
-        .map(|joint| 0.0_f64.max(joint.lower).min(joint.upper))
-        .collect();
+    let q_rad: Vec<f64> = joints.map(Joint::nearest_zero).collect();
     Sample {
         time_s: 0.0,
         table_from_palm: Pose::new(Isometry3::identity()),

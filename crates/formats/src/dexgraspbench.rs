@@ -34,7 +34,8 @@ pub struct GraspTimes {
 }
 
 /// Writes the last part of each motion as a grasp, `graspdata/OBJECT/MOTION.npy`, and each object's folder,
-/// `objects/OBJECT`; `objects_at` is the folder of objects that the grasps name, as the evaluator will find it.
+/// `objects/OBJECT`; `objects_at` is the folder of objects that the grasps name, as the evaluator will find it, and
+/// `hand` the robot's name in its URDF.
 ///
 /// # Errors
 ///
@@ -45,7 +46,14 @@ pub fn to_dexgraspbench(
     objects: &BTreeMap<String, BenchObject>,
     times: GraspTimes,
     objects_at: &str,
+    hand: &str,
 ) -> Result<Export, FormatError> {
+    // Joints of the left hand have the same names.
+    if hand.contains("left") {
+        return Err(FormatError::NotRight {
+            hand: hand.to_owned(),
+        });
+    }
     let GraspTimes { pregrasp, grasp } = times;
     if !(0.0 <= pregrasp && pregrasp <= grasp && grasp <= 1.0) {
         return Err(FormatError::GraspTimes { pregrasp, grasp });
@@ -211,14 +219,14 @@ mod tests {
         let joints = allegro(0..16);
         let moments = vec![moment(0.0, vec![0.0; 16]), moment(1.0, vec![0.1; 16])];
         let episode = [Episode::new("a", "o", &joints, &moments).unwrap()];
-        let export = |pregrasp, grasp| {
-            to_dexgraspbench(
-                &episode,
-                &BTreeMap::new(),
-                GraspTimes { pregrasp, grasp },
-                "objects",
-            )
+        let of_hand = |pregrasp, grasp, hand| {
+            let times = GraspTimes { pregrasp, grasp };
+            to_dexgraspbench(&episode, &BTreeMap::new(), times, "objects", hand)
         };
+        let export = |pregrasp, grasp| of_hand(pregrasp, grasp, "allegro_right");
+        // The joints of a left hand have the same names.
+        let refused = of_hand(0.7, 0.9, "allegro_left").unwrap_err();
+        assert!(matches!(refused, FormatError::NotRight { .. }));
         for (pregrasp, grasp) in [(0.9, 0.8), (-0.1, 0.5), (0.5, 1.1), (f64::NAN, 0.5)] {
             let refused = export(pregrasp, grasp).unwrap_err();
             assert!(matches!(refused, FormatError::GraspTimes { .. }));

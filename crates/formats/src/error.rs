@@ -46,6 +46,12 @@ pub enum FormatError {
         /// The first such joint, or the first that is missing.
         joint: String,
     },
+    /// The evaluator has no model of a left hand.
+    #[error("the hand `{hand}` is a left one")]
+    NotRight {
+        /// The robot's name.
+        hand: String,
+    },
     /// The times of pregrasp and grasp are not in order.
     #[error(
         "pregrasp at {pregrasp} and grasp at {grasp} of the motion are not in order within 0..=1"
@@ -99,7 +105,7 @@ impl FormatError {
             Self::Joints { .. } => {
                 Some("export the motions of each hand on their own".to_owned())
             }
-            Self::NotAllegro { .. } => Some(
+            Self::NotAllegro { .. } | Self::NotRight { .. } => Some(
                 "of the bench's hands only the right Allegro is supported; `lerobot` and `csv` take any".to_owned(),
             ),
             Self::GraspTimes { .. } => {

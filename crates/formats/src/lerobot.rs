@@ -59,18 +59,21 @@ pub fn to_lerobot(episodes: &[Episode], fps: u32, robot_type: &str) -> Result<Ex
         (ACTION, names, |frame| &frame.action),
     ];
     let mut tasks: BTreeMap<String, usize> = BTreeMap::new();
+    let moments = episodes.iter().map(|episode| resampled(episode, fps));
+    let moments: Vec<Vec<Moment>> = moments.collect();
     let recorded: Vec<Recorded<'_>> = episodes
         .iter()
-        .map(|episode| {
+        .zip(&moments)
+        .map(|(episode, moments)| {
             let next = tasks.len();
             Recorded {
                 episode,
                 task: *tasks.entry(task(episode.object())).or_insert(next),
-                frames: frames(episode, fps),
+                frames: frames(moments),
             }
         })
         .collect();
-    let lost = lost(episodes, fps);
+    let lost = lost(episodes, &moments, fps)?;
     let mut export = Export::default();
     export.put(
         "meta/info.json",
@@ -102,19 +105,46 @@ fn task(object: &str) -> String {
     format!("grasp {object}")
 }
 
-/// Resamples an episode.
-fn frames(episode: &Episode, fps: u32) -> Vec<Frame> {
-    let moments = resampled(episode, fps);
+/// Returns the frames of moments.
+fn frames(moments: &[Moment]) -> Vec<Frame> {
+    let palms = continuous(
+        moments
+            .iter()
+            .map(|moment| moment.table_from_palm.to_array()),
+    );
+    let objects = continuous(
+        moments
+            .iter()
+            .map(|moment| moment.table_from_object.to_array()),
+    );
+    let hand = |palm: &[f64; 7], q: &[f64]| singles(palm.iter().chain(q).copied());
     (0..moments.len())
         .map(|idx| {
-            let (here, next) = (&moments[idx], moments.get(idx + 1).unwrap_or(&moments[idx]));
+            let next = (idx + 1).min(moments.len() - 1);
+            let command = moments[idx].q_command.as_ref();
             Frame {
-                state: hand(here, &here.q),
-                environment: singles(here.table_from_object.to_array()),
-                action: hand(next, here.q_command.as_ref().unwrap_or(&next.q)),
+                state: hand(&palms[idx], &moments[idx].q),
+                environment: singles(objects[idx]),
+                action: hand(&palms[next], command.unwrap_or(&moments[next].q)),
             }
         })
         .collect()
+}
+
+/// Returns poses with the signs of their quaternions such that none jumps: a learner sees numbers, not rotations.
+fn continuous(poses: impl Iterator<Item = [f64; 7]>) -> Vec<[f64; 7]> {
+    let mut smooth: Vec<[f64; 7]> = Vec::new();
+    for mut pose in poses {
+        let dot = smooth.last().map_or(1.0, |last| {
+            let both = last[3..].iter().zip(&pose[3..]);
+            both.map(|(a, b)| a * b).sum()
+        });
+        if dot < 0.0 {
+            pose[3..].iter_mut().for_each(|number| *number = -*number);
+        }
+        smooth.push(pose);
+    }
+    smooth
 }
 
 /// The moments at the frames' times.
@@ -132,11 +162,6 @@ fn resampled(episode: &Episode, fps: u32) -> Vec<Moment> {
     moments
 }
 
-fn hand(moment: &Moment, q: &[f64]) -> Vec<f32> {
-    let pose = moment.table_from_palm.to_array();
-    singles(pose.into_iter().chain(q.iter().copied()))
-}
-
 /// Converts numbers to the precision of the format.
 #[expect(clippy::cast_possible_truncation, reason = "the format has 32 bits")]
 fn singles(numbers: impl IntoIterator<Item = f64>) -> Vec<f32> {
@@ -144,8 +169,12 @@ fn singles(numbers: impl IntoIterator<Item = f64>) -> Vec<f32> {
 }
 
 /// Says what the dataset does not hold.
-fn lost(episodes: &[Episode], fps: u32) -> Vec<String> {
-    let (palm_m, joint) = resampling_error(episodes, fps);
+fn lost(
+    episodes: &[Episode],
+    resampled: &[Vec<Moment>],
+    fps: u32,
+) -> Result<Vec<String>, FormatError> {
+    let (palm_m, joint) = resampling_error(episodes, resampled)?;
     let mut lost = vec![
         format!(
             "motion between frames: linear between frames at {fps} Hz, the palm is within {palm_m:.1e} m and \
@@ -155,24 +184,23 @@ fn lost(episodes: &[Episode], fps: u32) -> Vec<String> {
         "velocities, accelerations, contacts, forces, latent codes, metrics".to_owned(),
         "images: none are recorded".to_owned(),
         "shapes of hand and object: only their names and poses are in it".to_owned(),
-        "units and frames have no field: they end the names of the numbers, and README.md says them".to_owned(),
+        "units and frames have no field of the format: they are in `info`, end the names of the numbers, and README.md says them".to_owned(),
     ];
     let without = without_commands(episodes);
     lost.extend(
         without.map(|fact| format!("{fact}, and their actions are the next frame's positions")),
     );
-    lost
+    Ok(lost)
 }
 
 /// The farthest that palm (in meters) and joints are from their motions when frames are interpolated.
-fn resampling_error(episodes: &[Episode], fps: u32) -> (f64, f64) {
+fn resampling_error(
+    episodes: &[Episode],
+    resampled: &[Vec<Moment>],
+) -> Result<(f64, f64), FormatError> {
     let mut worst = (0.0_f64, 0.0_f64);
-    for episode in episodes {
-        let moments = resampled(episode, fps);
-        let Ok(again) = Episode::new(episode.name(), episode.object(), episode.joints(), &moments)
-        else {
-            continue;
-        };
+    for (episode, moments) in episodes.iter().zip(resampled) {
+        let again = Episode::new(episode.name(), episode.object(), episode.joints(), moments)?;
         for was in episode.moments() {
             let is = again.at(was.time_s);
             let apart =
@@ -182,20 +210,25 @@ fn resampling_error(episodes: &[Episode], fps: u32) -> (f64, f64) {
             worst.1 = joints.fold(worst.1, |worst, (was, is)| worst.max((was - is).abs()));
         }
     }
-    worst
+    Ok(worst)
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::{UnitQuaternion, Vector3};
+    use spatial::Pose;
+
     use super::*;
     use crate::episode::tests::{episode, joints, moment};
 
     #[test]
     fn frames_are_uniform_and_the_last_has_the_grasp() {
         let short = episode("a", &[0.0, 0.31, 1.02]);
-        let frames = frames(&short, 10);
+        let frames = frames(&resampled(&short, 10));
         assert_eq!(frames.len(), 12);
-        assert_eq!(frames[11].state, hand(&moment(1.02), &moment(1.02).q));
+        let last = moment(1.02);
+        let last = last.table_from_palm.to_array().into_iter().chain(last.q);
+        assert_eq!(frames[11].state, singles(last));
         assert_eq!(frames[11].action, frames[11].state);
         assert_eq!(frames[4].action, frames[5].state);
     }
@@ -207,12 +240,12 @@ mod tests {
                 .map(|k| f64::from(k) / f64::from(fps))
                 .collect();
             assert_eq!(
-                frames(&episode("a", &times), fps).len(),
+                frames(&resampled(&episode("a", &times), fps)).len(),
                 times.len(),
                 "{fps} Hz"
             );
         }
-        assert_eq!(frames(&episode("a", &[3.0]), 30).len(), 1);
+        assert_eq!(frames(&resampled(&episode("a", &[3.0]), 30)).len(), 1);
     }
 
     #[test]
@@ -222,11 +255,31 @@ mod tests {
             ..moment(time_s)
         });
         let commanded = Episode::new("a", "o", &joints(), &moments).unwrap();
-        let frames = frames(&commanded, 2);
+        let moments = resampled(&commanded, 2);
+        let frames = frames(&moments);
         assert_eq!(frames[1].action[7..], [1.5, 0.25]);
         assert_eq!(frames[1].action[..7], frames[2].state[..7]);
-        let lost = lost(&[commanded], 2);
+        let lost = lost(&[commanded], &[moments], 2).unwrap();
         assert!(!lost.iter().any(|fact| fact.starts_with("commands")));
+    }
+
+    #[test]
+    fn quaternions_do_not_jump_when_a_hand_turns_all_the_way_round() {
+        let moments = (0..=20).map(|k| {
+            let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4 * f64::from(k));
+            Moment {
+                table_from_palm: Pose::from_parts([0.0; 3], turn),
+                ..moment(0.1 * f64::from(k))
+            }
+        });
+        let moments: Vec<Moment> = moments.collect();
+        let turning = Episode::new("a", "o", &joints(), &moments).unwrap();
+        let frames = frames(&resampled(&turning, 20));
+        for pair in frames.windows(2) {
+            let dot: f32 = (3..7).map(|k| pair[0].state[k] * pair[1].state[k]).sum();
+            assert!(dot > 0.99, "{dot}");
+            assert_eq!(pair[0].action[..7], pair[1].state[..7]);
+        }
     }
 
     #[test]
@@ -239,7 +292,8 @@ mod tests {
             let moments = corner.into_iter().zip([0.0, 0.13, 0.26]);
             let moments = moments.map(|(moment, time_s)| Moment { time_s, ..moment });
             let corner = Episode::new("a", "o", &joints(), &moments.collect::<Vec<_>>()).unwrap();
-            resampling_error(&[corner], fps).1
+            let moments = resampled(&corner, fps);
+            resampling_error(&[corner], &[moments]).unwrap().1
         };
         // The corner at 0.13 s is cut by the line from 0.13 at 0 s to 0.07 at 0.2 s.
         assert!((joint(5) - 0.091).abs() < 1e-9, "{}", joint(5));

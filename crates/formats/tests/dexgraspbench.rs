@@ -41,7 +41,7 @@ fn boxes() -> BTreeMap<String, BenchObject> {
 }
 
 fn export(episodes: &[Episode], objects_at: &str) -> Export {
-    to_dexgraspbench(episodes, &boxes(), TIMES, objects_at).unwrap()
+    to_dexgraspbench(episodes, &boxes(), TIMES, objects_at, "allegro_right").unwrap()
 }
 
 /// Position and quaternion, w first.

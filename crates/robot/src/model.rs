@@ -144,9 +144,14 @@ impl Joint {
         }
     }
 
+    /// Returns the position within the limits that is nearest to a position.
+    pub fn clamp(&self, q: f64) -> f64 {
+        q.max(self.lower).min(self.upper)
+    }
+
     /// Returns the position within the limits that is nearest to 0.
     pub fn nearest_zero(&self) -> f64 {
-        0.0_f64.max(self.lower).min(self.upper)
+        self.clamp(0.0)
     }
 }
 

@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeMap,
     fs::{self, File},
-    io::{self, Write},
+    io,
     path::{Path, PathBuf},
 };
 
@@ -60,32 +60,17 @@ impl Folder {
     ///
     /// Fails if a file cannot be written, or something else has taken the place; then nothing is left.
     pub(super) fn write(self, files: &BTreeMap<String, Vec<u8>>) -> Result<(), CommandError> {
-        let failed = |err: Error| CommandError::failed(err, None);
         // The folder for a program's own use has its permissions; this one gets those of any folder.
         let made = self.beside.path().join("export");
         for (name, bytes) in files {
-            put(&made.join(name), bytes)
-                .with_context(|| format!("cannot write `{}`", self.path.join(name).display()))
-                .map_err(failed)?;
+            lake::write_atomic(&made.join(name), bytes)?;
         }
-        let moved = sync(&made).and_then(|()| fs::rename(&made, &self.path));
+        let parent = self.path.parent().unwrap_or(&self.path);
+        let moved = fs::rename(&made, &self.path).and_then(|()| File::open(parent)?.sync_all());
         moved
             .with_context(|| format!("cannot write `{}`", self.path.display()))
-            .map_err(failed)
+            .map_err(|err| CommandError::failed(err, None))
     }
-}
-
-fn put(path: &Path, bytes: &[u8]) -> io::Result<()> {
-    if let Some(folder) = path.parent() {
-        fs::create_dir_all(folder)?;
-    }
-    let mut file = File::create_new(path)?;
-    file.write_all(bytes)?;
-    file.sync_all()
-}
-
-fn sync(folder: &Path) -> io::Result<()> {
-    File::open(folder).and_then(|folder| folder.sync_all())
 }
 
 #[cfg(test)]

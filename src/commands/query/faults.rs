@@ -31,13 +31,23 @@ pub(super) fn explain(
         // The message does not depend on the list of tables.
         let shown = lake.tables().unwrap_or_default();
         let mut names: Vec<&str> = shown.iter().map(ArtifactName::as_str).collect();
-        names.extend(Lake::history_tables());
+        let is_written = |name: &str| {
+            lake.history_table(name)
+                .is_ok_and(|files| !files.is_empty())
+        };
+        names.extend(
+            Lake::history_tables()
+                .into_iter()
+                .filter(|name| is_written(name)),
+        );
         names.sort_unstable();
         let list = format!("the tables are: {}", names.join(", "));
-        return CommandError::usage(
-            format!("no table `{table}`"),
-            near(table, names.into_iter(), list),
-        );
+        let hint = if Lake::history_tables().contains(&table) {
+            format!("it is written when a run ends, and none has ended in this lake; {list}")
+        } else {
+            near(table, names.into_iter(), list)
+        };
+        return CommandError::usage(format!("no table `{table}`"), hint);
     }
     if let Some(column) = missing_column(&text) {
         let columns = columns(&text, tables);

@@ -74,7 +74,7 @@ impl Basis {
             }
         }
         for (q, joint) in q.iter_mut().zip(hand.joints()) {
-            *q = q.max(joint.lower).min(joint.upper);
+            *q = joint.clamp(*q);
         }
         q
     }

@@ -33,21 +33,21 @@ pub struct AdaptedCandidates;
 const GENERATOR: &str = "grasp_tta";
 
 dataflow::metrics! {
-    /// Metrics of an object's grasps: the terms of their losses are means, in the released code's units.
+    /// Metrics of an object's grasps; terms of their losses in the released code's units.
     pub struct GraspTtaMetrics {
         /// Number of candidates.
         candidates: Sum,
-        /// Contact term as the grasps were drawn, and after the adaptation.
+        /// Mean contact term as the grasps were drawn.
         contact_drawn: Mean,
-        /// Contact term after the adaptation.
+        /// Mean contact term after the adaptation.
         contact: Mean,
-        /// Consistency term as the grasps were drawn.
+        /// Mean consistency term as the grasps were drawn.
         consistency_drawn: Mean,
-        /// Consistency term after the adaptation.
+        /// Mean consistency term after the adaptation.
         consistency: Mean,
-        /// Penetration term as the grasps were drawn.
+        /// Mean penetration term as the grasps were drawn.
         penetration_drawn: Mean,
-        /// Penetration term after the adaptation.
+        /// Mean penetration term after the adaptation.
         penetration: Mean,
         /// Mean depth of the hands in object and table at the grasp, in meters.
         depth_m: Mean,
@@ -116,7 +116,10 @@ impl Output for AdaptedCandidates {
         let [weights, description] = [grasp_networks::WEIGHTS, grasp_networks::DESCRIPTION];
         let networks =
             GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)?;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
+        // Unseen objects' demonstrations give neither starts nor the mean grasp.
+        let mut trajectories: Vec<Trajectory> = inputs.all()?;
+        let seen = &networks.description().objects;
+        trajectories.retain(|trajectory| seen.contains(&trajectory.object));
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
         let body = HandBody::new(model, &config.flexion_joints, grasp_q)?;
@@ -131,7 +134,7 @@ impl Output for AdaptedCandidates {
         };
         let drawn = drawer.drawn()?;
         let reach = Reach::new(&body, &config.approach, GENERATOR, &object.name);
-        let split = if networks.description().objects.contains(&object.name) {
+        let split = if seen.contains(&object.name) {
             ObjectSplit::Seen
         } else {
             ObjectSplit::Unseen

@@ -87,6 +87,9 @@ pub enum IngestError {
     /// Landmarks are asked of hand models, but no folder of them is named.
     #[error("`landmarks` asks for hand models, but `mano_models` names no folder of them")]
     NoHandModels,
+    /// Landmarks are asked of hand models, but only DexYCB has poses of them.
+    #[error("`landmarks` asks for hand models, but only recordings of DexYCB have their poses")]
+    NoHandPoses,
     /// The folder of hand models lacks one, or there is no such folder.
     #[error("no hand model at `{}`", path.display())]
     NoHandModel {
@@ -183,6 +186,7 @@ impl Advise for IngestError {
                  object"
                     .to_owned(),
             ),
+            Self::NoHandPoses => Some("take `landmarks = \"labels\"`".to_owned()),
             Self::NoHandModels | Self::NoHandModel { .. } | Self::HandModel(_) => Some(
                 "get MANO's own files from https://mano.is.tue.mpg.de and set `mano_models` to the \
                  folder that holds `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`, or take \

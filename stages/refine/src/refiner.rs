@@ -258,9 +258,7 @@ pub(crate) fn displaced(
     let joints = hand.model.joints().iter();
     let of_joints = drawn.posture.q.iter().zip(&neighbor.posture.q);
     let q = of_joints.zip(&refined.posture.q).zip(joints);
-    let q = q.map(|(((q, drawn), refined), joint)| {
-        (q + refined - drawn).max(joint.lower).min(joint.upper)
-    });
+    let q = q.map(|(((q, drawn), refined), joint)| joint.clamp(q + refined - drawn));
     let points = drawn.points.iter().zip(&neighbor.points);
     let points = points
         .zip(&refined.points)
@@ -277,7 +275,7 @@ fn with_squeeze(hand: &Hand, q_rad: &[f64], squeeze_rad: &[f64], remaining: f64)
     let share = 1.0 - posture::openness(remaining, SQUEEZE_SHARE);
     let joints = hand.model.joints().iter();
     let q = q_rad.iter().zip(squeeze_rad).zip(joints);
-    q.map(|((q, squeeze), joint)| (q + share * squeeze).max(joint.lower).min(joint.upper))
+    q.map(|((q, squeeze), joint)| joint.clamp(q + share * squeeze))
         .collect()
 }
 

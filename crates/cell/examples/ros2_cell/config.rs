@@ -172,11 +172,11 @@ impl Controller {
 
     /// Checks that the map names joints of the URDF, and no two of them alike.
     fn check_names(&self, part: &str, joints: &[Joint]) -> Result<(), String> {
-        let stranger = self
+        let unknown = self
             .names
             .keys()
             .find(|&name| joints.iter().all(|joint| joint.name != *name));
-        if let Some(name) = stranger {
+        if let Some(name) = unknown {
             return Err(format!("`{part}.names`: the {part} has no joint `{name}`"));
         }
         let mut seen = BTreeSet::new();

@@ -1,4 +1,4 @@
-//! The two controllers: slices of a way become their `JointTrajectory` messages.
+//! The two controllers: slices of a path become their `JointTrajectory` messages.
 
 use cell::{CellError, CellRobot, JointPoint, Ros2Node, Ros2Publisher, Urgency};
 use robot::Joint;
@@ -58,11 +58,11 @@ impl Controllers {
     ///
     /// Fails with the topic on which none does.
     pub(crate) fn check(&self) -> Result<(), String> {
-        let deaf = self
+        let silent = self
             .parts
             .iter()
             .find(|part| !part.publisher.has_subscriber());
-        deaf.map_or(Ok(()), |part| {
+        silent.map_or(Ok(()), |part| {
             Err(format!(
                 "nothing listens on `{}` with the type of ROS 2 Jazzy: is the controller active?",
                 part.topic

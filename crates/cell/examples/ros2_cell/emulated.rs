@@ -124,7 +124,7 @@ impl Emulated {
         let said = |err| cell::with_causes(&err);
         let wait = Duration::from_secs(10);
         let name = (config.domain, "emulated_controllers");
-        let node = Ros2Node::connect(&config.router, None, name, wait).map_err(said)?;
+        let node = Ros2Node::connect(&config.router, name, wait).map_err(said)?;
         let (mut subscribers, mut emulations) = (Vec::new(), Vec::new());
         let parts: [(&Controller, &[Joint]); 2] = [
             (&config.arm, robot.arm_joints()),

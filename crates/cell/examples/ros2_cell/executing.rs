@@ -7,7 +7,7 @@ use robot::JointOrder;
 use schemas::executions::Outcome;
 use spatial::{Object, Pose, Table};
 
-use crate::{config::Controller, machine::Ros2Machine, path::WayOfJoints};
+use crate::{config::Controller, machine::Ros2Machine, path::JointPath};
 
 /// Period of the control loop, and of slices and samples, in seconds.
 const TICK_S: f64 = 0.004;
@@ -23,9 +23,10 @@ const GIVE_UP_S: f64 = 2.0;
 /// A motion in execution.
 pub(crate) struct Executing<'a> {
     machine: &'a Ros2Machine,
-    way: WayOfJoints,
-    /// The machine's joints in the order of the way: the arm's, then the hand's.
-    order: JointOrder,
+    path: JointPath,
+    /// From the machine's order of joints to the path's, the arm's and then the hand's, and back.
+    to_path: JointOrder,
+    to_machine: JointOrder,
     /// When the goal's first row is due, by the monotonic clock and as a stamp.
     origin: Instant,
     origin_ns: i64,
@@ -45,13 +46,15 @@ impl<'a> Executing<'a> {
         let measured = machine.measured([&arm.joints, &goal.hand.joints])?;
         let config = &machine.config;
         let measured = measured.each_ref().map(Vec::as_slice);
-        let way = WayOfJoints::new(goal, measured, config.approach_rad_per_s, config.brake_s)?;
-        let approach = Duration::from_secs_f64(-way.begin_s);
+        let path = JointPath::new(goal, measured, config.approach_rad_per_s, config.brake_s)?;
+        let approach = Duration::from_secs_f64(-path.begin_s);
         let approach_ns = i64::try_from(approach.as_nanos()).ok()?;
+        let orders = [machine.robot.joint_names(), goal.joint_names()];
         Some(Self {
-            order: JointOrder::new(&machine.robot.joint_names(), &goal.joint_names()).ok()?,
+            to_path: JointOrder::new(&orders[0], &orders[1]).ok()?,
+            to_machine: JointOrder::new(&orders[1], &orders[0]).ok()?,
             machine,
-            way,
+            path,
             origin: Instant::now() + approach,
             origin_ns: ros2_now_ns() + approach_ns,
             table_from_object: goal.table_from_object,
@@ -65,12 +68,12 @@ impl<'a> Executing<'a> {
     pub(crate) fn run(&mut self, goal: &Goal, motion: &mut MonitoredMotion<'_>) -> Option<String> {
         // Rows may go on beyond the hold.
         let last = self
-            .way
+            .path
             .tracks
             .iter()
             .filter_map(|track| track.points.last());
         let end_s = last.fold(goal.end_s(), |end_s, point| end_s.max(point.time_s));
-        let (begin_s, max_age_s) = (self.way.begin_s, self.machine.config.max_age_s);
+        let (begin_s, max_age_s) = (self.path.begin_s, self.machine.config.max_age_s);
         let (mut slice_s, mut followed_s) = (begin_s, f64::INFINITY);
         let mut rested_s = None;
         loop {
@@ -80,16 +83,16 @@ impl<'a> Executing<'a> {
                 .or_else(|| self.fault(now_s, followed_s));
             if let Some(abort) = abort.filter(|_| self.aborted.is_none()) {
                 // A robot without slices for long has begun its brake without being told.
-                self.way.brake(now_s.min(followed_s));
+                self.path.brake(now_s.min(followed_s));
                 self.aborted = Some(abort);
                 slice_s = now_s;
             }
             if now_s >= slice_s {
                 self.send(now_s);
-                followed_s = self.way.followed_until_s(now_s);
+                followed_s = self.path.followed_until_s(now_s);
                 slice_s = now_s + SLICE_S;
             }
-            match self.way.rests_from_s() {
+            match self.path.rests_from_s() {
                 None if now_s >= end_s => return None,
                 Some(rests_s) if rested_s.is_none() && now_s >= rests_s + LATENCY_S => {
                     match self.machine.measurements.check_still(max_age_s) {
@@ -126,8 +129,8 @@ impl<'a> Executing<'a> {
         };
         let abort = motion.see(&sample);
         // A robot that braked on its way to the first row never began the goal.
-        if let Ok(sample) = sample.in_order(&self.order)
-            && self.way.is_on_the_goal()
+        if let Ok(sample) = sample.in_order(&self.to_path)
+            && self.path.is_on_the_goal()
         {
             self.samples.push(sample);
         }
@@ -135,23 +138,11 @@ impl<'a> Executing<'a> {
     }
 
     fn sample(&self, now_s: f64) -> Option<Sample> {
-        let [arm, hand] = self.way.at(now_s)?;
-        let commanded = self.in_machine_order(&arm.q_rad, &hand.q_rad)?;
+        let [arm, hand] = self.path.at(now_s)?;
+        let commanded = [arm.q_rad, hand.q_rad].concat();
+        let commanded = self.to_machine.apply(&commanded).ok()?;
         self.machine
             .sample(now_s, Some(commanded), self.table_from_object)
-    }
-
-    /// Returns positions of the way in the machine's order.
-    fn in_machine_order(&self, arm: &[f64], hand: &[f64]) -> Option<Vec<f64>> {
-        let [arm_track, hand_track] = &self.way.tracks;
-        let names = arm_track.joints.iter().chain(&hand_track.joints);
-        let both: Vec<(&String, &f64)> = names.zip(arm.iter().chain(hand)).collect();
-        let own = self.machine.robot.joint_names();
-        let found = own.iter().map(|name| {
-            let found = both.iter().find(|(joint, _)| *joint == name);
-            found.map(|(_, q)| **q)
-        });
-        found.collect()
     }
 
     /// Returns what is wrong with the motion, if anything is.
@@ -171,7 +162,7 @@ impl<'a> Executing<'a> {
             return Some(aborted(why));
         }
         let names = self
-            .way
+            .path
             .tracks
             .each_ref()
             .map(|track| track.joints.as_slice());
@@ -181,7 +172,7 @@ impl<'a> Executing<'a> {
             .zip(&measured)
             .enumerate()
         {
-            if let Some(why) = self.strays(part, controller, q, now_s) {
+            if let Some(why) = self.deviation(part, controller, q, now_s) {
                 return Some(aborted(why));
             }
         }
@@ -189,7 +180,7 @@ impl<'a> Executing<'a> {
     }
 
     /// Returns which joint of a controller is too far from all commands of the last moments.
-    fn strays(
+    fn deviation(
         &self,
         part: usize,
         controller: &Controller,
@@ -198,13 +189,13 @@ impl<'a> Executing<'a> {
     ) -> Option<String> {
         let mut ranges = vec![[f64::INFINITY, f64::NEG_INFINITY]; q.len()];
         for share in 0..=4 {
-            let points = self.way.at(now_s - LATENCY_S * f64::from(share) / 4.0)?;
+            let points = self.path.at(now_s - LATENCY_S * f64::from(share) / 4.0)?;
             let commanded = &points.get(part)?.q_rad;
             for (range, q) in ranges.iter_mut().zip(commanded) {
                 *range = [range[0].min(*q), range[1].max(*q)];
             }
         }
-        let names = &self.way.tracks.get(part)?.joints;
+        let names = &self.path.tracks.get(part)?.joints;
         names
             .iter()
             .zip(q)
@@ -217,9 +208,9 @@ impl<'a> Executing<'a> {
     }
 
     fn send(&self, now_s: f64) {
-        if let Some(slice) = self.way.slice(now_s) {
+        if let Some(slice) = self.path.slice(now_s) {
             let names = self
-                .way
+                .path
                 .tracks
                 .each_ref()
                 .map(|track| track.joints.as_slice());

@@ -15,7 +15,7 @@ use crate::{
     controllers::Controllers,
     executing::Executing,
     measurements::Measurements,
-    path::{POINT_S, WayOfJoints, start_error},
+    path::{JointPath, POINT_S, start_error},
 };
 
 /// An arm and a hand on ROS 2.
@@ -33,7 +33,7 @@ impl Ros2Machine {
         let robot = config.load()?;
         let said = |err: CellError| cell::with_causes(&err);
         let wait = Duration::from_secs(10);
-        let node = Ros2Node::connect(&config.router, None, (config.domain, "grasp_cell"), wait);
+        let node = Ros2Node::connect(&config.router, (config.domain, "grasp_cell"), wait);
         let node = node.map_err(said)?;
         Ok(Self {
             measurements: Measurements::new(&node, &config, &robot).map_err(said)?,
@@ -126,7 +126,7 @@ impl Ros2Machine {
             ("hand", &self.config.hand, &goal.hand),
         ] {
             let most = controller.deceleration_rad_per_s2;
-            let needed = WayOfJoints::brake_deceleration(track, brake_s);
+            let needed = JointPath::brake_deceleration(track, brake_s);
             if needed > most {
                 return Err(Rejection::new(
                     RejectionCode::Limits,
@@ -264,9 +264,9 @@ impl Machine for Ros2Machine {
             let message = "the joints were lost before anything moved".to_owned();
             return report(Outcome::Aborted, message, 0.0, Vec::new());
         };
-        let unrest = executing.run(goal, motion);
+        let still_moving = executing.run(goal, motion);
         let lift_m = executing.lift_m();
-        let (outcome, message) = match (&executing.aborted, unrest) {
+        let (outcome, message) = match (&executing.aborted, still_moving) {
             (None, _) => self.judge(goal, lift_m),
             (Some(abort), None) => (abort.outcome, abort.message.clone()),
             (Some(abort), Some(why)) => (

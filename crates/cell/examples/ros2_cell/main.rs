@@ -20,6 +20,8 @@ use std::{
 
 use cell::{CellServer, PlannedFault, Report, ServerConfig, ServiceConfig};
 
+use robot::Joint;
+
 use crate::{
     config::Config,
     emulated::{Behavior, Emulated},
@@ -32,7 +34,8 @@ Usage: ros2_cell check CONFIG
        ros2_cell emulate CONFIG [ARM HAND]
 
 check     says whether the robot is ready for goals; nothing moves
-serve     waits until the robot is ready, then serves a cell until Ctrl-C; a motion under way brakes then, and its outcome is unknown
+serve     waits until the robot is ready, then serves a cell until Ctrl-C; a motion under way brakes
+          then, and its outcome is unknown
 emulate   stands in for the ROS 2 controllers; ARM and HAND are each sound, late, jerky, refusing,
           dying or runaway [default: sound]";
 
@@ -130,12 +133,8 @@ fn emulate(path: &Path, behaviors: [&str; 2]) -> Result<ExitCode, String> {
     let config = Config::read(path)?;
     let robot = config.load()?;
     let [arm, hand] = behaviors.map(str::parse::<Behavior>);
-    let start = [robot.arm_joints(), robot.hand_joints()].map(|joints| {
-        joints
-            .iter()
-            .map(|joint| 0.0_f64.clamp(joint.lower, joint.upper))
-            .collect()
-    });
+    let start = [robot.arm_joints(), robot.hand_joints()]
+        .map(|joints| joints.iter().map(Joint::nearest_zero).collect());
     let emulated = Emulated::start(&config, &robot, [arm?, hand?], start)?;
     emulated.put_object(0.05);
     ready(&config.router);

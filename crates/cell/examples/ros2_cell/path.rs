@@ -1,6 +1,6 @@
-//! The way of all joints over time, and the brake that ends it early.
+//! The path of all joints over time, and the brake that ends it early.
 //!
-//! A controller is never given the whole way. It is given slices of it: a little of the past, so that
+//! A controller is never given the whole path. It is given slices of it: a little of the past, so that
 //! a late message changes nothing, the next quarter of a second, and a brake at its end. While slices
 //! come, none of these brakes is reached. When none comes any more, because the cell, the network or
 //! the machine between has died, the robot stops by itself.
@@ -24,8 +24,8 @@ pub(crate) const BRAKE_PEAK: f64 = 1.5;
 /// Rounding of a time, as a share of a brake.
 const ROUNDING: f64 = 1e-9;
 
-/// The way of arm and hand; times are seconds since the goal's first row, negative before it.
-pub(crate) struct WayOfJoints {
+/// The path of arm and hand; times are seconds since the goal's first row, negative before it.
+pub(crate) struct JointPath {
     /// The arm's joints, then the hand's.
     pub(crate) tracks: [JointTrack; 2],
     /// When it begins.
@@ -42,8 +42,8 @@ pub(crate) struct Slice {
     pub(crate) points: [Vec<JointPoint>; 2],
 }
 
-impl WayOfJoints {
-    /// Returns the way from `measured`, where arm and hand rest, along the goal; `None` if the goal
+impl JointPath {
+    /// Returns the path from `measured`, where arm and hand rest, along the goal; `None` if the goal
     /// has no arm or no points.
     pub(crate) fn new(
         goal: &Goal,
@@ -88,7 +88,7 @@ impl WayOfJoints {
         Some(self.braked_at_s? + self.brake_s)
     }
 
-    /// Returns until when a slice made at `time_s` follows the way: there its own brake begins.
+    /// Returns until when a slice made at `time_s` follows the path: there its own brake begins.
     pub(crate) fn followed_until_s(&self, time_s: f64) -> f64 {
         time_s + HORIZON_S - self.brake_s
     }
@@ -137,7 +137,7 @@ impl WayOfJoints {
         BRAKE_PEAK * speeds.fold(0.0, f64::max) / brake_s
     }
 
-    /// Returns a point of a track whose brake begins at `brake`: along the way, ever slower.
+    /// Returns a point of a track whose brake begins at `brake`: along the path, ever slower.
     fn point(&self, track: &JointTrack, time_s: f64, brake: f64) -> Option<JointPoint> {
         if time_s <= brake {
             return track.at(time_s);
@@ -187,7 +187,7 @@ mod tests {
     use super::*;
 
     /// A joint that goes from 0 to 1 rad in a second.
-    fn way() -> WayOfJoints {
+    fn path() -> JointPath {
         let track = |points: [(f64, f64); 3]| JointTrack {
             joints: vec!["j".to_owned()],
             points: points
@@ -199,7 +199,7 @@ mod tests {
                 .to_vec(),
         };
         let moving = track([(-0.3, 0.0), (0.0, 0.0), (1.0, 1.0)]);
-        WayOfJoints {
+        JointPath {
             tracks: [moving.clone(), moving],
             begin_s: -0.3,
             brake_s: 0.03,
@@ -208,18 +208,18 @@ mod tests {
     }
 
     #[test]
-    fn slices_agree_where_they_follow_the_way_and_each_ends_at_rest() {
-        let way = way();
+    fn slices_agree_where_they_follow_the_path_and_each_ends_at_rest() {
+        let path = path();
         for step in 0..150 {
             let time_s = f64::from(step) * 0.01 - 0.3 + 1e-4;
-            let slice = way.slice(time_s).unwrap();
+            let slice = path.slice(time_s).unwrap();
             let points = &slice.points[0];
             assert_eq!(points.last().unwrap().rates.velocity, [0.0]);
             for point in points {
                 let at_s = slice.begin_s + point.time_s;
-                let on_way = way.at(at_s).unwrap();
-                let off_rad = (point.q_rad[0] - on_way[0].q_rad[0]).abs();
-                let is_followed = at_s <= way.followed_until_s(time_s);
+                let on_path = path.at(at_s).unwrap();
+                let off_rad = (point.q_rad[0] - on_path[0].q_rad[0]).abs();
+                let is_followed = at_s <= path.followed_until_s(time_s);
                 assert!(
                     off_rad < if is_followed { 1e-12 } else { 0.04 },
                     "{at_s} s: {off_rad}"
@@ -229,13 +229,13 @@ mod tests {
     }
 
     #[test]
-    fn brake_is_smooth_stays_on_the_way_and_ends_in_time() {
-        let (free, mut braked) = (way(), way());
+    fn brake_is_smooth_stays_on_the_path_and_ends_in_time() {
+        let (free, mut braked) = (path(), path());
         braked.brake(0.5);
         braked.brake(0.7);
         assert_eq!(braked.rests_from_s(), Some(0.53));
-        let limit = WayOfJoints::brake_deceleration(&free.tracks[0], free.brake_s);
-        let at = |way: &WayOfJoints, time_s: f64| way.at(time_s).unwrap()[0].clone();
+        let limit = JointPath::brake_deceleration(&free.tracks[0], free.brake_s);
+        let at = |path: &JointPath, time_s: f64| path.at(time_s).unwrap()[0].clone();
         let step_s = 1e-4;
         for step in 0..800 {
             let time_s = 0.48 + f64::from(step) * step_s;

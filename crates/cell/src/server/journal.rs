@@ -26,7 +26,7 @@ use crate::{
     CellError, GoalOutcome,
     goal::{EncodedGoal, Goal, Rejection, RejectionCode, now},
     outcome::{Outcomes, OutcomesHeader},
-    report::{OutcomeClass, Report},
+    report::{Ending, Report},
     signature::JournalKey,
 };
 
@@ -282,13 +282,13 @@ impl Journal {
         }
         let ending = match self.entries.get(goal_id)? {
             Entry::Executing(_) => return None,
-            Entry::Done(report) => OutcomeClass::read(report),
+            Entry::Done(report) => Ending::read(report),
             Entry::Stored => self
                 .file(goal_id, REPORT)
                 .and_then(|file| first_line(&file).ok())
-                .and_then(|line| OutcomeClass::read(&line)),
+                .and_then(|line| Ending::read(&line)),
         };
-        let ending = ending.unwrap_or_else(OutcomeClass::lost);
+        let ending = ending.unwrap_or_else(Ending::lost);
         let outcome = GoalOutcome {
             journal: self.key.name().to_owned(),
             result_n: result_n as u64,
@@ -386,7 +386,7 @@ mod tests {
         }
         let report = |id: &str| {
             let bytes = fs::read(folder.path().join(format!("{id}.report"))).unwrap();
-            OutcomeClass::read(&bytes).unwrap().outcome
+            Ending::read(&bytes).unwrap().outcome
         };
         assert_eq!(
             [report("00"), report("01")],

@@ -9,10 +9,7 @@ use super::{
     AdaptationConfig, GraspNetworks, GraspTerms, HandSurface, TermWeights, loss::grasp_loss,
     networks::SeenObject,
 };
-use crate::{
-    CgfError, HandState, RestingObject, adam::Adam, hand_state::PALM_WIDTH, precision::narrow,
-    weights::Weights,
-};
+use crate::{CgfError, HandState, RestingObject, adam::Adam, weights::Weights};
 
 /// The array of a hand's numbers among what the optimizer moves.
 const HAND: &str = "hand";
@@ -89,16 +86,15 @@ impl GraspNetworks {
                 adam.step(&mut hand, &gradients, config.learning_rate);
             }
         }
-        let mut row = hand.array(HAND)?.values.clone();
+        let mut hand = Self::hand_of(&object.name, &hand.array(HAND)?.values)?;
         let mut limit_excess_rad = 0.0_f64;
-        for (q, joint) in row[PALM_WIDTH..].iter_mut().zip(surface.hand.joints()) {
-            let position = f64::from(*q);
-            let within = position.max(joint.lower).min(joint.upper);
-            limit_excess_rad = limit_excess_rad.max((position - within).abs());
-            *q = narrow(within);
+        for (q, joint) in hand.q_rad.iter_mut().zip(surface.hand.joints()) {
+            let within = joint.clamp(*q);
+            limit_excess_rad = limit_excess_rad.max((*q - within).abs());
+            *q = within;
         }
         Ok(Adapted {
-            hand: Self::hand_of(&object.name, &row)?,
+            hand,
             limit_excess_rad,
             drawn: drawn.unwrap_or(adapted),
             adapted,

@@ -144,7 +144,7 @@ fn limits(surface: &HandSurface, weight: f64, row: &[f32], by_row: &mut [f32]) -
     let joints = row.iter().zip(by_row).skip(PALM_WIDTH);
     for ((q, by), joint) in joints.zip(surface.hand.joints()) {
         let q = f64::from(*q);
-        let beyond = q - q.max(joint.lower).min(joint.upper);
+        let beyond = q - joint.clamp(q);
         squares += beyond * beyond;
         *by += narrow(2.0 * weight * beyond);
     }

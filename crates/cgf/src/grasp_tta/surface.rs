@@ -146,7 +146,8 @@ mod tests {
         let ball = surface.points().iter().rposition(|point| point.link == 2);
         let ball = ball.unwrap();
         let center = placed.points[ball] - placed.normal(ball) * 0.02;
-        assert!((placed.points[ball - 1] - center).norm() - 0.02 < 1e-6);
+        let off_m = (placed.points[ball - 1] - center).norm() - 0.02;
+        assert!(off_m.abs() < 1e-6, "{off_m}");
         let weights: Vec<Vector3<f64>> = (0..surface.len())
             .map(|idx| Vector3::new(idx as f64, 1.0, -0.5 * idx as f64) / 100.0)
             .collect();

@@ -559,8 +559,7 @@ impl<'a> Trainer<'a> {
             UnitQuaternion::from_scaled_axis(turn) * pose.rotation,
         );
         for (q, joint) in hand.q_rad.iter_mut().zip(self.surface.hand.joints()) {
-            let moved = *q + jitter_rad * random.normal();
-            *q = moved.max(joint.lower).min(joint.upper);
+            *q = joint.clamp(*q + jitter_rad * random.normal());
         }
         narrow_all(&hand.to_numbers())
     }

@@ -10,7 +10,7 @@ use schemas::demonstrations::Side;
 
 use super::units;
 use crate::{
-    config::{IngestConfig, Landmarks},
+    config::{Format, IngestConfig, Landmarks},
     dexycb,
     error::IngestError,
     folders::plain,
@@ -98,8 +98,14 @@ pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
     Ok(())
 }
 
-/// Refuses to begin without the hand models that the options ask for.
+/// Refuses to begin without the hand models that the options ask for, or where the dataset has no poses of them.
 fn check_hand_models(config: &IngestConfig) -> Result<(), IngestError> {
+    if config.format != Format::DexYcb {
+        return match config.landmarks {
+            Landmarks::Mano => Err(IngestError::NoHandPoses),
+            Landmarks::Either | Landmarks::Labels => Ok(()),
+        };
+    }
     let Some(folder) = &config.mano_models else {
         return match config.landmarks {
             Landmarks::Mano => Err(IngestError::NoHandModels),
