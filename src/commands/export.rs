@@ -61,7 +61,7 @@ fn dexgraspbench(
 ) -> Result<CommandOutcome, CommandError> {
     let folder = Folder::new(&args.motions.out)?;
     let gathered = Gathered::planned(program, &args.motions)?;
-    let objects = gathered.objects(program, &args.motions)?;
+    let objects = gathered.objects(program)?;
     let times = GraspTimes {
         pregrasp: args.pregrasp_at,
         grasp: args.grasp_at,

@@ -59,7 +59,7 @@ mod tests {
 
     #[test]
     fn allegro_grasps_along_x_with_fingers_along_z() {
-        let axes = HandAxes::of(&fixture::model(), &fixture::GRASP_Q).unwrap();
+        let axes = HandAxes::of(&fixture::hand(), &fixture::GRASP_Q).unwrap();
         assert!(
             axes.approach_in_palm.angle(&Vector3::x()) < 0.15,
             "{axes:?}"

@@ -22,6 +22,7 @@ mod lies;
 mod palms;
 mod pregrasp;
 mod start;
+mod units;
 mod virtual_contacts;
 mod way;
 
@@ -35,5 +36,6 @@ pub use lies::Lies;
 pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;
 pub use start::{Start, grasping_hands, grasps};
+pub use units::units;
 pub use virtual_contacts::{VirtualContact, virtual_contacts};
 pub use way::Way;

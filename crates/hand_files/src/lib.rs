@@ -6,6 +6,7 @@ use std::{fs, path::Path};
 
 use dataflow::{Form, SourceFile, Unit};
 use posture::{Hand, HandTable};
+use robot_meshes::LoadError;
 
 pub use error::HandFileError;
 
@@ -19,11 +20,11 @@ const HAND_TABLE: Form = Form {
     },
 };
 
-/// The files of a hand that a unit reads: `hand`, `hand_table` and the meshes.
+/// The files of a hand that a unit reads: `hand`, `hand_table`, unless left out, and the meshes.
 #[derive(Debug, Clone)]
 pub struct HandFiles {
     urdf: SourceFile,
-    table: SourceFile,
+    table: Option<SourceFile>,
     meshes: Vec<SourceFile>,
 }
 
@@ -35,8 +36,20 @@ impl HandFiles {
     /// Fails if the URDF cannot be read or a mesh is missing.
     pub fn of(urdf: &Path, table: &Path) -> Result<Self, HandFileError> {
         Ok(Self {
+            table: Some(SourceFile::named("hand_table", table)),
+            ..Self::without_table(urdf)?
+        })
+    }
+
+    /// Finds the meshes that a URDF names; no hand table is read.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the URDF cannot be read or a mesh is missing.
+    pub fn without_table(urdf: &Path) -> Result<Self, LoadError> {
+        Ok(Self {
             urdf: SourceFile::named("hand", urdf),
-            table: SourceFile::named("hand_table", table),
+            table: None,
             meshes: robot_meshes::sources(urdf)?,
         })
     }
@@ -44,9 +57,10 @@ impl HandFiles {
     /// Returns the unit with these files among its own.
     #[must_use]
     pub fn added_to(&self, unit: Unit) -> Unit {
-        let unit = unit
-            .with_file_of_form(self.urdf.clone(), robot_meshes::MODEL_FORM)
-            .with_file_of_form(self.table.clone(), HAND_TABLE);
+        let mut unit = unit.with_file_of_form(self.urdf.clone(), robot_meshes::MODEL_FORM);
+        if let Some(table) = &self.table {
+            unit = unit.with_file_of_form(table.clone(), HAND_TABLE);
+        }
         self.meshes.iter().cloned().fold(unit, Unit::with_file)
     }
 }

@@ -32,6 +32,8 @@ pub(super) struct Gathered {
     pub(super) hand: String,
     /// What was left out, one fact each.
     pub(super) left_out: Vec<String>,
+    /// The run that has them.
+    run: Run,
 }
 
 /// What of a rollout or an execution is exported.
@@ -81,6 +83,7 @@ impl Gathered {
             episodes: Vec::new(),
             hand: model.name().to_owned(),
             left_out: Vec::new(),
+            run: run.clone(),
         };
         match node.artifact.as_str() {
             Candidates::NAME => gathered.candidates(&lake, &units, &model)?,
@@ -220,9 +223,10 @@ impl Gathered {
         }
         if without_n > 0 {
             self.left_out.push(match part {
-                Part::Recording => format!(
+                Part::Recording if node.artifact == *Rollouts::NAME => format!(
                     "{without_n} motions without a recording: `recorded_per_object` of the screen records more"
                 ),
+                Part::Recording => format!("{without_n} motions without a recording: nothing moved"),
                 Part::Candidate => format!("{without_n} motions whose candidates are not in run {}", run.number),
             });
         }
@@ -233,13 +237,11 @@ impl Gathered {
     pub(super) fn objects(
         &self,
         program: &Program,
-        args: &MotionsArgs,
     ) -> Result<BTreeMap<String, BenchObject>, CommandError> {
         let lake = program.open_lake()?;
-        let run = lookup::run(&lake, args.run.as_deref())?;
         let names: BTreeSet<&str> = self.episodes.iter().map(Episode::object).collect();
         let mut objects = BTreeMap::new();
-        for unit in &run.record.units {
+        for unit in &self.run.record.units {
             if unit.node.artifact != *Object::NAME || !names.contains(unit.partition.as_str()) {
                 continue;
             }

@@ -43,8 +43,8 @@ mod tests {
 
     #[test]
     fn a_contact_costs_its_distance_and_its_angle() {
-        let environment = fixture::environment();
-        let x = fixture::BOX_HALF_M[0];
+        let environment = fixture::BOX.environment();
+        let x = fixture::BOX.half_m[0];
         let check = |at: [f64; 3], normal: [f64; 3], expected: f64| {
             let normal = Vector3::from(normal).normalize();
             let found = contact_cost(&environment, &Point3::from(at), &normal);
@@ -60,9 +60,9 @@ mod tests {
 
     #[test]
     fn the_energy_is_the_mean_of_the_contacts() {
-        let environment = fixture::environment();
+        let environment = fixture::BOX.environment();
         let body = fixture::body();
-        let x = fixture::BOX_HALF_M[0];
+        let x = fixture::BOX.half_m[0];
         // The hand's x points at the box from 0.1 m before it.
         let hand = approach::HandPose {
             frame_from_palm: spatial::Pose::from_parts(

@@ -246,7 +246,7 @@ mod tests {
             ..fixture::config()
         };
         let body = fixture::body();
-        let environment = fixture::environment();
+        let environment = fixture::BOX.environment();
         let run = Run {
             config: &config,
             contacts: &virtual_contacts(&body),

@@ -5,9 +5,10 @@ use std::sync::Arc;
 use approach::{Grasp, HandBody, Lies, Reach, Start, VirtualContact, grasps, virtual_contacts};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Sum, Unit,
+    Stage, Sum, Unit,
 };
 use geometry::DistanceField;
+use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
 use posture::Environment;
@@ -111,26 +112,9 @@ impl Output for Eigengrasp {
             return Err(EigengraspError::NoObjects);
         }
         let objects = scope.chosen(Object::NAME, &config.objects)?;
-        let fields = scope.partitions(FieldInfo::NAME);
-        let trajectories = scope.partitions(Trajectory::NAME).iter();
-        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
-        let meshes = robot_meshes::sources(&config.hand)?;
-        let units = objects.into_iter().map(|object| {
-            let object = object.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Object::NAME, [object])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .reading(Trajectory::NAME, trajectories.clone())
-                .only_files(Trajectory::NAME, [lake::table::FILE])
-                .with_file_of_form(
-                    SourceFile::named("hand", &config.hand),
-                    robot_meshes::MODEL_FORM,
-                );
-            meshes.iter().cloned().fold(unit, Unit::with_file)
-        });
-        Ok(units.collect())
+        let files = HandFiles::without_table(&config.hand)?;
+        let units = approach::units(scope, objects, &[lake::table::FILE]);
+        Ok(units.map(|unit| files.added_to(unit)).collect())
     }
 
     fn make(
@@ -293,7 +277,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         std::fs::create_dir(&out).unwrap();
-        let inputs = fixture::inputs(folder.path(), &fixture::trajectories(), with_field);
+        let trajectories = fixture::trajectories();
+        let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
+        let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
         let outcome = Eigengrasp::make(config, &inputs, &cx).unwrap();
         let made = Artifact {

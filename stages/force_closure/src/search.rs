@@ -217,7 +217,7 @@ mod tests {
 
     fn grasps(config: &ForceClosureConfig, n: u64) -> Vec<Found> {
         let (hand, body) = fixture::hand();
-        let environment = fixture::environment();
+        let environment = fixture::BOX.environment();
         let tips = crate::stage::tips(&hand).unwrap();
         let search = Search {
             hand: &hand,
@@ -270,7 +270,7 @@ mod tests {
     fn gradient_of_the_metric_by_a_tip_is_that_of_the_metric() {
         let config = fixture::config();
         let (hand, body) = fixture::hand();
-        let environment = fixture::environment();
+        let environment = fixture::BOX.environment();
         let tips = crate::stage::tips(&hand).unwrap();
         let search = Search {
             hand: &hand,

@@ -115,22 +115,9 @@ impl Output for ForceClosure {
             return Err(ForceClosureError::NoObjects);
         }
         let objects = scope.chosen(Object::NAME, &config.objects)?;
-        let fields = scope.partitions(FieldInfo::NAME);
-        let trajectories = scope.partitions(Trajectory::NAME).iter();
-        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = objects.into_iter().map(|object| {
-            let object = object.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Object::NAME, [object])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .reading(Trajectory::NAME, trajectories.clone())
-                .only_files(Trajectory::NAME, [lake::table::FILE]);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+        let units = approach::units(scope, objects, &[lake::table::FILE]);
+        Ok(units.map(|unit| files.added_to(unit)).collect())
     }
 
     fn make(
@@ -306,7 +293,9 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         std::fs::create_dir(&out).unwrap();
-        let inputs = fixture::inputs(folder.path(), &fixture::trajectories(), with_field);
+        let trajectories = fixture::trajectories();
+        let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
+        let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
         let outcome = ForceClosure::make(config, &inputs, &cx).unwrap();
         let made = Artifact {

@@ -9,6 +9,7 @@ use cgf::{
 };
 use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use geometry::DistanceField;
+use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
 use posture::Environment;
@@ -22,9 +23,7 @@ use schemas::{
 };
 use spatial::RestingPose;
 
-use crate::{
-    Finish, GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface,
-};
+use crate::{Finish, GraspTta, GraspTtaConfig, GraspTtaError, surface::hand_surface};
 
 /// The artifact `candidates`.
 pub struct AdaptedCandidates;
@@ -80,24 +79,12 @@ impl Output for AdaptedCandidates {
             return Err(GraspTtaError::NoObjects);
         }
         let objects = scope.chosen(Object::NAME, &config.objects)?;
-        let fields = scope.partitions(FieldInfo::NAME);
         let networks = scope.partitions(grasp_networks::NAME).iter();
         let networks = networks.map(|model| model.key.as_str());
-        let trajectories = scope.partitions(Trajectory::NAME).iter();
-        let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
-        let units = objects.into_iter().map(|object| {
-            let object = object.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Object::NAME, [object])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .reading(grasp_networks::NAME, networks.clone())
-                .reading(Trajectory::NAME, trajectories.clone())
-                .only_files(Trajectory::NAME, [lake::table::FILE]);
-            with_hand(unit, config)
-        });
-        units.collect()
+        let files = HandFiles::without_table(&config.hand)?;
+        let units = approach::units(scope, objects, &[lake::table::FILE]);
+        let units = units.map(|unit| unit.reading(grasp_networks::NAME, networks.clone()));
+        Ok(units.map(|unit| files.added_to(unit)).collect())
     }
 
     fn make(

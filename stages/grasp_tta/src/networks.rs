@@ -10,11 +10,12 @@ use cgf::{
 use dataflow::{
     Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Partition, Scope, Sum, Unit,
 };
+use hand_files::HandFiles;
 use lake::ReadInputs;
 use nalgebra::Point3;
 use schemas::{Table, grasp_networks, objects::Object, trajectories::Trajectory};
 
-use crate::{GraspTta, GraspTtaConfig, GraspTtaError, stage::with_hand, surface::hand_surface};
+use crate::{GraspTta, GraspTtaConfig, GraspTtaError, surface::hand_surface};
 
 /// The artifact `grasp_networks`.
 pub struct LearnedNetworks;
@@ -86,7 +87,7 @@ impl Output for LearnedNetworks {
             .reading(Trajectory::NAME, keys)
             .only_files(Trajectory::NAME, [lake::table::FILE])
             .reading(Object::NAME, objects);
-        Ok(vec![with_hand(unit, config)?])
+        Ok(vec![HandFiles::without_table(&config.hand)?.added_to(unit)])
     }
 
     fn make(

@@ -1,7 +1,7 @@
 //! The stage and its outputs: the networks, and candidates from them.
 
 use approach::HandBody;
-use dataflow::{Code, OptionFault, Outputs, SourceFile, Stage, Unit};
+use dataflow::{Code, OptionFault, Outputs, Stage};
 use schemas::{Table, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory};
 
 use crate::{
@@ -34,16 +34,6 @@ impl Stage for GraspTta {
     }
 }
 
-/// Adds the hand's files to a unit.
-pub(crate) fn with_hand(unit: Unit, config: &GraspTtaConfig) -> Result<Unit, GraspTtaError> {
-    let unit = unit.with_file_of_form(
-        SourceFile::named("hand", &config.hand),
-        robot_meshes::MODEL_FORM,
-    );
-    let meshes = robot_meshes::sources(&config.hand)?;
-    Ok(meshes.into_iter().fold(unit, Unit::with_file))
-}
-
 #[cfg(test)]
 mod tests {
     use std::{
@@ -71,7 +61,7 @@ mod tests {
         let out = root.join(format!("{}-{key}", O::ARTIFACT));
         fs::create_dir(&out).unwrap();
         let cx = Context::detached(&key.parse().unwrap(), seed, &out);
-        let outcome = O::make(config, &fixture::inputs(artifacts), &cx);
+        let outcome = O::make(config, &grasp_fixture::inputs(artifacts), &cx);
         (out, outcome)
     }
 
@@ -83,14 +73,14 @@ mod tests {
             made::<LearnedNetworks>(root.path(), config, &artifacts, ("grasp_tta", seed));
         assert!(matches!(outcome.unwrap(), Outcome::Made(_)));
         let weights = fs::read(model.join(grasp_networks::WEIGHTS)).unwrap();
-        let networks = fixture::artifact("grasp_tta", &model);
+        let networks = grasp_fixture::artifact("grasp_tta", &model);
         artifacts.insert(grasp_networks::NAME.to_owned(), vec![networks]);
         let (out, outcome) =
             made::<AdaptedCandidates>(root.path(), config, &artifacts, ("box", seed));
         let Outcome::Made(metrics) = outcome.unwrap() else {
             panic!("not made");
         };
-        let candidates = lake::table::read(&fixture::artifact("box", &out)).unwrap();
+        let candidates = lake::table::read(&grasp_fixture::artifact("box", &out)).unwrap();
         (weights, candidates, metrics)
     }
 
@@ -149,7 +139,7 @@ mod tests {
         let path = model.join(grasp_networks::DESCRIPTION);
         let text = fs::read_to_string(&path).unwrap();
         fs::write(&path, text.replace("joint_3.0", "thumb")).unwrap();
-        let networks = fixture::artifact("grasp_tta", &model);
+        let networks = grasp_fixture::artifact("grasp_tta", &model);
         artifacts.insert(grasp_networks::NAME.to_owned(), vec![networks]);
         let (_, outcome) = made::<AdaptedCandidates>(root.path(), &config, &artifacts, ("box", 3));
         let err = outcome.err().unwrap();

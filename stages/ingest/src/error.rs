@@ -317,9 +317,7 @@ pub enum RecordingError {
         file: String,
     },
     /// No camera has annotations.
-    #[error(
-        "no camera has `labels_*.npz` files, and there is no hand model (`mano_models`) to do without"
-    )]
+    #[error("no camera has label files, and there is no hand model (`mano_models`) in their place")]
     NoLabels,
     /// The hand is never seen.
     #[error("no image shows a hand")]

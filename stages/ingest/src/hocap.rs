@@ -89,10 +89,18 @@ pub(crate) struct HoCap<'a> {
     moved: Rule,
 }
 
-/// The object that moves first: its number, its poses, and when it leaves.
+/// The object that moves first: its number, and when it leaves.
 struct Grasped {
     number: usize,
     departure: Departure,
+}
+
+/// What a recording's metadata and its objects' poses say.
+struct Described {
+    meta: Meta,
+    poses: Poses,
+    about: About,
+    grasped: Grasped,
 }
 
 impl<'a> HoCap<'a> {
@@ -107,22 +115,23 @@ impl<'a> HoCap<'a> {
     }
 
     /// Returns what a recording is about, from its metadata and its objects' poses.
-    fn about_of(&self, subject: &str, meta: &Meta, poses: &Poses) -> Option<About> {
+    fn about_of(&self, subject: &str, meta: &Meta, poses: &Poses) -> Option<(About, Grasped)> {
         let grasped = grasped(poses, &self.moved)?;
-        Some(About {
+        let about = About {
             subject: subject.to_owned(),
             object: meta.object_ids.get(grasped.number)?.clone(),
             hand: meta.hand(self.hand)?,
             scene: meta.object_ids.clone(),
-        })
+        };
+        Some((about, grasped))
     }
 
     /// Reads what a recording is about, or says what is wrong with it.
-    fn described(&self, files: &SequenceFiles<'_>) -> Result<(Meta, Poses, About), RecordingError> {
+    fn described(&self, files: &SequenceFiles<'_>) -> Result<Described, RecordingError> {
         let meta = files.meta()?;
         let poses = files.poses(&meta)?;
         let about = self.about_of(&files.subject, &meta, &poses);
-        let about = about.ok_or_else(|| {
+        let (about, grasped) = about.ok_or_else(|| {
             files.about_meta(match meta.hand(self.hand) {
                 None => format!(
                     "`mano_sides` is {:?}, not one or both of right and left",
@@ -131,14 +140,19 @@ impl<'a> HoCap<'a> {
                 Some(_) => "no object moves".to_owned(),
             })
         })?;
-        Ok((meta, poses, about))
+        Ok(Described {
+            meta,
+            poses,
+            about,
+            grasped,
+        })
     }
 }
 
 impl Reader for HoCap<'_> {
     fn list(&self) -> Result<Vec<Listed>, IngestError> {
         let listed = files::listed(self.root, |subject, meta, poses| {
-            self.about_of(subject, meta, poses)
+            Some(self.about_of(subject, meta, poses)?.0)
         })?;
         let marks_table = self.table == TableRule::Tag;
         Ok(listed
@@ -159,17 +173,20 @@ impl Reader for HoCap<'_> {
     }
 
     fn about(&self, files: &[SourceFile]) -> Result<About, RecordingError> {
-        let (_, _, about) = self.described(&SequenceFiles::sort(files))?;
-        Ok(about)
+        Ok(self.described(&SequenceFiles::sort(files))?.about)
     }
 
     fn read(&self, files: &[SourceFile]) -> Result<Recording, RecordingError> {
         let files = SequenceFiles::sort(files);
-        let (meta, poses, about) = self.described(&files)?;
-        let calibration = Calibration::read(&files, &meta)?;
-        let grasped = grasped(&poses, &self.moved)
-            .ok_or_else(|| files.about_meta("no object moves".to_owned()))?;
-        let seen = self.seen(&meta, &files, &calibration, (&poses, grasped.number))?;
+        let described = self.described(&files)?;
+        let calibration = Calibration::read(&files, &described.meta)?;
+        let seen = self.seen(&described, &files, &calibration)?;
+        let Described {
+            meta,
+            poses,
+            about,
+            grasped,
+        } = described;
         check_nearer_hand(&seen, about.hand, &grasped.departure, &files)?;
         let mut poses: Vec<_> = poses.into_iter().map(Some).collect();
         let object = poses
@@ -228,11 +245,12 @@ impl HoCap<'_> {
     /// with those of the scene.
     fn seen(
         &self,
-        meta: &Meta,
+        described: &Described,
         files: &SequenceFiles<'_>,
         calibration: &Calibration,
-        (poses, grasped): (&Poses, usize),
     ) -> Result<Seen, RecordingError> {
+        let (meta, grasped) = (&described.meta, described.grasped.number);
+        let tracked = described.poses.get(grasped).map_or(&[][..], Vec::as_slice);
         let cameras: Vec<_> = calibration
             .world_from_cameras
             .iter()
@@ -256,18 +274,18 @@ impl HoCap<'_> {
                 for (hand, seen) in labels.hands.into_iter().zip(&mut seen) {
                     seen.extend(hand.map(|hand| hand.map(|point| **world_from_camera * point)));
                 }
-                let tracked = poses
-                    .get(grasped)
-                    .and_then(|poses| *poses.get(image as usize)?);
+                let tracked = tracked.get(image as usize).copied().flatten();
                 let labeled = labels
                     .camera_from_object
                     .map(|pose| **world_from_camera * pose);
                 apart_m.extend(tracked.zip(labeled).map(|(a, b)| fuse::distance_m(&a, &b)));
             }
-            for (seen, hand) in seen.iter().zip(&mut hands) {
+            for ((seen, hand), side) in seen.iter().zip(&mut hands).zip([Side::Right, Side::Left]) {
                 let fused = fuse::keypoints(seen, self.camera_agreement_m);
-                left_out_n += seen.len() - fused.as_ref().map_or(0, |fused| fused.agreeing_n);
-                spread_m = spread_m.max(fused.as_ref().map_or(0.0, |fused| fused.spread_m));
+                if side == described.about.hand {
+                    left_out_n += seen.len() - fused.as_ref().map_or(0, |fused| fused.agreeing_n);
+                    spread_m = spread_m.max(fused.as_ref().map_or(0.0, |fused| fused.spread_m));
+                }
                 hand.push(fused);
             }
         }

@@ -195,7 +195,7 @@ fn cameras_and_calibration() {
                 fs::remove_dir_all(sequence(root, camera)).unwrap();
             }
         },
-        &["no camera has `labels_*.npz` files"],
+        &["no camera has label files"],
     );
     let identity = "[1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0]";
     let calibrated = |lines: String, expected: &str| {

@@ -9,7 +9,7 @@ use std::{
 use dataflow::{Advise, Stage};
 use nalgebra::Point3;
 use schemas::demonstrations::Demonstration;
-use stage_ingest::{Ingest, IngestConfig, Landmarks, ManoModel};
+use stage_ingest::{Format, Ingest, IngestConfig, Landmarks, ManoModel};
 use tempfile::TempDir;
 
 use crate::{
@@ -153,4 +153,19 @@ fn a_model_that_is_missing_or_of_the_other_hand_is_named() {
     let err = Ingest::prepare(&config).unwrap_err();
     assert!(err.to_string().contains("MANO_RIGHT.pkl"), "{err}");
     assert!(err.hint().unwrap().contains("mano.is.tue.mpg.de"));
+}
+
+#[test]
+fn landmarks_of_a_hand_model_are_refused_where_the_dataset_has_no_poses_of_it() {
+    let root = dataset(&Rig::default());
+    for format in [Format::HoCap, Format::Tracks] {
+        let mut config = config(root.path());
+        (config.format, config.landmarks) = (format, Landmarks::Mano);
+        let err = Ingest::prepare(&config).unwrap_err();
+        assert!(
+            err.to_string().contains("only recordings of DexYCB"),
+            "{err}"
+        );
+        assert!(err.hint().unwrap().contains("labels"));
+    }
 }
