@@ -4,6 +4,7 @@ use std::{env, path::Path, sync::Arc, time::Duration};
 
 use depot::{Depot, FolderDepot};
 use lake::Lake;
+use object_depot::ObjectDepot;
 
 use crate::{command_line::Program, outcome::CommandError, report};
 
@@ -117,10 +118,18 @@ pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
     let path = match url.split_once("://") {
         None => Path::new(&named),
         Some(("file", path)) => Path::new(path),
+        Some(("s3", _)) => {
+            let store = ObjectDepot::from_url(&url).map_err(|err| {
+                let hint = "write `s3://BUCKET/PREFIX`, with credentials, `AWS_REGION` and, for a store that is not \
+                            Amazon's, `AWS_ENDPOINT_URL` in the environment";
+                CommandError::failed(err, Some(hint.to_owned()))
+            })?;
+            return Ok(Some(Arc::new(store)));
+        }
         Some((scheme, _)) => {
             return Err(CommandError::usage(
                 format!("`{VARIABLE}` names a depot of the unknown kind `{scheme}`"),
-                "use a folder, e.g. `/mnt/lab/depot` or `file:///mnt/lab/depot`",
+                "use a folder, e.g. `/mnt/lab/depot`, or an object store, `s3://BUCKET/PREFIX`",
             ));
         }
     };

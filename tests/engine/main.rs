@@ -21,6 +21,7 @@ mod interrupt;
 mod logged;
 mod meanwhile;
 mod memory;
+mod object_store;
 mod plan_equals_run;
 mod precision;
 mod program_maps;

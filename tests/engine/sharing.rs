@@ -138,6 +138,13 @@ fn a_second_machine_makes_nothing_and_fetches_what_is_asked_for() {
             .published()
             .contains_key("files/own/split/parts/p000/data.bin")
     );
+    let misspelt = lab.ask(&second, "pull", &["split.part"]);
+    assert_ne!(misspelt.status.code(), Some(0));
+    let said = stderr(&misspelt);
+    assert!(
+        said.contains("no run has made `split.part`") && said.contains("split.parts"),
+        "{said}"
+    );
     lab.run(&second, &[]);
     assert_eq!(lab.ask(&second, "pull", &[]).status.code(), Some(0));
     assert_same(&second.published(), &first.published(), "everything");

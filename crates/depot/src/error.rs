@@ -16,6 +16,16 @@ pub enum DepotError {
         /// Why it failed.
         source: io::Error,
     },
+    /// A store of another kind did not do what it was asked.
+    #[error("cannot {action} `{key}` in the depot")]
+    Store {
+        /// What was tried, e.g. `get`.
+        action: &'static str,
+        /// The key.
+        key: String,
+        /// Why it failed.
+        source: Box<dyn Error + Send + Sync>,
+    },
     /// A request was not answered.
     #[error("the depot did not answer within {} s: {action} `{key}`", waited.as_secs())]
     Silent {

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, PartitionKey};
+use dataflow::{Advise, NodeName, PartitionKey};
 use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
@@ -72,6 +72,14 @@ pub enum LakeError {
     /// The lake shares results with no other machine.
     #[error("the lake has no depot")]
     NoDepot,
+    /// No run made an output.
+    #[error("no run has made `{output}`")]
+    NeverMade {
+        /// The output.
+        output: NodeName,
+        /// Those that the newest runs made.
+        made: Vec<String>,
+    },
     /// The depot did not do what it was asked.
     #[error(transparent)]
     Depot(#[from] DepotError),
@@ -231,6 +239,9 @@ impl Advise for LakeError {
                  `PIPELINE_DEPOT=DIR` on both; if `{host}` does not use it any more, remove `{}`",
                 path.join("locks/machine").display()
             )),
+            Self::NeverMade { made, .. } => {
+                Some(format!("the newest runs made: {}", made.join(", ")))
+            }
             Self::NoDepot => Some("name one, e.g. `export PIPELINE_DEPOT=/mnt/lab/depot`".to_owned()),
             Self::Depot(_) => Some(
                 "check that it is mounted and can be written by you; results stay in the lake until \

@@ -48,22 +48,25 @@ impl Lake {
     ///
     /// # Errors
     ///
-    /// Fails if the lake has no depot, a record of the lake cannot be read, or a file cannot be
-    /// written.
+    /// Fails if the lake has no depot, no run has made an output, a record of the lake cannot be read,
+    /// or a file cannot be written.
     pub fn pull(&self, outputs: &[NodeName]) -> Result<usize, LakeError> {
         self.depot()?;
         self.check_exists()?;
         self.prepare()?;
         let mut wanted: BTreeSet<(Digest, u64)> = BTreeSet::new();
+        let mut made: BTreeSet<NodeName> = BTreeSet::new();
         for fingerprint in self.newest_shown_units()? {
             let Some(stored) = self.records.read(&fingerprint)? else {
                 continue;
             };
-            let output = self.records.output(&stored)?;
-            let is_asked = |node: &NodeName| {
-                node.stage == stored.stage && output.as_ref() == Some(&node.artifact)
-            };
-            if outputs.is_empty() || outputs.iter().any(is_asked) {
+            let stage = stored.stage.clone();
+            let artifact = self.records.output(&stored)?;
+            let output = artifact.map(|artifact| NodeName { stage, artifact });
+            let is_asked = output
+                .as_ref()
+                .is_some_and(|output| outputs.contains(output));
+            if outputs.is_empty() || is_asked {
                 let files = stored
                     .outcome
                     .files()
@@ -71,6 +74,13 @@ impl Lake {
                     .flat_map(|files| files.values());
                 wanted.extend(files.map(|file| (file.digest, file.size)));
             }
+            made.extend(output);
+        }
+        if let Some(output) = outputs.iter().find(|output| !made.contains(output)) {
+            return Err(LakeError::NeverMade {
+                output: output.clone(),
+                made: made.iter().map(ToString::to_string).collect(),
+            });
         }
         let files = wanted.into_iter();
         let files = files.map(|(digest, size)| FileRef { digest, size });

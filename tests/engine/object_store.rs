@@ -1,0 +1,296 @@
+//! A depot in an object store, on `moto`'s server. The Python that `PIPELINE_PYTHON` names has it
+//! (`tests/engine/object_store/requirements.txt`); without it these tests skip, saying so.
+
+use std::{
+    collections::BTreeSet,
+    env,
+    io::{self, Read, Write},
+    net::{TcpListener, TcpStream},
+    process::{Child, Command, Output, Stdio},
+    sync::{Arc, Mutex, PoisonError},
+    thread,
+    time::{Duration, Instant},
+};
+
+use crate::place::{CHAIN, LONG, Place, files_below, read, stderr, stdout};
+
+/// What no file and no line may contain.
+const SECRET: &str = "a-secret-that-nobody-may-see";
+const DEPOT: &str = "s3://lab/results/ours";
+
+/// An S3 server with the bucket `lab`, in memory.
+struct Server {
+    process: Child,
+    port: u16,
+}
+
+/// What goes wrong with the first request that would create a file.
+#[derive(Debug, Clone, Copy)]
+enum Trouble {
+    /// The file is stored, and the answer lost.
+    LostAnswer,
+    /// The file is stored, and the answer says that the server is busy.
+    Unavailable,
+    /// The file is not stored, and the answer says that another is being stored.
+    Conflict,
+}
+
+impl Server {
+    /// Starts it; says why not, if it cannot be had here.
+    fn start() -> Option<Self> {
+        let Ok(python) = env::var("PIPELINE_PYTHON") else {
+            measured_data::print_skipped("`PIPELINE_PYTHON` names no Python");
+            return None;
+        };
+        let has = Command::new(&python)
+            .args(["-c", "import moto.server"])
+            .output();
+        if !has.is_ok_and(|output| output.status.success()) {
+            measured_data::print_skipped(&format!("`{python}` lacks `moto`"));
+            return None;
+        }
+        let port = free_port();
+        let process = Command::new(python)
+            .args([
+                "-m",
+                "moto.server",
+                "-H",
+                "127.0.0.1",
+                "-p",
+                &port.to_string(),
+            ])
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        let server = Self { process, port };
+        let made = format!(
+            "PUT /lab HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n"
+        );
+        let until = Instant::now() + LONG;
+        while !answer(port, made.as_bytes()).is_ok_and(|bytes| bytes.starts_with(b"HTTP/1.1 200")) {
+            assert!(Instant::now() < until, "the server does not come up");
+            thread::park_timeout(Duration::from_millis(50));
+        }
+        Some(server)
+    }
+
+    /// Starts a proxy before it, in which each file's first create meets trouble; returns its port.
+    fn troubled(&self, trouble: Trouble) -> u16 {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let to = self.port;
+        let met: Arc<Mutex<BTreeSet<String>>> = Arc::default();
+        thread::spawn(move || {
+            for client in listener.incoming().map_while(Result::ok) {
+                let met = Arc::clone(&met);
+                thread::spawn(move || pass(client, to, trouble, &met));
+            }
+        });
+        port
+    }
+}
+
+impl Drop for Server {
+    fn drop(&mut self) {
+        let _killed = self.process.kill();
+        let _ended = self.process.wait();
+    }
+}
+
+fn free_port() -> u16 {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    free.local_addr().unwrap().port()
+}
+
+/// Sends a request, the last of its connection, and returns the answer.
+fn answer(port: u16, request: &[u8]) -> io::Result<Vec<u8>> {
+    let mut stream = TcpStream::connect(("127.0.0.1", port))?;
+    stream.write_all(request)?;
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer)?;
+    Ok(answer)
+}
+
+/// Reads a request: its head, as text, and its body.
+fn request(client: &mut TcpStream) -> io::Result<(String, Vec<u8>)> {
+    let mut bytes = Vec::new();
+    let mut byte = [0];
+    while !bytes.ends_with(b"\r\n\r\n") {
+        client.read_exact(&mut byte)?;
+        bytes.push(byte[0]);
+    }
+    let head = String::from_utf8(bytes).map_err(io::Error::other)?;
+    let length = head.lines().find_map(|line| {
+        let (name, value) = line.split_once(": ")?;
+        name.eq_ignore_ascii_case("content-length")
+            .then(|| value.parse().ok())?
+    });
+    let mut body = vec![0; length.unwrap_or(0)];
+    client.read_exact(&mut body)?;
+    Ok((head, body))
+}
+
+/// Passes one request on, unless it meets trouble.
+fn pass(mut client: TcpStream, to: u16, trouble: Trouble, met: &Mutex<BTreeSet<String>>) {
+    let Ok((head, body)) = request(&mut client) else {
+        return;
+    };
+    let target = head.lines().next().unwrap_or_default().to_owned();
+    let creates = head.to_lowercase().contains("\r\nif-none-match:");
+    let is_met = creates
+        && met
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner)
+            .insert(target);
+    let refusal = |status: &str| {
+        format!("HTTP/1.1 {status}\r\nContent-Length: 0\r\nConnection: close\r\n\r\n")
+    };
+    if let (true, Trouble::Conflict) = (is_met, trouble) {
+        let _sent = client.write_all(refusal("409 Conflict").as_bytes());
+        return;
+    }
+    let head = head.replacen("\r\n\r\n", "\r\nConnection: close\r\n\r\n", 1);
+    let Ok(answered) = answer(to, &[head.as_bytes(), &body].concat()) else {
+        return;
+    };
+    let _sent = match (is_met, trouble) {
+        (true, Trouble::LostAnswer) => Ok(()),
+        (true, _) => client.write_all(refusal("503 Service Unavailable").as_bytes()),
+        (false, _) => client.write_all(&answered),
+    };
+}
+
+/// Lets a command use the depot at a port.
+fn share(command: &mut Command, url: &str, port: u16) -> Output {
+    command
+        .env("PIPELINE_DEPOT", url)
+        .env("AWS_ACCESS_KEY_ID", "a-key")
+        .env("AWS_SECRET_ACCESS_KEY", SECRET)
+        .env("AWS_REGION", "us-east-1")
+        .env("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{port}"))
+        .env("AWS_ALLOW_HTTP", "true")
+        .output()
+        .unwrap()
+}
+
+fn well(output: &Output) -> String {
+    let said = stdout(output) + &stderr(output);
+    assert_eq!(output.status.code(), Some(0), "{said}");
+    assert!(!said.contains(SECRET));
+    said
+}
+
+fn warnings(said: &str) -> usize {
+    said.lines()
+        .filter(|line| line.starts_with("warn "))
+        .count()
+}
+
+fn machine(inputs_n: usize) -> Place {
+    Place::with_inputs(CHAIN, inputs_n)
+}
+
+#[test]
+fn machines_share_results_in_an_object_store_and_no_secret_is_kept() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    let (first, second) = (machine(8), machine(8));
+    // More than one part.
+    for machine in [&first, &second] {
+        machine.input("large", &vec![7; 20 << 20]);
+    }
+    let on = |machine: &Place, command: &str| {
+        let said = well(&share(
+            &mut machine.command(command, &[]),
+            DEPOT,
+            server.port,
+        ));
+        assert_eq!(warnings(&said), 0, "{said}");
+    };
+    let ask = |machine: &Place, command: &str, arguments: &[&str]| {
+        let mut command = machine.bare(&machine.lake(), command);
+        well(&share(command.args(arguments), DEPOT, server.port));
+    };
+    on(&first, "run");
+    first.take_log();
+    on(&second, "run");
+    assert_eq!(second.take_log(), []);
+    ask(&second, "pull", &[]);
+    assert_eq!(second.published(), first.published());
+    ask(&second, "verify", &["--depot"]);
+    ask(&second, "gc", &["--depot"]);
+    ask(&second, "verify", &["--depot"]);
+    for path in files_below(&first.lake()) {
+        let bytes = read(&path);
+        let holds = bytes
+            .windows(SECRET.len())
+            .any(|bytes| bytes == SECRET.as_bytes());
+        assert!(!holds, "`{}`", path.display());
+    }
+}
+
+#[test]
+fn answers_that_are_lost_late_or_of_another_are_no_errors() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    for trouble in [Trouble::LostAnswer, Trouble::Unavailable, Trouble::Conflict] {
+        let url = format!("{DEPOT}/{trouble:?}");
+        let port = server.troubled(trouble);
+        let first = machine(4);
+        let said = well(&share(&mut first.command("run", &[]), &url, port));
+        assert_eq!(warnings(&said), 0, "{trouble:?}: {said}");
+        let mut verify = first.bare(&first.lake(), "verify");
+        well(&share(verify.arg("--depot"), &url, server.port));
+        let second = machine(4);
+        well(&share(&mut second.command("run", &[]), &url, server.port));
+        assert_eq!(second.take_log(), [], "{trouble:?}");
+    }
+}
+
+#[test]
+fn an_object_store_that_refuses_is_down_or_lacks_the_bucket_costs_one_warning() {
+    let Some(mut server) = Server::start() else {
+        return;
+    };
+    let refusing = TcpListener::bind("127.0.0.1:0").unwrap();
+    let refuses = refusing.local_addr().unwrap().port();
+    thread::spawn(move || {
+        for mut client in refusing.incoming().map_while(Result::ok) {
+            let _asked = request(&mut client);
+            let said = "HTTP/1.1 403 Forbidden\r\nContent-Length: 0\r\nConnection: close\r\n\r\n";
+            let _sent = client.write_all(said.as_bytes());
+        }
+    });
+    let silent = TcpListener::bind("127.0.0.1:0").unwrap();
+    let stays_silent = silent.local_addr().unwrap().port();
+    let machine = machine(4);
+    let mut added = 2;
+    let mut costs_one_warning = |url: &str, port: u16, what: &str| {
+        let value = format!("first.add={added}");
+        added += 1;
+        let started = Instant::now();
+        let mut command = machine.command("run", &["--set", &value]);
+        let said = well(&share(&mut command, url, port));
+        assert_eq!(warnings(&said), 1, "{what}: {said}");
+        // It is asked once, and not until some timeout for each of its files.
+        assert!(started.elapsed() < LONG, "{what}: {:?}", started.elapsed());
+    };
+    costs_one_warning("s3://nothing/here", server.port, "no bucket");
+    costs_one_warning(DEPOT, refuses, "refused");
+    costs_one_warning(DEPOT, stays_silent, "silent");
+    server.process.kill().unwrap();
+    server.process.wait().unwrap();
+    costs_one_warning(DEPOT, server.port, "down");
+}
+
+#[test]
+fn urls_that_name_no_bucket_are_refused() {
+    let machine = machine(2);
+    let output = share(&mut machine.command("run", &[]), "s3://", 1);
+    let said = stderr(&output);
+    assert_ne!(output.status.code(), Some(0));
+    assert!(said.contains("s3://BUCKET/PREFIX"), "{said}");
+}
