@@ -1,7 +1,13 @@
 //! The depot in which this machine shares results with others, as the environment names it.
 
-use std::{env, path::Path, sync::Arc, time::Duration};
+use std::{
+    env,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
+use dataflow::{End, Failure, Order};
 use depot::{Depot, FolderDepot};
 use lake::Lake;
 
@@ -108,8 +114,27 @@ pub(crate) fn instead() -> String {
     )
 }
 
+/// Has what an order reads in the depot; returns the order's end if that cannot be.
+pub(crate) fn offer(lake: &Lake, order: &Order) -> Option<End> {
+    let mut lacks = Vec::new();
+    for (unit, file) in order.reads() {
+        match lake.offer(file) {
+            Ok(true) => {}
+            Ok(false) => lacks.push(unit),
+            Err(err) => return Some(End::Failed(Failure::Store(err.into()))),
+        }
+    }
+    (!lacks.is_empty()).then(|| End::lacking(lacks))
+}
+
 /// Returns the depot that the environment names.
 pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
+    let folder = folder()?;
+    Ok(folder.map(|folder| Arc::new(FolderDepot::new(&folder)) as _))
+}
+
+/// Returns the folder of the depot that the environment names.
+pub(crate) fn folder() -> Result<Option<PathBuf>, CommandError> {
     let Some(named) = env::var_os(VARIABLE).filter(|named| !named.is_empty()) else {
         return Ok(None);
     };
@@ -130,5 +155,5 @@ pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
             "name the folder from the root, e.g. `/mnt/lab/depot`",
         ));
     }
-    Ok(Some(Arc::new(FolderDepot::new(path))))
+    Ok(Some(path.to_owned()))
 }

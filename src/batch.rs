@@ -1,0 +1,567 @@
+//! Units made by the jobs of a scheduler, as Slurm.
+//!
+//! Orders go out as arrays of jobs, and come back as files in the depot: how each unit ended, beside its
+//! record. What the scheduler says of a job is a hint: a job that is over and has left nothing is lost.
+//! An array is known by a name that is never given twice, since schedulers that have lost their state
+//! give numbers again. Which arrays are out is in the depot too, so that a run whose process was killed
+//! goes on with the jobs that it left.
+
+mod queue;
+mod table;
+
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    env, fs, io,
+    path::{Path, PathBuf},
+    sync::{Mutex, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use dataflow::{Digest, End, Ended, Event, Events, Executor, Failure, Order, Resources, Wave};
+use lake::{Lake, LakeError};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use self::table::Table;
+use self::{
+    queue::{JobState, Queue, ask},
+    table::Values,
+};
+use crate::{
+    jobs::{JobOrders, end_key, orders_key},
+    report, sharing,
+};
+
+/// Time between two looks at jobs.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// Looks after which a job that is over and has left nothing counts as lost: files of another machine
+/// may be seen late.
+const LOOKS: usize = 4;
+
+/// Seconds that a job should take: what a scheduler costs, 0.1 to 0.5 s a job, does not count then.
+const JOB_S: f64 = 45.0;
+
+/// Seconds of a unit below which this process makes it itself, and of all of them together.
+const SHORT_S: f64 = 5.0;
+const SHORT_WAVE_S: f64 = 60.0;
+
+/// Jobs for units of which is not known how long they take.
+const UNKNOWN: usize = 64;
+
+/// Jobs of an array where the scheduler does not say how many it takes.
+const MOST: usize = 1000;
+
+/// How to cancel the arrays that are out, by their names.
+static OUT: Mutex<BTreeMap<String, Vec<String>>> = Mutex::new(BTreeMap::new());
+
+/// Makes units by the jobs of a scheduler.
+pub(crate) struct Batch<'a> {
+    /// The name of its configuration.
+    pub(crate) name: String,
+    /// How it is spoken to.
+    pub(crate) table: Table,
+    /// The lake, with a depot.
+    pub(crate) lake: &'a Lake,
+    /// The depot, as workers name it.
+    pub(crate) depot: String,
+    /// Folder of the logs of jobs.
+    pub(crate) logs: PathBuf,
+}
+
+/// An array of jobs that is out.
+#[derive(Serialize, Deserialize)]
+struct Array {
+    name: String,
+    /// What the scheduler calls it, once it has taken it.
+    id: Option<String>,
+    /// The configuration by which it was submitted.
+    on: String,
+    /// The fingerprints of the units of each job.
+    jobs: Vec<Vec<Digest>>,
+}
+
+impl Executor for Batch<'_> {
+    /// A wait in the queue costs more than a few short units.
+    fn takes(&self, wave: &Wave) -> bool {
+        let is_short =
+            |took_s: f64| took_s < SHORT_S && took_s * (wave.len() as f64) < SHORT_WAVE_S;
+        wave.resources().gpus.is_some() || !wave.took_s.is_some_and(is_short)
+    }
+
+    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+        let mut open = HashMap::with_capacity(wave.len());
+        for idx in 0..wave.len() {
+            let order = wave.order(idx)?;
+            match sharing::offer(self.lake, &order) {
+                Some(End::Failed(err)) => return Err(err),
+                Some(end) => ended(idx, end),
+                None => {
+                    open.insert(order.fingerprint, idx);
+                }
+            }
+        }
+        let mut arrays = self.adopt(wave)?;
+        let adopted: BTreeSet<Digest> = digests(&arrays).collect();
+        let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
+        let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
+        rest.sort_unstable();
+        self.submit(wave, &rest, &mut arrays)?;
+        let watched = self.watch(wave, &arrays, &mut open, events, ended);
+        let is_left = watched.is_err() || !open.is_empty();
+        for array in &arrays {
+            // A job that is stuck, or that makes what nobody waits for any more.
+            if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
+                let _gone = ask(&self.cancellation(array), "");
+            }
+            out(|out| out.remove(&array.name));
+            self.forget(wave, array)?;
+        }
+        watched.map(drop)
+    }
+}
+
+/// Cancels every array that is out; returns their names.
+pub(crate) fn cancel_all() -> Vec<String> {
+    let arrays = out(std::mem::take);
+    for words in arrays.values() {
+        let _gone = ask(words, "");
+    }
+    arrays.into_keys().collect()
+}
+
+fn out<R>(change: impl FnOnce(&mut BTreeMap<String, Vec<String>>) -> R) -> R {
+    change(&mut OUT.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+fn digests(arrays: &[Array]) -> impl Iterator<Item = Digest> {
+    arrays
+        .iter()
+        .flat_map(|array| array.jobs.iter().flatten().copied())
+}
+
+fn failed(err: LakeError) -> Failure {
+    Failure::Store(err.into())
+}
+
+impl Batch<'_> {
+    fn refused(&self, err: &io::Error) -> Failure {
+        Failure::Executor {
+            message: format!("`{}` takes no jobs: {err}", self.name),
+            hint: Some(format!(
+                "`pipeline doctor --on {}` tries the way there and back",
+                self.name
+            )),
+        }
+    }
+
+    fn key(&self, wave: &Wave, name: &str) -> String {
+        format!("waves/{}/{}/{name}", wave.pipeline(), wave.output())
+    }
+
+    /// Finds arrays of an earlier process that make units of this output, with the jobs that are not over.
+    fn adopt(&self, wave: &Wave) -> Result<Vec<Array>, Failure> {
+        let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
+        let mut arrays = Vec::new();
+        for key in self.lake.messages(&below).map_err(failed)? {
+            let found = self.lake.message(&key).map_err(failed)?;
+            let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
+            arrays.extend(array.filter(|array| array.on == self.name));
+        }
+        if arrays.is_empty() {
+            return Ok(arrays);
+        }
+        let queue = self.look_patiently(&arrays);
+        let (mut kept, mut gone) = (Vec::new(), Vec::new());
+        for mut array in arrays {
+            let name = array.name.clone();
+            for (idx, job) in array.jobs.iter_mut().enumerate() {
+                let state = queue.get(&(name.clone(), idx));
+                if !matches!(state, Some(JobState::Waiting | JobState::Running(_))) {
+                    job.clear();
+                }
+            }
+            let is_out = array.jobs.iter().any(|job| !job.is_empty());
+            if is_out { &mut kept } else { &mut gone }.push(array);
+        }
+        for array in &gone {
+            self.forget(wave, array)?;
+        }
+        for array in &kept {
+            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
+            report::line(&format!(
+                "adopt  {}: array {} goes on",
+                wave.output(),
+                array.name
+            ));
+        }
+        Ok(kept)
+    }
+
+    /// Submits the units at these positions.
+    fn submit(&self, wave: &Wave, rest: &[usize], arrays: &mut Vec<Array>) -> Result<(), Failure> {
+        if rest.is_empty() {
+            return Ok(());
+        }
+        let n_in_job = match wave.took_s {
+            Some(took_s) => units_of_job(took_s),
+            None => rest.len().div_ceil(UNKNOWN),
+        };
+        let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
+        for jobs in jobs.chunks(self.limit()) {
+            let mut array = Array {
+                name: unique_name().map_err(|err| self.refused(&err))?,
+                id: None,
+                on: self.name.clone(),
+                jobs: Vec::with_capacity(jobs.len()),
+            };
+            for (idx, job) in jobs.iter().enumerate() {
+                let orders = job.iter().map(|idx| wave.order(*idx));
+                let orders: Vec<Order> = orders.collect::<Result<_, _>>()?;
+                array
+                    .jobs
+                    .push(orders.iter().map(|order| order.fingerprint).collect());
+                let folder = env::current_dir().map_err(|err| self.refused(&err))?;
+                let key = orders_key(&format!("{}/{idx}", array.name));
+                self.leave(&key, &JobOrders { folder, orders })?;
+            }
+            let key = self.key(wave, &array.name);
+            self.leave(&key, &array)?;
+            array.id = self.submit_array(&array, wave.resources(), n_in_job)?;
+            self.leave(&key, &array)?;
+            out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
+            arrays.push(array);
+        }
+        Ok(())
+    }
+
+    /// Submits an array; a scheduler that answers nothing at all is waited for.
+    fn submit_array(
+        &self,
+        array: &Array,
+        resources: &Resources,
+        n_in_job: usize,
+    ) -> Result<Option<String>, Failure> {
+        let cores = resources.cores.unwrap_or(1);
+        let program = match &self.table.program {
+            Some(program) => program.clone(),
+            None => env::current_exe()
+                .map_err(|err| self.refused(&err))?
+                .display()
+                .to_string(),
+        };
+        let n_in_job = u32::try_from(n_in_job).unwrap_or(u32::MAX);
+        let values = self
+            .values(array)
+            .with("n", array.jobs.len())
+            .with("last", array.jobs.len().saturating_sub(1))
+            .with("logs", self.logs.display())
+            .with("cores", cores)
+            .with_some("memory_gb", resources.memory_gb)
+            .with_some("gpus", resources.gpus)
+            .with_some(
+                "time_min",
+                resources.time_min.map(|it| it.saturating_mul(n_in_job)),
+            )
+            .with("depot", quoted(&self.depot))
+            .with(
+                "worker",
+                format!("{} unit --jobs {cores}", quoted(&program)),
+            );
+        let (words, script) = (
+            self.table.submission(&values),
+            values.lines(&self.table.script),
+        );
+        loop {
+            let refused = match ask(&words, &script) {
+                Ok(said) => return Ok(self.table.id_in(&said)),
+                Err(err) => err,
+            };
+            // Its answer may have been lost, or it may be away for a while.
+            let queue = self.look_patiently(std::slice::from_ref(array));
+            if queue.keys().any(|(name, _)| *name == array.name) {
+                return Ok(None);
+            }
+            if !is_silent(&refused) {
+                return Err(self.refused(&refused));
+            }
+        }
+    }
+
+    fn values(&self, array: &Array) -> Values {
+        let values = Values::default().with("name", &array.name);
+        values.with_some("id", array.id.as_ref())
+    }
+
+    fn cancellation(&self, array: &Array) -> Vec<String> {
+        self.values(array).words(&self.table.cancel)
+    }
+
+    /// Asks for the states of all jobs of these arrays.
+    fn look(&self, arrays: &[Array]) -> io::Result<Queue> {
+        let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
+        let ids: Vec<&str> = arrays
+            .iter()
+            .filter_map(|array| array.id.as_deref())
+            .collect();
+        let values = Values::default()
+            .with("names", names.join(","))
+            .with("ids", ids.join(" "));
+        Ok(queue::read(
+            &self.table,
+            &ask(&values.words(&self.table.query), "")?,
+        ))
+    }
+
+    /// Asks until there is an answer.
+    fn look_patiently(&self, arrays: &[Array]) -> Queue {
+        let mut is_told = false;
+        loop {
+            match self.look(arrays) {
+                Ok(queue) => return queue,
+                Err(err) if is_told => drop(err),
+                Err(err) => {
+                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    is_told = true;
+                }
+            }
+            thread::sleep(EVERY);
+        }
+    }
+
+    /// Number of jobs that one array may have.
+    fn limit(&self) -> usize {
+        let said = ask(&self.table.limit, "").ok();
+        let limit = said.and_then(|said| self.table.limit_in(&said));
+        // The number is that of the first index that is too large.
+        limit.map_or(MOST, |limit| limit.max(1))
+    }
+
+    /// Watches jobs until every unit has ended or one has failed; returns whether a job is stuck.
+    fn watch(
+        &self,
+        wave: &Wave,
+        arrays: &[Array],
+        open: &mut HashMap<Digest, usize>,
+        events: &Events,
+        ended: &Ended,
+    ) -> Result<bool, Failure> {
+        let mut missed: HashMap<(&str, usize), usize> = HashMap::new();
+        let mut shown = None;
+        let mut is_told = false;
+        let mut is_stuck = false;
+        while !open.is_empty() {
+            // What a job left that is over now is seen by the look into the depot that follows.
+            let queue = self.look(arrays);
+            if self.collect(wave, arrays, open, ended)? {
+                return Ok(is_stuck);
+            }
+            match queue {
+                Ok(queue) => {
+                    let (n_waiting, mut running) = (0, BTreeMap::new());
+                    let mut n_waiting: usize = n_waiting;
+                    for array in arrays {
+                        for (idx, job) in array.jobs.iter().enumerate() {
+                            let units = job.iter().filter(|unit| open.contains_key(unit));
+                            let units: Vec<Digest> = units.copied().collect();
+                            if units.is_empty() {
+                                continue;
+                            }
+                            let at = (array.name.as_str(), idx);
+                            let why = match queue.get(&(array.name.clone(), idx)) {
+                                Some(JobState::Waiting) => {
+                                    n_waiting += units.len();
+                                    missed.remove(&at);
+                                    continue;
+                                }
+                                Some(JobState::Running(host)) => {
+                                    *running.entry(host.clone()).or_default() += units.len();
+                                    missed.remove(&at);
+                                    continue;
+                                }
+                                Some(JobState::Stuck(reason)) => {
+                                    is_stuck = true;
+                                    format!("would wait for ever ({reason})")
+                                }
+                                Some(JobState::Over(state)) => {
+                                    format!("ended as {state} and left no result")
+                                }
+                                None => "is unknown to the scheduler and left no result".to_owned(),
+                            };
+                            let n_missed = missed.entry(at).or_default();
+                            *n_missed += 1;
+                            if *n_missed < LOOKS {
+                                continue;
+                            }
+                            let log = self.log(array, idx);
+                            let why = format!("job {} of {} {why}; log `{log}`", idx, array.name);
+                            for unit in units {
+                                if let Some(idx) = open.remove(&unit) {
+                                    ended(idx, End::lost(&why));
+                                }
+                            }
+                        }
+                    }
+                    let now = Some((n_waiting, running.clone()));
+                    if now != shown {
+                        events(&Event::Queue {
+                            output: wave.output().clone(),
+                            on: self.name.clone(),
+                            n_waiting,
+                            running,
+                        });
+                        shown = now;
+                    }
+                }
+                Err(err) if !is_told => {
+                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    is_told = true;
+                }
+                Err(_) => {}
+            }
+            if !open.is_empty() {
+                thread::sleep(EVERY);
+            }
+        }
+        Ok(is_stuck)
+    }
+
+    /// Takes what the jobs have left in the depot; returns whether a unit has failed.
+    fn collect(
+        &self,
+        wave: &Wave,
+        arrays: &[Array],
+        open: &mut HashMap<Digest, usize>,
+        ended: &Ended,
+    ) -> Result<bool, Failure> {
+        let mut has_failed = false;
+        for array in arrays {
+            let keys = self.lake.messages(&format!("ends/{}", array.name));
+            for key in keys.map_err(failed)? {
+                let name = key.rsplit('/').next().unwrap_or_default();
+                let Ok(fingerprint) = name.parse::<Digest>() else {
+                    continue;
+                };
+                let left = self.lake.message(&key).map_err(failed)?;
+                if let (Some(left), Some(&idx)) = (left, open.get(&fingerprint)) {
+                    let event = serde_json::from_slice(&left).ok();
+                    let end =
+                        event.and_then(|event| End::of_event(event, &wave.unit(idx), &fingerprint));
+                    let end = end.unwrap_or_else(|| End::lost("its worker left no known event"));
+                    has_failed |= matches!(end, End::Failed(_));
+                    open.remove(&fingerprint);
+                    let mut jobs = array.jobs.iter();
+                    let job = jobs.position(|job| job.contains(&fingerprint));
+                    ended(
+                        idx,
+                        with_log(end, &self.log(array, job.unwrap_or_default())),
+                    );
+                }
+                self.lake.remove_message(&key).map_err(failed)?;
+            }
+        }
+        Ok(has_failed)
+    }
+
+    fn log(&self, array: &Array, job: usize) -> String {
+        let values = self.values(array).with("index", job);
+        let name = values.words(std::slice::from_ref(&self.table.log)).concat();
+        self.logs.join(name).display().to_string()
+    }
+
+    /// Removes what was left in the depot for an array.
+    fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
+        for (idx, job) in array.jobs.iter().enumerate() {
+            let name = format!("{}/{idx}", array.name);
+            self.lake
+                .remove_message(&orders_key(&name))
+                .map_err(failed)?;
+            for unit in job {
+                self.lake
+                    .remove_message(&end_key(&name, unit))
+                    .map_err(failed)?;
+            }
+        }
+        self.lake
+            .remove_message(&self.key(wave, &array.name))
+            .map_err(failed)
+    }
+
+    fn leave(&self, key: &str, message: &impl Serialize) -> Result<(), Failure> {
+        let bytes = serde_json::to_vec(message).map_err(|err| self.refused(&err.into()))?;
+        self.lake.leave_message(key, bytes).map_err(failed)
+    }
+}
+
+/// Adds where the log is to the hint of a failure.
+fn with_log(end: End, log: &str) -> End {
+    match end {
+        End::Failed(Failure::Remote {
+            message,
+            hint,
+            left_out,
+        }) if Path::new(log).exists() => {
+            let log = format!("`less {log}` shows its log");
+            End::Failed(Failure::Remote {
+                message,
+                hint: Some(hint.map_or_else(|| log.clone(), |hint| format!("{hint}; {log}"))),
+                left_out,
+            })
+        }
+        end => end,
+    }
+}
+
+/// Number of units that a job makes which take so long each.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a number between 1 and 100,000"
+)]
+fn units_of_job(took_s: f64) -> usize {
+    (JOB_S / took_s).clamp(1.0, 1e5) as usize
+}
+
+/// Whether a scheduler did not answer, other than by a refusal.
+fn is_silent(err: &io::Error) -> bool {
+    let said = err.to_string();
+    err.kind() == io::ErrorKind::TimedOut
+        || ["contact", "onnect", "imed out"]
+            .iter()
+            .any(|word| said.contains(word))
+}
+
+/// A name that no other array has.
+fn unique_name() -> io::Result<String> {
+    let random = fs::read_to_string("/proc/sys/kernel/random/uuid")?;
+    let digits: String = random
+        .chars()
+        .filter(char::is_ascii_hexdigit)
+        .take(12)
+        .collect();
+    Ok(format!("pl{digits}"))
+}
+
+/// A word as a shell reads it.
+pub(crate) fn quoted(word: &str) -> String {
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_units_share_a_job_and_long_ones_have_their_own() {
+        assert_eq!(units_of_job(0.01), 4500);
+        assert_eq!(units_of_job(10.0), 4);
+        assert_eq!(units_of_job(3600.0), 1);
+        assert_eq!(units_of_job(0.0), 100_000);
+    }
+
+    #[test]
+    fn names_are_never_given_twice_and_words_survive_a_shell() {
+        assert_ne!(unique_name().unwrap(), unique_name().unwrap());
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+    }
+}
