@@ -529,6 +529,9 @@ pub(crate) struct DoctorArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
+    /// Try this executor too: the way there and back [default: none]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) on: Option<String>,
     /// Check this robot [default: check the pipeline file]
     ///
     /// What its URDF describes, what is unphysical in it, and a first proposal of a hand table.

@@ -28,7 +28,7 @@ use self::{
     table::Values,
 };
 use crate::{
-    jobs::{JobOrders, end_key, orders_key},
+    jobs::{JobOrders, here_key, orders_key},
     report, sharing,
 };
 
@@ -38,6 +38,9 @@ const EVERY: Duration = Duration::from_secs(2);
 /// Looks after which a job that is over and has left nothing counts as lost: files of another machine
 /// may be seen late.
 const LOOKS: usize = 4;
+
+/// Looks for the answer of a job that makes nothing.
+const TRIAL_LOOKS: u64 = 60;
 
 /// Seconds that a job should take: what a scheduler costs, 0.1 to 0.5 s a job, does not count then.
 const JOB_S: f64 = 45.0;
@@ -145,6 +148,51 @@ fn failed(err: LakeError) -> Failure {
 }
 
 impl Batch<'_> {
+    /// Has a job come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        let refused = |err: io::Error| self.refused(&err);
+        let array = Array {
+            name: unique_name().map_err(refused)?,
+            id: None,
+            on: self.name.clone(),
+            jobs: vec![Vec::new()],
+        };
+        let job = format!("{}/0", array.name);
+        let nothing = JobOrders {
+            folder: env::current_dir().map_err(refused)?,
+            orders: Vec::new(),
+        };
+        self.leave(&orders_key(&job), &nothing)?;
+        let mut answer = None;
+        let submitted = self.submit_array(&array, &Resources::default(), 1);
+        let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };
+        while answer.is_none() && n_looks > 0 {
+            thread::sleep(EVERY);
+            n_looks -= 1;
+            answer = self.lake.message(&here_key(&job)).map_err(failed)?;
+        }
+        if answer.is_none() {
+            let _gone = ask(&self.cancellation(&array), "");
+        }
+        for key in [orders_key(&job), here_key(&job)] {
+            self.lake.remove_message(&key).map_err(failed)?;
+        }
+        submitted?;
+        let log = self.log(&array, 0);
+        let silent = || Failure::Executor {
+            message: format!(
+                "a job on `{}` has not answered after {} s",
+                self.name,
+                TRIAL_LOOKS * EVERY.as_secs()
+            ),
+            hint: Some(format!(
+                "`less {log}` shows what it said, if it has run; it needs the program and the depot"
+            )),
+        };
+        let host = answer.ok_or_else(silent)?;
+        Ok(String::from_utf8_lossy(&host).into_owned())
+    }
+
     fn refused(&self, err: &io::Error) -> Failure {
         Failure::Executor {
             message: format!("`{}` takes no jobs: {err}", self.name),
@@ -471,20 +519,13 @@ impl Batch<'_> {
 
     /// Removes what was left in the depot for an array.
     fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
-        for (idx, job) in array.jobs.iter().enumerate() {
-            let name = format!("{}/{idx}", array.name);
-            self.lake
-                .remove_message(&orders_key(&name))
-                .map_err(failed)?;
-            for unit in job {
-                self.lake
-                    .remove_message(&end_key(&name, unit))
-                    .map_err(failed)?;
-            }
+        let mut keys = vec![self.key(wave, &array.name)];
+        for below in ["orders", "ends"] {
+            let found = self.lake.messages(&format!("{below}/{}", array.name));
+            keys.extend(found.map_err(failed)?);
         }
-        self.lake
-            .remove_message(&self.key(wave, &array.name))
-            .map_err(failed)
+        let mut removed = keys.iter().map(|key| self.lake.remove_message(key));
+        removed.try_for_each(|it| it).map_err(failed)
     }
 
     fn leave(&self, key: &str, message: &impl Serialize) -> Result<(), Failure> {

@@ -68,6 +68,16 @@ impl Executor for Elsewhere<'_> {
     }
 }
 
+impl Elsewhere<'_> {
+    /// Has a worker come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        match self {
+            Self::Launch(processes) => processes.try_out(),
+            Self::Batch(batch) => batch.try_out(),
+        }
+    }
+}
+
 impl<'a> Elsewhere<'a> {
     /// Finds the executor of this name.
     pub(crate) fn named(name: &str, lake: &'a Lake) -> Result<Self, CommandError> {

@@ -19,6 +19,11 @@ pub(crate) fn orders_key(job: &str) -> String {
     format!("orders/{job}")
 }
 
+/// Key under which a worker without orders leaves the name of its machine.
+pub(crate) fn here_key(job: &str) -> String {
+    format!("here/{job}")
+}
+
 /// Key of the end of an order of a job.
 pub(crate) fn end_key(job: &str, fingerprint: &Digest) -> String {
     let wave = job.rsplit_once('/').map_or(job, |(wave, _)| wave);

@@ -4,7 +4,7 @@
 use std::{
     env,
     ffi::OsString,
-    io::{self, BufRead, BufReader, Write},
+    io::{self, BufRead, BufReader, Read, Write},
     process::{Child, Command, ExitStatus, Stdio},
     thread,
 };
@@ -70,6 +70,37 @@ impl<'a> Processes<'a> {
             Ok(status) => relay
                 .end()
                 .unwrap_or_else(|| End::lost(format!("its process ended {}", described(status)))),
+        }
+    }
+
+    /// Has a worker come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        let failed = |why: String| Failure::Executor {
+            message: format!("no worker comes up: {why}"),
+            hint: Some("see what it says above, and whether the program is there".to_owned()),
+        };
+        let nothing = JobOrders {
+            folder: env::current_dir().map_err(|err| failed(err.to_string()))?,
+            orders: Vec::new(),
+        };
+        let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
+        let tried = || {
+            let mut child = self.start()?;
+            let mut stdin = child.stdin.take();
+            if let Some(stdin) = &mut stdin {
+                stdin.write_all(format!("{nothing}\n").as_bytes())?;
+            }
+            let mut said = String::new();
+            if let Some(mut stdout) = child.stdout.take() {
+                stdout.read_to_string(&mut said)?;
+            }
+            Ok((child.wait()?, said))
+        };
+        let (status, said) = tried().map_err(|err: io::Error| failed(err.to_string()))?;
+        if status.success() {
+            Ok(said.trim().to_owned())
+        } else {
+            Err(failed(format!("it ended {}", described(status))))
         }
     }
 

@@ -37,6 +37,8 @@ struct State {
     bar: Option<ProgressBar>,
     /// The output whose units are being made.
     output: Option<NodeName>,
+    /// The output of which was said last where its units wait.
+    queued: Option<NodeName>,
     /// Progress of its units in flight.
     fractions: BTreeMap<UnitName, f64>,
     n_units_done: usize,
@@ -136,7 +138,12 @@ impl State {
         let places = places.join(", ");
         match &self.bar {
             Some(bar) if !bar.is_hidden() => bar.set_message(format!("{on}: {places}")),
-            _ => report::line(&format!("queue  {output} on {on}: {places}")),
+            // Without a terminal one line says where they went.
+            _ if self.queued.as_ref() == Some(output) => {}
+            _ => {
+                report::line(&format!("queue  {output} on {on}: {places}"));
+                self.queued = Some(output.clone());
+            }
         }
     }
 

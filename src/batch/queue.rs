@@ -101,8 +101,8 @@ pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
         thread::sleep(LOOK_EVERY);
     };
     let broken = || io::Error::other("its output cannot be read");
-    let said = said.join().map_err(|_| broken())??;
-    let complained = complained.join().map_err(|_| broken())??;
+    let said = said.join().ok().ok_or_else(broken)??;
+    let complained = complained.join().ok().ok_or_else(broken)??;
     if status.success() {
         return Ok(said);
     }

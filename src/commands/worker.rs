@@ -80,6 +80,9 @@ impl Worker<'_> {
             let _closed = io::stdin().lock().read_to_end(&mut nothing);
             interrupt::stop(&lake);
         });
+        if job.orders.is_empty() {
+            report::data(format!("{}\n", host()).as_bytes())?;
+        }
         self.each(&job, |_, _| Ok(()))
     }
 
@@ -90,6 +93,10 @@ impl Worker<'_> {
             CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
         })?;
         let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
+        if job.orders.is_empty() {
+            self.lake
+                .leave_message(&jobs::here_key(name), host().into_bytes())?;
+        }
         self.each(&job, |order, end| {
             let bytes = serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
             let key = jobs::end_key(name, &order.fingerprint);
@@ -173,6 +180,12 @@ impl Worker<'_> {
             left_out,
         }
     }
+}
+
+/// The machine's name.
+fn host() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
 }
 
 fn unreadable(err: serde_json::Error) -> CommandError {

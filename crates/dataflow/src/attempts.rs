@@ -156,7 +156,7 @@ impl<'a> Attempts<'a> {
         };
         let executor: &dyn Executor = match (wave.node.output.execution, self.executor) {
             // What moves a robot stays in the process that was told to move it.
-            (Execution::OneByOne, _) => &one_by_one,
+            (Execution::OneByOne | Execution::Physical, _) => &one_by_one,
             (Execution::Parallel, Some(executor)) if executor.takes(wave) => executor,
             (Execution::Parallel, _) => &threads,
         };

@@ -13,6 +13,7 @@ use crate::{
     name::{PartitionKey, UnitName},
     order::{Forced, Order},
     outcome::{Labels, Outcome},
+    output::Execution,
     pipeline::StageEntry,
     record::{Record, RecordOutcome},
     seed::unit_seed,
@@ -95,6 +96,10 @@ impl<'a> Maker<'a> {
             Ok(inputs) => inputs,
             Err(lacking) => return Ok(Making::Lacks(lacking)),
         };
+        let output = stage.kind.outputs.get(output_idx);
+        if output.is_some_and(|output| output.execution == Execution::Physical) {
+            self.store.claim(&order.fingerprint, name)?;
+        }
         let cx = Context {
             partition: name.partition.clone(),
             seed: stage.unit_seed(order.seed, &name.partition),

@@ -119,11 +119,13 @@ fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failur
         .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
     let unreadable = || refused(vec!["its options".to_owned()]);
     let text = format!("options = {}", order.options);
-    let document = Document::parse(text).map_err(|_| unreadable())?;
-    let table = document.get("options").and_then(|item| item.as_value());
+    let document = Document::parse(text).ok();
+    let table = document
+        .as_ref()
+        .and_then(|document| document.get("options")?.as_value());
     let table = table.and_then(Value::as_inline_table).cloned();
     let table = table.ok_or_else(unreadable)?;
-    let configured = kind.configure(table).map_err(|_| unreadable())?;
+    let configured = kind.configure(table).ok().ok_or_else(unreadable)?;
     kind.outputs = configured.outputs();
     let stage = StageEntry {
         name: order.unit.node.stage.clone(),
@@ -138,7 +140,7 @@ fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failur
     let (idx, output) = outputs
         .find(|(_, output)| order.unit.node.artifact == *output.artifact)
         .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
-    if output.execution == Execution::OneByOne {
+    if output.execution != Execution::Parallel {
         return Err(Failure::Physical {
             unit: order.unit.clone(),
         });

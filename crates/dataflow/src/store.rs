@@ -230,6 +230,14 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, Advised>;
 
+    /// Claims a unit whose making cannot be undone, for all time, where results are shared: no store of
+    /// another machine makes it then.
+    ///
+    /// # Errors
+    ///
+    /// Fails if another has claimed it, or if that cannot be known.
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised>;
+
     /// Has files shared anew which another machine could not read where results are shared.
     ///
     /// # Errors

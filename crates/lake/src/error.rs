@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, PartitionKey};
+use dataflow::{Advise, PartitionKey, UnitName};
 use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
@@ -72,6 +72,24 @@ pub enum LakeError {
     /// The lake shares results with no other machine.
     #[error("the lake has no depot")]
     NoDepot,
+    /// Another machine makes this unit, or has made it, and it must not be made twice.
+    #[error("{unit} moves a robot, and a lake on `{host}` has claimed it")]
+    Claimed {
+        /// The unit.
+        unit: UnitName,
+        /// The other machine.
+        host: String,
+        /// The key of its claim in the depot.
+        key: String,
+    },
+    /// It cannot be known whether another machine makes this unit.
+    #[error("{unit} moves a robot, and whether another machine does so cannot be known")]
+    Unclaimed {
+        /// The unit.
+        unit: UnitName,
+        /// Why not.
+        source: DepotError,
+    },
     /// The depot did not do what it was asked.
     #[error(transparent)]
     Depot(#[from] DepotError),
@@ -231,6 +249,13 @@ impl Advise for LakeError {
                  `PIPELINE_DEPOT=DIR` on both; if `{host}` does not use it any more, remove `{}`",
                 path.join("locks/machine").display()
             )),
+            Self::Claimed { host, key, .. } => Some(format!(
+                "run it on `{host}`, whose result comes here through the depot; if that machine is gone, \
+                 look at the robot, then remove `{key}` from the depot"
+            )),
+            Self::Unclaimed { .. } => Some(
+                "mount the depot, or run without it where no other machine moves this robot".to_owned(),
+            ),
             Self::NoDepot => Some("name one, e.g. `export PIPELINE_DEPOT=/mnt/lab/depot`".to_owned()),
             Self::Depot(_) => Some(
                 "check that it is mounted and can be written by you; results stay in the lake until \

@@ -5,6 +5,7 @@
 //! of it is optional: a depot that is down is done without, and its bytes are checked as they come.
 
 mod check;
+mod claims;
 mod collect;
 mod fetch;
 mod index;

@@ -180,6 +180,13 @@ impl Store for Lake {
         Ok(stored.map(|stored| stored.provenance.took_s))
     }
 
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised> {
+        match &self.shared {
+            Some(shared) => Ok(shared.claim(fingerprint, unit)?),
+            None => Ok(()),
+        }
+    }
+
     fn doubt(&self, files: &BTreeMap<String, FileRef>) -> Result<(), Advised> {
         if let Some(shared) = &self.shared {
             shared.doubt(files.values());

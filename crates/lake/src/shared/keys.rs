@@ -7,6 +7,7 @@
 //! units/ab/abcd….json          records of units, as in a lake: each after its blobs and its recipe
 //! runs/PIPELINE/NAME.json      the records of all units of a run in one file
 //! differing/abcd…/NAME.json    records of units that came out differently than the first time
+//! claims/abcd…                 lakes that make units which move a robot: they never go
 //! messages/…                   orders to workers, and how they ended
 //! ```
 
@@ -53,6 +54,10 @@ pub(crate) fn run(pipeline: &str, name: &str) -> String {
 
 pub(crate) fn differing(fingerprint: &Digest, name: &str) -> String {
     format!("{DIFFERING}/{fingerprint}/{name}.json")
+}
+
+pub(crate) fn claim(fingerprint: &Digest) -> String {
+    format!("claims/{fingerprint}")
 }
 
 pub(crate) fn message(key: &str) -> String {
