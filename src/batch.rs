@@ -84,6 +84,15 @@ struct Array {
     jobs: Vec<Vec<Digest>>,
 }
 
+/// Where the units of a wave are.
+#[derive(Default)]
+struct Places {
+    n_waiting: usize,
+    running: BTreeMap<String, usize>,
+    /// Whether a job waits for what never comes.
+    is_stuck: bool,
+}
+
 impl Executor for Batch<'_> {
     /// A wait in the queue costs more than a few short units.
     fn takes(&self, wave: &Wave) -> bool {
@@ -135,6 +144,17 @@ pub(crate) fn cancel_all() -> Vec<String> {
 
 fn out<R>(change: impl FnOnce(&mut BTreeMap<String, Vec<String>>) -> R) -> R {
     change(&mut OUT.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// What the names in a table stand for, of an array.
+fn values_of(array: &Array) -> Values {
+    let values = Values::default().with("name", &array.name);
+    values.with_some("id", array.id.as_ref().map(|id| id as _))
+}
+
+/// Key of the message that an array is out.
+fn key(wave: &Wave, name: &str) -> String {
+    format!("waves/{}/{}/{name}", wave.pipeline(), wave.output())
 }
 
 fn digests(arrays: &[Array]) -> impl Iterator<Item = Digest> {
@@ -203,10 +223,6 @@ impl Batch<'_> {
         }
     }
 
-    fn key(&self, wave: &Wave, name: &str) -> String {
-        format!("waves/{}/{}/{name}", wave.pipeline(), wave.output())
-    }
-
     /// Finds arrays of an earlier process that make units of this output, with the jobs that are not over.
     fn adopt(&self, wave: &Wave) -> Result<Vec<Array>, Failure> {
         let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
@@ -273,7 +289,7 @@ impl Batch<'_> {
                 let key = orders_key(&format!("{}/{idx}", array.name));
                 self.leave(&key, &JobOrders { folder, orders })?;
             }
-            let key = self.key(wave, &array.name);
+            let key = key(wave, &array.name);
             self.leave(&key, &array)?;
             array.id = self.submit_array(&array, wave.resources(), n_in_job)?;
             self.leave(&key, &array)?;
@@ -299,22 +315,19 @@ impl Batch<'_> {
                 .to_string(),
         };
         let n_in_job = u32::try_from(n_in_job).unwrap_or(u32::MAX);
-        let values = self
-            .values(array)
-            .with("n", array.jobs.len())
-            .with("last", array.jobs.len().saturating_sub(1))
-            .with("logs", self.logs.display())
-            .with("cores", cores)
-            .with_some("memory_gb", resources.memory_gb)
-            .with_some("gpus", resources.gpus)
-            .with_some(
-                "time_min",
-                resources.time_min.map(|it| it.saturating_mul(n_in_job)),
-            )
-            .with("depot", quoted(&self.depot))
+        let time_min = resources.time_min.map(|it| it.saturating_mul(n_in_job));
+        let values = values_of(array)
+            .with("n", &array.jobs.len())
+            .with("last", &array.jobs.len().saturating_sub(1))
+            .with("logs", &self.logs.display())
+            .with("cores", &cores)
+            .with_some("memory_gb", resources.memory_gb.as_ref().map(|it| it as _))
+            .with_some("gpus", resources.gpus.as_ref().map(|it| it as _))
+            .with_some("time_min", time_min.as_ref().map(|it| it as _))
+            .with("depot", &quoted(&self.depot))
             .with(
                 "worker",
-                format!("{} unit --jobs {cores}", quoted(&program)),
+                &format!("{} unit --jobs {cores}", quoted(&program)),
             );
         let (words, script) = (
             self.table.submission(&values),
@@ -336,13 +349,8 @@ impl Batch<'_> {
         }
     }
 
-    fn values(&self, array: &Array) -> Values {
-        let values = Values::default().with("name", &array.name);
-        values.with_some("id", array.id.as_ref())
-    }
-
     fn cancellation(&self, array: &Array) -> Vec<String> {
-        self.values(array).words(&self.table.cancel)
+        values_of(array).words(&self.table.cancel)
     }
 
     /// Asks for the states of all jobs of these arrays.
@@ -353,8 +361,8 @@ impl Batch<'_> {
             .filter_map(|array| array.id.as_deref())
             .collect();
         let values = Values::default()
-            .with("names", names.join(","))
-            .with("ids", ids.join(" "));
+            .with("names", &names.join(","))
+            .with("ids", &ids.join(" "));
         Ok(queue::read(
             &self.table,
             &ask(&values.words(&self.table.query), "")?,
@@ -394,64 +402,23 @@ impl Batch<'_> {
         events: &Events,
         ended: &Ended,
     ) -> Result<bool, Failure> {
-        let mut missed: HashMap<(&str, usize), usize> = HashMap::new();
+        let mut missed = HashMap::new();
         let mut shown = None;
         let mut is_told = false;
         let mut is_stuck = false;
-        while !open.is_empty() {
+        loop {
             // What a job left that is over now is seen by the look into the depot that follows.
             let queue = self.look(arrays);
-            if self.collect(wave, arrays, open, ended)? {
+            if self.collect(wave, arrays, open, ended)? || open.is_empty() {
                 return Ok(is_stuck);
             }
             match queue {
                 Ok(queue) => {
-                    let (n_waiting, mut running) = (0, BTreeMap::new());
-                    let mut n_waiting: usize = n_waiting;
-                    for array in arrays {
-                        for (idx, job) in array.jobs.iter().enumerate() {
-                            let units = job.iter().filter(|unit| open.contains_key(unit));
-                            let units: Vec<Digest> = units.copied().collect();
-                            if units.is_empty() {
-                                continue;
-                            }
-                            let at = (array.name.as_str(), idx);
-                            let why = match queue.get(&(array.name.clone(), idx)) {
-                                Some(JobState::Waiting) => {
-                                    n_waiting += units.len();
-                                    missed.remove(&at);
-                                    continue;
-                                }
-                                Some(JobState::Running(host)) => {
-                                    *running.entry(host.clone()).or_default() += units.len();
-                                    missed.remove(&at);
-                                    continue;
-                                }
-                                Some(JobState::Stuck(reason)) => {
-                                    is_stuck = true;
-                                    format!("would wait for ever ({reason})")
-                                }
-                                Some(JobState::Over(state)) => {
-                                    format!("ended as {state} and left no result")
-                                }
-                                None => "is unknown to the scheduler and left no result".to_owned(),
-                            };
-                            let n_missed = missed.entry(at).or_default();
-                            *n_missed += 1;
-                            if *n_missed < LOOKS {
-                                continue;
-                            }
-                            let log = self.log(array, idx);
-                            let why = format!("job {} of {} {why}; log `{log}`", idx, array.name);
-                            for unit in units {
-                                if let Some(idx) = open.remove(&unit) {
-                                    ended(idx, End::lost(&why));
-                                }
-                            }
-                        }
-                    }
-                    let now = Some((n_waiting, running.clone()));
+                    let places = self.compare(arrays, &queue, open, &mut missed, ended);
+                    is_stuck |= places.is_stuck;
+                    let now = Some((places.n_waiting, places.running));
                     if now != shown {
+                        let (n_waiting, running) = now.clone().unwrap_or_default();
                         events(&Event::Queue {
                             output: wave.output().clone(),
                             on: self.name.clone(),
@@ -471,7 +438,62 @@ impl Batch<'_> {
                 thread::sleep(EVERY);
             }
         }
-        Ok(is_stuck)
+    }
+
+    /// Compares what the scheduler says with the units that are still open: those of jobs that are over
+    /// and have left nothing for a while are lost.
+    fn compare(
+        &self,
+        arrays: &[Array],
+        queue: &Queue,
+        open: &mut HashMap<Digest, usize>,
+        missed: &mut HashMap<(String, usize), usize>,
+        ended: &Ended,
+    ) -> Places {
+        let mut places = Places::default();
+        let jobs = arrays.iter().flat_map(|array| {
+            let jobs = array.jobs.iter().enumerate();
+            jobs.map(move |(idx, job)| (array, idx, job))
+        });
+        for (array, job_idx, job) in jobs {
+            let units = job.iter().filter(|unit| open.contains_key(unit));
+            let units: Vec<Digest> = units.copied().collect();
+            if units.is_empty() {
+                continue;
+            }
+            let job = (array.name.clone(), job_idx);
+            let why = match queue.get(&job) {
+                Some(JobState::Waiting) => {
+                    places.n_waiting += units.len();
+                    missed.remove(&job);
+                    continue;
+                }
+                Some(JobState::Running(host)) => {
+                    *places.running.entry(host.clone()).or_default() += units.len();
+                    missed.remove(&job);
+                    continue;
+                }
+                Some(JobState::Stuck(reason)) => {
+                    places.is_stuck = true;
+                    format!("would wait for ever ({reason})")
+                }
+                Some(JobState::Over(state)) => format!("ended as {state} and left no result"),
+                None => "is unknown to the scheduler and left no result".to_owned(),
+            };
+            let n_missed = missed.entry(job).or_default();
+            *n_missed += 1;
+            if *n_missed < LOOKS {
+                continue;
+            }
+            let log = self.log(array, job_idx);
+            let why = format!("job {job_idx} of {} {why}; log `{log}`", array.name);
+            for unit in units {
+                if let Some(idx) = open.remove(&unit) {
+                    ended(idx, End::lost(&why));
+                }
+            }
+        }
+        places
     }
 
     /// Takes what the jobs have left in the depot; returns whether a unit has failed.
@@ -512,14 +534,14 @@ impl Batch<'_> {
     }
 
     fn log(&self, array: &Array, job: usize) -> String {
-        let values = self.values(array).with("index", job);
+        let values = values_of(array).with("index", &job);
         let name = values.words(std::slice::from_ref(&self.table.log)).concat();
         self.logs.join(name).display().to_string()
     }
 
     /// Removes what was left in the depot for an array.
     fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
-        let mut keys = vec![self.key(wave, &array.name)];
+        let mut keys = vec![key(wave, &array.name)];
         for below in ["orders", "ends"] {
             let found = self.lake.messages(&format!("{below}/{}", array.name));
             keys.extend(found.map_err(failed)?);

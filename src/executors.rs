@@ -23,9 +23,10 @@ const BUILT_IN: [(&str, &str); 1] = [("slurm", include_str!("executors/slurm.tom
 /// A program that runs a command elsewhere and waits for it.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
-struct Launch {
+struct Launcher {
     /// The words before the command, e.g. `["ssh", "gpu-box"]`.
-    launch: Vec<String>,
+    #[serde(rename = "launch")]
+    prefix: Vec<String>,
     /// The program there [default: this one].
     program: Option<String>,
     /// Folder there for the lake of a worker.
@@ -49,7 +50,7 @@ pub(crate) enum Elsewhere<'a> {
     /// Through a program that waits for each unit.
     Launch(Processes<'a>),
     /// Through the queue of a scheduler.
-    Batch(Batch<'a>),
+    Batch(Box<Batch<'a>>),
 }
 
 impl Executor for Elsewhere<'_> {
@@ -102,8 +103,8 @@ impl<'a> Elsewhere<'a> {
             )
         };
         if text.contains_key("launch") {
-            let launch: Launch = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
-            return Ok(Self::Launch(launch.processes(lake, &depot)?));
+            let launcher: Launcher = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
+            return Ok(Self::Launch(launcher.processes(lake, &depot)?));
         }
         let table: Table = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
         let logs = table.logs.as_ref().map(PathBuf::from);
@@ -112,17 +113,17 @@ impl<'a> Elsewhere<'a> {
             let message = format!("cannot make the folder of logs `{}`", logs.display());
             CommandError::failed(anyhow::Error::from(err).context(message), None)
         })?;
-        Ok(Self::Batch(Batch {
+        Ok(Self::Batch(Box::new(Batch {
             name: name.to_owned(),
             table,
             lake,
             depot: depot.display().to_string(),
             logs,
-        }))
+        })))
     }
 }
 
-impl Launch {
+impl Launcher {
     fn processes<'a>(
         self,
         lake: &'a Lake,
@@ -135,7 +136,7 @@ impl Launch {
         };
         let named = format!("{}={}", sharing::VARIABLE, depot.display());
         let worker = ["env", &named, &program, "unit", "--scratch", &self.scratch];
-        let words = self.launch.iter().map(String::as_str).chain(worker);
+        let words = self.prefix.iter().map(String::as_str).chain(worker);
         Ok(Processes {
             lake,
             worker: words.map(Into::into).collect(),

@@ -52,12 +52,12 @@ pub(crate) struct Table {
 pub(crate) struct Values(BTreeMap<&'static str, String>);
 
 impl Values {
-    pub(crate) fn with(mut self, name: &'static str, value: impl ToString) -> Self {
+    pub(crate) fn with(mut self, name: &'static str, value: &dyn ToString) -> Self {
         self.0.insert(name, value.to_string());
         self
     }
 
-    pub(crate) fn with_some(self, name: &'static str, value: Option<impl ToString>) -> Self {
+    pub(crate) fn with_some(self, name: &'static str, value: Option<&dyn ToString>) -> Self {
         match value {
             Some(value) => self.with(name, value),
             None => self,
@@ -158,12 +158,12 @@ mod tests {
     #[test]
     fn words_without_a_value_are_left_out_and_extra_words_come_first() {
         let values = Values::default()
-            .with("name", "pl1")
-            .with("last", 3)
-            .with("logs", "/logs")
-            .with("cores", 2)
-            .with_some("gpus", None::<u32>)
-            .with_some("time_min", Some(30));
+            .with("name", &"pl1")
+            .with("last", &3)
+            .with("logs", &"/logs")
+            .with("cores", &2)
+            .with_some("gpus", None)
+            .with_some("time_min", Some(&30));
         let mut table = table();
         table.extra = vec!["--partition=main".to_owned()];
         let words = table.submission(&values);

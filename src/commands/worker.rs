@@ -23,7 +23,7 @@ use crate::{
 };
 
 /// Longest time in which a worker's result must reach the depot: an hour for what a slow one takes.
-const SENDING: Duration = Duration::from_secs(3600);
+const SENDING: Duration = Duration::from_hours(1);
 
 /// Makes the order on stdin, or those of a job in the depot.
 pub(crate) fn work(
@@ -48,13 +48,13 @@ pub(crate) fn work(
         lines: Lines::default(),
         sends: own.is_some(),
     };
-    let worked = if order == "-" {
-        worker.from_stdin()
+    let outcome = if order == "-" {
+        worker.stdin_job()
     } else {
         worker.job(order)
     };
     lake.leave();
-    worked.and_then(|()| worker.lines.finish().map(|()| CommandOutcome::Done))
+    outcome.and_then(|()| worker.lines.finish().map(|()| CommandOutcome::Done))
 }
 
 struct Worker<'a> {
@@ -69,7 +69,7 @@ struct Worker<'a> {
 impl Worker<'_> {
     /// Makes the order that is the first line on stdin, and stops when stdin closes: then whoever
     /// ordered it has ended.
-    fn from_stdin(&self) -> Result<(), CommandError> {
+    fn stdin_job(&self) -> Result<(), CommandError> {
         let mut line = String::new();
         let read = io::stdin().lock().read_line(&mut line);
         read.map_err(|err| CommandError::failed(err, None))?;

@@ -184,7 +184,6 @@ impl<'a> Attempts<'a> {
     }
 
     /// Reports a unit that is made; of one that is lost, returns why, and what it lacked.
-    #[expect(clippy::type_complexity, reason = "three ways to end")]
     fn settle(
         &self,
         wave: &Wave,

@@ -94,11 +94,10 @@ impl Order {
         let (fingerprint, digest) = state
             .fingerprint(node, unit)?
             .ok_or_else(|| Failure::NotMade { unit: name.clone() })?;
-        let stage = state.pipeline().stage(node);
         Ok(Self {
             fingerprint: digest,
             forced,
-            options: stage.text.clone(),
+            options: state.pipeline().stage(node).text.clone(),
             wires: node.reads.clone(),
             inputs: ordered_inputs(state, node, unit, &fingerprint)?,
             files: ordered_files(state, &name, unit, &fingerprint)?,

@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, PartitionKey, UnitName};
+use dataflow::{Advise, PartitionKey};
 use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
@@ -76,7 +76,7 @@ pub enum LakeError {
     #[error("{unit} moves a robot, and a lake on `{host}` has claimed it")]
     Claimed {
         /// The unit.
-        unit: UnitName,
+        unit: String,
         /// The other machine.
         host: String,
         /// The key of its claim in the depot.
@@ -86,9 +86,9 @@ pub enum LakeError {
     #[error("{unit} moves a robot, and whether another machine does so cannot be known")]
     Unclaimed {
         /// The unit.
-        unit: UnitName,
+        unit: String,
         /// Why not.
-        source: DepotError,
+        source: Box<DepotError>,
     },
     /// The depot did not do what it was asked.
     #[error(transparent)]

@@ -3,6 +3,7 @@
 use std::fs;
 
 use dataflow::{Digest, UnitName};
+use depot::DepotError;
 
 use super::{Shared, keys};
 use crate::{
@@ -18,16 +19,16 @@ impl Shared {
         let claim = format!("{host}\n{}\n", self.identity()?);
         let key = keys::claim(fingerprint);
         let claimed = self.remote.create(&key, claim.as_bytes());
-        let unknown = |source| LakeError::Unclaimed {
-            unit: unit.clone(),
-            source,
+        let unknown = |source: DepotError| LakeError::Unclaimed {
+            unit: unit.to_string(),
+            source: Box::new(source),
         };
         let Some(other) = claimed.map_err(unknown)? else {
             return Ok(());
         };
         let other = String::from_utf8_lossy(&other);
         Err(LakeError::Claimed {
-            unit: unit.clone(),
+            unit: unit.to_string(),
             host: other.lines().next().unwrap_or_default().to_owned(),
             key,
         })

@@ -9,6 +9,7 @@
 //! differing/abcd…/NAME.json    records of units that came out differently than the first time
 //! claims/abcd…                 lakes that make units which move a robot: they never go
 //! messages/…                   orders to workers, and how they ended
+//! logs/…                       what workers printed
 //! ```
 
 use dataflow::Digest;
@@ -26,6 +27,7 @@ pub(crate) const UNITS: &str = "units";
 pub(crate) const RUNS: &str = "runs";
 pub(crate) const DIFFERING: &str = "differing";
 pub(crate) const MESSAGES: &str = "messages";
+pub(crate) const LOGS: &str = "logs";
 /// Files that are being written to a folder.
 pub(crate) const WRITING: &str = "writing";
 
