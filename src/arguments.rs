@@ -358,6 +358,12 @@ pub(crate) struct RunArgs {
     /// Instead of a thread: `pipeline unit`.
     #[arg(long)]
     pub(crate) processes: bool,
+    /// Make units on other machines [default: on this one]
+    ///
+    /// `slurm`, or a name of this machine's own file; `crates/depot` has examples. Short units, and what
+    /// moves a robot, stay here.
+    #[arg(long, value_name = "NAME", conflicts_with = "processes")]
+    pub(crate) on: Option<String>,
     /// Show what would run, as `plan` does
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -525,6 +531,9 @@ pub(crate) struct DoctorArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
+    /// Try this executor too: the way there and back [default: none]
+    #[arg(long, value_name = "NAME")]
+    pub(crate) on: Option<String>,
     /// Check this robot [default: check the pipeline file]
     ///
     /// What its URDF describes, what is unphysical in it, and a first proposal of a hand table.
@@ -594,22 +603,29 @@ pub(crate) struct GcArgs {
 #[derive(Args)]
 pub(crate) struct UnitArgs {
     /// Pipeline file, e.g. `pipelines/cgf.toml`
-    pub(crate) file: PathBuf,
+    #[arg(required_unless_present = "order")]
+    pub(crate) file: Option<PathBuf>,
     /// The output, e.g. `screen.rollouts`
-    pub(crate) artifact: String,
+    #[arg(required_unless_present = "order")]
+    pub(crate) artifact: Option<String>,
     /// The partition, e.g. an object's name
-    pub(crate) partition: PartitionKey,
+    #[arg(required_unless_present = "order")]
+    pub(crate) partition: Option<PartitionKey>,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
     /// Make it even if its result is in the lake
     #[arg(long)]
     pub(crate) fresh: bool,
-    /// Output format
-    #[arg(long, value_enum, default_value_t = Format::Text)]
-    pub(crate) format: Format,
-    /// Stop as soon as stdin closes
+    /// Make what a run has ordered, and write events to stdout
     ///
-    /// As it does when the process that started this one ends.
-    #[arg(long)]
-    pub(crate) with_parent: bool,
+    /// `-` reads one order from stdin, and stops when stdin closes; any other name is that of a job
+    /// in the depot, whose orders are made one after the other.
+    #[arg(long, value_name = "NAME", conflicts_with_all = ["file", "fresh"])]
+    pub(crate) order: Option<String>,
+    /// Use a lake of its own in this folder, which is removed at the end [default: that of `--lake`]
+    #[arg(long, value_name = "DIR", requires = "order")]
+    pub(crate) scratch: Option<PathBuf>,
+    /// Number of threads [default: one per core]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) jobs: Option<u16>,
 }

@@ -25,6 +25,7 @@ mod sweep;
 mod tags;
 mod unit;
 mod verify;
+mod worker;
 
 pub(crate) use cell::cell;
 pub(crate) use completions::completions;

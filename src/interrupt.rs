@@ -11,7 +11,7 @@ use signal_hook::{
 
 use stage_dispatch::{Cancellation, MotionInFlight};
 
-use crate::{outcome::CommandError, report};
+use crate::{batch, outcome::CommandError, report};
 
 /// Exit code of a program that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
@@ -42,6 +42,9 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
 
 /// Cancels motions, drops the units in flight, reports both, and ends the program.
 pub(crate) fn stop(lake: &Lake) -> ! {
+    for array in batch::cancel_all() {
+        report::line(&format!("stop   array {array}: canceled"));
+    }
     // First, so that nothing is written any more into what is dropped below.
     stage_program::stop_all();
     let motions = stage_dispatch::stop_sending();

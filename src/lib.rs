@@ -9,9 +9,12 @@
 //! ```
 
 mod arguments;
+mod batch;
 mod command_line;
 mod commands;
+mod executors;
 mod interrupt;
+mod jobs;
 mod kinds;
 mod numbers;
 mod outcome;

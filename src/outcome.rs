@@ -10,8 +10,6 @@ pub(crate) enum CommandOutcome {
     Done,
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
-    /// It failed and has reported so on stdout: exit code 1.
-    Reported,
 }
 
 /// A command that failed.

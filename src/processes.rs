@@ -1,90 +1,150 @@
-//! Units made in separate processes: `pipeline unit`, which shares only the lake and the pipeline
-//! file.
+//! Units made in processes of their own: `pipeline unit --order -`, on this machine or, behind a prefix
+//! such as `srun` or `ssh HOST`, on another.
 
 use std::{
     env,
-    io::{self, BufRead, BufReader},
+    ffi::OsString,
+    io::{self, BufRead, BufReader, Read, Write},
     process::{Child, Command, ExitStatus, Stdio},
+    thread,
 };
 
-use dataflow::{Failure, Forced, Origin, Relay, RemoteWorker, UnitName};
+use dataflow::{End, Ended, Events, Executor, Failure, Order, Relay, Wave};
 use lake::Lake;
 
-use crate::sharing;
+use crate::{jobs::JobOrders, outcome::CommandError, sharing};
 
-/// Makes each unit in a separate process.
+/// Makes each unit in a process of its own, which gets its order on stdin and tells its events on stdout.
 pub(crate) struct Processes<'a> {
-    /// The lake.
+    /// The lake, whose depot the processes use.
     pub(crate) lake: &'a Lake,
-    /// The pipeline's file, profile and values.
-    pub(crate) origin: Origin,
+    /// The command line of a worker, without the order.
+    pub(crate) worker: Vec<OsString>,
+    /// Which lake the workers use.
+    pub(crate) reach: Reach,
+    /// Processes at once.
+    pub(crate) at_once: usize,
 }
 
-impl Processes<'_> {
-    fn start(&self, unit: &UnitName, forced: Forced) -> io::Result<Child> {
-        let mut command = Command::new(env::current_exe()?);
-        command
-            .arg("unit")
-            .arg("--lake")
-            .arg(self.lake.root())
-            .args(["--format", "json", "--with-parent"]);
-        if let Some(profile) = &self.origin.profile {
-            command.args(["--profile", profile]);
+/// Which lake a worker uses.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Reach {
+    /// That of the run.
+    SameLake,
+    /// One of its own.
+    DepotAlone,
+}
+
+impl Executor for Processes<'_> {
+    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+        wave.each(self.at_once, ended, |order| self.make(order, events));
+        Ok(())
+    }
+}
+
+impl<'a> Processes<'a> {
+    /// Makes units in processes of this machine, in the run's own lake.
+    pub(crate) fn here(lake: &'a Lake, jobs: Option<u16>) -> Result<Self, CommandError> {
+        let program = env::current_exe().map_err(|err| CommandError::failed(err, None))?;
+        let worker = ["unit", "--lake"].map(OsString::from);
+        let mut worker = [[program.into()].as_slice(), &worker].concat();
+        worker.push(lake.root().into());
+        let cores = || thread::available_parallelism().map_or(1, usize::from);
+        Ok(Self {
+            lake,
+            worker,
+            reach: Reach::SameLake,
+            at_once: jobs.map_or_else(cores, usize::from),
+        })
+    }
+
+    fn make(&self, order: &Order, events: &Events) -> End {
+        if self.reach == Reach::DepotAlone
+            && let Some(end) = sharing::offer(self.lake, order)
+        {
+            return end;
         }
-        for value in &self.origin.overrides {
-            command.args(["--set", value]);
+        let mut relay = Relay::new(order, events);
+        match self.tell(order, &mut relay) {
+            Err(end) => end,
+            Ok(status) => relay
+                .end()
+                .unwrap_or_else(|| End::lost(format!("its process ended {}", described(status)))),
         }
+    }
+
+    /// Has a worker come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        let failed = |why: String| Failure::Executor {
+            message: format!("no worker comes up: {why}"),
+            hint: Some("see what it says above, and whether the program is there".to_owned()),
+        };
+        let nothing = JobOrders {
+            folder: env::current_dir().map_err(|err| failed(err.to_string()))?,
+            orders: Vec::new(),
+        };
+        let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
+        let tried = || {
+            let mut child = self.start()?;
+            let mut stdin = child.stdin.take();
+            if let Some(stdin) = &mut stdin {
+                stdin.write_all(format!("{nothing}\n").as_bytes())?;
+            }
+            let mut said = String::new();
+            if let Some(mut stdout) = child.stdout.take() {
+                stdout.read_to_string(&mut said)?;
+            }
+            Ok((child.wait()?, said))
+        };
+        let (status, said) = tried().map_err(|err: io::Error| failed(err.to_string()))?;
+        if status.success() {
+            Ok(said.trim().to_owned())
+        } else {
+            Err(failed(format!("it ended {}", described(status))))
+        }
+    }
+
+    /// Starts a worker, passes its events on, and waits for its end.
+    fn tell(&self, order: &Order, relay: &mut Relay) -> Result<ExitStatus, End> {
+        let lost = |err: io::Error| End::lost(format!("its process cannot be run: {err}"));
+        let job = JobOrders {
+            folder: env::current_dir().map_err(lost)?,
+            orders: vec![order.clone()],
+        };
+        let order = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
+        let mut child = self.start().map_err(lost)?;
+        // Its stdin closes when this process ends, however it ends.
+        let mut stdin = child.stdin.take();
+        if let Some(stdin) = &mut stdin {
+            // One that ends before it has read everything says why, or is lost.
+            let _read = stdin.write_all(format!("{order}\n").as_bytes());
+        }
+        let lines = child.stdout.take().map(BufReader::new);
+        for line in lines.into_iter().flat_map(BufRead::lines) {
+            let relayed = line.map_err(lost).and_then(|line| {
+                let relayed = relay.line(&line);
+                relayed.map_err(End::Failed)
+            });
+            if let Err(end) = relayed {
+                // It has no listener any more; if it cannot be killed, it ends by itself.
+                let _killed = child.kill();
+                let _ended = child.wait();
+                return Err(end);
+            }
+        }
+        child.wait().map_err(lost)
+    }
+
+    fn start(&self) -> io::Result<Child> {
+        let mut words = self.worker.iter();
+        let program = words.next().ok_or(io::ErrorKind::InvalidInput)?;
+        let mut command = Command::new(program);
+        command.args(words).args(["--order", "-"]);
         if self.lake.is_depot_offline() {
             // So that not every process waits for it.
             command.env_remove(sharing::VARIABLE);
         }
-        if forced == Forced::Yes {
-            command.arg("--fresh");
-        }
-        command
-            .arg("--")
-            .arg(&self.origin.file)
-            .arg(unit.node.to_string())
-            .arg(unit.partition.as_str());
-        // Its stdin is a pipe that closes when this process ends, however it ends.
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()
-    }
-}
-
-impl RemoteWorker for Processes<'_> {
-    fn make(&self, unit: &UnitName, forced: Forced, relay: &mut Relay) -> Result<(), Failure> {
-        let UnitName { node, partition } = unit;
-        let failed = |message: String, hint: Option<String>| Failure::Remote {
-            message,
-            hint,
-            left_out: None,
-        };
-        let broken = |err: io::Error| {
-            let message = format!("cannot run a process for `{node}` at `{partition}`: {err}");
-            failed(message, None)
-        };
-        let mut child = self.start(unit, forced).map_err(broken)?;
-        let lines = child.stdout.take().map(BufReader::new);
-        for line in lines.into_iter().flat_map(BufRead::lines) {
-            let relayed = line.map_err(broken).and_then(|line| relay.line(&line));
-            if relayed.is_err() {
-                // It has no listener any more; if it cannot be killed, it ends by itself.
-                let _killed = child.kill();
-                let _ended = child.wait();
-                return relayed;
-            }
-        }
-        let status = child.wait().map_err(broken)?;
-        if relay.is_over() {
-            return Ok(());
-        }
-        Err(failed(
-            format!(
-                "the process that made `{node}` at `{partition}` ended {}",
-                described(status)
-            ),
-            Some("what is made is kept: run the same command again".to_owned()),
-        ))
     }
 }
 

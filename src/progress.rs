@@ -37,6 +37,8 @@ struct State {
     bar: Option<ProgressBar>,
     /// The output whose units are being made.
     output: Option<NodeName>,
+    /// The output of which was said last where its units wait.
+    queued: Option<NodeName>,
     /// Progress of its units in flight.
     fractions: BTreeMap<UnitName, f64>,
     n_units_done: usize,
@@ -86,6 +88,17 @@ impl State {
                     bar.set_message(message.clone());
                 }
             }
+            Event::UnitLost { unit, why } => {
+                self.fractions.remove(unit);
+                let text = format!("lost   {unit}: {why}");
+                self.print(&text, report::line);
+            }
+            Event::Queue {
+                output,
+                on,
+                n_waiting,
+                running,
+            } => self.show_queue(output, on, *n_waiting, running),
             Event::UnitDamaged { unit } => {
                 let text = format!("repair {unit} is damaged in the lake and is made again");
                 self.print(&text, report::line);
@@ -100,13 +113,37 @@ impl State {
                 }
             }
             // A rebuilt artifact, or a failure that the command reports.
-            Event::UnitDone { .. } | Event::UnitFailed { .. } => {}
+            Event::UnitDone { .. } | Event::UnitFailed { .. } | Event::UnitLacking { .. } => {}
             Event::OutputDone {
                 output,
                 description,
                 n_made_now,
                 seconds,
             } => self.finish(&output.stage, description, *n_made_now, *seconds),
+        }
+    }
+
+    /// Shows where units are: beside the bar, or in a line when they are handed over.
+    fn show_queue(
+        &mut self,
+        output: &NodeName,
+        on: &str,
+        n_waiting: usize,
+        running: &BTreeMap<String, usize>,
+    ) {
+        let hosts = running.iter();
+        let hosts: Vec<String> = hosts.map(|(host, n)| format!("{n} on {host}")).collect();
+        let mut places = vec![format!("{n_waiting} units wait")];
+        places.extend(hosts);
+        let places = places.join(", ");
+        match &self.bar {
+            Some(bar) if !bar.is_hidden() => bar.set_message(format!("{on}: {places}")),
+            // Without a terminal one line says where they went.
+            _ if self.queued.as_ref() == Some(output) => {}
+            _ => {
+                report::line(&format!("queue  {output} on {on}: {places}"));
+                self.queued = Some(output.clone());
+            }
         }
     }
 

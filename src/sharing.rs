@@ -1,7 +1,13 @@
 //! The depot in which this machine shares results with others, as the environment names it.
 
-use std::{env, path::Path, sync::Arc, time::Duration};
+use std::{
+    env, fmt,
+    path::{Path, PathBuf},
+    sync::Arc,
+    time::Duration,
+};
 
+use dataflow::{End, Failure, Order};
 use depot::{Depot, FolderDepot};
 use lake::Lake;
 use object_depot::ObjectDepot;
@@ -109,8 +115,54 @@ pub(crate) fn instead() -> String {
     )
 }
 
+/// Has what an order reads in the depot; returns the order's end if that cannot be.
+pub(crate) fn offer(lake: &Lake, order: &Order) -> Option<End> {
+    let mut lacks = Vec::new();
+    for (unit, file) in order.reads() {
+        match lake.offer(file) {
+            Ok(true) => {}
+            Ok(false) => lacks.push(unit),
+            Err(err) => return Some(End::Failed(Failure::Store(err.into()))),
+        }
+    }
+    (!lacks.is_empty()).then(|| End::lacking(lacks))
+}
+
+/// A depot, as it is named.
+pub(crate) enum DepotName {
+    /// A folder that machines mount.
+    Folder(PathBuf),
+    /// The URL of an object store.
+    Store(String),
+}
+
+impl fmt::Display for DepotName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Folder(folder) => folder.display().fmt(f),
+            Self::Store(url) => url.fmt(f),
+        }
+    }
+}
+
 /// Returns the depot that the environment names.
 pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
+    Ok(match named()? {
+        None => None,
+        Some(DepotName::Folder(folder)) => Some(Arc::new(FolderDepot::new(&folder))),
+        Some(DepotName::Store(url)) => {
+            let store = ObjectDepot::from_url(&url).map_err(|err| {
+                let hint = "write `s3://BUCKET/PREFIX`, with credentials, `AWS_REGION` and, for a store that is not \
+                            Amazon's, `AWS_ENDPOINT_URL` in the environment";
+                CommandError::failed(err, Some(hint.to_owned()))
+            })?;
+            Some(Arc::new(store))
+        }
+    })
+}
+
+/// Returns the name of the depot that the environment names.
+pub(crate) fn named() -> Result<Option<DepotName>, CommandError> {
     let Some(named) = env::var_os(VARIABLE).filter(|named| !named.is_empty()) else {
         return Ok(None);
     };
@@ -118,14 +170,7 @@ pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
     let path = match url.split_once("://") {
         None => Path::new(&named),
         Some(("file", path)) => Path::new(path),
-        Some(("s3", _)) => {
-            let store = ObjectDepot::from_url(&url).map_err(|err| {
-                let hint = "write `s3://BUCKET/PREFIX`, with credentials, `AWS_REGION` and, for a store that is not \
-                            Amazon's, `AWS_ENDPOINT_URL` in the environment";
-                CommandError::failed(err, Some(hint.to_owned()))
-            })?;
-            return Ok(Some(Arc::new(store)));
-        }
+        Some(("s3", _)) => return Ok(Some(DepotName::Store(url.into_owned()))),
         Some((scheme, _)) => {
             return Err(CommandError::usage(
                 format!("`{VARIABLE}` names a depot of the unknown kind `{scheme}`"),
@@ -139,5 +184,5 @@ pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
             "name the folder from the root, e.g. `/mnt/lab/depot`",
         ));
     }
-    Ok(Some(Arc::new(FolderDepot::new(path))))
+    Ok(Some(DepotName::Folder(path.to_owned())))
 }

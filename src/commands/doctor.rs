@@ -4,13 +4,14 @@ mod checks;
 mod lake_folder;
 mod robot;
 
-use dataflow::Pipeline;
+use dataflow::{Advise, Pipeline};
 use lake::Lake;
 
 use crate::{
     arguments::DoctorArgs,
     command_line::Program,
     commands::pipeline_file,
+    executors::Elsewhere,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
     system_errors::in_words,
@@ -68,7 +69,10 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
         return robot::check(urdf);
     }
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
-    let found = all(program, &pipeline)?;
+    let mut found = all(program, &pipeline)?;
+    if let Some(name) = &args.on {
+        found.push(elsewhere(program, name)?);
+    }
     let rows: Vec<Vec<String>> = found
         .iter()
         .map(|check| {
@@ -105,6 +109,19 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
     found.extend(checks::stages(pipeline));
     found.extend(checks::robot_cells(pipeline));
     Ok(found)
+}
+
+/// Has a worker of an executor come up and answer.
+fn elsewhere(program: &Program, name: &str) -> Result<Check, CommandError> {
+    let lake = program.open_shared_lake()?;
+    let tried = Elsewhere::named(name, &lake)?.try_out();
+    Ok(match tried {
+        Ok(host) => Check::new(State::Ok, name, format!("a worker on `{host}` answers")),
+        Err(err) => {
+            let hint = err.hint();
+            Check::new(State::Missing, name, report::chain(&err.into())).with_hint(hint)
+        }
+    })
 }
 
 /// Stores a file in the depot, reads and removes it, if the environment names a depot.

@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use dataflow::{Event, NodeReport, RemoteWorker, RunReport};
+use dataflow::{Event, Executor, NodeReport, RunReport};
 use lake::Lake;
 
 use crate::{
@@ -16,6 +16,7 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
+    executors::Elsewhere,
     interrupt,
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
@@ -62,13 +63,18 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         return Ok(Done::without_words(CommandOutcome::Done));
     }
     let screen = Screen::new(program.quiet);
-    let processes = Processes {
-        lake: store,
-        origin: pipeline.origin.clone(),
+    let processes = args
+        .processes
+        .then(|| Processes::here(store, args.jobs))
+        .transpose()?;
+    let on = args.on.as_deref();
+    let elsewhere = on.map(|name| Elsewhere::named(name, store)).transpose()?;
+    let executor = match (&processes, &elsewhere) {
+        (Some(processes), _) => Some(processes as &dyn Executor),
+        (None, elsewhere) => elsewhere.as_ref().map(|it| it as &dyn Executor),
     };
-    let remote = args.processes.then_some(&processes as &dyn RemoteWorker);
     let events = |event: &Event| screen.show(event);
-    let ran = dataflow::run(&pipeline, store, &options, remote, &events)?;
+    let ran = dataflow::run(&pipeline, store, &options, executor, &events)?;
     // A page shows what the other outputs say.
     let is_page = |node: &&NodeReport| node.record.node.artifact == *PAGE;
     let last = ran.nodes.iter().rev().find(|node| !is_page(node));

@@ -103,6 +103,12 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
         "0.2".to_owned(),
         "Share of items that may be skipped before the stage fails.".to_owned(),
     ]);
+    rows.push(vec![
+        "resources".to_owned(),
+        "table".to_owned(),
+        "-".to_owned(),
+        "Of a unit on another machine: `cores`, `memory_gb`, `gpus`, `time_min`.".to_owned(),
+    ]);
     text.push('\n');
     let table = report::columns(&rows, &[]);
     match width {

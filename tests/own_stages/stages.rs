@@ -1,12 +1,13 @@
 //! Small kinds of stages: one that reads files outside the lake, one that maps partition by partition,
 //! one that gathers every partition, one that gathers by a label, one that goes on where it was
-//! interrupted, one as a lab would write it (`logged`), and programs; `map.sh` is `map` as a program.
+//! interrupted, one that must not be done twice (`act`), one as a lab would write it (`logged`), and programs; `map.sh` is `map` as a program.
 //!
 //! A kind is a type that implements [`dataflow::Stage`], and lists its outputs, types that implement
 //! [`dataflow::Output`]; where there is one, it is the same type. Most need two functions: `units` lists
 //! what there is to make and what each unit reads, `make` makes one unit. Everything else (what is up to
 //! date, threads, damaged files, publishing) is the engine's.
 
+mod act;
 mod bytes;
 mod gather;
 mod group;
@@ -25,7 +26,9 @@ use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
 use stage_program::{Artifacts, Known, Program};
 
-use self::{gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps};
+use self::{
+    act::Act, gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps,
+};
 
 /// Why one of these stages cannot go on.
 #[derive(Debug, thiserror::Error)]
@@ -99,6 +102,7 @@ pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
         _ => second,
     };
     let mut kinds = Vec::from(versions.map(choose));
+    kinds.push(Kind::of::<Act>());
     kinds.push(Kind::of::<Logged>());
     kinds.push(Kind::of::<Program<Own>>());
     kinds

@@ -144,6 +144,51 @@ pub enum Failure {
         /// The unit.
         unit: UnitName,
     },
+    /// Whoever made a unit was lost, several times.
+    #[error("`{}` partition `{}` was lost {n_tries} times, at last because {why}", unit.node, unit.partition)]
+    LostOften {
+        /// The unit.
+        unit: UnitName,
+        /// How often it was tried.
+        n_tries: usize,
+        /// Why, the last time.
+        why: String,
+    },
+    /// A worker is built of other code than the run that sent it an order.
+    #[error(
+        "`{}` partition `{}` is not made by this build, whose code differs in: {}",
+        unit.node,
+        unit.partition,
+        parts.join(", ")
+    )]
+    OtherBuild {
+        /// The unit.
+        unit: UnitName,
+        /// The crates whose sources differ.
+        parts: Vec<String>,
+    },
+    /// A file outside the store is not the one that the order names.
+    #[error("`{}` for `{}` partition `{}` is missing here, or is another", path.display(), unit.node, unit.partition)]
+    OtherFile {
+        /// The unit.
+        unit: UnitName,
+        /// The file.
+        path: PathBuf,
+    },
+    /// A worker was sent a unit that moves a robot.
+    #[error("`{}` partition `{}` moves a robot, which only the run itself may", unit.node, unit.partition)]
+    Physical {
+        /// The unit.
+        unit: UnitName,
+    },
+    /// The executor cannot make units.
+    #[error("{message}")]
+    Executor {
+        /// What is wrong.
+        message: String,
+        /// What to do.
+        hint: Option<String>,
+    },
     /// A unit failed in another process.
     #[error("{message}")]
     Remote {
@@ -405,7 +450,21 @@ impl Advise for Failure {
                 Some(missing(path))
             }
             Self::Nothing { left_out, .. } => left_out.as_ref().map(ToString::to_string),
+            Self::Executor { hint, .. } => hint.clone(),
+            Self::LostOften { .. } => Some(
+                "what is made is kept: run the same command again, or without other machines"
+                    .to_owned(),
+            ),
+            Self::OtherBuild { .. } => Some(
+                "install the same build of the program on every machine that makes units".to_owned(),
+            ),
+            Self::OtherFile { .. } => Some(
+                "keep the data where every machine reads them under the same path, or leave this \
+                 stage to the run with `--until` and no `--on`"
+                    .to_owned(),
+            ),
             Self::Lost { .. }
+            | Self::Physical { .. }
             | Self::NotAKey { .. }
             | Self::MissingInput { .. }
             | Self::SourceFile { .. }

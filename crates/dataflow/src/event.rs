@@ -3,6 +3,8 @@
 //! Threads pass events on directly; a process that makes a unit writes them to its stdout, one JSON
 //! object per line.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{
@@ -44,6 +46,31 @@ pub enum Event {
         fraction: Fraction,
         /// Current activity.
         message: String,
+    },
+    /// Whoever made a unit is gone; it is tried again, unless that has happened often.
+    UnitLost {
+        /// The unit.
+        unit: UnitName,
+        /// Why, as a sentence without a final period.
+        why: String,
+    },
+    /// A unit could not be begun, because it could not read artifacts of others.
+    UnitLacking {
+        /// The unit.
+        unit: UnitName,
+        /// The units whose artifacts are missing or damaged.
+        lacks: Vec<UnitName>,
+    },
+    /// Units were handed to a scheduler, or their state there has changed.
+    Queue {
+        /// The output.
+        output: NodeName,
+        /// Name of the scheduler's configuration.
+        on: String,
+        /// Units that wait for a machine.
+        n_waiting: usize,
+        /// Units that are being made, by machine.
+        running: BTreeMap<String, usize>,
     },
     /// The artifact of a unit is damaged and is rebuilt.
     UnitDamaged {

@@ -185,6 +185,7 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
                 artifact,
                 schema,
                 partition,
+                execution: listed.output.execution(&self.options),
                 ..listed.info
             }
         });

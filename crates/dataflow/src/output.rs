@@ -7,8 +7,11 @@ use crate::code::Code;
 pub enum Execution {
     /// As many at once as there are workers.
     Parallel,
-    /// One after the other, and none after a failure, for units that move a robot.
+    /// One after the other, and none after a failure, for units that move a simulated robot.
     OneByOne,
+    /// As [`Execution::OneByOne`], for units whose making cannot be undone, as those that move a robot:
+    /// never on another machine than that of the run, and never a second time on another.
+    Physical,
 }
 
 /// The options of a stage that an output depends on, by their names in its table.

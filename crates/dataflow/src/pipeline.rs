@@ -17,6 +17,7 @@ use crate::{
     kind::{Configured, Kind},
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
+    resources::Resources,
     scope::{RunFacts, Scope},
     stage::Stage,
     store::{Origin, RunRecord},
@@ -47,6 +48,10 @@ pub struct StageEntry {
     pub inputs: BTreeMap<ArtifactName, NodeName>,
     /// Share of items that may be skipped before the stage fails.
     pub max_skipped_fraction: f64,
+    /// What a unit needs of the machine that makes it.
+    pub resources: Resources,
+    /// Its options as TOML, merged from all files and values given.
+    pub(crate) text: String,
     pub(crate) configured: Box<dyn Configured>,
 }
 
@@ -222,7 +227,11 @@ fn told(given: &str, options: &BTreeMap<String, serde_json::Value>) -> String {
     let is_engine = ["max_skipped_fraction", "kind"]
         .iter()
         .any(|key| path.ends_with(key));
-    if found.is_some() || is_engine || path.contains(".inputs.") {
+    let is_engine = is_engine
+        || [".inputs.", ".resources."]
+            .iter()
+            .any(|key| path.contains(key));
+    if found.is_some() || is_engine {
         given.to_owned()
     } else {
         format!("{path}=…")

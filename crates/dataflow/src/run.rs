@@ -8,24 +8,23 @@ use std::{
 
 use crate::{
     advice::Advised,
+    attempts::{Attempts, UnitReport},
     digest::Digest,
     error::Failure,
     event::{Event, Events},
-    executor::{Maker, UnitReport},
+    executor::Executor,
     graph::Node,
     name::{NodeName, PartitionKey},
     options::RunOptions,
-    output::Execution,
+    order::Forced,
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
-    remote::{Forced, RemoteWorker},
     state::State,
     store::{
         NewestUnit, NodeRecord, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
         Store, UnitRef,
     },
     unit::ListedUnit,
-    workers,
 };
 
 /// What a run did.
@@ -61,7 +60,7 @@ pub struct NodeReport {
     pub units: Vec<UnitReport>,
 }
 
-/// Runs a pipeline; `remote` makes its units, or the threads of this process if there is none.
+/// Runs a pipeline; `executor` makes the units that it takes, the threads of this process the others.
 ///
 /// # Errors
 ///
@@ -70,7 +69,7 @@ pub fn run(
     pipeline: &Pipeline,
     store: &dyn Store,
     options: &RunOptions,
-    remote: Option<&dyn RemoteWorker>,
+    executor: Option<&dyn Executor>,
     events: &Events,
 ) -> Result<RunReport, Failure> {
     let started = Instant::now();
@@ -80,11 +79,10 @@ pub fn run(
     });
     store.enter(&pipeline.name)?;
     let mut runner = Runner {
-        maker: Maker::new(pipeline, store, options.jobs, events),
+        attempts: Attempts::new(store, options.jobs, executor, events),
         pipeline,
         store,
         options,
-        remote,
         events,
         started,
         state: State::new(pipeline, store),
@@ -99,10 +97,9 @@ struct Runner<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     options: &'a RunOptions,
-    remote: Option<&'a dyn RemoteWorker>,
     events: &'a Events<'a>,
     started: Instant,
-    maker: Maker<'a>,
+    attempts: Attempts<'a>,
     state: State<'a>,
     reports: Vec<NodeReport>,
     /// The run's number, assigned when it first makes something.
@@ -127,7 +124,7 @@ impl Runner<'_> {
 
     /// Publishes rebuilt outputs, and unpublishes those no longer in the pipeline.
     fn tidy(&self) -> Result<(), Failure> {
-        let repaired = self.maker.repaired().clone();
+        let repaired = self.attempts.repaired().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
             let node = nodes.find(|node| node.name == report.record.node);
@@ -257,29 +254,19 @@ impl Runner<'_> {
         }))
     }
 
-    /// Makes units on all workers; starts none after a failure.
+    /// Makes units; begins none after a failure.
     fn make(
         &self,
         node: &Node,
         stage: &StageEntry,
         units: &[&ListedUnit],
     ) -> Vec<Result<UnitReport, Failure>> {
-        // Units that move a robot run one after the other, and stop at a failure.
-        let n_workers = match node.output.execution {
-            Execution::Parallel => self.maker.worker_count(),
-            Execution::OneByOne => 1,
-        };
         let forced = if self.options.is_forced(&stage.name) {
             Forced::Yes
         } else {
             Forced::No
         };
-        workers::in_order(units, n_workers, |unit| match self.remote {
-            None => self.maker.make(&self.state, node, unit, forced),
-            Some(remote) => self
-                .maker
-                .make_remotely(&self.state, node, unit, forced, remote),
-        })
+        self.attempts.make(&self.state, node, units, forced)
     }
 
     /// Registers the run in the store, once, when it first makes something.

@@ -134,6 +134,11 @@ pub trait Output: Sync + 'static {
     /// [`Report`](crate::Report) has the line instead.
     const LINE: Option<Line<Self::Metrics>> = None;
 
+    /// Returns how its units run, which the options of some kinds decide.
+    fn execution(_config: &ConfigOf<Self>) -> Execution {
+        Self::EXECUTION
+    }
+
     /// Returns its names, which the options of some kinds decide.
     fn names(_config: &ConfigOf<Self>) -> OutputNames {
         OutputNames {
@@ -216,6 +221,8 @@ pub trait OutputOf<S: Stage>: Sync {
     fn id(&self) -> TypeId;
     /// Returns its metadata; the code is that of its stage or report.
     fn info(&self, code: Code) -> OutputInfo;
+    /// As [`Output::execution`].
+    fn execution(&self, config: &S::Config) -> Execution;
     /// As [`Output::names`].
     fn names(&self, config: &S::Config) -> OutputNames;
     /// Adds [`Output::LINE`].
@@ -248,6 +255,10 @@ impl<O: Output> OutputOf<O::Stage> for O {
             code,
             options: O::OPTIONS,
         }
+    }
+
+    fn execution(&self, config: &ConfigOf<O>) -> Execution {
+        O::execution(config)
     }
 
     fn names(&self, config: &ConfigOf<O>) -> OutputNames {

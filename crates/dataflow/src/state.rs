@@ -120,6 +120,14 @@ impl<'a> State<'a> {
         }
     }
 
+    pub(crate) fn pipeline(&self) -> &'a Pipeline {
+        self.pipeline
+    }
+
+    pub(crate) fn store(&self) -> &'a dyn Store {
+        self.store
+    }
+
     pub(crate) fn insert(&mut self, node: &NodeName, partitions: BTreeMap<PartitionKey, Known>) {
         self.made.insert(node.clone(), partitions);
     }
@@ -487,7 +495,8 @@ fn present(unit: &ListedUnit, other: Option<&ListedUnit>) -> Certainty {
     }
 }
 
-fn code_parts(code: Code) -> BTreeMap<String, String> {
+/// Returns the digests of an output's code by crate.
+pub(crate) fn code_parts(code: Code) -> BTreeMap<String, String> {
     code.iter()
         .map(|(part, digest)| (part.to_owned(), digest.to_owned()))
         .collect()

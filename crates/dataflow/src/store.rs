@@ -216,6 +216,35 @@ pub trait Store: Sync {
     /// Returns how many bytes of a result are not here, but would be fetched when they are needed.
     fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64;
 
+    /// Returns a result that another process has just stored, here or where this store shares its results.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read.
+    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+
+    /// Returns how many seconds a unit took to make, if its result is stored.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be read.
+    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, Advised>;
+
+    /// Claims a unit whose making cannot be undone, for all time, where results are shared: no store of
+    /// another machine makes it then.
+    ///
+    /// # Errors
+    ///
+    /// Fails if another has claimed it, or if that cannot be known.
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised>;
+
+    /// Has files shared anew which another machine could not read where results are shared.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the store cannot be used.
+    fn doubt(&self, files: &BTreeMap<String, FileRef>) -> Result<(), Advised>;
+
     /// Returns the whole record of a fingerprint, to list differences from it.
     ///
     /// # Errors

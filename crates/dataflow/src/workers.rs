@@ -1,67 +1,65 @@
 //! Running the units of an output on several threads.
 
-use std::sync::{
-    Mutex, PoisonError,
-    atomic::{AtomicBool, AtomicUsize, Ordering},
+use std::{
+    ops::ControlFlow,
+    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
 };
 
-/// Runs `work` on every item on up to `n_workers` threads and returns the results in the items'
-/// order. No item is started after the first failure, so there may be fewer results.
+/// Runs `work` on the numbers below `count` on up to `n_workers` threads. None is started after one
+/// that breaks off.
 ///
 /// These threads are not the pool in which stages compute: a thread that holds a unit's lock must
 /// not start another unit before it is done.
-pub(crate) fn in_order<T: Sync, R: Send, E: Send>(
-    items: &[T],
-    n_workers: usize,
-    work: impl Fn(&T) -> Result<R, E> + Sync,
-) -> Vec<Result<R, E>> {
+pub(crate) fn each(count: usize, n_workers: usize, work: impl Fn(usize) -> ControlFlow<()> + Sync) {
     let next = AtomicUsize::new(0);
-    let failed = AtomicBool::new(false);
-    let results = Mutex::new(Vec::with_capacity(items.len()));
+    let is_over = AtomicBool::new(false);
     let go_through = || {
-        while !failed.load(Ordering::Relaxed) {
+        while !is_over.load(Ordering::Relaxed) {
             let idx = next.fetch_add(1, Ordering::Relaxed);
-            let Some(item) = items.get(idx) else {
+            if idx >= count {
                 return;
-            };
-            let result = work(item);
-            if result.is_err() {
-                failed.store(true, Ordering::Relaxed);
             }
-            let mut results = results.lock().unwrap_or_else(PoisonError::into_inner);
-            results.push((idx, result));
+            if work(idx).is_break() {
+                is_over.store(true, Ordering::Relaxed);
+            }
         }
     };
     std::thread::scope(|scope| {
-        for _ in 0..n_workers.min(items.len()) {
+        for _ in 0..n_workers.min(count) {
             scope.spawn(go_through);
         }
     });
-    let mut results = results.into_inner().unwrap_or_else(PoisonError::into_inner);
-    results.sort_by_key(|(idx, _)| *idx);
-    results.into_iter().map(|(_, result)| result).collect()
 }
 
 #[cfg(test)]
 mod tests {
+    use std::{collections::BTreeSet, sync::Mutex};
+
     use super::*;
 
     #[test]
-    fn results_keep_the_order_of_the_items() {
-        let items: Vec<u64> = (0..100).collect();
-        let squares = in_order(&items, 4, |&item| Ok::<_, ()>(item * item));
-        let expected: Vec<_> = items.iter().map(|item| Ok(item * item)).collect();
-        assert_eq!(squares, expected);
+    fn every_number_is_worked_on_once() {
+        let worked = Mutex::new(Vec::new());
+        each(100, 4, |idx| {
+            worked.lock().unwrap().push(idx);
+            ControlFlow::Continue(())
+        });
+        let worked = worked.into_inner().unwrap();
+        assert_eq!(worked.len(), 100);
+        assert_eq!(worked.iter().collect::<BTreeSet<_>>().len(), 100);
     }
 
     #[test]
-    fn nothing_is_started_after_a_failure() {
-        let items: Vec<u64> = (0..100).collect();
-        let results = in_order(
-            &items,
-            1,
-            |&item| if item < 3 { Ok(item) } else { Err(item) },
-        );
-        assert_eq!(results, [Ok(0), Ok(1), Ok(2), Err(3)]);
+    fn nothing_is_started_after_a_break() {
+        let worked = Mutex::new(Vec::new());
+        each(100, 1, |idx| {
+            worked.lock().unwrap().push(idx);
+            if idx < 3 {
+                ControlFlow::Continue(())
+            } else {
+                ControlFlow::Break(())
+            }
+        });
+        assert_eq!(worked.into_inner().unwrap(), [0, 1, 2, 3]);
     }
 }

@@ -80,6 +80,24 @@ pub enum LakeError {
         /// Those that the newest runs made.
         made: Vec<String>,
     },
+    /// Another machine makes this unit, or has made it, and it must not be made twice.
+    #[error("{unit} moves a robot, and a lake on `{host}` has claimed it")]
+    Claimed {
+        /// The unit.
+        unit: String,
+        /// The other machine.
+        host: String,
+        /// The key of its claim in the depot.
+        key: String,
+    },
+    /// It cannot be known whether another machine makes this unit.
+    #[error("{unit} moves a robot, and whether another machine does so cannot be known")]
+    Unclaimed {
+        /// The unit.
+        unit: String,
+        /// Why not.
+        source: Box<DepotError>,
+    },
     /// The depot did not do what it was asked.
     #[error(transparent)]
     Depot(#[from] DepotError),
@@ -242,6 +260,13 @@ impl Advise for LakeError {
             Self::NeverMade { made, .. } => {
                 Some(format!("the newest runs made: {}", made.join(", ")))
             }
+            Self::Claimed { host, key, .. } => Some(format!(
+                "run it on `{host}`, whose result comes here through the depot; if that machine is gone, \
+                 look at the robot, then remove `{key}` from the depot"
+            )),
+            Self::Unclaimed { .. } => Some(
+                "mount the depot, or run without it where no other machine moves this robot".to_owned(),
+            ),
             Self::NoDepot => Some("name one, e.g. `export PIPELINE_DEPOT=/mnt/lab/depot`".to_owned()),
             Self::Depot(_) => Some(
                 "check that it is mounted and can be written by you; results stay in the lake until \

@@ -171,7 +171,7 @@ impl Lake {
         Ok(report)
     }
 
-    fn depot(&self) -> Result<&Shared, LakeError> {
+    pub(crate) fn depot(&self) -> Result<&Shared, LakeError> {
         self.shared.as_ref().ok_or(LakeError::NoDepot)
     }
 }

@@ -24,6 +24,7 @@
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress
 //! outbox/                  marks of units and runs that are to be sent to the depot
+//! identity                 what tells this lake from others, once it has claimed a unit in the depot
 //! unfetched/               marks of blobs that are in the depot and not here, until they are asked for
 //! logs/abcd….log           what the program of a unit printed, until its unit is collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored

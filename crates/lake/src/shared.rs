@@ -5,11 +5,13 @@
 //! of it is optional: a depot that is down is done without, and its bytes are checked as they come.
 
 mod check;
+mod claims;
 mod collect;
 mod fetch;
 mod index;
 mod keys;
 mod marks;
+mod messages;
 mod remote;
 mod send;
 
@@ -22,7 +24,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Digest, RecordOutcome};
+use dataflow::{Digest, FileRef, RecordOutcome};
 use depot::{Depot, DepotError, Traffic};
 
 use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
@@ -97,6 +99,21 @@ impl Shared {
     /// Begins to look for the units of a pipeline; nothing is asked of the depot yet.
     pub(crate) fn enter(&self, pipeline: &str) {
         self.index.enter(pipeline);
+    }
+
+    /// Has the record of a unit asked for, which another machine has just made.
+    pub(crate) fn expect(&self, fingerprint: &Digest) {
+        self.index.expect(&self.remote, fingerprint);
+    }
+
+    /// Has files sent again of which the depot may have lost some.
+    pub(crate) fn doubt<'f>(&self, files: impl Iterator<Item = &'f FileRef>) {
+        lock(&self.lost).extend(files.map(|file| file.digest));
+    }
+
+    /// Sends a file that the depot lacks; returns whether it is there now.
+    pub(crate) fn offer(&self, file: &FileRef) -> Result<bool, LakeError> {
+        self.sender.offer(file)
     }
 
     /// Whether a blob was left in the depot.

@@ -160,6 +160,40 @@ impl Store for Lake {
         absent.map(|file| file.size).sum()
     }
 
+    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+        if let Some(outcome) = self.recall_old(fingerprint)? {
+            return Ok(Some(outcome));
+        }
+        match &self.shared {
+            Some(shared) => {
+                shared.expect(fingerprint);
+                let found = shared.lookup(&self.records, &self.blobs, fingerprint)?;
+                self.adopt()?;
+                Ok(found)
+            }
+            None => Ok(None),
+        }
+    }
+
+    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, Advised> {
+        let stored = self.records.read(fingerprint)?;
+        Ok(stored.map(|stored| stored.provenance.took_s))
+    }
+
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised> {
+        match &self.shared {
+            Some(shared) => Ok(shared.claim(fingerprint, unit)?),
+            None => Ok(()),
+        }
+    }
+
+    fn doubt(&self, files: &BTreeMap<String, FileRef>) -> Result<(), Advised> {
+        if let Some(shared) = &self.shared {
+            shared.doubt(files.values());
+        }
+        Ok(())
+    }
+
     fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
         Ok(self.record(fingerprint)?)
     }

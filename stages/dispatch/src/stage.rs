@@ -101,7 +101,16 @@ impl Output for Dispatch {
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;
     const PARTITION: &'static str = Executions::PARTITION;
-    const EXECUTION: dataflow::Execution = dataflow::Execution::OneByOne;
+    const EXECUTION: dataflow::Execution = dataflow::Execution::Physical;
+
+    /// A cell that this stage starts itself moves nothing.
+    fn execution(config: &DispatchConfig) -> dataflow::Execution {
+        if config.cell == SIMULATED {
+            dataflow::Execution::OneByOne
+        } else {
+            Self::EXECUTION
+        }
+    }
 
     fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
         let of_hand = robot_meshes::sources(&config.hand)?;

@@ -9,7 +9,13 @@ use toml_edit::{InlineTable, Value};
 use crate::{kind::Kind, suggestions::nearest, tables::found};
 
 /// Keys of every stage, beside its kind's options.
-const COMMON: [&str; 4] = ["inputs", "kind", "max_skipped_fraction", "shared"];
+const COMMON: [&str; 5] = [
+    "inputs",
+    "kind",
+    "max_skipped_fraction",
+    "resources",
+    "shared",
+];
 
 /// One fault of a stage's table.
 pub(super) struct Fault {

@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+use serde::{Deserialize, de::IntoDeserializer};
 use toml_edit::{InlineTable, Key, Value};
 
 use super::{
@@ -19,6 +20,7 @@ use crate::{
     kind::Kind,
     name::{ArtifactName, NodeName, StageName},
     overrides::Override,
+    resources::Resources,
     shared::{SHARED, Taken},
     source::Location,
     stage::Wiring,
@@ -26,6 +28,10 @@ use crate::{
     suggestions::did_you_mean,
     tables::{found, merge_values, set_value},
 };
+
+/// How resources are written.
+const RESOURCES_HINT: &str =
+    "write, e.g., `resources = { cores = 4, memory_gb = 16, gpus = 1, time_min = 30 }`";
 
 /// Default share of items that a stage may skip: one in five.
 const DEFAULT_MAX_SKIPPED_FRACTION: f64 = 0.2;
@@ -322,6 +328,7 @@ impl FileReader<'_> {
         let kind = self.kind(name, span.as_ref(), &mut table);
         let inputs = self.inputs(name, &mut table, kind.as_ref());
         let max_skipped_fraction = self.max_skipped_fraction(name, &mut table);
+        let resources = self.resources(name, &mut table);
         // The missing inputs have been reported.
         let mut kind = kind.filter(|_| is_whole)?;
         match kind.configure(table.clone()) {
@@ -350,6 +357,8 @@ impl FileReader<'_> {
                     kind,
                     inputs: inputs?,
                     max_skipped_fraction: max_skipped_fraction?,
+                    resources: resources?,
+                    text: table.to_string(),
                     configured,
                 })
             }
@@ -458,6 +467,26 @@ impl FileReader<'_> {
             }
         }
         (self.problems.len() == n_problems).then_some(inputs)
+    }
+
+    fn resources(&mut self, stage: &str, table: &mut InlineTable) -> Option<Resources> {
+        const KEY: &str = "resources";
+        let Some(value) = table.remove(KEY) else {
+            return Some(Resources::default());
+        };
+        let span = value.span();
+        match Resources::deserialize(value.into_deserializer()) {
+            Ok(resources) => Some(resources),
+            Err(err) => {
+                let message = err.message().trim();
+                self.problem_at(
+                    format!("`{KEY}` of stage `{stage}`: {message}"),
+                    self.place(stage, &[KEY.to_owned()], Part::Value, err.span().or(span)),
+                    Some(RESOURCES_HINT.to_owned()),
+                );
+                None
+            }
+        }
     }
 
     fn max_skipped_fraction(&mut self, stage: &str, table: &mut InlineTable) -> Option<f64> {

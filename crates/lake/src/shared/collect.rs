@@ -114,7 +114,7 @@ impl Shared {
                 garbage.keys.push(entry.key);
             }
         }
-        for prefix in [keys::DIFFERING, keys::WRITING] {
+        for prefix in [keys::DIFFERING, keys::WRITING, keys::MESSAGES, keys::LOGS] {
             let left = link.list(prefix)?.into_iter().filter(is_old);
             let n_before = garbage.keys.len();
             garbage.keys.extend(left.map(|entry| entry.key));

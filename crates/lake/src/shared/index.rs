@@ -85,6 +85,14 @@ impl Index {
         }
     }
 
+    /// Asks for a record, however lately the names of all were listed.
+    pub(crate) fn expect(&self, remote: &Remote, fingerprint: &Digest) {
+        let mut known = lock(&self.0);
+        if !known.records.contains_key(fingerprint) {
+            known.fetch(remote, fingerprint);
+        }
+    }
+
     /// Lists the fingerprints of all records.
     pub(crate) fn fingerprints(remote: &Remote) -> Option<HashSet<Digest>> {
         names(remote).map(|names| names.digests)

@@ -7,6 +7,9 @@
 //! units/ab/abcd….json          records of units, as in a lake: each after its blobs and its recipe
 //! runs/PIPELINE/NAME.json      the records of all units of a run in one file
 //! differing/abcd…/NAME.json    records of units that came out differently than the first time
+//! claims/abcd…                 lakes that make units which move a robot: they never go
+//! messages/…                   orders to workers, and how they ended
+//! logs/…                       what workers printed
 //! ```
 
 use dataflow::Digest;
@@ -23,6 +26,8 @@ pub(crate) const RECIPES: &str = "recipes";
 pub(crate) const UNITS: &str = "units";
 pub(crate) const RUNS: &str = "runs";
 pub(crate) const DIFFERING: &str = "differing";
+pub(crate) const MESSAGES: &str = "messages";
+pub(crate) const LOGS: &str = "logs";
 /// Files that are being written to a folder.
 pub(crate) const WRITING: &str = "writing";
 
@@ -51,6 +56,14 @@ pub(crate) fn run(pipeline: &str, name: &str) -> String {
 
 pub(crate) fn differing(fingerprint: &Digest, name: &str) -> String {
     format!("{DIFFERING}/{fingerprint}/{name}.json")
+}
+
+pub(crate) fn claim(fingerprint: &Digest) -> String {
+    format!("claims/{fingerprint}")
+}
+
+pub(crate) fn message(key: &str) -> String {
+    format!("{MESSAGES}/{key}")
 }
 
 /// The digest that a key ends in.

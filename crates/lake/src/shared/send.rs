@@ -147,6 +147,14 @@ impl Sender {
         }
     }
 
+    /// Sends a file that the depot lacks; returns whether it is there now.
+    pub(crate) fn offer(&self, file: &FileRef) -> Result<bool, LakeError> {
+        self.work.send_blob(file).map_err(|err| match err {
+            Unsent::Depot(err) => err.into(),
+            Unsent::Lake(err) => err,
+        })
+    }
+
     pub(crate) fn sent(&self) -> Sent {
         lock(&self.work.sent).clone()
     }

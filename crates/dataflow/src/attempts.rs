@@ -1,0 +1,261 @@
+//! Making the units of an output: waves of orders, until each is made, has failed, or was lost too often.
+
+use std::{
+    collections::BTreeSet,
+    sync::{Arc, Mutex, MutexGuard, PoisonError},
+};
+
+use crate::{
+    digest::Digest,
+    error::Failure,
+    event::{Event, Events},
+    executor::{End, Executor, Threads, Wave},
+    graph::Node,
+    making::Maker,
+    name::{NodeName, PartitionKey, UnitName},
+    order::Forced,
+    output::Execution,
+    record::RecordOutcome,
+    state::{Known, State},
+    store::Store,
+    unit::ListedUnit,
+};
+
+/// Times that a unit is tried whose maker is lost.
+const TRIES: usize = 3;
+
+/// Units of an output whose times are looked at.
+const TIMED: usize = 9;
+
+/// The outcome of one unit.
+#[derive(Debug, Clone)]
+pub struct UnitReport {
+    /// The partition's key.
+    pub partition: PartitionKey,
+    /// Digest of its fingerprint.
+    pub fingerprint: Digest,
+    /// Its result.
+    pub outcome: Arc<RecordOutcome>,
+    /// Whether this run made it.
+    pub made_now: bool,
+}
+
+impl UnitReport {
+    /// Returns the event that reports it.
+    pub(crate) fn event(&self, node: &NodeName) -> Event {
+        Event::UnitDone {
+            unit: UnitName::new(node, &self.partition),
+            fingerprint: self.fingerprint,
+            made_now: self.made_now,
+            skipped: match &*self.outcome {
+                RecordOutcome::Skipped { reason } => Some(reason.clone()),
+                RecordOutcome::Made { .. } | RecordOutcome::Filtered { .. } => None,
+            },
+        }
+    }
+}
+
+/// Makes units in this process or elsewhere, again where they are lost.
+pub(crate) struct Attempts<'a> {
+    store: &'a dyn Store,
+    maker: Maker<'a>,
+    executor: Option<&'a dyn Executor>,
+    events: &'a Events<'a>,
+    /// Outputs of which a damaged partition was rebuilt after they were published.
+    repaired: Mutex<BTreeSet<NodeName>>,
+}
+
+/// How the units of a wave ended.
+#[derive(Default)]
+struct Ends {
+    /// Those that are made or have failed.
+    settled: Vec<Result<UnitReport, Failure>>,
+    /// Positions of those that were lost, with the reasons.
+    lost: Vec<(usize, String)>,
+    /// Units whose artifacts could not be read.
+    lacking: BTreeSet<UnitName>,
+}
+
+impl<'a> Attempts<'a> {
+    /// Makes units by `executor`, or in this many threads; 0 for one per core.
+    pub(crate) fn new(
+        store: &'a dyn Store,
+        jobs: usize,
+        executor: Option<&'a dyn Executor>,
+        events: &'a Events<'a>,
+    ) -> Self {
+        Self {
+            store,
+            maker: Maker::new(store, jobs),
+            executor,
+            events,
+            repaired: Mutex::default(),
+        }
+    }
+
+    /// Outputs of which a damaged partition was rebuilt.
+    pub(crate) fn repaired(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
+        self.repaired.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Makes units whose inputs are all made; begins none after a failure.
+    pub(crate) fn make(
+        &self,
+        state: &State,
+        node: &Node,
+        units: &[&ListedUnit],
+        forced: Forced,
+    ) -> Vec<Result<UnitReport, Failure>> {
+        let mut settled = Vec::with_capacity(units.len());
+        let took_s = self.executor.and_then(|_| self.took_s(state, node));
+        let mut open = units.to_vec();
+        for n_left in (0..TRIES).rev() {
+            let wave = Wave {
+                state,
+                node,
+                units: &open,
+                forced,
+                took_s,
+            };
+            let ends = self.carry_out(&wave);
+            settled.extend(ends.settled);
+            if settled.iter().any(Result::is_err) {
+                return settled;
+            }
+            if n_left == 0 {
+                settled.extend(ends.lost.into_iter().map(|(idx, why)| {
+                    let unit = UnitName::new(&node.name, &open[idx].partition);
+                    let n_tries = TRIES;
+                    Err(Failure::LostOften { unit, n_tries, why })
+                }));
+                return settled;
+            }
+            for lacking in &ends.lacking {
+                if let Err(err) = self.repair(state, lacking) {
+                    settled.push(Err(err));
+                    return settled;
+                }
+            }
+            open = ends.lost.iter().map(|(idx, _)| open[*idx]).collect();
+            if open.is_empty() {
+                break;
+            }
+        }
+        settled
+    }
+
+    /// Has one wave made.
+    fn carry_out(&self, wave: &Wave) -> Ends {
+        let one_by_one = Threads {
+            maker: &self.maker,
+            n_workers: 1,
+        };
+        let threads = Threads {
+            maker: &self.maker,
+            n_workers: self.maker.worker_count(),
+        };
+        let executor: &dyn Executor = match (wave.node.output.execution, self.executor) {
+            // What moves a robot stays in the process that was told to move it.
+            (Execution::OneByOne | Execution::Physical, _) => &one_by_one,
+            (Execution::Parallel, Some(executor)) if executor.takes(wave) => executor,
+            (Execution::Parallel, _) => &threads,
+        };
+        let ends = Mutex::new(Ends::default());
+        let carried_out = executor.carry_out(wave, self.events, &|idx, end| {
+            let end = self.settle(wave, idx, end);
+            let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
+            match end {
+                Ok(Ok(report)) => ends.settled.push(Ok(report)),
+                Ok(Err((why, lacks))) => {
+                    let unit = UnitName::new(&wave.node.name, &wave.units[idx].partition);
+                    if lacks.is_empty() {
+                        let why = why.clone();
+                        (self.events)(&Event::UnitLost { unit, why });
+                    }
+                    ends.lacking.extend(lacks);
+                    ends.lost.push((idx, why));
+                }
+                Err(err) => ends.settled.push(Err(err)),
+            }
+        });
+        let mut ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
+        ends.settled.extend(carried_out.err().map(Err));
+        ends
+    }
+
+    /// Reports a unit that is made; of one that is lost, returns why, and what it lacked.
+    fn settle(
+        &self,
+        wave: &Wave,
+        idx: usize,
+        end: End,
+    ) -> Result<Result<UnitReport, (String, Vec<UnitName>)>, Failure> {
+        let made_now = match end {
+            End::Done { made_now } => made_now,
+            End::Failed(err) => return Err(err),
+            End::Lost { why, lacks } => return Ok(Err((why, lacks))),
+        };
+        let unit = wave.units[idx];
+        let found = wave.state.fingerprint(wave.node, unit)?;
+        let arrived = match &found {
+            Some((_, digest)) => self.store.arrived(digest)?.map(|outcome| (digest, outcome)),
+            None => None,
+        };
+        let is_here = match &arrived {
+            Some((_, outcome)) => self
+                .store
+                .fetch_shown(&[&**outcome])?
+                .into_iter()
+                .all(|it| it),
+            None => false,
+        };
+        let Some((digest, outcome)) = arrived.filter(|_| is_here) else {
+            let why = "its result is not in the lake".to_owned();
+            return Ok(Err((why, Vec::new())));
+        };
+        let report = UnitReport {
+            partition: unit.partition.clone(),
+            fingerprint: *digest,
+            outcome,
+            made_now,
+        };
+        (self.events)(&report.event(&wave.node.name));
+        Ok(Ok(report))
+    }
+
+    /// Makes a damaged artifact again from its inputs; equal fingerprints give equal bytes.
+    fn repair(&self, state: &State, name: &UnitName) -> Result<(), Failure> {
+        let lost = || Failure::Damaged { unit: name.clone() };
+        let Some(Known::Made(outcome)) = state.known(&name.node, &name.partition) else {
+            return Err(lost());
+        };
+        let files = outcome.files().ok_or_else(lost)?;
+        self.store.doubt(files)?;
+        if self.store.open(files)?.is_some() {
+            return Ok(());
+        }
+        (self.events)(&Event::UnitDamaged { unit: name.clone() });
+        self.repaired().insert(name.node.clone());
+        let mut nodes = state.pipeline().nodes.iter();
+        let node = nodes.find(|node| node.name == name.node).ok_or_else(lost)?;
+        let units = state.units(node)?;
+        let mut units = units.iter();
+        let unit = units
+            .find(|unit| unit.partition == name.partition)
+            .ok_or_else(lost)?;
+        let made = self.make(state, node, &[unit], Forced::No);
+        made.into_iter().collect::<Result<Vec<_>, _>>()?;
+        self.store.open(files)?.map(drop).ok_or_else(lost)
+    }
+
+    /// Seconds that a unit of an output took before: the median of a few.
+    fn took_s(&self, state: &State, node: &Node) -> Option<f64> {
+        let newest = self.store.newest_units(&state.pipeline().name).ok()?;
+        let of_node = newest.iter().filter(|unit| unit.node == node.name);
+        let times = of_node.take(TIMED);
+        let times = times.filter_map(|unit| self.store.took_s(&unit.fingerprint).ok()?);
+        let mut times: Vec<f64> = times.collect();
+        times.sort_by(f64::total_cmp);
+        times.get(times.len() / 2).copied()
+    }
+}

@@ -1,0 +1,221 @@
+//! Making one unit: its lock, its inputs, its stage, its result.
+
+use std::{
+    collections::BTreeMap,
+    panic::{AssertUnwindSafe, catch_unwind},
+    sync::OnceLock,
+};
+
+use crate::{
+    context::{Artifact, Context, Inputs},
+    error::Failure,
+    event::{Event, Events, Fraction},
+    name::{PartitionKey, UnitName},
+    order::{Forced, Order},
+    outcome::{Labels, Outcome},
+    output::Execution,
+    pipeline::StageEntry,
+    record::{Record, RecordOutcome},
+    seed::unit_seed,
+    source_file::SourceFile,
+    store::Store,
+};
+
+impl StageEntry {
+    /// Returns the seed of one of its units, of the pipeline's seed.
+    pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
+        unit_seed(seed, self, partition)
+    }
+}
+
+/// What came of an order.
+pub(crate) enum Making {
+    /// The result is in the store; `made_now` if it was not there before.
+    Made { made_now: bool },
+    /// The artifacts of these units, which it reads, are missing or damaged.
+    Lacks(Vec<UnitName>),
+}
+
+/// Makes units in this process.
+pub(crate) struct Maker<'a> {
+    store: &'a dyn Store,
+    /// Number of units made at once; 0 for one per core.
+    jobs: usize,
+    /// Threads in which stages compute; units are scheduled on separate threads.
+    pool: OnceLock<rayon::ThreadPool>,
+}
+
+impl<'a> Maker<'a> {
+    pub(crate) fn new(store: &'a dyn Store, jobs: usize) -> Self {
+        Self {
+            store,
+            jobs,
+            pool: OnceLock::new(),
+        }
+    }
+
+    /// Number of units made at once.
+    pub(crate) fn worker_count(&self) -> usize {
+        match self.jobs {
+            0 => std::thread::available_parallelism().map_or(1, usize::from),
+            jobs => jobs,
+        }
+    }
+
+    /// Makes the unit of an order, an output of this stage.
+    pub(crate) fn make(
+        &self,
+        stage: &StageEntry,
+        output_idx: usize,
+        order: &Order,
+        events: &Events,
+    ) -> Result<Making, Failure> {
+        let name = &order.unit;
+        let waiting = |holder: &str| {
+            events(&Event::UnitWaiting {
+                unit: name.clone(),
+                holder: holder.to_owned(),
+            });
+        };
+        let making = self.store.begin(&order.fingerprint, name, &waiting)?;
+        // Another process may have made it while this one waited for the lock.
+        if order.forced == Forced::No
+            && let Some(outcome) = self.store.lookup(&order.fingerprint)?
+            && self
+                .store
+                .fetch_shown(&[&*outcome])?
+                .into_iter()
+                .all(|it| it)
+        {
+            return Ok(Making::Made { made_now: false });
+        }
+        if order.forced == Forced::Yes {
+            making.start_over()?;
+        }
+        let inputs = match self.inputs(order)? {
+            Ok(inputs) => inputs,
+            Err(lacking) => return Ok(Making::Lacks(lacking)),
+        };
+        let output = stage.kind.outputs.get(output_idx);
+        if output.is_some_and(|output| output.execution == Execution::Physical) {
+            self.store.claim(&order.fingerprint, name)?;
+        }
+        let cx = Context {
+            partition: name.partition.clone(),
+            seed: stage.unit_seed(order.seed, &name.partition),
+            folder: making.folder().to_owned(),
+            resume_folder: making.resume_folder().to_owned(),
+            log_file: making.log_file().to_owned(),
+            progress: &|fraction, message| {
+                events(&Event::UnitProgress {
+                    unit: name.clone(),
+                    fraction: Fraction::nearest(fraction),
+                    message: message.to_owned(),
+                });
+            },
+        };
+        let pool = self.pool()?;
+        let compute = || pool.install(|| stage.configured.make(output_idx, &inputs, &cx));
+        let ran = catch_unwind(AssertUnwindSafe(compute));
+        let outcome = ran
+            .map_err(|payload| Failure::Panic {
+                unit: name.clone(),
+                message: panic_message(payload.as_ref()),
+            })?
+            .map_err(|source| stage.failure(Some(&name.partition), source))?;
+        if let Err(err) = self.check_files(order) {
+            // The resume state may derive from the changed files.
+            making.start_over()?;
+            return Err(err);
+        }
+        let unlabeled = || Failure::Labels { unit: name.clone() };
+        let outcome = result(order, outcome).ok_or_else(unlabeled)?;
+        making.commit(Record {
+            fingerprint: order.whole_fingerprint(),
+            outcome,
+        })?;
+        Ok(Making::Made { made_now: true })
+    }
+
+    /// Checks that the files outside the lake are those of the order.
+    pub(crate) fn check_files(&self, order: &Order) -> Result<(), Failure> {
+        let is_other = |bytes: std::io::Result<_>, expected| !bytes.is_ok_and(|it| it == expected);
+        let mut files = order.files.iter();
+        let other = files.find(|file| is_other(self.store.source_digest(&file.path), file.bytes));
+        other.map_or(Ok(()), |file| {
+            Err(Failure::ChangedMeanwhile {
+                stage: order.unit.node.stage.clone(),
+                partition: order.unit.partition.clone(),
+                path: file.path.clone(),
+            })
+        })
+    }
+
+    /// The threads in which stages compute, started when the first unit is made.
+    fn pool(&self) -> Result<&rayon::ThreadPool, Failure> {
+        if let Some(pool) = self.pool.get() {
+            return Ok(pool);
+        }
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(self.jobs)
+            .build()
+            .map_err(Failure::Threads)?;
+        Ok(self.pool.get_or_init(|| pool))
+    }
+
+    /// Opens the inputs of a unit; of damaged ones, names the units.
+    fn inputs(&self, order: &Order) -> Result<Result<Inputs, Vec<UnitName>>, Failure> {
+        let mut artifacts = BTreeMap::new();
+        let mut lacking = Vec::new();
+        for (input, read) in &order.inputs {
+            let mut opened = Vec::with_capacity(read.len());
+            for partition in read {
+                match (self.store.open(&partition.files)?, order.wires.get(input)) {
+                    (Some(files), _) => opened.push(Artifact {
+                        key: partition.key.clone(),
+                        labels: partition.labels.clone(),
+                        files,
+                    }),
+                    (None, node) => {
+                        lacking.extend(node.map(|node| UnitName::new(node, &partition.key)));
+                    }
+                }
+            }
+            artifacts.insert(input.to_string(), opened);
+        }
+        if !lacking.is_empty() {
+            return Ok(Err(lacking));
+        }
+        let files = order.files.iter().map(|file| SourceFile {
+            name: file.name.clone(),
+            path: file.path.clone(),
+        });
+        let inputs = Inputs::new(artifacts, files.collect());
+        Ok(Ok(inputs.with_facts(order.facts.clone())))
+    }
+}
+
+/// Returns the result of a unit, without its files; `None` if not exactly one of order and outcome
+/// says which labels a made artifact has.
+fn result(order: &Order, outcome: Outcome) -> Option<RecordOutcome> {
+    let (metrics, labels): (_, Labels) = match (outcome, &order.labels) {
+        (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
+        (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),
+        (Outcome::Made(metrics), Some(labels)) => (metrics, labels.clone()),
+        (Outcome::Labeled(metrics, labels), None) => (metrics, labels),
+        (Outcome::Made(_), None) | (Outcome::Labeled(..), Some(_)) => return None,
+    };
+    Some(RecordOutcome::Made {
+        files: BTreeMap::new(),
+        labels,
+        metrics,
+    })
+}
+
+fn panic_message(payload: &(dyn std::any::Any + Send)) -> String {
+    let text = payload
+        .downcast_ref::<&str>()
+        .map(|text| (*text).to_owned());
+    text.or_else(|| payload.downcast_ref::<String>().cloned())
+        .unwrap_or_else(|| "no message".to_owned())
+}

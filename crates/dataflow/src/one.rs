@@ -1,0 +1,171 @@
+//! Making one unit by its name, or by its order.
+
+use toml_edit::{Document, Value};
+
+use crate::{
+    attempts::{Attempts, UnitReport},
+    error::Failure,
+    event::Events,
+    executor::End,
+    fingerprint::OutputFingerprint,
+    kind::Kind,
+    making::Maker,
+    name::UnitName,
+    order::{Forced, Order},
+    output::Execution,
+    pipeline::{Pipeline, StageEntry},
+    resources::Resources,
+    state::{Certainty, Listing, State, code_parts},
+    store::Store,
+};
+
+/// Makes one unit of a pipeline whose inputs are all in the store.
+///
+/// # Errors
+///
+/// Fails if there is no such unit, if one of its inputs is not made yet, or if its stage fails.
+pub fn make_one(
+    pipeline: &Pipeline,
+    store: &dyn Store,
+    unit: &UnitName,
+    forced: Forced,
+    events: &Events,
+) -> Result<UnitReport, Failure> {
+    let mut state = State::new(pipeline, store);
+    store.enter(&pipeline.name)?;
+    for node in pipeline.upstream_of(&unit.node) {
+        state.recall_some(node, Certainty::Whole, |digest| store.recall(digest))?;
+    }
+    let mut nodes = pipeline.nodes.iter();
+    let no_node = || Failure::NoNode {
+        name: unit.node.to_string(),
+        known: pipeline
+            .nodes
+            .iter()
+            .map(|node| node.name.to_string())
+            .collect(),
+    };
+    let node = nodes
+        .find(|node| node.name == unit.node)
+        .ok_or_else(no_node)?;
+    let not_made = |unit| Failure::NotMade { unit };
+    let Some(Listing { units, sure, .. }) = state.listing(node)? else {
+        let nothing = || Failure::Nothing {
+            node: node.name.clone(),
+            left_out: None,
+        };
+        return Err(state.first_open(node).map_or_else(nothing, not_made));
+    };
+    let mut found = units.iter().zip(sure);
+    let no_partition = || Failure::NoPartition {
+        unit: unit.clone(),
+        known: units
+            .iter()
+            .map(|unit| unit.partition.to_string())
+            .collect(),
+    };
+    let (listed, sure) = found
+        .find(|(listed, _)| listed.partition == unit.partition)
+        .ok_or_else(no_partition)?;
+    // Inputs that are not made yet may change what the unit reads.
+    if sure != Certainty::Whole
+        && let Some(open) = state.first_open(node)
+    {
+        return Err(not_made(open));
+    }
+    let made = Attempts::new(store, 0, None, events).make(&state, node, &[listed], forced);
+    let lost = || Failure::Lost { unit: unit.clone() };
+    made.into_iter().next().ok_or_else(lost)?
+}
+
+/// Makes the unit of an order with these kinds of stages and up to `jobs` threads, or one per core if 0.
+/// Of the store it uses what the order names alone.
+///
+/// # Errors
+///
+/// Fails if this program's code is not that of the order, if a file outside the store is not, or if the
+/// stage fails.
+pub fn make_ordered(
+    kinds: &[Kind],
+    store: &dyn Store,
+    order: &Order,
+    jobs: usize,
+    events: &Events,
+) -> Result<End, Failure> {
+    let (stage, output_idx) = stage_of(kinds, order)?;
+    let maker = Maker::new(store, jobs);
+    maker.check_files(order).map_err(|err| match err {
+        Failure::ChangedMeanwhile { path, .. } => Failure::OtherFile {
+            unit: order.unit.clone(),
+            path,
+        },
+        err => err,
+    })?;
+    let made = maker.make(&stage, output_idx, order, events)?;
+    Ok(made.into())
+}
+
+/// Configures the stage of an order, if this program has its code.
+fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failure> {
+    let refused = |parts: Vec<String>| Failure::OtherBuild {
+        unit: order.unit.clone(),
+        parts,
+    };
+    let known = |kind: &&Kind| kind.name == order.recipe.kind;
+    let mut kind = kinds
+        .iter()
+        .find(known)
+        .cloned()
+        .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
+    let unreadable = || refused(vec!["its options".to_owned()]);
+    let text = format!("options = {}", order.options);
+    let document = Document::parse(text).ok();
+    let table = document
+        .as_ref()
+        .and_then(|document| document.get("options")?.as_value());
+    let table = table.and_then(Value::as_inline_table).cloned();
+    let table = table.ok_or_else(unreadable)?;
+    let configured = kind.configure(table).ok().ok_or_else(unreadable)?;
+    kind.outputs = configured.outputs();
+    let stage = StageEntry {
+        name: order.unit.node.stage.clone(),
+        kind,
+        inputs: order.wires.clone(),
+        max_skipped_fraction: 0.0,
+        resources: Resources::default(),
+        text: order.options.clone(),
+        configured,
+    };
+    let mut outputs = stage.kind.outputs.iter().enumerate();
+    let (idx, output) = outputs
+        .find(|(_, output)| order.unit.node.artifact == *output.artifact)
+        .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
+    if output.execution != Execution::Parallel {
+        return Err(Failure::Physical {
+            unit: order.unit.clone(),
+        });
+    }
+    let recipe = OutputFingerprint {
+        kind: stage.kind.name.to_owned(),
+        output: order.unit.node.artifact.clone(),
+        code: code_parts(output.code),
+        config: stage.config_of(output.options),
+        schema: output.schema.to_owned(),
+    };
+    if recipe != *order.recipe {
+        let (here, there) = (&recipe.code, &order.recipe.code);
+        let of_both = here.keys().chain(there.keys());
+        let differing = of_both.filter(|part| here.get(*part) != there.get(*part));
+        let mut differing: Vec<String> = differing.cloned().collect();
+        differing.sort();
+        differing.dedup();
+        if differing.is_empty() {
+            return Err(unreadable());
+        }
+        return Err(refused(differing));
+    }
+    if order.whole_fingerprint().digest() != order.fingerprint {
+        return Err(unreadable());
+    }
+    Ok((stage, idx))
+}

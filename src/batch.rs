@@ -1,0 +1,462 @@
+//! Units made by the jobs of a scheduler, as Slurm.
+//!
+//! Orders go out as arrays of jobs, and come back as files in the depot: how each unit ended, beside its
+//! record. What the scheduler says of a job is a hint: a job that is over and has left nothing is lost.
+//! An array is known by a name that is never given twice, since schedulers that have lost their state
+//! give numbers again. Which arrays are out is in the depot too, so that a run whose process was killed
+//! goes on with the jobs that it left.
+
+mod queue;
+mod table;
+mod watch;
+
+use std::{
+    collections::{BTreeMap, BTreeSet, HashMap},
+    env, fs, io,
+    path::PathBuf,
+    sync::{Mutex, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use dataflow::{Digest, End, Ended, Events, Executor, Failure, Order, Resources, Wave};
+use lake::{Lake, LakeError};
+use serde::{Deserialize, Serialize};
+
+pub(crate) use self::table::Table;
+use self::{
+    queue::{JobState, Queue, ask},
+    table::Values,
+};
+use crate::{
+    jobs::{JobOrders, here_key, orders_key},
+    report, sharing,
+};
+
+/// Time between two looks at jobs.
+const EVERY: Duration = Duration::from_secs(2);
+
+/// Looks for the answer of a job that makes nothing.
+const TRIAL_LOOKS: u64 = 60;
+
+/// Seconds that a job should take: what a scheduler costs, 0.1 to 0.5 s a job, does not count then.
+const JOB_S: f64 = 45.0;
+
+/// Seconds of a unit below which this process makes it itself, and of all of them together.
+const SHORT_S: f64 = 5.0;
+const SHORT_WAVE_S: f64 = 60.0;
+
+/// Jobs for units of which is not known how long they take.
+const UNKNOWN: usize = 64;
+
+/// Jobs of an array where the scheduler does not say how many it takes.
+const MOST: usize = 1000;
+
+/// How to cancel the arrays that are out, by their names.
+static OUT: Mutex<BTreeMap<String, Vec<String>>> = Mutex::new(BTreeMap::new());
+
+/// Makes units by the jobs of a scheduler.
+pub(crate) struct Batch<'a> {
+    /// The name of its configuration.
+    pub(crate) name: String,
+    /// How it is spoken to.
+    pub(crate) table: Table,
+    /// The lake, with a depot.
+    pub(crate) lake: &'a Lake,
+    /// The depot, as workers name it.
+    pub(crate) depot: String,
+    /// Folder of the logs of jobs.
+    pub(crate) logs: PathBuf,
+}
+
+/// An array of jobs that is out.
+#[derive(Serialize, Deserialize)]
+struct Array {
+    name: String,
+    /// What the scheduler calls it, once it has taken it.
+    id: Option<String>,
+    /// The configuration by which it was submitted.
+    on: String,
+    /// The fingerprints of the units of each job.
+    jobs: Vec<Vec<Digest>>,
+}
+
+impl Executor for Batch<'_> {
+    /// A wait in the queue costs more than a few short units.
+    fn takes(&self, wave: &Wave) -> bool {
+        let is_short =
+            |took_s: f64| took_s < SHORT_S && took_s * (wave.len() as f64) < SHORT_WAVE_S;
+        wave.resources().gpus.is_some() || !wave.took_s.is_some_and(is_short)
+    }
+
+    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+        let mut open = HashMap::with_capacity(wave.len());
+        for idx in 0..wave.len() {
+            let order = wave.order(idx)?;
+            match sharing::offer(self.lake, &order) {
+                Some(End::Failed(err)) => return Err(err),
+                Some(end) => ended(idx, end),
+                None => {
+                    open.insert(order.fingerprint, idx);
+                }
+            }
+        }
+        let mut arrays = self.adopt(wave)?;
+        let adopted: BTreeSet<Digest> = digests(&arrays).collect();
+        let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
+        let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
+        rest.sort_unstable();
+        self.submit(wave, &rest, &mut arrays)?;
+        if arrays.is_empty() {
+            return Ok(());
+        }
+        let watched = self.watch(wave, &arrays, &mut open, events, ended);
+        let is_left = watched.is_err() || !open.is_empty();
+        for array in &arrays {
+            // A job that is stuck, or that makes what nobody waits for any more.
+            if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
+                let _gone = ask(&self.cancellation(array), "");
+            }
+            out(|out| out.remove(&array.name));
+            self.forget(wave, array)?;
+        }
+        watched.map(drop)
+    }
+}
+
+/// Cancels every array that is out; returns their names.
+pub(crate) fn cancel_all() -> Vec<String> {
+    let arrays = out(std::mem::take);
+    for words in arrays.values() {
+        let _gone = ask(words, "");
+    }
+    arrays.into_keys().collect()
+}
+
+fn out<R>(change: impl FnOnce(&mut BTreeMap<String, Vec<String>>) -> R) -> R {
+    change(&mut OUT.lock().unwrap_or_else(PoisonError::into_inner))
+}
+
+/// What the names in a table stand for, of an array.
+fn values_of(array: &Array) -> Values {
+    let values = Values::default().with("name", &array.name);
+    values.with_some("id", array.id.as_ref().map(|id| id as _))
+}
+
+/// Key of the message that an array is out.
+fn key(wave: &Wave, name: &str) -> String {
+    format!("waves/{}/{}/{name}", wave.pipeline(), wave.output())
+}
+
+fn digests(arrays: &[Array]) -> impl Iterator<Item = Digest> {
+    arrays
+        .iter()
+        .flat_map(|array| array.jobs.iter().flatten().copied())
+}
+
+fn failed(err: LakeError) -> Failure {
+    Failure::Store(err.into())
+}
+
+impl Batch<'_> {
+    /// Has a job come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        let refused = |err: io::Error| self.refused(&err);
+        let array = Array {
+            name: unique_name().map_err(refused)?,
+            id: None,
+            on: self.name.clone(),
+            jobs: vec![Vec::new()],
+        };
+        let job = format!("{}/0", array.name);
+        let nothing = JobOrders {
+            folder: env::current_dir().map_err(refused)?,
+            orders: Vec::new(),
+        };
+        self.leave(&orders_key(&job), &nothing)?;
+        let mut answer = None;
+        let submitted = self.submit_array(&array, &Resources::default(), 1);
+        let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };
+        while answer.is_none() && n_looks > 0 {
+            thread::sleep(EVERY);
+            n_looks -= 1;
+            answer = self.lake.message(&here_key(&job)).map_err(failed)?;
+        }
+        if answer.is_none() {
+            let _gone = ask(&self.cancellation(&array), "");
+        }
+        for key in [orders_key(&job), here_key(&job)] {
+            self.lake.remove_message(&key).map_err(failed)?;
+        }
+        submitted?;
+        let log = self.log(&array, 0);
+        let silent = || Failure::Executor {
+            message: format!(
+                "a job on `{}` has not answered after {} s",
+                self.name,
+                TRIAL_LOOKS * EVERY.as_secs()
+            ),
+            hint: Some(format!(
+                "`less {log}` shows what it said, if it has run; it needs the program and the depot"
+            )),
+        };
+        let host = answer.ok_or_else(silent)?;
+        Ok(String::from_utf8_lossy(&host).into_owned())
+    }
+
+    fn refused(&self, err: &io::Error) -> Failure {
+        Failure::Executor {
+            message: format!("`{}` takes no jobs: {err}", self.name),
+            hint: Some(format!(
+                "`pipeline doctor --on {}` tries the way there and back",
+                self.name
+            )),
+        }
+    }
+
+    /// Finds arrays of an earlier process that make units of this output, with the jobs that are not over.
+    fn adopt(&self, wave: &Wave) -> Result<Vec<Array>, Failure> {
+        let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
+        let mut arrays = Vec::new();
+        for key in self.lake.messages(&below).map_err(failed)? {
+            let found = self.lake.message(&key).map_err(failed)?;
+            let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
+            arrays.extend(array.filter(|array| array.on == self.name));
+        }
+        if arrays.is_empty() {
+            return Ok(arrays);
+        }
+        let queue = self.look_patiently(&arrays);
+        let (mut kept, mut gone) = (Vec::new(), Vec::new());
+        for mut array in arrays {
+            let name = array.name.clone();
+            for (idx, job) in array.jobs.iter_mut().enumerate() {
+                let state = queue.get(&(name.clone(), idx));
+                if !matches!(state, Some(JobState::Waiting | JobState::Running(_))) {
+                    job.clear();
+                }
+            }
+            let is_out = array.jobs.iter().any(|job| !job.is_empty());
+            if is_out { &mut kept } else { &mut gone }.push(array);
+        }
+        for array in &gone {
+            self.forget(wave, array)?;
+        }
+        for array in &kept {
+            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
+            report::line(&format!(
+                "adopt  {}: array {} goes on",
+                wave.output(),
+                array.name
+            ));
+        }
+        Ok(kept)
+    }
+
+    /// Submits the units at these positions.
+    fn submit(&self, wave: &Wave, rest: &[usize], arrays: &mut Vec<Array>) -> Result<(), Failure> {
+        if rest.is_empty() {
+            return Ok(());
+        }
+        let n_in_job = match wave.took_s {
+            Some(took_s) => units_of_job(took_s),
+            None => rest.len().div_ceil(UNKNOWN),
+        };
+        let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
+        for jobs in jobs.chunks(self.limit()) {
+            let mut array = Array {
+                name: unique_name().map_err(|err| self.refused(&err))?,
+                id: None,
+                on: self.name.clone(),
+                jobs: Vec::with_capacity(jobs.len()),
+            };
+            for (idx, job) in jobs.iter().enumerate() {
+                let orders = job.iter().map(|idx| wave.order(*idx));
+                let orders: Vec<Order> = orders.collect::<Result<_, _>>()?;
+                array
+                    .jobs
+                    .push(orders.iter().map(|order| order.fingerprint).collect());
+                let folder = env::current_dir().map_err(|err| self.refused(&err))?;
+                let key = orders_key(&format!("{}/{idx}", array.name));
+                self.leave(&key, &JobOrders { folder, orders })?;
+            }
+            let key = key(wave, &array.name);
+            self.leave(&key, &array)?;
+            array.id = self.submit_array(&array, wave.resources(), n_in_job)?;
+            self.leave(&key, &array)?;
+            out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
+            arrays.push(array);
+        }
+        Ok(())
+    }
+
+    /// Submits an array; a scheduler that answers nothing at all is waited for.
+    fn submit_array(
+        &self,
+        array: &Array,
+        resources: &Resources,
+        n_in_job: usize,
+    ) -> Result<Option<String>, Failure> {
+        let cores = resources.cores.unwrap_or(1);
+        let program = match &self.table.program {
+            Some(program) => program.clone(),
+            None => env::current_exe()
+                .map_err(|err| self.refused(&err))?
+                .display()
+                .to_string(),
+        };
+        let n_in_job = u32::try_from(n_in_job).unwrap_or(u32::MAX);
+        let time_min = resources.time_min.map(|it| it.saturating_mul(n_in_job));
+        let values = values_of(array)
+            .with("n", &array.jobs.len())
+            .with("last", &array.jobs.len().saturating_sub(1))
+            .with("logs", &self.logs.display())
+            .with("cores", &cores)
+            .with_some("memory_gb", resources.memory_gb.as_ref().map(|it| it as _))
+            .with_some("gpus", resources.gpus.as_ref().map(|it| it as _))
+            .with_some("time_min", time_min.as_ref().map(|it| it as _))
+            .with("depot", &quoted(&self.depot))
+            .with(
+                "worker",
+                &format!("{} unit --jobs {cores}", quoted(&program)),
+            );
+        let (words, script) = (
+            self.table.submission(&values),
+            values.lines(&self.table.script),
+        );
+        loop {
+            let refused = match ask(&words, &script) {
+                Ok(said) => return Ok(self.table.id_in(&said)),
+                Err(err) => err,
+            };
+            // Its answer may have been lost, or it may be away for a while.
+            let queue = self.look_patiently(std::slice::from_ref(array));
+            if queue.keys().any(|(name, _)| *name == array.name) {
+                return Ok(None);
+            }
+            if !is_silent(&refused) {
+                return Err(self.refused(&refused));
+            }
+        }
+    }
+
+    fn cancellation(&self, array: &Array) -> Vec<String> {
+        values_of(array).words(&self.table.cancel)
+    }
+
+    /// Asks for the states of all jobs of these arrays.
+    fn look(&self, arrays: &[Array]) -> io::Result<Queue> {
+        let names: Vec<&str> = arrays.iter().map(|array| array.name.as_str()).collect();
+        let ids: Vec<&str> = arrays
+            .iter()
+            .filter_map(|array| array.id.as_deref())
+            .collect();
+        let values = Values::default()
+            .with("names", &names.join(","))
+            .with("ids", &ids.join(" "));
+        Ok(queue::read(
+            &self.table,
+            &ask(&values.words(&self.table.query), "")?,
+        ))
+    }
+
+    /// Asks until there is an answer.
+    fn look_patiently(&self, arrays: &[Array]) -> Queue {
+        let mut is_told = false;
+        loop {
+            match self.look(arrays) {
+                Ok(queue) => return queue,
+                Err(err) if is_told => drop(err),
+                Err(err) => {
+                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    is_told = true;
+                }
+            }
+            thread::sleep(EVERY);
+        }
+    }
+
+    /// Number of jobs that one array may have.
+    fn limit(&self) -> usize {
+        let said = ask(&self.table.limit, "").ok();
+        let limit = said.and_then(|said| self.table.limit_in(&said));
+        // The number is that of the first index that is too large.
+        limit.map_or(MOST, |limit| limit.max(1))
+    }
+
+    fn log(&self, array: &Array, job: usize) -> String {
+        let values = values_of(array).with("index", &job);
+        let name = values.words(std::slice::from_ref(&self.table.log)).concat();
+        self.logs.join(name).display().to_string()
+    }
+
+    /// Removes what was left in the depot for an array.
+    fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
+        let mut keys = vec![key(wave, &array.name)];
+        for below in ["orders", "ends"] {
+            let found = self.lake.messages(&format!("{below}/{}", array.name));
+            keys.extend(found.map_err(failed)?);
+        }
+        let mut removed = keys.iter().map(|key| self.lake.remove_message(key));
+        removed.try_for_each(|it| it).map_err(failed)
+    }
+
+    fn leave(&self, key: &str, message: &impl Serialize) -> Result<(), Failure> {
+        let bytes = serde_json::to_vec(message).map_err(|err| self.refused(&err.into()))?;
+        self.lake.leave_message(key, bytes).map_err(failed)
+    }
+}
+
+/// Number of units that a job makes which take so long each.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "a number between 1 and 100,000"
+)]
+fn units_of_job(took_s: f64) -> usize {
+    (JOB_S / took_s).clamp(1.0, 1e5) as usize
+}
+
+/// Whether a scheduler did not answer, other than by a refusal.
+fn is_silent(err: &io::Error) -> bool {
+    let said = err.to_string();
+    err.kind() == io::ErrorKind::TimedOut
+        || ["contact", "onnect", "imed out"]
+            .iter()
+            .any(|word| said.contains(word))
+}
+
+/// A name that no other array has.
+fn unique_name() -> io::Result<String> {
+    let random = fs::read_to_string("/proc/sys/kernel/random/uuid")?;
+    let digits: String = random
+        .chars()
+        .filter(char::is_ascii_hexdigit)
+        .take(12)
+        .collect();
+    Ok(format!("pl{digits}"))
+}
+
+/// A word as a shell reads it.
+pub(crate) fn quoted(word: &str) -> String {
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn short_units_share_a_job_and_long_ones_have_their_own() {
+        assert_eq!(units_of_job(0.01), 4500);
+        assert_eq!(units_of_job(10.0), 4);
+        assert_eq!(units_of_job(3600.0), 1);
+        assert_eq!(units_of_job(0.0), 100_000);
+    }
+
+    #[test]
+    fn names_are_never_given_twice_and_words_survive_a_shell() {
+        assert_ne!(unique_name().unwrap(), unique_name().unwrap());
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+    }
+}

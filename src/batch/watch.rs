@@ -1,0 +1,188 @@
+//! Watching the jobs that are out.
+
+use std::{
+    collections::{BTreeMap, HashMap},
+    path::Path,
+    thread,
+};
+
+use dataflow::{Digest, End, Ended, Event, Events, Failure, Wave};
+
+use super::{
+    Array, Batch, EVERY, failed,
+    queue::{JobState, Queue},
+};
+use crate::report;
+
+/// Looks after which a job that is over and has left nothing counts as lost: files of another machine
+/// may be seen late.
+const LOOKS: usize = 4;
+
+/// Where the units of a wave are.
+#[derive(Default)]
+struct Places {
+    n_waiting: usize,
+    running: BTreeMap<String, usize>,
+    /// Whether a job waits for what never comes.
+    is_stuck: bool,
+}
+impl Batch<'_> {
+    /// Watches jobs until every unit has ended or one has failed; returns whether a job is stuck.
+    pub(super) fn watch(
+        &self,
+        wave: &Wave,
+        arrays: &[Array],
+        open: &mut HashMap<Digest, usize>,
+        events: &Events,
+        ended: &Ended,
+    ) -> Result<bool, Failure> {
+        let mut missed = HashMap::new();
+        let mut shown = None;
+        let mut is_told = false;
+        let mut is_stuck = false;
+        loop {
+            // What a job left that is over now is seen by the look into the depot that follows.
+            let queue = self.look(arrays);
+            if self.collect(wave, arrays, open, ended)? || open.is_empty() {
+                return Ok(is_stuck);
+            }
+            match queue {
+                Ok(queue) => {
+                    let places = self.compare(arrays, &queue, open, &mut missed, ended);
+                    is_stuck |= places.is_stuck;
+                    let now = Some((places.n_waiting, places.running));
+                    if now != shown {
+                        let (n_waiting, running) = now.clone().unwrap_or_default();
+                        events(&Event::Queue {
+                            output: wave.output().clone(),
+                            on: self.name.clone(),
+                            n_waiting,
+                            running,
+                        });
+                        shown = now;
+                    }
+                }
+                Err(err) if !is_told => {
+                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    is_told = true;
+                }
+                Err(_) => {}
+            }
+            if !open.is_empty() {
+                thread::sleep(EVERY);
+            }
+        }
+    }
+
+    /// Compares what the scheduler says with the units that are still open: those of jobs that are over
+    /// and have left nothing for a while are lost.
+    fn compare(
+        &self,
+        arrays: &[Array],
+        queue: &Queue,
+        open: &mut HashMap<Digest, usize>,
+        missed: &mut HashMap<(String, usize), usize>,
+        ended: &Ended,
+    ) -> Places {
+        let mut places = Places::default();
+        let jobs = arrays.iter().flat_map(|array| {
+            let jobs = array.jobs.iter().enumerate();
+            jobs.map(move |(idx, job)| (array, idx, job))
+        });
+        for (array, job_idx, job) in jobs {
+            let units = job.iter().filter(|unit| open.contains_key(unit));
+            let units: Vec<Digest> = units.copied().collect();
+            if units.is_empty() {
+                continue;
+            }
+            let job = (array.name.clone(), job_idx);
+            let why = match queue.get(&job) {
+                Some(JobState::Waiting) => {
+                    places.n_waiting += units.len();
+                    missed.remove(&job);
+                    continue;
+                }
+                Some(JobState::Running(host)) => {
+                    *places.running.entry(host.clone()).or_default() += units.len();
+                    missed.remove(&job);
+                    continue;
+                }
+                Some(JobState::Stuck(reason)) => {
+                    places.is_stuck = true;
+                    format!("would wait for ever ({reason})")
+                }
+                Some(JobState::Over(state)) => format!("ended as {state} and left no result"),
+                None => "is unknown to the scheduler and left no result".to_owned(),
+            };
+            let n_missed = missed.entry(job).or_default();
+            *n_missed += 1;
+            if *n_missed < LOOKS {
+                continue;
+            }
+            let log = self.log(array, job_idx);
+            let why = format!("job {job_idx} of {} {why}; log `{log}`", array.name);
+            for unit in units {
+                if let Some(idx) = open.remove(&unit) {
+                    ended(idx, End::lost(&why));
+                }
+            }
+        }
+        places
+    }
+
+    /// Takes what the jobs have left in the depot; returns whether a unit has failed.
+    fn collect(
+        &self,
+        wave: &Wave,
+        arrays: &[Array],
+        open: &mut HashMap<Digest, usize>,
+        ended: &Ended,
+    ) -> Result<bool, Failure> {
+        let mut has_failed = false;
+        for array in arrays {
+            let keys = self.lake.messages(&format!("ends/{}", array.name));
+            for key in keys.map_err(failed)? {
+                let name = key.rsplit('/').next().unwrap_or_default();
+                let Ok(fingerprint) = name.parse::<Digest>() else {
+                    continue;
+                };
+                let left = self.lake.message(&key).map_err(failed)?;
+                if let (Some(left), Some(&idx)) = (left, open.get(&fingerprint)) {
+                    let event = serde_json::from_slice(&left).ok();
+                    let end =
+                        event.and_then(|event| End::of_event(event, &wave.unit(idx), &fingerprint));
+                    let end = end.unwrap_or_else(|| End::lost("its worker left no known event"));
+                    has_failed |= matches!(end, End::Failed(_));
+                    open.remove(&fingerprint);
+                    let mut jobs = array.jobs.iter();
+                    let job = jobs.position(|job| job.contains(&fingerprint));
+                    ended(
+                        idx,
+                        with_log(end, &self.log(array, job.unwrap_or_default())),
+                    );
+                }
+                self.lake.remove_message(&key).map_err(failed)?;
+            }
+        }
+        Ok(has_failed)
+    }
+}
+
+/// Adds where the log is to the hint of a failure.
+fn with_log(end: End, log: &str) -> End {
+    match end {
+        End::Failed(Failure::Remote {
+            message,
+            hint,
+            left_out,
+        }) if Path::new(log).exists() => {
+            let log = format!("`less {log}` shows its log");
+            End::Failed(Failure::Remote {
+                message,
+                hint: Some(hint.map_or_else(|| log.clone(), |hint| format!("{hint}; {log}"))),
+                left_out,
+            })
+        }
+        end => end,
+    }
+}

@@ -1,0 +1,245 @@
+//! A worker: makes what a run has ordered, and tells it on stdout or in the depot.
+
+use std::{
+    env,
+    io::{self, BufRead, Read},
+    path::Path,
+    process,
+    sync::{Arc, Mutex, PoisonError},
+    thread,
+    time::Duration,
+};
+
+use dataflow::{Digest, End, Event, Failure, Order, make_ordered};
+use lake::Lake;
+
+use crate::{
+    arguments::UnitArgs,
+    command_line::Program,
+    interrupt,
+    jobs::{self, JobOrders},
+    outcome::{CommandError, CommandOutcome},
+    report, sharing,
+};
+
+/// Longest time in which a worker's result must reach the depot: an hour for what a slow one takes.
+const SENDING: Duration = Duration::from_hours(1);
+
+/// Makes the order on stdin, or those of a job in the depot.
+pub(crate) fn work(
+    program: &Program,
+    args: &UnitArgs,
+    order: &str,
+) -> Result<CommandOutcome, CommandError> {
+    let own = args.scratch.as_deref().map(Scratch::new).transpose()?;
+    // Relative to the folder in which it was started, not to that of the run.
+    let root = own.as_ref().map_or(program.lake.as_path(), Scratch::path);
+    let root = std::path::absolute(root).map_err(|err| CommandError::failed(err, None))?;
+    let lake = Lake::open(&root);
+    let lake = Arc::new(match sharing::depot()? {
+        Some(depot) => lake.with_depot(depot),
+        None => lake,
+    });
+    interrupt::drop_on_signal(&lake)?;
+    let worker = Worker {
+        program,
+        lake: &lake,
+        jobs: args.jobs.map_or(0, usize::from),
+        lines: Lines::default(),
+        sends: own.is_some(),
+    };
+    let outcome = if order == "-" {
+        worker.stdin_job()
+    } else {
+        worker.job(order)
+    };
+    lake.leave();
+    outcome.and_then(|()| worker.lines.finish().map(|()| CommandOutcome::Done))
+}
+
+struct Worker<'a> {
+    program: &'a Program<'a>,
+    lake: &'a Arc<Lake>,
+    jobs: usize,
+    lines: Lines,
+    /// Whether a result counts when it is in the depot.
+    sends: bool,
+}
+
+impl Worker<'_> {
+    /// Makes the order that is the first line on stdin, and stops when stdin closes: then whoever
+    /// ordered it has ended.
+    fn stdin_job(&self) -> Result<(), CommandError> {
+        let mut line = String::new();
+        let read = io::stdin().lock().read_line(&mut line);
+        read.map_err(|err| CommandError::failed(err, None))?;
+        let job: JobOrders = serde_json::from_str(&line).map_err(unreadable)?;
+        let lake = Arc::clone(self.lake);
+        thread::spawn(move || {
+            let mut nothing = Vec::new();
+            let _closed = io::stdin().lock().read_to_end(&mut nothing);
+            interrupt::stop(&lake);
+        });
+        if job.orders.is_empty() {
+            report::data(format!("{}\n", host()).as_bytes())?;
+        }
+        self.each(&job, |_, _| Ok(()))
+    }
+
+    /// Makes the orders of a job in the depot, one after the other, and leaves the end of each there.
+    fn job(&self, name: &str) -> Result<(), CommandError> {
+        let bytes = self.lake.message(&jobs::orders_key(name))?;
+        let bytes = bytes.ok_or_else(|| {
+            CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
+        })?;
+        let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
+        if job.orders.is_empty() {
+            self.lake
+                .leave_message(&jobs::here_key(name), host().into_bytes())?;
+        }
+        self.each(&job, |order, end| {
+            let bytes = serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
+            let key = jobs::end_key(name, &order.fingerprint);
+            Ok(self.lake.leave_message(&key, bytes)?)
+        })
+    }
+
+    /// Makes orders one after the other, and tells how each ended.
+    fn each(
+        &self,
+        job: &JobOrders,
+        tell: impl Fn(&Order, &Event) -> Result<(), CommandError>,
+    ) -> Result<(), CommandError> {
+        // Relative paths lead from the folder of the run, where this machine has it.
+        let _stays = env::set_current_dir(&job.folder);
+        for order in &job.orders {
+            let end = self.make(order)?;
+            self.lines.write(&end);
+            tell(order, &end)?;
+        }
+        Ok(())
+    }
+
+    /// Makes the unit of an order; returns its last event.
+    fn make(&self, order: &Order) -> Result<Event, CommandError> {
+        let unit = order.unit.clone();
+        let events = |event: &Event| self.lines.write(event);
+        let made = make_ordered(
+            self.program.kinds,
+            self.lake.as_ref(),
+            order,
+            self.jobs,
+            &events,
+        );
+        Ok(match made {
+            Ok(End::Done { made_now }) => {
+                if self.sends {
+                    self.send(&order.fingerprint)?;
+                }
+                Event::UnitDone {
+                    unit,
+                    fingerprint: order.fingerprint,
+                    made_now,
+                    skipped: None,
+                }
+            }
+            Ok(End::Lost { lacks, .. }) => Event::UnitLacking { unit, lacks },
+            Ok(End::Failed(err)) | Err(err) => self.failed(order, err),
+        })
+    }
+
+    /// Sends a result, without which it is none.
+    fn send(&self, fingerprint: &Digest) -> Result<(), CommandError> {
+        self.lake.finish_sending(SENDING)?;
+        let shared = self.lake.sharing()?;
+        if shared.is_none_or(|it| it.offline.is_some() || it.n_units_waiting > 0) {
+            let message = format!("the result of {fingerprint} could not be left in the depot");
+            return Err(CommandError::failed(anyhow::anyhow!(message), None));
+        }
+        Ok(())
+    }
+
+    fn failed(&self, order: &Order, err: Failure) -> Event {
+        // What a program printed goes where what this process prints goes.
+        if let Some(log) = self.lake.log(&order.fingerprint)
+            && let Ok(text) = std::fs::read(log)
+        {
+            report::line(String::from_utf8_lossy(&text).trim_end());
+        }
+        let (hint, left_out) = err.advice();
+        let left_out = left_out.cloned();
+        let message = match CommandError::from(err) {
+            CommandError::Failed { error, .. } => report::chain(&error),
+            CommandError::Usage { message, .. } => message,
+            CommandError::File(err) => err.to_string(),
+        };
+        Event::UnitFailed {
+            unit: order.unit.clone(),
+            message,
+            hint,
+            left_out,
+        }
+    }
+}
+
+/// The machine's name.
+fn host() -> String {
+    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    name.trim().to_owned()
+}
+
+fn unreadable(err: serde_json::Error) -> CommandError {
+    CommandError::failed(
+        anyhow::Error::from(err).context("the order cannot be read"),
+        Some("install the same build of the program on every machine that makes units".to_owned()),
+    )
+}
+
+/// A folder for the lake of one worker.
+struct Scratch(std::path::PathBuf);
+
+impl Scratch {
+    fn new(folder: &Path) -> Result<Self, CommandError> {
+        let own = folder.join(format!("pipeline-worker-{}", process::id()));
+        // What died with a process of this number is in the way.
+        let _old = std::fs::remove_dir_all(&own);
+        std::fs::create_dir_all(&own).map_err(|err| {
+            let message = format!("cannot make the folder `{}`", own.display());
+            CommandError::failed(anyhow::Error::from(err).context(message), None)
+        })?;
+        Ok(Self(own))
+    }
+
+    fn path(&self) -> &Path {
+        &self.0
+    }
+}
+
+impl Drop for Scratch {
+    fn drop(&mut self) {
+        let _left = std::fs::remove_dir_all(&self.0);
+    }
+}
+
+/// Events written to stdout as lines of JSON.
+#[derive(Default)]
+struct Lines {
+    /// The first write error.
+    failed: Mutex<Option<CommandError>>,
+}
+
+impl Lines {
+    fn write(&self, event: &Event) {
+        let json = serde_json::to_string(event).map_err(|err| CommandError::failed(err, None));
+        let written = json.and_then(|json| report::data(format!("{json}\n").as_bytes()));
+        if let Err(trouble) = written {
+            let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+            failed.get_or_insert(trouble);
+        }
+    }
+
+    fn finish(&self) -> Result<(), CommandError> {
+        let mut failed = self.failed.lock().unwrap_or_else(PoisonError::into_inner);
+        failed.take().map_or(Ok(()), Err)
+    }
+}

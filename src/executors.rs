@@ -1,0 +1,204 @@
+//! Who else makes units, by the names that a machine's own file gives them.
+
+use std::{env, fs, path::PathBuf};
+
+use dataflow::{Ended, Events, Executor, Failure, Wave};
+use lake::Lake;
+use serde::Deserialize;
+use toml_edit::{DocumentMut, Item, Table as TomlTable};
+
+use crate::{
+    batch::{Batch, Table},
+    outcome::CommandError,
+    processes::{Processes, Reach},
+    sharing::{self, DepotName},
+};
+
+/// Variable with the path of the machine's own file.
+const VARIABLE: &str = "PIPELINE_EXECUTORS";
+
+/// The tables that need no file.
+const BUILT_IN: [(&str, &str); 1] = [("slurm", include_str!("executors/slurm.toml"))];
+
+/// A program that runs a command elsewhere and waits for it.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Launcher {
+    /// The words before the command, e.g. `["ssh", "gpu-box"]`.
+    #[serde(rename = "launch")]
+    prefix: Vec<String>,
+    /// The program there [default: this one].
+    program: Option<String>,
+    /// Folder there for the lake of a worker.
+    #[serde(default = "tmp")]
+    scratch: String,
+    /// Units at once.
+    #[serde(default = "one")]
+    at_once: usize,
+}
+
+fn tmp() -> String {
+    "/tmp".to_owned()
+}
+
+fn one() -> usize {
+    1
+}
+
+/// An executor by its name.
+pub(crate) enum Elsewhere<'a> {
+    /// Through a program that waits for each unit.
+    Launch(Processes<'a>),
+    /// Through the queue of a scheduler.
+    Batch(Box<Batch<'a>>),
+}
+
+impl Executor for Elsewhere<'_> {
+    fn takes(&self, wave: &Wave) -> bool {
+        match self {
+            Self::Launch(processes) => processes.takes(wave),
+            Self::Batch(batch) => batch.takes(wave),
+        }
+    }
+
+    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+        match self {
+            Self::Launch(processes) => processes.carry_out(wave, events, ended),
+            Self::Batch(batch) => batch.carry_out(wave, events, ended),
+        }
+    }
+}
+
+impl Elsewhere<'_> {
+    /// Has a worker come up that makes nothing; returns the name of its machine.
+    pub(crate) fn try_out(&self) -> Result<String, Failure> {
+        match self {
+            Self::Launch(processes) => processes.try_out(),
+            Self::Batch(batch) => batch.try_out(),
+        }
+    }
+}
+
+impl<'a> Elsewhere<'a> {
+    /// Finds the executor of this name.
+    pub(crate) fn named(name: &str, lake: &'a Lake) -> Result<Self, CommandError> {
+        let depot = sharing::named()?.ok_or_else(|| {
+            CommandError::usage(
+                "other machines need a depot, to get their inputs and to leave their results",
+                format!(
+                    "name a folder that all of them mount, e.g. `export {}=/mnt/lab/depot`",
+                    sharing::VARIABLE
+                ),
+            )
+        })?;
+        let (text, file) = configured(name)?;
+        let wrong = |err: toml_edit::de::Error| {
+            CommandError::usage(
+                format!(
+                    "`{name}` in `{}` is wrong: {}",
+                    file.display(),
+                    err.message()
+                ),
+                "crates/depot/README.md has examples",
+            )
+        };
+        if text.contains_key("launch") {
+            let launcher: Launcher = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
+            return Ok(Self::Launch(launcher.processes(lake, &depot)?));
+        }
+        let table: Table = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
+        let logs = table.logs.as_ref().map(PathBuf::from);
+        let logs = match (logs, &depot) {
+            (Some(logs), _) => logs,
+            (None, DepotName::Folder(folder)) => folder.join("logs"),
+            (None, DepotName::Store(_)) => {
+                return Err(CommandError::usage(
+                    format!("`{name}` in `{}` names no folder of logs", file.display()),
+                    "with an object store, set `logs` to a folder that every machine mounts",
+                ));
+            }
+        };
+        fs::create_dir_all(&logs).map_err(|err| {
+            let message = format!("cannot make the folder of logs `{}`", logs.display());
+            CommandError::failed(anyhow::Error::from(err).context(message), None)
+        })?;
+        Ok(Self::Batch(Box::new(Batch {
+            name: name.to_owned(),
+            table,
+            lake,
+            depot: depot.to_string(),
+            logs,
+        })))
+    }
+}
+
+impl Launcher {
+    fn processes<'a>(
+        self,
+        lake: &'a Lake,
+        depot: &DepotName,
+    ) -> Result<Processes<'a>, CommandError> {
+        let here = || env::current_exe().map(|path| path.display().to_string());
+        let program = match self.program {
+            Some(program) => program,
+            None => here().map_err(|err| CommandError::failed(err, None))?,
+        };
+        let named = format!("{}={depot}", sharing::VARIABLE);
+        let worker = ["env", &named, &program, "unit", "--scratch", &self.scratch];
+        let words = self.prefix.iter().map(String::as_str).chain(worker);
+        Ok(Processes {
+            lake,
+            worker: words.map(Into::into).collect(),
+            reach: Reach::DepotAlone,
+            at_once: self.at_once.max(1),
+        })
+    }
+}
+
+/// Returns the table of a name, and the file that may change it: of one that is built in, the keys of the
+/// file come over those that are built in.
+fn configured(name: &str) -> Result<(DocumentMut, PathBuf), CommandError> {
+    let home = || env::var_os("HOME").map(|home| PathBuf::from(home).join(".config"));
+    let base = env::var_os("XDG_CONFIG_HOME")
+        .map(PathBuf::from)
+        .or_else(home);
+    let file = match env::var_os(VARIABLE) {
+        Some(file) => PathBuf::from(file),
+        None => base.unwrap_or_default().join("pipeline/executors.toml"),
+    };
+    let text = match fs::read_to_string(&file) {
+        Err(err) if err.kind() == std::io::ErrorKind::NotFound => String::new(),
+        read => read.map_err(|err| {
+            let message = format!("cannot read `{}`", file.display());
+            CommandError::failed(anyhow::Error::from(err).context(message), None)
+        })?,
+    };
+    let unreadable = |err: toml_edit::TomlError| {
+        CommandError::usage(
+            format!("`{}` is not TOML: {}", file.display(), err.message()),
+            "crates/depot/README.md has examples",
+        )
+    };
+    let own: DocumentMut = text.parse().map_err(unreadable)?;
+    let changes = own.get(name).and_then(Item::as_table);
+    let built_in = BUILT_IN.iter().find(|(built_in, _)| *built_in == name);
+    if changes.is_none() && built_in.is_none() {
+        let own = own.iter().map(|(name, _)| name);
+        let known: Vec<&str> = BUILT_IN.iter().map(|(name, _)| *name).chain(own).collect();
+        return Err(CommandError::usage(
+            format!("no executor `{name}` is known on this machine"),
+            format!(
+                "known are: {}; `{}` adds others",
+                known.join(", "),
+                file.display()
+            ),
+        ));
+    }
+    let is_launch = changes.is_some_and(|it| it.contains_key("launch"));
+    let base = built_in.filter(|_| !is_launch).map_or("", |(_, text)| text);
+    let mut table: DocumentMut = base.parse().map_err(unreadable)?;
+    for (key, value) in changes.unwrap_or(&TomlTable::new()) {
+        table.insert(key, value.clone());
+    }
+    Ok((table, file))
+}

@@ -1,0 +1,31 @@
+//! Jobs: orders that one process of a scheduler makes, and where they lie in the depot.
+
+use std::path::PathBuf;
+
+use dataflow::{Digest, Order};
+use serde::{Deserialize, Serialize};
+
+/// The orders of one job.
+#[derive(Serialize, Deserialize)]
+pub(crate) struct JobOrders {
+    /// The folder of the run, from which relative paths lead.
+    pub(crate) folder: PathBuf,
+    /// The orders, made one after the other.
+    pub(crate) orders: Vec<Order>,
+}
+
+/// Key of the orders of a job, e.g. `NAME/0`.
+pub(crate) fn orders_key(job: &str) -> String {
+    format!("orders/{job}")
+}
+
+/// Key under which a worker without orders leaves the name of its machine.
+pub(crate) fn here_key(job: &str) -> String {
+    format!("here/{job}")
+}
+
+/// Key of the end of an order of a job.
+pub(crate) fn end_key(job: &str, fingerprint: &Digest) -> String {
+    let wave = job.rsplit_once('/').map_or(job, |(wave, _)| wave);
+    format!("ends/{wave}/{fingerprint}")
+}

@@ -1,0 +1,510 @@
+//! Units made elsewhere: by a prefix that waits, and by a scheduler's jobs. The scheduler is a fake one of
+//! four scripts, which loses jobs when a test asks for it, and Slurm itself on two nodes of the loopback
+//! interface where Debian's packages `slurm-wlm` and `munge` are and the test is root; else that test
+//! skips, saying so. `PIPELINE_KILLS` sets how often a run is killed.
+
+use std::{
+    fs,
+    os::unix::fs::PermissionsExt,
+    path::{Path, PathBuf},
+    process::{Command, Output, Stdio},
+    thread,
+    time::{Duration, Instant},
+};
+
+use rand::Rng;
+use tempfile::TempDir;
+
+use crate::place::{
+    CHAIN, LONG, Place, Running, assert_same, chances, files_below, number, put, stderr, stdout,
+    well,
+};
+
+/// The scheduler's commands, by name.
+const COMMANDS: [(&str, &str); 4] = [
+    ("sbatch", include_str!("elsewhere/sbatch")),
+    ("squeue", include_str!("elsewhere/squeue")),
+    ("scancel", include_str!("elsewhere/scancel")),
+    ("scontrol", include_str!("elsewhere/scontrol")),
+];
+
+/// A depot and a scheduler.
+struct Cluster {
+    folder: TempDir,
+}
+
+impl Cluster {
+    fn new() -> Self {
+        let cluster = Self {
+            folder: TempDir::new().unwrap(),
+        };
+        for folder in ["depot", "commands", "fake", "scratch"] {
+            fs::create_dir(cluster.path(folder)).unwrap();
+        }
+        for (name, script) in COMMANDS {
+            let path = cluster.path("commands").join(name);
+            put(&path, script.as_bytes());
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+        }
+        cluster
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// Lets a command use the depot and the fake scheduler.
+    fn with(&self, mut command: Command) -> Command {
+        let path = std::env::var("PATH").unwrap();
+        let path = format!("{}:{path}", self.path("commands").display());
+        command
+            .env("PIPELINE_DEPOT", self.path("depot"))
+            .env("PIPELINE_EXECUTORS", self.path("executors.toml"))
+            .env("TMPDIR", self.path("scratch"))
+            .env("FAKE", self.path("fake"))
+            .env("PATH", path);
+        command
+    }
+
+    fn run(&self, machine: &Place, arguments: &[&str]) -> Output {
+        let arguments = [&["--on", "slurm"], arguments].concat();
+        well(self.with(machine.command("run", &arguments)))
+    }
+
+    /// The lines that the scheduler's commands have noted which begin with a word.
+    fn calls(&self, word: &str) -> Vec<String> {
+        let calls = fs::read_to_string(self.path("fake/calls")).unwrap_or_default();
+        let lines = calls.lines().filter(|line| line.starts_with(word));
+        lines.map(str::to_owned).collect()
+    }
+
+    /// Asserts that a run has left no message and no worker's lake.
+    fn assert_tidy(&self) {
+        assert_eq!(
+            files_below(&self.path("depot/messages")),
+            [] as [PathBuf; 0]
+        );
+        assert_eq!(files_below(&self.path("scratch")), [] as [PathBuf; 0]);
+    }
+}
+
+fn machine() -> Place {
+    Place::with_inputs(CHAIN, 6)
+}
+
+/// Number of units of the pipeline with six inputs.
+const N_UNITS: usize = 6 + 6 + 6 + 1 + 1;
+
+#[test]
+fn jobs_and_processes_behind_a_prefix_give_the_bytes_of_threads() {
+    let cluster = Cluster::new();
+    let place = machine();
+    let started = Instant::now();
+    cluster.run(&place, &[]);
+    let took = started.elapsed();
+    assert_eq!(place.take_log().len(), N_UNITS);
+    // What is shown is there; other files are in the depot until they are asked for.
+    assert_eq!(
+        well(cluster.with(place.bare(&place.lake(), "pull")))
+            .status
+            .code(),
+        Some(0)
+    );
+    let expected = place.undisturbed(&[]);
+    assert_same(&place.published(), &expected, "jobs");
+    assert_eq!(cluster.calls("submit").len(), 5, "one for each output");
+    let n_queries = cluster.calls("query").len();
+    let n_most = 5 + usize::try_from(took.as_secs()).unwrap();
+    assert!(n_queries <= n_most, "{n_queries} queries in {took:?}");
+    cluster.assert_tidy();
+
+    let other = Cluster::new();
+    let scratch = other.path("scratch");
+    put(
+        &other.path("executors.toml"),
+        format!(
+            "[box]\nlaunch = [\"nice\"]\nscratch = \"{}\"\nat_once = 2\n",
+            scratch.display()
+        )
+        .as_bytes(),
+    );
+    let lake = place.path("lake_behind_a_prefix");
+    well(other.with(place.command_in(&lake, "run", &["--on", "box"])));
+    assert_eq!(place.take_log().len(), N_UNITS);
+    well(other.with(place.bare(&lake, "pull")));
+    assert_same(&crate::place::published(&lake), &expected, "a prefix");
+    other.assert_tidy();
+}
+
+#[test]
+fn short_units_stay_here_and_arrays_are_as_small_as_the_scheduler_wants() {
+    let cluster = Cluster::new();
+    let place = Place::with_inputs(CHAIN, 45);
+    let mut run = cluster.with(place.command("run", &["--on", "slurm", "--until", "split"]));
+    well({
+        run.env("MOST", "20");
+        run
+    });
+    let calls = cluster.calls("submit");
+    let sizes = calls.iter().map(|call| call.rsplit(' ').next().unwrap());
+    let sizes: Vec<&str> = sizes.collect();
+    assert_eq!(sizes, ["20", "20", "5"]);
+    assert_eq!(place.take_log().len(), 45);
+    // How long they take is known now.
+    cluster.run(&place, &["--until", "split", "--set", "split.add=1"]);
+    assert_eq!(place.take_log().len(), 45);
+    assert_eq!(cluster.calls("submit").len(), 3);
+}
+
+#[test]
+fn what_is_lost_is_tried_again_but_not_for_ever() {
+    for (n_lost, code) in [("2", 0), ("9", 1)] {
+        let cluster = Cluster::new();
+        let place = machine();
+        let arguments = ["--on", "slurm", "--until", "split"];
+        let mut run = cluster.with(place.command("run", &arguments));
+        let ran = run.env("LOSE", n_lost).output().unwrap();
+        let said = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(code), "{said}");
+        assert!(
+            said.contains("ended as NODE_FAIL and left no result"),
+            "{said}"
+        );
+        assert_eq!(cluster.calls("submit").len(), 3, "{said}");
+        assert_eq!(said.contains("was lost 3 times"), code == 1, "{said}");
+        assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
+        cluster.assert_tidy();
+    }
+}
+
+#[test]
+fn a_failure_is_not_tried_again_and_its_log_is_named() {
+    let cluster = Cluster::new();
+    let place = machine();
+    let mut run = cluster.with(place.command("run", &["--on", "slurm"]));
+    // Written while it is made: the job fails, and so would another.
+    let failed = run
+        .env("OWN_STAGES_LOG", place.path("no/folder/log"))
+        .output()
+        .unwrap();
+    let said = stderr(&failed);
+    assert_eq!(failed.status.code(), Some(1), "{said}");
+    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
+    for part in [
+        "error: stage `split` failed",
+        "less ",
+        ".log` shows its log",
+    ] {
+        assert!(said.contains(part), "{said}");
+    }
+}
+
+#[test]
+fn another_build_refuses_orders_and_names_the_crate() {
+    let cluster = Cluster::new();
+    let place = machine();
+    // The jobs' program is another than that of the run.
+    let sbatch = cluster.path("commands/sbatch");
+    let script = fs::read_to_string(&sbatch).unwrap();
+    let script = script.replace(
+        "SLURM_ARRAY_TASK_ID=",
+        "OWN_STAGES_CODE=split=2 SLURM_ARRAY_TASK_ID=",
+    );
+    put(&sbatch, script.as_bytes());
+    let refused = cluster
+        .with(place.command("run", &["--on", "slurm"]))
+        .output()
+        .unwrap();
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("is not made by this build, whose code differs in: own_stages"),
+        "{said}"
+    );
+    assert_eq!(place.take_log(), []);
+}
+
+#[test]
+fn a_killed_run_goes_on_with_the_jobs_that_it_left() {
+    let mut rng = chances("kills of a run with jobs");
+    for kill in 0..number::<usize>("PIPELINE_KILLS", 3) {
+        let cluster = Cluster::new();
+        let place = machine();
+        put(&cluster.path("fake/hold"), b"");
+        let arguments = ["--on", "slurm", "--until", "first"];
+        let mut run = Running::start(cluster.with(place.command("run", &arguments)));
+        let until = Instant::now() + LONG;
+        while cluster.calls("query").is_empty() {
+            assert!(Instant::now() < until, "nothing was submitted");
+            thread::park_timeout(Duration::from_millis(5));
+        }
+        // In the middle of what it does, which is made while it is dead or after.
+        thread::sleep(Duration::from_millis(rng.random_range(0..50)));
+        if kill % 2 == 1 {
+            fs::remove_file(cluster.path("fake/hold")).unwrap();
+            thread::sleep(Duration::from_millis(rng.random_range(0..3000)));
+        }
+        run.child.kill().unwrap();
+        run.finish();
+        let again = cluster.with(place.command("run", &arguments));
+        let again = Running::start(again);
+        thread::sleep(Duration::from_millis(300));
+        let _there = fs::remove_file(cluster.path("fake/hold"));
+        let (code, said) = again.finish();
+        assert_eq!(code, Some(0), "{said}");
+        assert_eq!(place.take_log().len(), 12, "nothing is made twice: {said}");
+        if kill % 2 == 0 {
+            assert!(said.contains("adopt  split.parts"), "{said}");
+            assert_eq!(cluster.calls("submit").len(), 2, "{said}");
+            cluster.assert_tidy();
+        }
+    }
+}
+
+#[test]
+fn an_interrupt_cancels_what_was_submitted() {
+    let cluster = Cluster::new();
+    let place = machine();
+    put(&cluster.path("fake/hold"), b"");
+    let mut run = Running::start(cluster.with(place.command("run", &["--on", "slurm"])));
+    run.wait_for_line("where its units wait", |line| line.starts_with("queue "));
+    let mut interrupt = Command::new("kill");
+    well({
+        interrupt.args(["-INT", &run.child.id().to_string()]);
+        interrupt
+    });
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(130), "{said}");
+    assert_eq!(cluster.calls("cancel").len(), 1, "{said}");
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    cluster.run(&place, &["--until", "split"]);
+    assert_eq!(place.take_log().len(), 6);
+    cluster.assert_tidy();
+}
+
+/// Parts, and something that must not be done twice for each.
+const ACTS: &str = r#"
+[stages.split]
+kind = "split"
+root = "INPUTS"
+
+[stages.act]
+kind = "act"
+inputs.parts = "split.parts"
+"#;
+
+#[test]
+fn what_moves_a_robot_stays_here_and_is_done_on_one_machine_alone() {
+    let cluster = Cluster::new();
+    let [first, second] = [(); 2].map(|()| Place::with_inputs(ACTS, 3));
+    // It begins, and ends in the middle.
+    let mut run = cluster.with(first.command("run", &["--on", "slurm"]));
+    let failed = run.env("OWN_STAGES_FAIL", "acting").output().unwrap();
+    assert_eq!(failed.status.code(), Some(1), "{}", stderr(&failed));
+    let acted = |place: &Place| {
+        let log = place.take_log();
+        log.iter().filter(|made| made.kind == "act").count()
+    };
+    assert_eq!(acted(&first), 1, "never tried again by itself");
+    assert_eq!(cluster.calls("submit").len(), 1, "the parts alone");
+    let refused = cluster.with(second.command("run", &[])).output().unwrap();
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("moves a robot, and a lake on `"), "{said}");
+    assert_eq!(acted(&second), 0);
+    // The machine that claimed it goes on.
+    well(cluster.with(first.command("run", &[])));
+    assert_eq!(acted(&first), 3);
+    well(cluster.with(second.command("run", &[])));
+    assert_eq!(acted(&second), 0, "it has the results");
+    // Without the depot nobody can know.
+    let third = Place::with_inputs(ACTS, 4);
+    fs::remove_dir_all(cluster.path("depot")).unwrap();
+    let refused = cluster.with(third.command("run", &[])).output().unwrap();
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("cannot be known"), "{said}");
+    assert_eq!(acted(&third), 0);
+}
+
+#[test]
+fn wrong_names_and_missing_depots_are_told() {
+    let cluster = Cluster::new();
+    let place = machine();
+    for (arguments, parts) in [
+        (
+            vec!["--on", "slurn"],
+            ["no executor `slurn` is known", "known are: slurm"],
+        ),
+        (
+            vec!["--on", "slurm", "--processes"],
+            ["cannot be used with", "--processes"],
+        ),
+    ] {
+        let refused = cluster
+            .with(place.command("run", &arguments))
+            .output()
+            .unwrap();
+        assert_eq!(refused.status.code(), Some(2));
+        for part in parts {
+            assert!(stderr(&refused).contains(part), "{}", stderr(&refused));
+        }
+    }
+    let refused = place.command("run", &["--on", "slurm"]).output().unwrap();
+    assert_eq!(refused.status.code(), Some(2));
+    assert!(
+        stderr(&refused).contains("export PIPELINE_DEPOT="),
+        "{}",
+        stderr(&refused)
+    );
+    let doctor = cluster
+        .with(place.command("doctor", &["--on", "slurm"]))
+        .output()
+        .unwrap();
+    let said = stdout(&doctor);
+    assert!(said.contains("a worker on `"), "{said}{}", stderr(&doctor));
+    cluster.assert_tidy();
+}
+
+/// The workers that use a depot, by their numbers.
+fn processes_with(depot: &Path) -> Vec<String> {
+    let variable = format!("PIPELINE_DEPOT={}", depot.display());
+    let all = fs::read_dir("/proc")
+        .unwrap()
+        .map(|entry| entry.unwrap().path());
+    let workers = all.filter(|process| {
+        let has = |file: &str, wanted: &str| {
+            let bytes = fs::read(process.join(file)).unwrap_or_default();
+            bytes
+                .split(|byte| *byte == 0)
+                .any(|word| word == wanted.as_bytes())
+        };
+        has("environ", &variable) && has("cmdline", "--scratch")
+    });
+    let names = workers.map(|process| process.file_name().unwrap().to_string_lossy().into_owned());
+    names.collect()
+}
+
+/// A Slurm of two nodes, stopped when it is dropped.
+struct Slurm {
+    folder: TempDir,
+    script: PathBuf,
+    port: String,
+}
+
+impl Slurm {
+    /// Starts it, if it can be done here.
+    fn new() -> Option<Self> {
+        let has = |program: &str| {
+            let mut found = Command::new("sh");
+            found
+                .args(["-c", &format!("command -v {program}")])
+                .stdout(Stdio::null());
+            found.status().is_ok_and(|status| status.success())
+        };
+        let root = fs::metadata("/proc/self").map(|it| std::os::unix::fs::MetadataExt::uid(&it));
+        if !["slurmctld", "slurmd", "sbatch", "munged"]
+            .into_iter()
+            .all(has)
+            || root.ok() != Some(0)
+        {
+            measured_data::print_skipped("no `slurmctld`, `slurmd` and `munged`, or not root");
+            return None;
+        }
+        let folder = TempDir::new().unwrap();
+        // Its jobs are no processes of this one: what they read must be open to them.
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+        let script = folder.path().join("slurm.sh");
+        put(&script, include_bytes!("elsewhere/slurm.sh"));
+        let port = format!("{}", 20_000 + std::process::id() % 10_000 * 4 % 40_000);
+        let slurm = Self {
+            folder,
+            script,
+            port,
+        };
+        let started = slurm.call("start");
+        if !started.status.success() {
+            measured_data::print_skipped(&format!("Slurm does not start: {}", stderr(&started)));
+            return None;
+        }
+        Some(slurm)
+    }
+
+    fn call(&self, what: &str) -> Output {
+        let mut script = Command::new("bash");
+        script
+            .arg(&self.script)
+            .arg(what)
+            .arg(self.dir())
+            .arg(&self.port);
+        // Its daemons keep stdout and stderr open.
+        let said = fs::File::create(self.folder.path().join("said")).unwrap();
+        script
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(said);
+        let status = script.status().unwrap();
+        Output {
+            status,
+            stdout: Vec::new(),
+            stderr: fs::read(self.folder.path().join("said")).unwrap(),
+        }
+    }
+
+    fn dir(&self) -> PathBuf {
+        self.folder.path().join("slurm")
+    }
+
+    /// Lets a command use the depot and Slurm.
+    fn with(&self, depot: &Path, mut command: Command) -> Command {
+        command
+            .env("PIPELINE_DEPOT", depot)
+            .env("PIPELINE_EXECUTORS", depot.join("none"))
+            .env("SLURM_CONF", self.dir().join("slurm.conf"));
+        command
+    }
+}
+
+impl Drop for Slurm {
+    fn drop(&mut self) {
+        self.call("stop");
+    }
+}
+
+#[test]
+fn slurm_itself_gives_the_bytes_of_threads_and_survives_lost_jobs() {
+    let Some(slurm) = Slurm::new() else { return };
+    let depot = TempDir::new().unwrap();
+    let place = machine();
+    let arguments = ["--on", "slurm"];
+    well(slurm.with(depot.path(), place.command("run", &arguments)));
+    assert_eq!(place.take_log().len(), N_UNITS);
+    well(slurm.with(depot.path(), place.bare(&place.lake(), "pull")));
+    assert_same(&place.published(), &place.undisturbed(&[]), "Slurm");
+    let doctor = slurm
+        .with(depot.path(), place.command("doctor", &arguments))
+        .output()
+        .unwrap();
+    assert!(
+        stdout(&doctor).contains("a worker on `"),
+        "{}",
+        stderr(&doctor)
+    );
+    // The processes of its jobs are killed; the run has them made by others.
+    let held = Place::with_inputs(CHAIN, 2);
+    let other = TempDir::new().unwrap();
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let mut run = Running::start(slurm.with(other.path(), held.held(&arguments)));
+    run.wait_for(&held, "p000");
+    for process in processes_with(other.path()) {
+        let mut kill = Command::new("kill");
+        kill.args(["-9", &process]);
+        well(kill);
+    }
+    for partition in ["p000", "p001"] {
+        held.let_go(partition);
+    }
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(said.contains("left no result"), "{said}");
+}
