@@ -3,6 +3,7 @@
 //! Everything is in meters, radians and seconds; whatever goes wrong panics, as in a test.
 
 #![expect(
+    clippy::disallowed_methods,
     clippy::expect_used,
     clippy::missing_panics_doc,
     reason = "it is a part of tests"

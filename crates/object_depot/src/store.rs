@@ -125,7 +125,7 @@ impl Depot for ObjectDepot {
     fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
         let found = self.runtime.block_on(self.store.head(&Path::from(key)));
         let found = if_there(found).map_err(failed("look for", key))?;
-        Ok(found.map(entry))
+        Ok(found.as_ref().map(entry))
     }
 
     fn list(&self, prefix: &str, each: &mut dyn FnMut(Entry)) -> Result<(), DepotError> {
@@ -133,7 +133,7 @@ impl Depot for ObjectDepot {
         let listed = async {
             let mut found = self.store.list(Some(&path));
             while let Some(meta) = found.next().await {
-                each(entry(meta.map_err(boxed)?));
+                each(entry(&meta.map_err(boxed)?));
             }
             Ok(())
         };
@@ -144,12 +144,12 @@ impl Depot for ObjectDepot {
 
     fn remove(&self, key: &str) -> Result<(), DepotError> {
         let removed = self.runtime.block_on(self.store.delete(&Path::from(key)));
-        let removed = if_there(removed).map_err(failed("remove", key))?;
-        Ok(removed.unwrap_or_default())
+        if_there(removed).map_err(failed("remove", key))?;
+        Ok(())
     }
 }
 
-fn entry(meta: ObjectMeta) -> Entry {
+fn entry(meta: &ObjectMeta) -> Entry {
     Entry {
         key: meta.location.to_string(),
         size: meta.size,
