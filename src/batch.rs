@@ -39,6 +39,9 @@ const EVERY: Duration = Duration::from_secs(2);
 /// Looks for the answer of a job that makes nothing.
 const TRIAL_LOOKS: u64 = 60;
 
+/// Looks at a scheduler that does not answer, before any job is out.
+const SILENT_LOOKS: u64 = 300;
+
 /// Seconds that a job should take: what a scheduler costs, 0.1 to 0.5 s a job, does not count then.
 const JOB_S: f64 = 45.0;
 
@@ -101,16 +104,17 @@ impl Executor for Batch<'_> {
                 }
             }
         }
-        let mut arrays = self.adopt(wave)?;
+        let mut arrays = self.adopt(wave, &open)?;
         let adopted: BTreeSet<Digest> = digests(&arrays).collect();
         let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
         let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
         rest.sort_unstable();
-        self.submit(wave, &rest, &mut arrays)?;
-        if arrays.is_empty() {
-            return Ok(());
-        }
-        let watched = self.watch(wave, &arrays, &mut open, events, ended);
+        let submitted = self.submit(wave, &rest, &mut arrays);
+        let watched = match submitted {
+            Ok(()) if arrays.is_empty() => Ok(false),
+            Ok(()) => self.watch(wave, &arrays, &mut open, events, ended),
+            Err(err) => Err(err),
+        };
         let is_left = watched.is_err() || !open.is_empty();
         for array in &arrays {
             // A job that is stuck, or that makes what nobody waits for any more.
@@ -118,7 +122,8 @@ impl Executor for Batch<'_> {
                 let _gone = ask(&self.cancellation(array), "");
             }
             out(|out| out.remove(&array.name));
-            self.forget(wave, array)?;
+            // What a depot that is down keeps, its garbage collection removes.
+            let _left = self.forget(wave, array);
         }
         watched.map(drop)
     }
@@ -215,18 +220,27 @@ impl Batch<'_> {
     }
 
     /// Finds arrays of an earlier process that make units of this output, with the jobs that are not over.
-    fn adopt(&self, wave: &Wave) -> Result<Vec<Array>, Failure> {
+    fn adopt(&self, wave: &Wave, open: &HashMap<Digest, usize>) -> Result<Vec<Array>, Failure> {
         let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
         let mut arrays = Vec::new();
         for key in self.lake.messages(&below).map_err(failed)? {
             let found = self.lake.message(&key).map_err(failed)?;
             let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
-            arrays.extend(array.filter(|array| array.on == self.name));
+            // Others make units of other values, or of another run.
+            let is_of_wave = |array: &Array| {
+                array.on == self.name
+                    && array
+                        .jobs
+                        .iter()
+                        .flatten()
+                        .any(|unit| open.contains_key(unit))
+            };
+            arrays.extend(array.filter(is_of_wave));
         }
         if arrays.is_empty() {
             return Ok(arrays);
         }
-        let queue = self.look_patiently(&arrays);
+        let queue = self.look_patiently(&arrays)?;
         let (mut kept, mut gone) = (Vec::new(), Vec::new());
         for mut array in arrays {
             let name = array.name.clone();
@@ -282,10 +296,15 @@ impl Batch<'_> {
             }
             let key = key(wave, &array.name);
             self.leave(&key, &array)?;
-            array.id = self.submit_array(&array, wave.resources(), n_in_job)?;
-            self.leave(&key, &array)?;
+            // Whatever comes now, its jobs are cancelled by their name.
             out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
             arrays.push(array);
+            let Some(array) = arrays.last_mut() else {
+                continue;
+            };
+            array.id = self.submit_array(array, wave.resources(), n_in_job)?;
+            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
+            self.leave(&key, array)?;
         }
         Ok(())
     }
@@ -329,8 +348,11 @@ impl Batch<'_> {
                 Ok(said) => return Ok(self.table.id_in(&said)),
                 Err(err) => err,
             };
+            if refused.kind() == io::ErrorKind::NotFound {
+                return Err(self.refused(&refused));
+            }
             // Its answer may have been lost, or it may be away for a while.
-            let queue = self.look_patiently(std::slice::from_ref(array));
+            let queue = self.look_patiently(std::slice::from_ref(array))?;
             if queue.keys().any(|(name, _)| *name == array.name) {
                 return Ok(None);
             }
@@ -360,18 +382,21 @@ impl Batch<'_> {
         ))
     }
 
-    /// Asks until there is an answer.
-    fn look_patiently(&self, arrays: &[Array]) -> Queue {
-        let mut is_told = false;
+    /// Asks until there is an answer, for a while.
+    fn look_patiently(&self, arrays: &[Array]) -> Result<Queue, Failure> {
+        let mut n_looks = 0;
         loop {
             match self.look(arrays) {
-                Ok(queue) => return queue,
-                Err(err) if is_told => drop(err),
-                Err(err) => {
-                    report::line(&format!("wait   {} does not answer: {err}", self.name));
-                    is_told = true;
+                Ok(queue) => return Ok(queue),
+                Err(err) if n_looks == SILENT_LOOKS || err.kind() == io::ErrorKind::NotFound => {
+                    return Err(self.refused(&err));
                 }
+                Err(err) if n_looks == 0 => {
+                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                }
+                Err(_) => {}
             }
+            n_looks += 1;
             thread::sleep(EVERY);
         }
     }
@@ -393,7 +418,7 @@ impl Batch<'_> {
     /// Removes what was left in the depot for an array.
     fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
         let mut keys = vec![key(wave, &array.name)];
-        for below in ["orders", "ends"] {
+        for below in ["orders", "here", "ends"] {
             let found = self.lake.messages(&format!("{below}/{}", array.name));
             keys.extend(found.map_err(failed)?);
         }

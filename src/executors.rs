@@ -86,7 +86,7 @@ impl<'a> Elsewhere<'a> {
             CommandError::usage(
                 "other machines need a depot, to get their inputs and to leave their results",
                 format!(
-                    "name a folder that all of them mount, e.g. `export {}=/mnt/lab/depot`",
+                    "name a folder that all of them mount, or an object store, e.g. `export {}=/mnt/lab/depot`",
                     sharing::VARIABLE
                 ),
             )

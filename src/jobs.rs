@@ -19,7 +19,7 @@ pub(crate) fn orders_key(job: &str) -> String {
     format!("orders/{job}")
 }
 
-/// Key under which a worker without orders leaves the name of its machine.
+/// Key under which a worker that begins leaves the name of its machine.
 pub(crate) fn here_key(job: &str) -> String {
     format!("here/{job}")
 }

@@ -37,6 +37,10 @@ pub(crate) struct Table {
     /// Reasons for which a job would wait for ever.
     #[serde(default)]
     pub(crate) stuck: Vec<String>,
+    /// Longest time in seconds from a job's start to the first sign of its worker: a scheduler that has lost
+    /// its state may show jobs that no machine runs.
+    #[serde(default = "begin_s")]
+    pub(crate) begin_s: u64,
     /// Cancels an array.
     pub(crate) cancel: Vec<String>,
     /// Says how many jobs an array may have.
@@ -45,6 +49,10 @@ pub(crate) struct Table {
     /// The word before that number, and ` = `.
     #[serde(default)]
     pub(crate) limit_key: String,
+}
+
+fn begin_s() -> u64 {
+    300
 }
 
 /// Values of the names in braces.

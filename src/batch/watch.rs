@@ -1,7 +1,7 @@
 //! Watching the jobs that are out.
 
 use std::{
-    collections::{BTreeMap, HashMap},
+    collections::{BTreeMap, HashMap, HashSet},
     path::Path,
     thread,
 };
@@ -12,7 +12,7 @@ use super::{
     Array, Batch, EVERY, failed,
     queue::{JobState, Queue},
 };
-use crate::report;
+use crate::{jobs::here_key, report};
 
 /// Looks after which a job that is over and has left nothing counts as lost: files of another machine
 /// may be seen late.
@@ -26,6 +26,18 @@ struct Places {
     /// Whether a job waits for what never comes.
     is_stuck: bool,
 }
+
+/// What was seen of jobs, by their array and index.
+#[derive(Default)]
+struct Seen {
+    /// Looks at which a job was over and had left nothing.
+    missed: HashMap<(String, usize), usize>,
+    /// Looks at which a job was running.
+    running: HashMap<(String, usize), u64>,
+    /// Jobs whose workers have begun.
+    begun: HashSet<(String, usize)>,
+}
+
 impl Batch<'_> {
     /// Watches jobs until every unit has ended or one has failed; returns whether a job is stuck.
     pub(super) fn watch(
@@ -36,7 +48,7 @@ impl Batch<'_> {
         events: &Events,
         ended: &Ended,
     ) -> Result<bool, Failure> {
-        let mut missed = HashMap::new();
+        let mut seen = Seen::default();
         let mut shown = None;
         let mut is_told = false;
         let mut is_stuck = false;
@@ -48,7 +60,7 @@ impl Batch<'_> {
             }
             match queue {
                 Ok(queue) => {
-                    let places = self.compare(arrays, &queue, open, &mut missed, ended);
+                    let places = self.compare(arrays, &queue, open, &mut seen, ended)?;
                     is_stuck |= places.is_stuck;
                     let now = Some((places.n_waiting, places.running));
                     if now != shown {
@@ -81,9 +93,9 @@ impl Batch<'_> {
         arrays: &[Array],
         queue: &Queue,
         open: &mut HashMap<Digest, usize>,
-        missed: &mut HashMap<(String, usize), usize>,
+        seen: &mut Seen,
         ended: &Ended,
-    ) -> Places {
+    ) -> Result<Places, Failure> {
         let mut places = Places::default();
         let jobs = arrays.iter().flat_map(|array| {
             let jobs = array.jobs.iter().enumerate();
@@ -99,13 +111,18 @@ impl Batch<'_> {
             let why = match queue.get(&job) {
                 Some(JobState::Waiting) => {
                     places.n_waiting += units.len();
-                    missed.remove(&job);
+                    seen.missed.remove(&job);
+                    continue;
+                }
+                Some(JobState::Running(host)) if self.has_begun(&job, seen)? => {
+                    *places.running.entry(host.clone()).or_default() += units.len();
+                    seen.missed.remove(&job);
                     continue;
                 }
                 Some(JobState::Running(host)) => {
-                    *places.running.entry(host.clone()).or_default() += units.len();
-                    missed.remove(&job);
-                    continue;
+                    let begin_s = self.table.begin_s;
+                    places.is_stuck = true;
+                    format!("is said to run on `{host}`, where nothing has begun for {begin_s} s")
                 }
                 Some(JobState::Stuck(reason)) => {
                     places.is_stuck = true;
@@ -114,7 +131,7 @@ impl Batch<'_> {
                 Some(JobState::Over(state)) => format!("ended as {state} and left no result"),
                 None => "is unknown to the scheduler and left no result".to_owned(),
             };
-            let n_missed = missed.entry(job).or_default();
+            let n_missed = seen.missed.entry(job).or_default();
             *n_missed += 1;
             if *n_missed < LOOKS {
                 continue;
@@ -127,7 +144,25 @@ impl Batch<'_> {
                 }
             }
         }
-        places
+        Ok(places)
+    }
+
+    /// Whether a job that is said to run has begun, or may still do so.
+    fn has_begun(&self, job: &(String, usize), seen: &mut Seen) -> Result<bool, Failure> {
+        if seen.begun.contains(job) {
+            return Ok(true);
+        }
+        let n_looks = seen.running.entry(job.clone()).or_default();
+        *n_looks += 1;
+        if *n_looks * EVERY.as_secs() <= self.table.begin_s {
+            return Ok(true);
+        }
+        let here = here_key(&format!("{}/{}", job.0, job.1));
+        let has_begun = self.lake.message(&here).map_err(failed)?.is_some();
+        if has_begun {
+            seen.begun.insert(job.clone());
+        }
+        Ok(has_begun)
     }
 
     /// Takes what the jobs have left in the depot; returns whether a unit has failed.
@@ -160,8 +195,8 @@ impl Batch<'_> {
                         idx,
                         with_log(end, &self.log(array, job.unwrap_or_default())),
                     );
+                    self.lake.remove_message(&key).map_err(failed)?;
                 }
-                self.lake.remove_message(&key).map_err(failed)?;
             }
         }
         Ok(has_failed)

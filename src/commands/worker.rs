@@ -4,7 +4,6 @@ use std::{
     env,
     io::{self, BufRead, Read},
     path::Path,
-    process,
     sync::{Arc, Mutex, PoisonError},
     thread,
     time::Duration,
@@ -93,10 +92,8 @@ impl Worker<'_> {
             CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
         })?;
         let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
-        if job.orders.is_empty() {
-            self.lake
-                .leave_message(&jobs::here_key(name), host().into_bytes())?;
-        }
+        let here = jobs::here_key(name);
+        self.lake.leave_message(&here, host().into_bytes())?;
         self.each(&job, |order, end| {
             let bytes = serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
             let key = jobs::end_key(name, &order.fingerprint);
@@ -200,11 +197,16 @@ struct Scratch(std::path::PathBuf);
 
 impl Scratch {
     fn new(folder: &Path) -> Result<Self, CommandError> {
-        let own = folder.join(format!("pipeline-worker-{}", process::id()));
-        // What died with a process of this number is in the way.
-        let _old = std::fs::remove_dir_all(&own);
-        std::fs::create_dir_all(&own).map_err(|err| {
-            let message = format!("cannot make the folder `{}`", own.display());
+        // Workers of several machines or containers may share the folder, and so have one number.
+        let random = std::fs::read_to_string("/proc/sys/kernel/random/uuid");
+        let own = random.and_then(|random| {
+            let own = folder.join(format!("pipeline-worker-{}", random.trim()));
+            std::fs::create_dir_all(folder)?;
+            std::fs::create_dir(&own)?;
+            Ok(own)
+        });
+        let own = own.map_err(|err| {
+            let message = format!("cannot make a folder in `{}`", folder.display());
             CommandError::failed(anyhow::Error::from(err).context(message), None)
         })?;
         Ok(Self(own))

@@ -178,6 +178,25 @@ fn what_is_lost_is_tried_again_but_not_for_ever() {
 }
 
 #[test]
+fn jobs_that_run_in_the_schedulers_books_alone_are_lost() {
+    let cluster = Cluster::new();
+    put(&cluster.path("executors.toml"), b"[slurm]\nbegin_s = 2\n");
+    let place = machine();
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let mut run = cluster.with(place.command("run", &arguments));
+    run.env("PHANTOM", "1");
+    let said = stderr(&well(run));
+    assert!(
+        said.contains("is said to run on `fake`, where nothing has begun for 2 s"),
+        "{said}"
+    );
+    assert_eq!(cluster.calls("submit").len(), 2, "{said}");
+    assert_eq!(cluster.calls("cancel").len(), 1, "{said}");
+    assert_eq!(place.take_log().len(), 6);
+    cluster.assert_tidy();
+}
+
+#[test]
 fn a_failure_is_not_tried_again_and_its_log_is_named() {
     let cluster = Cluster::new();
     let place = machine();

@@ -54,13 +54,12 @@ fn commands(bench: &Bench) -> Vec<Command> {
         &["--version"],
         &["stages", "screen", "--quiet"],
     ];
-    let small: [(&str, &[&str]); 6] = [
+    let small: [(&str, &[&str]); 5] = [
         ("plan", &[]),
         ("plan", &["--format", "json"]),
         ("plan", &["--until", "ingest"]),
         ("run", &["--dry-run"]),
         ("unit", &["ingest.objects", "025_mug"]),
-        ("unit", &["ingest.objects", "025_mug", "--format", "json"]),
     ];
     let plain = plain.iter().map(|arguments| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_pipeline"));

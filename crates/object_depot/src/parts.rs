@@ -43,7 +43,8 @@ async fn write(upload: &mut WriteMultipart, reader: &mut (dyn Read + Send)) -> R
                 upload.wait_for_capacity(AT_ONCE).await.map_err(boxed)?;
                 upload.write(bytes);
             }
-            _ => return Ok(()),
+            // What is sent here is aborted where it fails, unlike the last part.
+            _ => return upload.wait_for_capacity(0).await.map_err(boxed),
         }
     }
 }

@@ -1,6 +1,10 @@
 //! The depot on `object_store`'s client.
 
-use std::{io::Read, sync::Arc, time::Duration};
+use std::{
+    io::Read,
+    sync::Arc,
+    time::{Duration, Instant},
+};
 
 use depot::{Content, Depot, DepotError, Entry, Put, PutMode, Sink};
 use futures_util::StreamExt;
@@ -107,6 +111,7 @@ impl Depot for ObjectDepot {
                 PutMode::Always => (object_store::PutMode::Overwrite, 0),
             };
             let bytes = PutPayload::from(bytes);
+            let since = Instant::now();
             loop {
                 let options = PutOptions::from(mode.clone());
                 match self.store.put_opts(&path, bytes.clone(), options).await {
@@ -114,7 +119,9 @@ impl Depot for ObjectDepot {
                     Err(Error::AlreadyExists { .. } | Error::Precondition { .. }) => {
                         return Ok(Put::There);
                     }
-                    Err(Error::Generic { .. }) if tries > 0 => tries -= 1,
+                    Err(Error::Generic { .. }) if tries > 0 && since.elapsed() < RETRIED_WITHIN => {
+                        tries -= 1;
+                    }
                     Err(err) => return Err(boxed(err)),
                 }
             }

@@ -12,7 +12,7 @@ use std::{
 };
 
 use dataflow::Digest;
-use depot::{Content, DepotError, Entry, Link, PutMode};
+use depot::{Content, DepotError, Entry, Link, Put, PutMode};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
@@ -80,6 +80,26 @@ impl Shared {
         let read = link.read(&key)?;
         link.remove(&key)?;
         Ok(read.as_deref() == Some(TRIED))
+    }
+
+    /// Checks that a file which is there is not replaced where it is to be created: some object stores
+    /// ignore the condition.
+    pub(crate) fn check_creates(&self) -> Result<(), DepotError> {
+        let link = self.remote.to_write()?;
+        let key = format!("doctor/{}-twice", atomic::process_name());
+        let create = || {
+            let content = Content::of_bytes(TRIED.to_vec());
+            link.put(&key, content, PutMode::IfAbsent)
+        };
+        create()?;
+        let again = create()?;
+        link.remove(&key)?;
+        match again {
+            Put::There => Ok(()),
+            Put::New => Err(DepotError::Offline {
+                why: "it replaces files that are there, so that no claim would hold".to_owned(),
+            }),
+        }
     }
 
     /// Removes a file from the depot.

@@ -15,14 +15,15 @@ use crate::{
 impl Shared {
     /// Claims a unit for this lake; a claim that this lake made before holds.
     pub(crate) fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), LakeError> {
-        let host = host();
-        let claim = format!("{host}\n{}\n", self.identity()?);
-        let key = keys::claim(fingerprint);
-        let claimed = self.remote.create(&key, claim.as_bytes());
         let unknown = |source: DepotError| LakeError::Unclaimed {
             unit: unit.to_string(),
             source: Box::new(source),
         };
+        self.check_creates().map_err(unknown)?;
+        let host = host();
+        let claim = format!("{host}\n{}\n", self.identity()?);
+        let key = keys::claim(fingerprint);
+        let claimed = self.remote.create(&key, claim.as_bytes());
         let Some(other) = claimed.map_err(unknown)? else {
             return Ok(());
         };
