@@ -298,13 +298,14 @@ impl Batch<'_> {
             self.leave(&key, &array)?;
             // Whatever comes now, its jobs are cancelled by their name.
             out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
+            let submitted = self.submit_array(&array, wave.resources(), n_in_job);
+            let noted = submitted.and_then(|id| {
+                array.id = id;
+                out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
+                self.leave(&key, &array)
+            });
             arrays.push(array);
-            let Some(array) = arrays.last_mut() else {
-                continue;
-            };
-            array.id = self.submit_array(array, wave.resources(), n_in_job)?;
-            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
-            self.leave(&key, array)?;
+            noted?;
         }
         Ok(())
     }

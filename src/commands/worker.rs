@@ -1,7 +1,7 @@
 //! A worker: makes what a run has ordered, and tells it on stdout or in the depot.
 
 use std::{
-    env,
+    env, fs,
     io::{self, BufRead, Read},
     path::Path,
     sync::{Arc, Mutex, PoisonError},
@@ -11,6 +11,7 @@ use std::{
 
 use dataflow::{Digest, End, Event, Failure, Order, make_ordered};
 use lake::Lake;
+use tempfile::TempDir;
 
 use crate::{
     arguments::UnitArgs,
@@ -30,9 +31,9 @@ pub(crate) fn work(
     args: &UnitArgs,
     order: &str,
 ) -> Result<CommandOutcome, CommandError> {
-    let own = args.scratch.as_deref().map(Scratch::new).transpose()?;
+    let own = args.scratch.as_deref().map(scratch).transpose()?;
     // Relative to the folder in which it was started, not to that of the run.
-    let root = own.as_ref().map_or(program.lake.as_path(), Scratch::path);
+    let root = own.as_ref().map_or(program.lake.as_path(), TempDir::path);
     let root = std::path::absolute(root).map_err(|err| CommandError::failed(err, None))?;
     let lake = Lake::open(&root);
     let lake = Arc::new(match sharing::depot()? {
@@ -159,7 +160,7 @@ impl Worker<'_> {
     fn failed(&self, order: &Order, err: Failure) -> Event {
         // What a program printed goes where what this process prints goes.
         if let Some(log) = self.lake.log(&order.fingerprint)
-            && let Ok(text) = std::fs::read(log)
+            && let Ok(text) = fs::read(log)
         {
             report::line(String::from_utf8_lossy(&text).trim_end());
         }
@@ -181,7 +182,7 @@ impl Worker<'_> {
 
 /// The machine's name.
 fn host() -> String {
-    let name = std::fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
+    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.trim().to_owned()
 }
 
@@ -192,35 +193,18 @@ fn unreadable(err: serde_json::Error) -> CommandError {
     )
 }
 
-/// A folder for the lake of one worker.
-struct Scratch(std::path::PathBuf);
-
-impl Scratch {
-    fn new(folder: &Path) -> Result<Self, CommandError> {
-        // Workers of several machines or containers may share the folder, and so have one number.
-        let random = std::fs::read_to_string("/proc/sys/kernel/random/uuid");
-        let own = random.and_then(|random| {
-            let own = folder.join(format!("pipeline-worker-{}", random.trim()));
-            std::fs::create_dir_all(folder)?;
-            std::fs::create_dir(&own)?;
-            Ok(own)
-        });
-        let own = own.map_err(|err| {
-            let message = format!("cannot make a folder in `{}`", folder.display());
-            CommandError::failed(anyhow::Error::from(err).context(message), None)
-        })?;
-        Ok(Self(own))
-    }
-
-    fn path(&self) -> &Path {
-        &self.0
-    }
-}
-
-impl Drop for Scratch {
-    fn drop(&mut self) {
-        let _left = std::fs::remove_dir_all(&self.0);
-    }
+/// Makes a folder for the lake of one worker, which is removed when it is dropped.
+fn scratch(folder: &Path) -> Result<TempDir, CommandError> {
+    let made = fs::create_dir_all(folder).and_then(|()| {
+        // Its name is not the process's number: machines or containers may share the folder.
+        tempfile::Builder::new()
+            .prefix("pipeline-worker-")
+            .tempdir_in(folder)
+    });
+    made.map_err(|err| {
+        let message = format!("cannot make a folder in `{}`", folder.display());
+        CommandError::failed(anyhow::Error::from(err).context(message), None)
+    })
 }
 
 /// Events written to stdout as lines of JSON.

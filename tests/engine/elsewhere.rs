@@ -302,7 +302,7 @@ fn an_interrupt_cancels_what_was_submitted() {
 }
 
 /// Parts, and something that must not be done twice for each.
-const ACTS: &str = r#"
+pub(crate) const ACTS: &str = r#"
 [stages.split]
 kind = "split"
 root = "INPUTS"

@@ -12,6 +12,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use crate::elsewhere::ACTS;
 use crate::place::{CHAIN, LONG, Place, files_below, read, stderr, stdout};
 
 /// What no file and no line may contain.
@@ -24,7 +25,7 @@ struct Server {
     port: u16,
 }
 
-/// What goes wrong with the first request that would create a file.
+/// What goes wrong with a request that would create a file, the first one for its key.
 #[derive(Debug, Clone, Copy)]
 enum Trouble {
     /// The file is stored, and the answer lost.
@@ -33,6 +34,8 @@ enum Trouble {
     Unavailable,
     /// The file is not stored, and the answer says that another is being stored.
     Conflict,
+    /// The condition is ignored, here of every request: the file is stored over any other.
+    Replaced,
 }
 
 impl Server {
@@ -150,14 +153,21 @@ fn pass(mut client: TcpStream, to: u16, trouble: Trouble, met: &Mutex<BTreeSet<S
         let _sent = client.write_all(refusal("409 Conflict").as_bytes());
         return;
     }
-    let head = head.replacen("\r\n\r\n", "\r\nConnection: close\r\n\r\n", 1);
+    let kept = |line: &&str| {
+        let is_condition = line.to_lowercase().starts_with("if-none-match:");
+        !(is_condition && matches!(trouble, Trouble::Replaced))
+    };
+    let lines: Vec<&str> = head.trim_end().split("\r\n").filter(kept).collect();
+    let head = lines.join("\r\n") + "\r\nConnection: close\r\n\r\n";
     let Ok(answered) = answer(to, &[head.as_bytes(), &body].concat()) else {
         return;
     };
     let _sent = match (is_met, trouble) {
         (true, Trouble::LostAnswer) => Ok(()),
-        (true, _) => client.write_all(refusal("503 Service Unavailable").as_bytes()),
-        (false, _) => client.write_all(&answered),
+        (true, Trouble::Unavailable) => {
+            client.write_all(refusal("503 Service Unavailable").as_bytes())
+        }
+        _ => client.write_all(&answered),
     };
 }
 
@@ -248,6 +258,25 @@ fn answers_that_are_lost_late_or_of_another_are_no_errors() {
         well(&share(&mut second.command("run", &[]), &url, server.port));
         assert_eq!(second.take_log(), [], "{trouble:?}");
     }
+}
+
+#[test]
+fn in_a_store_that_replaces_files_results_are_shared_and_nothing_is_claimed() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    let port = server.troubled(Trouble::Replaced);
+    let [first, second] = [(); 2].map(|()| machine(4));
+    for place in [&first, &second] {
+        well(&share(&mut place.command("run", &[]), DEPOT, port));
+    }
+    assert_eq!(second.take_log(), []);
+    let place = Place::with_inputs(ACTS, 2);
+    let refused = share(&mut place.command("run", &[]), DEPOT, port);
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(said.contains("it replaces files that are there"), "{said}");
+    assert!(place.take_log().iter().all(|made| made.kind != "act"));
 }
 
 #[test]

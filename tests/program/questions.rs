@@ -82,6 +82,12 @@ fn a_table_is_cut_to_the_width_of_the_terminal() {
 }
 
 #[test]
+fn a_question_may_begin_with_a_comment() {
+    let sql = "select count(*) as n from objects";
+    assert_eq!(answer(&[&format!("-- how many?\n{sql}")]), answer(&[sql]));
+}
+
+#[test]
 fn small_and_large_numbers_keep_their_digits() {
     let sql = "select step * 0.000001 / 4 as small, step * 1.0e10 as large, step / 2.0 as half \
                from demonstrations where step = 1 limit 1";

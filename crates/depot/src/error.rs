@@ -36,6 +36,12 @@ pub enum DepotError {
         /// How long it was waited for, without any progress.
         waited: Duration,
     },
+    /// A depot answers, but not as one must.
+    #[error("the depot cannot be relied on: {why}")]
+    Unreliable {
+        /// What it does.
+        why: String,
+    },
     /// A depot that failed before is not asked again by this process.
     #[error("the depot is not asked any more: {why}")]
     Offline {

@@ -96,7 +96,7 @@ impl Shared {
         link.remove(&key)?;
         match again {
             Put::There => Ok(()),
-            Put::New => Err(DepotError::Offline {
+            Put::New => Err(DepotError::Unreliable {
                 why: "it replaces files that are there, so that no claim would hold".to_owned(),
             }),
         }

@@ -82,7 +82,7 @@ impl Remote {
     ///
     /// # Errors
     ///
-    /// Fails if the depot is offline.
+    /// Fails if the depot is offline or unreliable.
     pub(crate) fn create(&self, key: &str, bytes: &[u8]) -> Result<Option<Vec<u8>>, DepotError> {
         // A store may say that there is a file and have none, where another's answer was lost.
         const TRIES: usize = 3;
@@ -96,7 +96,7 @@ impl Remote {
                 return Ok((there != bytes).then_some(there));
             }
         }
-        Err(DepotError::Offline {
+        Err(DepotError::Unreliable {
             why: format!("it says that `{key}` is there, and has none"),
         })
     }
