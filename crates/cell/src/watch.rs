@@ -50,6 +50,8 @@ pub struct Watcher {
     stream: Option<StreamPosition>,
     list: Option<StreamPosition>,
     polled: Option<Instant>,
+    /// Whether a motion has ended, of which the last samples may have been missed.
+    may_lack_samples: bool,
     counts: Counts,
     session: Session,
     _subscribers: Vec<Subscriber<()>>,
@@ -142,6 +144,7 @@ impl Watcher {
             stream: None,
             list: None,
             polled: None,
+            may_lack_samples: false,
             counts: Counts::default(),
             session,
             _subscribers: subscribers,
@@ -168,8 +171,18 @@ impl Watcher {
                 continue;
             }
             let left = deadline.saturating_duration_since(Instant::now());
-            match self.events.recv_timeout(left.min(due)) {
+            let wait = if self.may_lack_samples {
+                Duration::ZERO
+            } else {
+                left.min(due)
+            };
+            match self.events.recv_timeout(wait) {
                 Ok(event) => self.take(event),
+                // Only now, for samples that came in time may be older than the cell keeps them.
+                Err(_) if self.may_lack_samples => {
+                    self.may_lack_samples = false;
+                    self.catch_up();
+                }
                 Err(_) if left <= due => return None,
                 Err(_) => {}
             }
@@ -216,7 +229,7 @@ impl Watcher {
             return;
         }
         if state.seq > next {
-            self.recover(&state.epoch, next, state.seq, earlier);
+            self.recover(&state.epoch, next, Some(state.seq), earlier);
         }
         self.stream = Some(StreamPosition {
             of: state.epoch.clone(),
@@ -226,11 +239,24 @@ impl Watcher {
         self.ready.push_back(WatchEvent::State(state));
     }
 
-    /// Queries the samples from `from` to before `until`.
-    fn recover(&mut self, epoch: &str, mut from: u64, until: u64, earlier: Earlier) {
-        let deadline = Instant::now() + RECOVERY_TIMEOUT;
+    /// Delivers missed samples that no later one tells of: after a motion, a cell that is faster than real time
+    /// publishes none.
+    fn catch_up(&mut self) {
+        let Some(StreamPosition { of, next }) = self.stream.take() else {
+            return;
+        };
+        let next = self.recover(&of, next, None, Earlier::Missed);
+        self.stream = Some(StreamPosition { of, next });
+    }
+
+    /// Queries the samples from `from` to before `until`, or once for all there are; returns the number of the
+    /// next one.
+    fn recover(&mut self, epoch: &str, mut from: u64, until: Option<u64>, earlier: Earlier) -> u64 {
+        let patience = until.map_or(Duration::ZERO, |_| RECOVERY_TIMEOUT);
+        let deadline = Instant::now() + patience;
+        let is_wanted = |seq: u64| until.is_none_or(|until| seq < until);
         let mut any = earlier == Earlier::Missed;
-        while from < until {
+        while is_wanted(from) {
             let key = self.keys.history();
             let answer = self.ask(&key, from);
             let list = self.list.as_ref();
@@ -247,13 +273,14 @@ impl Watcher {
                 break;
             }
             if any {
-                self.counts.gaps_n += header.seq.min(until).saturating_sub(from);
+                let found = until.map_or(header.seq, |until| header.seq.min(until));
+                self.counts.gaps_n += found.saturating_sub(from);
             }
             any = true;
             let requested = from;
             from = from.max(header.seq);
             for state in states {
-                if state.seq == from && from < until {
+                if state.seq == from && is_wanted(from) {
                     from += 1;
                     self.counts.states_n += 1;
                     self.counts.recovered_n += 1;
@@ -266,8 +293,9 @@ impl Watcher {
             }
         }
         if any {
-            self.counts.gaps_n += until.saturating_sub(from);
+            self.counts.gaps_n += until.unwrap_or(from).saturating_sub(from);
         }
+        from
     }
 
     /// Delivers a published outcome.
@@ -284,6 +312,7 @@ impl Watcher {
 
     /// Delivers the next outcome.
     fn put(&mut self, outcome: GoalOutcome) {
+        self.may_lack_samples = true;
         self.list = Some(StreamPosition {
             of: outcome.journal.clone(),
             next: outcome.result_n.saturating_add(1),

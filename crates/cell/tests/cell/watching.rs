@@ -185,6 +185,29 @@ fn lost_messages_are_requested_again_and_counted() {
 }
 
 #[test]
+fn samples_that_none_follows_are_requested_too() {
+    // Faster than real time: nothing is published after the last motion.
+    let cell = start();
+    let mut watcher = watch(cell.endpoint());
+    let client = connect(&cell);
+    let run = |number: u32| {
+        let closed_m = 0.04 - 1e-4 * f64::from(number);
+        execute(&client, &goal(closed_m)).samples.len()
+    };
+    let first_n = run(0);
+    assert_eq!(states(&mut watcher, 1).len(), 1);
+    // More than are buffered for a watcher that does not fetch.
+    let published_n = first_n + (1..24).map(run).sum::<usize>();
+    assert!(published_n > 4096 + 100, "{published_n}");
+    let mut seen_n = 1;
+    while let Some(seen) = watcher.next(Duration::from_secs(1)) {
+        seen_n += usize::from(matches!(seen, WatchEvent::State(_)));
+    }
+    assert_eq!((seen_n, watcher.counts().gaps_n), (published_n, 0));
+    assert!(watcher.counts().recovered_n > 0);
+}
+
+#[test]
 fn router_outage_loses_no_message() {
     let router = Router::start(LISTEN, None).unwrap();
     let endpoint = router.endpoint().to_owned();
