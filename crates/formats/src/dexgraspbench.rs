@@ -7,9 +7,9 @@
 mod object;
 mod pickle;
 
-use std::{collections::BTreeMap, f64::consts::PI};
+use std::collections::BTreeMap;
 
-use nalgebra::{Unit, UnitQuaternion, Vector3};
+use nalgebra::{Quaternion, UnitQuaternion};
 use spatial::{Palm, Pose, Table};
 
 use crate::{
@@ -143,8 +143,7 @@ fn qpos(moment: &Moment, order: &[usize]) -> Vec<f64> {
 /// The pose of the evaluator's root link, in which the palm is turned by the quaternion (w 0, x 1, y 0, z 1), which
 /// is half a turn about the axis between x and z.
 fn root(table_from_palm: &Pose<Table, Palm>) -> Pose<Table, Palm> {
-    let axis = Unit::new_normalize(Vector3::new(1.0, 0.0, 1.0));
-    let root_from_palm = UnitQuaternion::from_axis_angle(&axis, PI);
+    let root_from_palm = UnitQuaternion::from_quaternion(Quaternion::from([1.0, 0.0, 1.0, 0.0]));
     let turn = Pose::<Palm, Palm>::from_parts([0.0; 3], root_from_palm.inverse());
     *table_from_palm * turn
 }
@@ -157,7 +156,7 @@ fn wxyz<A, B>(pose: &Pose<A, B>) -> Vec<f64> {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::{Point3, Quaternion};
+    use nalgebra::{Point3, Vector3};
 
     use super::*;
     use crate::Joint;
