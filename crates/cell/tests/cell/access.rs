@@ -4,6 +4,7 @@
 use std::{
     fs,
     path::{Path, PathBuf},
+    sync::mpsc::{self, RecvTimeoutError},
     thread,
     time::Duration,
 };
@@ -245,7 +246,12 @@ fn watcher_sees_everything_and_moves_nothing() {
                 _ => {}
             }
         }
-        assert_eq!((states, motions), (report.samples.len(), 1), "{way}");
+        let counts = watcher.counts();
+        assert_eq!(
+            (states, motions),
+            (report.samples.len(), 1),
+            "{way}: {counts:?}"
+        );
         assert_eq!(outcomes, [report.goal_id]);
         assert_eq!(watcher.counts().unreadable_n, 0);
     }
@@ -278,18 +284,21 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
                 .to_bytes()
                 .into_owned()
         };
-        let over = std::sync::atomic::AtomicBool::new(false);
+        let (over, beating) = mpsc::channel::<()>();
+        let beat_key = keys.heartbeat();
         thread::scope(|scope| {
-            scope.spawn(|| {
-                while !over.load(std::sync::atomic::Ordering::Relaxed) {
+            // Moved into this closure, so that a failure in it ends the beats, too.
+            let over = over;
+            scope.spawn(move || {
+                let pause = Duration::from_millis(50);
+                while beating.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
                     let beat = "{\"dispatcher\":\"me\"}\n";
-                    beats.put(keys.heartbeat(), beat).wait().unwrap();
-                    thread::sleep(Duration::from_millis(50));
+                    beats.put(&beat_key, beat).wait().unwrap();
                 }
             });
             ask(keys.goal(), &sealed.bytes);
             let report = report(&ask(keys.result(&sealed.goal_id), &[]), &goal);
-            over.store(true, std::sync::atomic::Ordering::Relaxed);
+            drop(over);
             report
         })
     };
