@@ -6,6 +6,8 @@
 //! give numbers again. Which arrays are out is in the depot too, so that a run whose process was killed
 //! goes on with the jobs that it left.
 
+mod adopt;
+mod drivers;
 mod queue;
 mod table;
 mod watch;
@@ -25,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use self::table::Table;
 use self::{
-    queue::{JobState, Queue, ask},
+    queue::{Queue, ask},
     table::Values,
 };
 use crate::{
@@ -80,6 +82,8 @@ struct Array {
     id: Option<String>,
     /// The configuration by which it was submitted.
     on: String,
+    /// The run that looks after it.
+    driver: String,
     /// The fingerprints of the units of each job.
     jobs: Vec<Vec<Digest>>,
 }
@@ -104,28 +108,10 @@ impl Executor for Batch<'_> {
                 }
             }
         }
-        let mut arrays = self.adopt(wave, &open)?;
-        let adopted: BTreeSet<Digest> = digests(&arrays).collect();
-        let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
-        let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
-        rest.sort_unstable();
-        let submitted = self.submit(wave, &rest, &mut arrays);
-        let watched = match submitted {
-            Ok(()) if arrays.is_empty() => Ok(false),
-            Ok(()) => self.watch(wave, &arrays, &mut open, events, ended),
-            Err(err) => Err(err),
-        };
-        let is_left = watched.is_err() || !open.is_empty();
-        for array in &arrays {
-            // A job that is stuck, or that makes what nobody waits for any more.
-            if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
-                let _gone = ask(&self.cancellation(array), "");
-            }
-            out(|out| out.remove(&array.name));
-            // What a depot that is down keeps, its garbage collection removes.
-            let _left = self.forget(wave, array);
-        }
-        watched.map(drop)
+        let driver = unique_name().map_err(|err| self.refused(&err))?;
+        self.alive_during(&driver, || {
+            self.make(wave, &driver, &mut open, events, ended)
+        })
     }
 }
 
@@ -164,6 +150,39 @@ fn failed(err: LakeError) -> Failure {
 }
 
 impl Batch<'_> {
+    /// Has units made by jobs, new ones or those that a dead run has left.
+    fn make(
+        &self,
+        wave: &Wave,
+        driver: &str,
+        open: &mut HashMap<Digest, usize>,
+        events: &Events,
+        ended: &Ended,
+    ) -> Result<(), Failure> {
+        let mut arrays = self.adopt(wave, driver, open, ended)?;
+        let adopted: BTreeSet<Digest> = digests(&arrays).collect();
+        let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
+        let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
+        rest.sort_unstable();
+        let submitted = self.submit(wave, driver, &rest, &mut arrays);
+        let watched = match submitted {
+            Ok(()) if arrays.is_empty() => Ok(false),
+            Ok(()) => self.watch(wave, &arrays, open, events, ended),
+            Err(err) => Err(err),
+        };
+        let is_left = watched.is_err() || !open.is_empty();
+        for array in &arrays {
+            // A job that is stuck, or that makes what nobody waits for any more.
+            if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
+                let _gone = ask(&self.cancellation(array), "");
+            }
+            out(|out| out.remove(&array.name));
+            // What a depot that is down keeps, its garbage collection removes.
+            let _left = self.forget(wave, array);
+        }
+        watched.map(drop)
+    }
+
     /// Has a job come up that makes nothing; returns the name of its machine.
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         let refused = |err: io::Error| self.refused(&err);
@@ -171,11 +190,13 @@ impl Batch<'_> {
             name: unique_name().map_err(refused)?,
             id: None,
             on: self.name.clone(),
+            driver: String::new(),
             jobs: vec![Vec::new()],
         };
         let job = format!("{}/0", array.name);
         let nothing = JobOrders {
             folder: env::current_dir().map_err(refused)?,
+            beat_s: None,
             orders: Vec::new(),
         };
         self.leave(&orders_key(&job), &nothing)?;
@@ -219,56 +240,14 @@ impl Batch<'_> {
         }
     }
 
-    /// Finds arrays of an earlier process that make units of this output, with the jobs that are not over.
-    fn adopt(&self, wave: &Wave, open: &HashMap<Digest, usize>) -> Result<Vec<Array>, Failure> {
-        let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
-        let mut arrays = Vec::new();
-        for key in self.lake.messages(&below).map_err(failed)? {
-            let found = self.lake.message(&key).map_err(failed)?;
-            let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
-            // Others make units of other values, or of another run.
-            let is_of_wave = |array: &Array| {
-                array.on == self.name
-                    && array
-                        .jobs
-                        .iter()
-                        .flatten()
-                        .any(|unit| open.contains_key(unit))
-            };
-            arrays.extend(array.filter(is_of_wave));
-        }
-        if arrays.is_empty() {
-            return Ok(arrays);
-        }
-        let queue = self.look_patiently(&arrays)?;
-        let (mut kept, mut gone) = (Vec::new(), Vec::new());
-        for mut array in arrays {
-            let name = array.name.clone();
-            for (idx, job) in array.jobs.iter_mut().enumerate() {
-                let state = queue.get(&(name.clone(), idx));
-                if !matches!(state, Some(JobState::Waiting | JobState::Running(_))) {
-                    job.clear();
-                }
-            }
-            let is_out = array.jobs.iter().any(|job| !job.is_empty());
-            if is_out { &mut kept } else { &mut gone }.push(array);
-        }
-        for array in &gone {
-            self.forget(wave, array)?;
-        }
-        for array in &kept {
-            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
-            report::line(&format!(
-                "adopt  {}: array {} goes on",
-                wave.output(),
-                array.name
-            ));
-        }
-        Ok(kept)
-    }
-
     /// Submits the units at these positions.
-    fn submit(&self, wave: &Wave, rest: &[usize], arrays: &mut Vec<Array>) -> Result<(), Failure> {
+    fn submit(
+        &self,
+        wave: &Wave,
+        driver: &str,
+        rest: &[usize],
+        arrays: &mut Vec<Array>,
+    ) -> Result<(), Failure> {
         if rest.is_empty() {
             return Ok(());
         }
@@ -282,6 +261,7 @@ impl Batch<'_> {
                 name: unique_name().map_err(|err| self.refused(&err))?,
                 id: None,
                 on: self.name.clone(),
+                driver: driver.to_owned(),
                 jobs: Vec::with_capacity(jobs.len()),
             };
             for (idx, job) in jobs.iter().enumerate() {
@@ -292,7 +272,14 @@ impl Batch<'_> {
                     .push(orders.iter().map(|order| order.fingerprint).collect());
                 let folder = env::current_dir().map_err(|err| self.refused(&err))?;
                 let key = orders_key(&format!("{}/{idx}", array.name));
-                self.leave(&key, &JobOrders { folder, orders })?;
+                // Several signs come in the time in which one must.
+                let beat_s = Some((self.table.silent_s / 5).max(1));
+                let job = JobOrders {
+                    folder,
+                    beat_s,
+                    orders,
+                };
+                self.leave(&key, &job)?;
             }
             let key = key(wave, &array.name);
             self.leave(&key, &array)?;

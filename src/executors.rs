@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
-    batch::{Batch, Table},
+    batch::{Batch, Table, quoted},
     outcome::CommandError,
     processes::{Processes, Reach},
     sharing::{self, DepotName},
@@ -145,13 +145,31 @@ impl Launcher {
         };
         let named = format!("{}={depot}", sharing::VARIABLE);
         let worker = ["env", &named, &program, "unit", "--scratch", &self.scratch];
-        let words = self.prefix.iter().map(String::as_str).chain(worker);
+        let is_shell = self.prefix.first().is_some_and(|it| it.ends_with("ssh"));
+        let worker = worker.map(|word| {
+            if is_shell {
+                for_shell(word)
+            } else {
+                word.to_owned()
+            }
+        });
+        let words = self.prefix.iter().cloned().chain(worker);
         Ok(Processes {
             lake,
             worker: words.map(Into::into).collect(),
             reach: Reach::DepotAlone,
             at_once: self.at_once.max(1),
         })
+    }
+}
+
+/// A word as a shell takes it, to which `ssh` gives all of them in one line; `~` and plain words stay as they are.
+fn for_shell(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_./~:=@%+,-".contains(c);
+    if word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        quoted(word)
     }
 }
 
@@ -201,4 +219,19 @@ fn configured(name: &str) -> Result<(DocumentMut, PathBuf), CommandError> {
         table.insert(key, value.clone());
     }
     Ok((table, file))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_behind_ssh_stay_whole() {
+        assert_eq!(for_shell("~/bin/pipeline"), "~/bin/pipeline");
+        assert_eq!(
+            for_shell("PIPELINE_DEPOT=s3://lab/depot"),
+            "PIPELINE_DEPOT=s3://lab/depot"
+        );
+        assert_eq!(for_shell("/my disk/$x"), "'/my disk/$x'");
+    }
 }

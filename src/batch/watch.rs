@@ -1,9 +1,10 @@
 //! Watching the jobs that are out.
 
 use std::{
-    collections::{BTreeMap, HashMap, HashSet},
+    collections::{BTreeMap, HashMap},
     path::Path,
     thread,
+    time::{Duration, Instant},
 };
 
 use dataflow::{Digest, End, Ended, Event, Events, Failure, Wave};
@@ -32,10 +33,17 @@ struct Places {
 struct Seen {
     /// Looks at which a job was over and had left nothing.
     missed: HashMap<(String, usize), usize>,
-    /// Looks at which a job was running.
-    running: HashMap<(String, usize), u64>,
-    /// Jobs whose workers have begun.
-    begun: HashSet<(String, usize)>,
+    /// The workers of jobs that are said to run.
+    workers: HashMap<(String, usize), Heard>,
+}
+
+/// When the worker of a job was last heard.
+struct Heard {
+    /// Its last sign, if it has begun.
+    sign: Option<Vec<u8>>,
+    at: Instant,
+    /// When its sign was last looked at.
+    looked: Instant,
 }
 
 impl Batch<'_> {
@@ -114,16 +122,17 @@ impl Batch<'_> {
                     seen.missed.remove(&job);
                     continue;
                 }
-                Some(JobState::Running(host)) if self.has_begun(&job, seen)? => {
-                    *places.running.entry(host.clone()).or_default() += units.len();
-                    seen.missed.remove(&job);
-                    continue;
-                }
-                Some(JobState::Running(host)) => {
-                    let begin_s = self.table.begin_s;
-                    places.is_stuck = true;
-                    format!("is said to run on `{host}`, where nothing has begun for {begin_s} s")
-                }
+                Some(JobState::Running(host)) => match self.silence(&job, seen)? {
+                    None => {
+                        *places.running.entry(host.clone()).or_default() += units.len();
+                        seen.missed.remove(&job);
+                        continue;
+                    }
+                    Some(why) => {
+                        places.is_stuck = true;
+                        format!("is said to run on `{host}`, where nothing has {why}")
+                    }
+                },
                 Some(JobState::Stuck(reason)) => {
                     places.is_stuck = true;
                     format!("would wait for ever ({reason})")
@@ -147,22 +156,33 @@ impl Batch<'_> {
         Ok(places)
     }
 
-    /// Whether a job that is said to run has begun, or may still do so.
-    fn has_begun(&self, job: &(String, usize), seen: &mut Seen) -> Result<bool, Failure> {
-        if seen.begun.contains(job) {
-            return Ok(true);
+    /// Says for how long nothing was heard of the worker of a job that is said to run, if that is too long.
+    fn silence(&self, job: &(String, usize), seen: &mut Seen) -> Result<Option<String>, Failure> {
+        let (begin_s, silent_s) = (self.table.begin_s, self.table.silent_s);
+        let now = Instant::now();
+        let heard = seen.workers.entry(job.clone()).or_insert(Heard {
+            sign: None,
+            at: now,
+            looked: now,
+        });
+        let longest_s = heard.sign.as_ref().map_or(begin_s, |_| silent_s);
+        let longest = Duration::from_secs(longest_s);
+        // A request for each job at every look would be many.
+        let pause = Duration::from_secs(begin_s.min(silent_s) / 4);
+        if heard.at.elapsed() > longest || heard.looked.elapsed() > pause {
+            heard.looked = now;
+            let key = here_key(&format!("{}/{}", job.0, job.1));
+            let sign = self.lake.message(&key).map_err(failed)?;
+            if sign != heard.sign {
+                heard.sign = sign;
+                heard.at = now;
+            }
         }
-        let n_looks = seen.running.entry(job.clone()).or_default();
-        *n_looks += 1;
-        if *n_looks * EVERY.as_secs() <= self.table.begin_s {
-            return Ok(true);
-        }
-        let here = here_key(&format!("{}/{}", job.0, job.1));
-        let has_begun = self.lake.message(&here).map_err(failed)?.is_some();
-        if has_begun {
-            seen.begun.insert(job.clone());
-        }
-        Ok(has_begun)
+        let is_silent = heard.at.elapsed() > longest;
+        Ok(is_silent.then(|| match heard.sign {
+            None => format!("begun for {begin_s} s"),
+            Some(_) => format!("been heard for {silent_s} s"),
+        }))
     }
 
     /// Takes what the jobs have left in the depot; returns whether a unit has failed.

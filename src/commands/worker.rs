@@ -4,7 +4,10 @@ use std::{
     env, fs,
     io::{self, BufRead, Read},
     path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        mpsc::{self, Receiver, RecvTimeoutError},
+    },
     thread,
     time::Duration,
 };
@@ -81,7 +84,7 @@ impl Worker<'_> {
             interrupt::stop(&lake);
         });
         if job.orders.is_empty() {
-            report::data(format!("{}\n", host()).as_bytes())?;
+            report::data(format!("{}\n", lake::host()).as_bytes())?;
         }
         self.each(&job, |_, _| Ok(()))
     }
@@ -94,12 +97,34 @@ impl Worker<'_> {
         })?;
         let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
         let here = jobs::here_key(name);
-        self.lake.leave_message(&here, host().into_bytes())?;
-        self.each(&job, |order, end| {
-            let bytes = serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
-            let key = jobs::end_key(name, &order.fingerprint);
-            Ok(self.lake.leave_message(&key, bytes)?)
+        self.lake.leave_message(&here, lake::host().into_bytes())?;
+        let (over, beating) = mpsc::channel::<()>();
+        thread::scope(|scope| {
+            // Dropped before the scope ends, however the work ends.
+            let over = over;
+            if let Some(beat_s) = job.beat_s {
+                scope.spawn(move || self.beat(&here, Duration::from_secs(beat_s), &beating));
+            }
+            let made = self.each(&job, |order, end| {
+                let bytes =
+                    serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
+                let key = jobs::end_key(name, &order.fingerprint);
+                Ok(self.lake.leave_message(&key, bytes)?)
+            });
+            drop(over);
+            made
         })
+    }
+
+    /// Leaves numbered signs of life until the job is over.
+    fn beat(&self, key: &str, every: Duration, over: &Receiver<()>) {
+        let mut n: u64 = 0;
+        while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+            n += 1;
+            let sign = format!("{} {n}", lake::host());
+            // One that is missed is followed by others.
+            let _left = self.lake.leave_message(key, sign.into_bytes());
+        }
     }
 
     /// Makes orders one after the other, and tells how each ended.
@@ -178,12 +203,6 @@ impl Worker<'_> {
             left_out,
         }
     }
-}
-
-/// The machine's name.
-fn host() -> String {
-    let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
-    name.trim().to_owned()
 }
 
 fn unreadable(err: serde_json::Error) -> CommandError {

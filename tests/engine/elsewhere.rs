@@ -197,6 +197,92 @@ fn jobs_that_run_in_the_schedulers_books_alone_are_lost() {
 }
 
 #[test]
+fn a_worker_that_dies_while_its_job_is_said_to_run_is_lost() {
+    let cluster = Cluster::new();
+    put(&cluster.path("executors.toml"), b"[slurm]\nsilent_s = 5\n");
+    let place = Place::with_inputs(CHAIN, 2);
+    let mut run = Running::start(cluster.with(place.held(&["--on", "slurm", "--until", "split"])));
+    // Longer than it may be silent: its signs keep it.
+    run.wait_for(&place, "p000");
+    thread::sleep(Duration::from_secs(8));
+    assert_eq!(cluster.calls("submit").len(), 1);
+    put(&cluster.path("fake/frozen"), b"");
+    let workers = processes_with(&cluster.path("depot"));
+    assert_eq!(workers.len(), 2);
+    for process in workers {
+        let mut kill = Command::new("kill");
+        kill.args(["-9", &process]);
+        well(kill);
+    }
+    for partition in ["p000", "p001"] {
+        place.let_go(partition);
+    }
+    let until = Instant::now() + LONG;
+    while cluster.calls("submit").len() < 2 {
+        let ended = run.child.try_wait().unwrap();
+        assert!(
+            ended.is_none() && Instant::now() < until,
+            "nothing was submitted again: {}",
+            run.finish().1
+        );
+        thread::park_timeout(Duration::from_millis(50));
+    }
+    fs::remove_file(cluster.path("fake/frozen")).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert!(
+        said.contains("is said to run on `fake`, where nothing has been heard for 5 s"),
+        "{said}"
+    );
+    assert!(cluster.calls("cancel").len() <= 2, "{said}");
+}
+
+#[test]
+fn of_two_runs_of_the_same_units_one_waits_for_the_others_jobs() {
+    let cluster = Cluster::new();
+    let [first, second] = [(); 2].map(|()| machine());
+    put(&cluster.path("fake/hold"), b"");
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
+    let mut one = start(&first);
+    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    let mut other = start(&second);
+    let waits = |line: &str| line.starts_with("wait   split.parts: made by jobs of another run");
+    other.wait_for_line("it waits", waits);
+    assert_eq!(cluster.calls("submit").len(), 1);
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    for run in [one, other] {
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{said}");
+    }
+    assert_eq!(first.take_log().len() + second.take_log().len(), 6);
+    assert_eq!(cluster.calls("submit").len(), 1);
+    cluster.assert_tidy();
+}
+
+#[test]
+fn a_run_that_waits_takes_over_the_jobs_of_one_that_dies() {
+    let cluster = Cluster::new();
+    let [first, second] = [(); 2].map(|()| machine());
+    put(&cluster.path("fake/hold"), b"");
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
+    let mut one = start(&first);
+    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    let mut other = start(&second);
+    other.wait_for_line("it waits", |line| line.starts_with("wait   split.parts"));
+    one.child.kill().unwrap();
+    one.finish();
+    other.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    let (code, said) = other.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
+    assert_eq!(first.take_log().len() + second.take_log().len(), 6);
+    cluster.assert_tidy();
+}
+
+#[test]
 fn a_failure_is_not_tried_again_and_its_log_is_named() {
     let cluster = Cluster::new();
     let place = machine();

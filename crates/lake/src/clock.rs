@@ -30,7 +30,8 @@ pub(crate) fn program() -> String {
 }
 
 /// The machine's name.
-pub(crate) fn host() -> String {
+#[must_use]
+pub fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.trim().to_owned()
 }

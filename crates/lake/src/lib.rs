@@ -24,7 +24,7 @@
 //! sources.json             a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress
 //! outbox/                  marks of units and runs that are to be sent to the depot
-//! identity                 what tells this lake from others, once it has claimed a unit in the depot
+//! identity                 what tells this lake from others and from its copies, once it has claimed a unit in the depot
 //! unfetched/               marks of blobs that are in the depot and not here, until they are asked for
 //! logs/abcd….log           what the program of a unit printed, until its unit is collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored
@@ -95,6 +95,7 @@ mod views;
 pub use artifact::ReadArtifact;
 pub use atomic::write_atomic;
 pub use catalog::{StageTable, TableFiles};
+pub use clock::host;
 pub use collect::{GcMode, GcReport, GcUnits};
 pub use digests::OnBytes;
 pub use error::LakeError;

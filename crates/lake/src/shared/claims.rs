@@ -1,6 +1,11 @@
 //! Claims of units that move a robot: of machines that share a depot, one makes each, once and for all.
 
-use std::fs;
+use std::{
+    fs,
+    io::{self, ErrorKind},
+    os::unix::fs::MetadataExt,
+    path::Path,
+};
 
 use dataflow::{Digest, UnitName};
 use depot::DepotError;
@@ -8,8 +13,8 @@ use depot::DepotError;
 use super::{Shared, keys};
 use crate::{
     LakeError,
-    atomic::{io_error, write_atomic},
-    clock::host,
+    atomic::{io_error, remove_if_there, temporary_name, write_atomic},
+    clock::{host, nanoseconds},
 };
 
 impl Shared {
@@ -21,7 +26,7 @@ impl Shared {
         };
         self.check_creates().map_err(unknown)?;
         let host = host();
-        let claim = format!("{host}\n{}\n", self.identity()?);
+        let claim = format!("{host}\n{}", self.identity()?);
         let key = keys::claim(fingerprint);
         let claimed = self.remote.create(&key, claim.as_bytes());
         let Some(other) = claimed.map_err(unknown)? else {
@@ -35,15 +40,63 @@ impl Shared {
         })
     }
 
-    /// What tells this lake from all others, on this machine too.
+    /// What tells this lake from all others, on this machine too, and from its own copies.
     fn identity(&self) -> Result<String, LakeError> {
         let path = self.folder.join("identity");
-        if !path.exists() {
-            let random = "/proc/sys/kernel/random/uuid";
-            let random = fs::read(random).map_err(io_error("read", random.as_ref()))?;
-            write_atomic(&path, &random)?;
+        let root = self.folder.root();
+        let place = place(root).map_err(io_error("read", root))?;
+        for _ in 0..TRIES {
+            match fs::read_to_string(&path) {
+                Ok(identity) if identity.ends_with(&place) => return Ok(identity),
+                // It came with a copy.
+                Ok(_) => fs::remove_file(&path).map_err(io_error("remove", &path))?,
+                Err(err) if err.kind() == ErrorKind::NotFound => self.identify(&path, &place)?,
+                Err(err) => return Err(io_error("read", &path)(err)),
+            }
         }
-        let identity = fs::read_to_string(&path).map_err(io_error("read", &path))?;
-        Ok(identity.trim().to_owned())
+        let changing = io::Error::other("another process changes it");
+        Err(io_error("read", &path)(changing))
+    }
+
+    /// Gives the lake an identity, unless another process has just done so.
+    fn identify(&self, path: &Path, place: &str) -> Result<(), LakeError> {
+        let random = "/proc/sys/kernel/random/uuid";
+        let random = fs::read_to_string(random).map_err(io_error("read", random.as_ref()))?;
+        let beside = temporary_name(&self.folder.staging());
+        write_atomic(&beside, (random + place).as_bytes())?;
+        let linked = fs::hard_link(&beside, path);
+        remove_if_there(&beside)?;
+        match linked {
+            Err(err) if err.kind() == ErrorKind::AlreadyExists => Ok(()),
+            linked => linked.map_err(io_error("write", path)),
+        }
+    }
+}
+
+/// Times that an identity is looked for, while other processes do the same.
+const TRIES: usize = 8;
+
+/// What a folder keeps when it is moved and its copies do not have: its number in the file system, and when it
+/// was made, where that is known.
+fn place(folder: &Path) -> io::Result<String> {
+    let found = fs::metadata(folder)?;
+    let made = found.created().map_or(0, nanoseconds);
+    Ok(format!("{} {made}\n", found.ino()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_moved_folder_is_the_same_place_and_a_copy_is_another() {
+        let parent = tempfile::tempdir().unwrap();
+        let [first, moved, copy] = ["first", "moved", "copy"].map(|name| parent.path().join(name));
+        fs::create_dir(&first).unwrap();
+        let before = place(&first).unwrap();
+        fs::create_dir(&copy).unwrap();
+        fs::rename(&first, &moved).unwrap();
+        assert_eq!(place(&moved).unwrap(), before);
+        assert_ne!(place(&copy).unwrap(), before);
     }
 }

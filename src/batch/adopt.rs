@@ -1,0 +1,97 @@
+//! Arrays of jobs that other runs have submitted: waited for, or taken over.
+
+use std::collections::{BTreeSet, HashMap};
+
+use dataflow::{Digest, End, Ended, Failure, Store, Wave};
+
+use super::{Array, Batch, failed, key, out, queue::JobState};
+use crate::report;
+
+impl Batch<'_> {
+    /// Finds arrays that make units of this output and waits for the runs that look after them; takes over,
+    /// of those that have died, the arrays with the jobs that are not over.
+    pub(super) fn adopt(
+        &self,
+        wave: &Wave,
+        driver: &str,
+        open: &mut HashMap<Digest, usize>,
+        ended: &Ended,
+    ) -> Result<Vec<Array>, Failure> {
+        let mut arrays = self.left(wave, open)?;
+        while self.wait_for_drivers(wave, &arrays)? {
+            for digest in open.keys().copied().collect::<Vec<_>>() {
+                let made = self.lake.arrived(&digest).map_err(Failure::Store)?;
+                if made.is_some()
+                    && let Some(idx) = open.remove(&digest)
+                {
+                    ended(idx, End::Done { made_now: false });
+                }
+            }
+            arrays = self.left(wave, open)?;
+        }
+        if arrays.is_empty() {
+            return Ok(arrays);
+        }
+        let queue = self.look_patiently(&arrays)?;
+        let (mut kept, mut gone) = (Vec::new(), Vec::new());
+        for mut array in arrays {
+            let name = array.name.clone();
+            for (idx, job) in array.jobs.iter_mut().enumerate() {
+                let state = queue.get(&(name.clone(), idx));
+                if !matches!(state, Some(JobState::Waiting | JobState::Running(_))) {
+                    job.clear();
+                }
+            }
+            let is_out = array.jobs.iter().any(|job| !job.is_empty());
+            if is_out { &mut kept } else { &mut gone }.push(array);
+        }
+        for array in &gone {
+            self.forget(wave, array)?;
+        }
+        for array in &mut kept {
+            driver.clone_into(&mut array.driver);
+            self.leave(&key(wave, &array.name), array)?;
+            out(|out| out.insert(array.name.clone(), self.cancellation(array)));
+            report::line(&format!(
+                "adopt  {}: array {} goes on",
+                wave.output(),
+                array.name
+            ));
+        }
+        Ok(kept)
+    }
+
+    /// Lists the arrays in the depot that make units of this output.
+    fn left(&self, wave: &Wave, open: &HashMap<Digest, usize>) -> Result<Vec<Array>, Failure> {
+        let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
+        let mut arrays = Vec::new();
+        for key in self.lake.messages(&below).map_err(failed)? {
+            let found = self.lake.message(&key).map_err(failed)?;
+            let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
+            // Others make units of other values, or of another run.
+            let is_of_wave = |array: &Array| {
+                let mut units = array.jobs.iter().flatten();
+                array.on == self.name && units.any(|unit| open.contains_key(unit))
+            };
+            arrays.extend(array.filter(is_of_wave));
+        }
+        Ok(arrays)
+    }
+
+    /// Waits for each run that looks after one of these arrays; returns whether one of them was alive.
+    fn wait_for_drivers(&self, wave: &Wave, arrays: &[Array]) -> Result<bool, Failure> {
+        let drivers: BTreeSet<&str> = arrays.iter().map(|it| it.driver.as_str()).collect();
+        let mut have_waited = false;
+        for driver in drivers {
+            have_waited |= self.wait_for(driver, |sign| {
+                report::line(&format!(
+                    "wait   {}: made by jobs of another run, process {} on `{}`",
+                    wave.output(),
+                    sign.process,
+                    sign.host
+                ));
+            })?;
+        }
+        Ok(have_waited)
+    }
+}
