@@ -15,7 +15,8 @@ Options of every command:
   -h, --help        Print help: `-h` on one screen, `--help` everything
   -V, --version     Print the version
 
-Not in the list: `untag` removes a tag, `unit` makes one partition, as `run --processes` does.
+Not in the list: `attach` shows a run that was started with `--detach`, `untag` removes a tag,
+`unit` makes one partition, as `run --processes` does.
 
 Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml";
 
@@ -34,6 +35,9 @@ pub(crate) struct Cli {
     /// Folder that holds artifacts
     #[arg(long, global = true, value_name = "DIR", default_value = "data/lake")]
     pub(crate) lake: PathBuf,
+    /// The folder of a run that was detached
+    #[arg(long, hide = true, value_name = "DIR")]
+    pub(crate) detached_in: Option<PathBuf>,
     #[command(subcommand)]
     pub(crate) command: Command,
 }
@@ -44,6 +48,11 @@ pub(crate) enum Command {
     New(NewArgs),
     /// Run a pipeline, reusing every result that is still valid
     Run(RunArgs),
+    /// Show a run that was started with `--detach`
+    ///
+    /// What it has said and what it says until it ends, with its exit code. Ctrl-C leaves it running.
+    #[command(hide = true)]
+    Attach(AttachArgs),
     /// Show what `run` would do, and why
     Plan(PlanArgs),
     /// Query the lake's tables in SQL
@@ -347,6 +356,7 @@ pub(crate) struct ValueArgs {
 }
 
 #[derive(Args, Clone)]
+#[expect(clippy::struct_excessive_bools, reason = "each is a flag of its own")]
 pub(crate) struct RunArgs {
     #[command(flatten)]
     pub(crate) pipeline: PipelineArgs,
@@ -364,6 +374,11 @@ pub(crate) struct RunArgs {
     /// moves a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,
+    /// Run in the background, until it is done
+    ///
+    /// A terminal that closes does not stop it; `pipeline attach` shows it.
+    #[arg(long, conflicts_with = "dry_run")]
+    pub(crate) detach: bool,
     /// Show what would run, as `plan` does
     #[arg(long)]
     pub(crate) dry_run: bool,
@@ -372,6 +387,12 @@ pub(crate) struct RunArgs {
     /// Without this it sends nothing to one.
     #[arg(long)]
     pub(crate) execute: bool,
+}
+
+#[derive(Args)]
+pub(crate) struct AttachArgs {
+    /// Number that `run --detach` printed [default: the newest]
+    pub(crate) number: Option<u32>,
 }
 
 #[derive(Args, Clone)]

@@ -47,7 +47,7 @@ fn arguments() -> Result<Cli, clap::Error> {
 pub fn command_line(kinds: &[Kind]) -> ExitCode {
     let cli = match arguments() {
         Ok(cli) => cli,
-        Err(said) => return report::arguments(&said),
+        Err(said) => return ExitCode::from(report::arguments(&said)),
     };
     let program = Program {
         kinds,
@@ -57,6 +57,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
     let result = match &cli.command {
         Command::New(args) => commands::new(&program, args),
         Command::Run(args) => commands::run(&program, args),
+        Command::Attach(args) => commands::attach(&program, args),
         Command::Plan(args) => commands::plan(&program, args),
         Command::Query(args) => commands::query(&program, args),
         Command::Inspect(args) => commands::inspect(&program, args),
@@ -79,9 +80,12 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Unit(args) => commands::unit(&program, args),
         Command::Completions(args) => commands::completions(args),
     };
-    match result {
-        Ok(CommandOutcome::Done) => ExitCode::SUCCESS,
-        Ok(CommandOutcome::SkippedItems) => ExitCode::from(3),
-        Err(trouble) => report::trouble(&trouble),
-    }
+    let code = result.map_or_else(|trouble| report::trouble(&trouble), CommandOutcome::code);
+    let left = cli
+        .detached_in
+        .map(|folder| commands::leave_code(&folder, code));
+    ExitCode::from(match left {
+        Some(Err(trouble)) => report::trouble(&trouble),
+        _ => code,
+    })
 }

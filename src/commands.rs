@@ -2,6 +2,7 @@
 
 mod cell;
 mod completions;
+mod detach;
 mod diff;
 mod doctor;
 mod export;
@@ -29,6 +30,7 @@ mod worker;
 
 pub(crate) use cell::cell;
 pub(crate) use completions::completions;
+pub(crate) use detach::{attach, leave_code};
 pub(crate) use diff::diff;
 pub(crate) use doctor::doctor;
 pub(crate) use export::export;

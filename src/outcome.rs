@@ -10,6 +10,19 @@ pub(crate) enum CommandOutcome {
     Done,
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
+    /// As another process has ended, with its exit code.
+    As(u8),
+}
+
+impl CommandOutcome {
+    /// Returns the exit code.
+    pub(crate) fn code(self) -> u8 {
+        match self {
+            Self::Done => 0,
+            Self::SkippedItems => 3,
+            Self::As(code) => code,
+        }
+    }
 }
 
 /// A command that failed.

@@ -4,7 +4,6 @@ use std::{
     env,
     io::{self, IsTerminal, Write},
     os::fd::AsFd,
-    process::ExitCode,
 };
 
 use anstream::AutoStream;
@@ -159,19 +158,19 @@ fn painted(line: &str) -> String {
 }
 
 /// Prints clap's output: help to stdout, errors to stderr.
-pub(crate) fn arguments(said: &clap::Error) -> ExitCode {
+pub(crate) fn arguments(said: &clap::Error) -> u8 {
     let written = said.print().and_then(|()| io::stdout().flush());
     if said.use_stderr() {
-        return ExitCode::from(2);
+        return 2;
     }
     match checked(written) {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(()) => 0,
         Err(failed) => trouble(&failed),
     }
 }
 
 /// Reports why a command failed, and returns its exit code.
-pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
+pub(crate) fn trouble(trouble: &CommandError) -> u8 {
     match trouble {
         CommandError::File(err) => {
             for problem in &err.problems {
@@ -181,7 +180,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
                 }
                 hint(problem.hint.as_deref());
             }
-            ExitCode::from(2)
+            2
         }
         CommandError::Usage {
             message,
@@ -189,7 +188,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
         } => {
             line(&format!("error: {message}"));
             hint(advice.as_deref());
-            ExitCode::from(2)
+            2
         }
         CommandError::Failed {
             error,
@@ -197,7 +196,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> ExitCode {
         } => {
             line(&format!("error: {}", chain(error)));
             hint(advice.as_deref());
-            ExitCode::from(1)
+            1
         }
     }
 }

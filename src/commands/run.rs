@@ -12,7 +12,7 @@ use crate::{
     arguments::RunArgs,
     command_line::Program,
     commands::{
-        pipeline_file, plan,
+        detach, pipeline_file, plan,
         query::page::Page,
         sweep::{self, Done},
     },
@@ -29,6 +29,9 @@ const PAGE: &str = "page";
 
 /// Runs a pipeline, or every variant of it, reusing every result that is still valid.
 pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, CommandError> {
+    if args.detach {
+        return detach::detach(program);
+    }
     let lake = Arc::new(program.open_lake()?);
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;

@@ -14,6 +14,7 @@ mod concurrency;
 mod corruption;
 mod crash;
 mod defaults;
+mod detached;
 mod elsewhere;
 mod faults;
 mod full_disk;

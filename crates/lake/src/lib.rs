@@ -25,6 +25,7 @@
 //! staging/, locks/         units in progress
 //! outbox/                  marks of units and runs that are to be sent to the depot
 //! identity                 what tells this lake from others and from its copies, once it has claimed a unit in the depot
+//! detached/N/              what the program's runs in the background said, and how they ended
 //! unfetched/               marks of blobs that are in the depot and not here, until they are asked for
 //! logs/abcd….log           what the program of a unit printed, until its unit is collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored
