@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 47] = files![
+const FILES: [(&str, &str); 48] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -53,6 +53,7 @@ const FILES: [(&str, &str); 47] = files![
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
     "pipelines/contribution.toml",
+    "pipelines/contribution_generators.toml",
     "pipelines/expert.toml",
     "pipelines/frames.toml",
     "pipelines/grasps.toml",

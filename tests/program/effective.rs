@@ -10,12 +10,13 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-const FILES: [&str; 28] = [
+const FILES: [&str; 29] = [
     "cgf",
     "agreement",
     "arm",
     "baseline",
     "contribution",
+    "contribution_generators",
     "expert",
     "frames",
     "generator",
