@@ -196,7 +196,7 @@ impl Batch<'_> {
         let job = format!("{}/0", array.name);
         let nothing = JobOrders {
             folder: env::current_dir().map_err(refused)?,
-            beat_s: None,
+            heartbeat_s: None,
             orders: Vec::new(),
         };
         self.leave(&orders_key(&job), &nothing)?;
@@ -272,11 +272,11 @@ impl Batch<'_> {
                     .push(orders.iter().map(|order| order.fingerprint).collect());
                 let folder = env::current_dir().map_err(|err| self.refused(&err))?;
                 let key = orders_key(&format!("{}/{idx}", array.name));
-                // Several signs come in the time in which one must.
-                let beat_s = Some((self.table.silent_s / 5).max(1));
+                // Several come in the time in which one must.
+                let heartbeat_s = Some((self.table.heartbeat_timeout_s / 5).max(1));
                 let job = JobOrders {
                     folder,
-                    beat_s,
+                    heartbeat_s,
                     orders,
                 };
                 self.leave(&key, &job)?;

@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 pub(crate) struct JobOrders {
     /// The folder of the run, from which relative paths lead.
     pub(crate) folder: PathBuf,
-    /// Time in seconds between the signs of life that its worker leaves in the depot.
-    pub(crate) beat_s: Option<u64>,
+    /// Time in seconds between the heartbeats that its worker leaves in the depot.
+    pub(crate) heartbeat_s: Option<u64>,
     /// The orders, made one after the other.
     pub(crate) orders: Vec<Order>,
 }
@@ -21,7 +21,7 @@ pub(crate) fn orders_key(job: &str) -> String {
     format!("orders/{job}")
 }
 
-/// Key under which a worker leaves the name of its machine when it begins, and signs of life after it.
+/// Key under which a worker leaves the name of its machine when it begins, and heartbeats after it.
 pub(crate) fn here_key(job: &str) -> String {
     format!("here/{job}")
 }

@@ -13,6 +13,7 @@ mod batch;
 mod command_line;
 mod commands;
 mod executors;
+mod heartbeats;
 mod interrupt;
 mod jobs;
 mod kinds;

@@ -81,7 +81,7 @@ impl<'a> Processes<'a> {
         };
         let nothing = JobOrders {
             folder: env::current_dir().map_err(|err| failed(err.to_string()))?,
-            beat_s: None,
+            heartbeat_s: None,
             orders: Vec::new(),
         };
         let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
@@ -110,7 +110,7 @@ impl<'a> Processes<'a> {
         let lost = |err: io::Error| End::lost(format!("its process cannot be run: {err}"));
         let job = JobOrders {
             folder: env::current_dir().map_err(lost)?,
-            beat_s: None,
+            heartbeat_s: None,
             orders: vec![order.clone()],
         };
         let order = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;

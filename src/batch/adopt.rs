@@ -83,12 +83,12 @@ impl Batch<'_> {
         let drivers: BTreeSet<&str> = arrays.iter().map(|it| it.driver.as_str()).collect();
         let mut have_waited = false;
         for driver in drivers {
-            have_waited |= self.wait_for(driver, |sign| {
+            have_waited |= self.wait_for(driver, |heartbeat| {
                 report::line(&format!(
                     "wait   {}: made by jobs of another run, process {} on `{}`",
                     wave.output(),
-                    sign.process,
-                    sign.host
+                    heartbeat.process,
+                    heartbeat.host
                 ));
             })?;
         }

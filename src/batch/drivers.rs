@@ -2,9 +2,7 @@
 //! them is waited for by the other, which takes the jobs over if the first has died.
 
 use std::{
-    fs,
-    sync::mpsc::{self, RecvTimeoutError},
-    thread,
+    fs, thread,
     time::{Duration, Instant},
 };
 
@@ -12,25 +10,26 @@ use dataflow::Failure;
 use serde::{Deserialize, Serialize};
 
 use super::{Batch, EVERY, failed};
+use crate::heartbeats;
 
-/// Time between two signs of life of a run.
-const BEAT: Duration = Duration::from_secs(10);
+/// Time between two heartbeats of a run.
+const PERIOD: Duration = Duration::from_secs(10);
 
-/// Time without a new sign after which a run counts as dead. Both times are measured on one machine.
-const SILENCE: Duration = Duration::from_secs(45);
+/// Time without a new heartbeat after which a run counts as dead, by the clock of the machine that waits.
+const TIMEOUT: Duration = Duration::from_secs(45);
 
-/// A sign of life.
+/// A heartbeat.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub(super) struct Sign {
+pub(super) struct Heartbeat {
     pub(super) host: String,
     pub(super) process: u32,
     /// What tells this process from a later one of the same number.
     start: String,
-    /// Number of the sign.
+    /// Number of the heartbeat.
     n: u64,
 }
 
-impl Sign {
+impl Heartbeat {
     fn of_this_process() -> Self {
         let process = std::process::id();
         Self {
@@ -42,7 +41,7 @@ impl Sign {
     }
 
     /// Whether its process is one of this machine that has ended.
-    fn is_of_the_dead(&self) -> bool {
+    fn has_ended(&self) -> bool {
         self.host == lake::host() && start(self.process).as_ref() != Some(&self.start)
     }
 }
@@ -58,39 +57,27 @@ fn start(process: u32) -> Option<String> {
     Some(format!("{ticks} {}", boot.trim()))
 }
 
-/// Key of the signs of a run.
+/// Key of the heartbeats of a run.
 fn key(driver: &str) -> String {
     format!("drivers/{driver}")
 }
 
 impl Batch<'_> {
-    /// Leaves signs of life of `driver` while `work` lasts.
+    /// Leaves heartbeats of `driver` while `work` lasts.
     pub(super) fn alive_during<R>(
         &self,
         driver: &str,
         work: impl FnOnce() -> Result<R, Failure>,
     ) -> Result<R, Failure> {
         let key = key(driver);
-        let mut sign = Sign::of_this_process();
+        let mut heartbeat = Heartbeat::of_this_process();
         let mut leave = || {
-            sign.n += 1;
-            self.leave(&key, &sign)
+            heartbeat.n += 1;
+            self.leave(&key, &heartbeat)
         };
         leave()?;
-        let (over, beating) = mpsc::channel::<()>();
-        let done = thread::scope(|scope| {
-            // Dropped before the scope ends, however the work ends.
-            let over = over;
-            scope.spawn(move || {
-                while beating.recv_timeout(BEAT) == Err(RecvTimeoutError::Timeout) {
-                    // One that is missed is followed by others.
-                    let _left = leave();
-                }
-            });
-            let done = work();
-            drop(over);
-            done
-        });
+        // One that is missed is followed by others.
+        let done = heartbeats::during(PERIOD, || drop(leave()), work);
         // What a depot that is down keeps, its garbage collection removes.
         let _gone = self.lake.remove_message(&key);
         done
@@ -101,30 +88,31 @@ impl Batch<'_> {
     pub(super) fn wait_for(
         &self,
         driver: &str,
-        waiting: impl FnOnce(&Sign),
+        waiting: impl FnOnce(&Heartbeat),
     ) -> Result<bool, Failure> {
         let key = key(driver);
         let mut waiting = Some(waiting);
-        let mut seen: Option<(Sign, Instant)> = None;
+        let mut seen: Option<(Heartbeat, Instant)> = None;
         let mut has_waited = false;
         loop {
             let found = self.lake.message(&key).map_err(failed)?;
-            let sign: Option<Sign> = found.and_then(|bytes| serde_json::from_slice(&bytes).ok());
-            let Some(sign) = sign.filter(|sign| !sign.is_of_the_dead()) else {
+            let heartbeat: Option<Heartbeat> =
+                found.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+            let Some(heartbeat) = heartbeat.filter(|heartbeat| !heartbeat.has_ended()) else {
                 break;
             };
             match &mut seen {
-                Some((last, at)) if *last == sign => {
-                    if at.elapsed() > SILENCE {
+                Some((last, at)) if *last == heartbeat => {
+                    if at.elapsed() > TIMEOUT {
                         break;
                     }
                 }
                 known => {
-                    let is_alive = known.is_some() || sign.host == lake::host();
-                    *known = Some((sign.clone(), Instant::now()));
+                    let is_alive = known.is_some() || heartbeat.host == lake::host();
+                    *known = Some((heartbeat.clone(), Instant::now()));
                     if is_alive && let Some(waiting) = waiting.take() {
                         has_waited = true;
-                        waiting(&sign);
+                        waiting(&heartbeat);
                     }
                 }
             }
@@ -141,13 +129,13 @@ mod tests {
 
     #[test]
     fn a_process_is_told_from_a_later_one_of_its_number() {
-        let mut sign = Sign::of_this_process();
-        assert!(!sign.start.is_empty() && !sign.is_of_the_dead());
-        sign.start.push('0');
-        assert!(sign.is_of_the_dead());
-        sign.host.push_str("-other");
+        let mut heartbeat = Heartbeat::of_this_process();
+        assert!(!heartbeat.start.is_empty() && !heartbeat.has_ended());
+        heartbeat.start.push('0');
+        assert!(heartbeat.has_ended());
+        heartbeat.host.push_str("-other");
         assert!(
-            !sign.is_of_the_dead(),
+            !heartbeat.has_ended(),
             "nothing is known of another machine"
         );
     }

@@ -41,9 +41,9 @@ pub(crate) struct Table {
     /// its state may show jobs that no machine runs.
     #[serde(default = "begin_s")]
     pub(crate) begin_s: u64,
-    /// Longest time in seconds between two signs of a worker, which leaves five in it.
-    #[serde(default = "silent_s")]
-    pub(crate) silent_s: u64,
+    /// Longest time in seconds without a heartbeat of a worker, which leaves five in it.
+    #[serde(default = "heartbeat_timeout_s")]
+    pub(crate) heartbeat_timeout_s: u64,
     /// Cancels an array.
     pub(crate) cancel: Vec<String>,
     /// Says how many jobs an array may have.
@@ -58,7 +58,7 @@ fn begin_s() -> u64 {
     300
 }
 
-fn silent_s() -> u64 {
+fn heartbeat_timeout_s() -> u64 {
     600
 }
 

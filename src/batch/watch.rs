@@ -39,10 +39,10 @@ struct Seen {
 
 /// When the worker of a job was last heard.
 struct Heard {
-    /// Its last sign, if it has begun.
-    sign: Option<Vec<u8>>,
+    /// Its last heartbeat, if it has begun.
+    heartbeat: Option<Vec<u8>>,
     at: Instant,
-    /// When its sign was last looked at.
+    /// When its heartbeat was last looked at.
     looked: Instant,
 }
 
@@ -158,30 +158,30 @@ impl Batch<'_> {
 
     /// Says for how long nothing was heard of the worker of a job that is said to run, if that is too long.
     fn silence(&self, job: &(String, usize), seen: &mut Seen) -> Result<Option<String>, Failure> {
-        let (begin_s, silent_s) = (self.table.begin_s, self.table.silent_s);
+        let (begin_s, timeout_s) = (self.table.begin_s, self.table.heartbeat_timeout_s);
         let now = Instant::now();
         let heard = seen.workers.entry(job.clone()).or_insert(Heard {
-            sign: None,
+            heartbeat: None,
             at: now,
             looked: now,
         });
-        let longest_s = heard.sign.as_ref().map_or(begin_s, |_| silent_s);
+        let longest_s = heard.heartbeat.as_ref().map_or(begin_s, |_| timeout_s);
         let longest = Duration::from_secs(longest_s);
         // A request for each job at every look would be many.
-        let pause = Duration::from_secs(begin_s.min(silent_s) / 4);
+        let pause = Duration::from_secs(begin_s.min(timeout_s) / 4);
         if heard.at.elapsed() > longest || heard.looked.elapsed() > pause {
             heard.looked = now;
             let key = here_key(&format!("{}/{}", job.0, job.1));
-            let sign = self.lake.message(&key).map_err(failed)?;
-            if sign != heard.sign {
-                heard.sign = sign;
+            let heartbeat = self.lake.message(&key).map_err(failed)?;
+            if heartbeat != heard.heartbeat {
+                heard.heartbeat = heartbeat;
                 heard.at = now;
             }
         }
         let is_silent = heard.at.elapsed() > longest;
-        Ok(is_silent.then(|| match heard.sign {
+        Ok(is_silent.then(|| match heard.heartbeat {
             None => format!("begun for {begin_s} s"),
-            Some(_) => format!("been heard for {silent_s} s"),
+            Some(_) => format!("been heard for {timeout_s} s"),
         }))
     }
 

@@ -4,10 +4,7 @@ use std::{
     env, fs,
     io::{self, BufRead, Read},
     path::Path,
-    sync::{
-        Arc, Mutex, PoisonError,
-        mpsc::{self, Receiver, RecvTimeoutError},
-    },
+    sync::{Arc, Mutex, PoisonError},
     thread,
     time::Duration,
 };
@@ -19,7 +16,7 @@ use tempfile::TempDir;
 use crate::{
     arguments::UnitArgs,
     command_line::Program,
-    interrupt,
+    heartbeats, interrupt,
     jobs::{self, JobOrders},
     outcome::{CommandError, CommandOutcome},
     report, sharing,
@@ -98,33 +95,25 @@ impl Worker<'_> {
         let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
         let here = jobs::here_key(name);
         self.lake.leave_message(&here, lake::host().into_bytes())?;
-        let (over, beating) = mpsc::channel::<()>();
-        thread::scope(|scope| {
-            // Dropped before the scope ends, however the work ends.
-            let over = over;
-            if let Some(beat_s) = job.beat_s {
-                scope.spawn(move || self.beat(&here, Duration::from_secs(beat_s), &beating));
-            }
-            let made = self.each(&job, |order, end| {
+        let work = || {
+            self.each(&job, |order, end| {
                 let bytes =
                     serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
                 let key = jobs::end_key(name, &order.fingerprint);
                 Ok(self.lake.leave_message(&key, bytes)?)
-            });
-            drop(over);
-            made
-        })
-    }
-
-    /// Leaves numbered signs of life until the job is over.
-    fn beat(&self, key: &str, every: Duration, over: &Receiver<()>) {
+            })
+        };
+        let Some(period_s) = job.heartbeat_s else {
+            return work();
+        };
         let mut n: u64 = 0;
-        while over.recv_timeout(every) == Err(RecvTimeoutError::Timeout) {
+        let beat = || {
             n += 1;
-            let sign = format!("{} {n}", lake::host());
+            let heartbeat = format!("{} {n}", lake::host());
             // One that is missed is followed by others.
-            let _left = self.lake.leave_message(key, sign.into_bytes());
-        }
+            let _left = self.lake.leave_message(&here, heartbeat.into_bytes());
+        };
+        heartbeats::during(Duration::from_secs(period_s), beat, work)
     }
 
     /// Makes orders one after the other, and tells how each ended.

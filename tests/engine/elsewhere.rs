@@ -199,7 +199,10 @@ fn jobs_that_run_in_the_schedulers_books_alone_are_lost() {
 #[test]
 fn a_worker_that_dies_while_its_job_is_said_to_run_is_lost() {
     let cluster = Cluster::new();
-    put(&cluster.path("executors.toml"), b"[slurm]\nsilent_s = 5\n");
+    put(
+        &cluster.path("executors.toml"),
+        b"[slurm]\nheartbeat_timeout_s = 5\n",
+    );
     let place = Place::with_inputs(CHAIN, 2);
     let mut run = Running::start(cluster.with(place.held(&["--on", "slurm", "--until", "split"])));
     // Longer than it may be silent: its signs keep it.
@@ -237,18 +240,24 @@ fn a_worker_that_dies_while_its_job_is_said_to_run_is_lost() {
     assert!(cluster.calls("cancel").len() <= 2, "{said}");
 }
 
+/// Starts a run whose jobs wait, and one that waits for them.
+fn same_units(cluster: &Cluster, first: &Place, second: &Place) -> (Running, Running) {
+    put(&cluster.path("fake/hold"), b"");
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
+    let mut one = start(first);
+    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    let mut other = start(second);
+    let waits = |line: &str| line.starts_with("wait   split.parts: made by jobs of another run");
+    other.wait_for_line("it waits", waits);
+    (one, other)
+}
+
 #[test]
 fn of_two_runs_of_the_same_units_one_waits_for_the_others_jobs() {
     let cluster = Cluster::new();
     let [first, second] = [(); 2].map(|()| machine());
-    put(&cluster.path("fake/hold"), b"");
-    let arguments = ["--on", "slurm", "--until", "split"];
-    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
-    let mut one = start(&first);
-    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
-    let mut other = start(&second);
-    let waits = |line: &str| line.starts_with("wait   split.parts: made by jobs of another run");
-    other.wait_for_line("it waits", waits);
+    let (one, other) = same_units(&cluster, &first, &second);
     assert_eq!(cluster.calls("submit").len(), 1);
     fs::remove_file(cluster.path("fake/hold")).unwrap();
     for run in [one, other] {
@@ -264,13 +273,7 @@ fn of_two_runs_of_the_same_units_one_waits_for_the_others_jobs() {
 fn a_run_that_waits_takes_over_the_jobs_of_one_that_dies() {
     let cluster = Cluster::new();
     let [first, second] = [(); 2].map(|()| machine());
-    put(&cluster.path("fake/hold"), b"");
-    let arguments = ["--on", "slurm", "--until", "split"];
-    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
-    let mut one = start(&first);
-    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
-    let mut other = start(&second);
-    other.wait_for_line("it waits", |line| line.starts_with("wait   split.parts"));
+    let (mut one, mut other) = same_units(&cluster, &first, &second);
     one.child.kill().unwrap();
     one.finish();
     other.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
@@ -417,6 +420,15 @@ fn what_moves_a_robot_stays_here_and_is_done_on_one_machine_alone() {
     assert_eq!(refused.status.code(), Some(1), "{said}");
     assert!(said.contains("moves a robot, and a lake on `"), "{said}");
     assert_eq!(acted(&second), 0);
+    // A copy of the lake has its results, and not its claims.
+    let copy = first.path("copy_of_the_lake");
+    let mut copied = Command::new("cp");
+    copied.arg("-a").arg(first.lake()).arg(&copy);
+    well(copied);
+    let refused = cluster.with(first.command_in(&copy, "run", &[])).output();
+    let said = stderr(&refused.unwrap());
+    assert!(said.contains("moves a robot, and a lake on `"), "{said}");
+    assert_eq!(acted(&first), 0);
     // The machine that claimed it goes on.
     well(cluster.with(first.command("run", &[])));
     assert_eq!(acted(&first), 3);

@@ -47,7 +47,7 @@ impl Shared {
         let place = place(root).map_err(io_error("read", root))?;
         for _ in 0..TRIES {
             match fs::read_to_string(&path) {
-                Ok(identity) if identity.ends_with(&place) => return Ok(identity),
+                Ok(identity) if identity.lines().nth(1) == Some(&place) => return Ok(identity),
                 // It came with a copy.
                 Ok(_) => fs::remove_file(&path).map_err(io_error("remove", &path))?,
                 Err(err) if err.kind() == ErrorKind::NotFound => self.identify(&path, &place)?,
@@ -63,7 +63,7 @@ impl Shared {
         let random = "/proc/sys/kernel/random/uuid";
         let random = fs::read_to_string(random).map_err(io_error("read", random.as_ref()))?;
         let beside = temporary_name(&self.folder.staging());
-        write_atomic(&beside, (random + place).as_bytes())?;
+        write_atomic(&beside, format!("{random}{place}\n").as_bytes())?;
         let linked = fs::hard_link(&beside, path);
         remove_if_there(&beside)?;
         match linked {
@@ -81,7 +81,7 @@ const TRIES: usize = 8;
 fn place(folder: &Path) -> io::Result<String> {
     let found = fs::metadata(folder)?;
     let made = found.created().map_or(0, nanoseconds);
-    Ok(format!("{} {made}\n", found.ino()))
+    Ok(format!("{} {made}", found.ino()))
 }
 
 #[cfg(test)]
