@@ -14,9 +14,12 @@ use std::{
     time::{Duration, Instant},
 };
 
+use signal_hook::{consts::SIGINT, iterator::Signals};
+
 use crate::{
     arguments::AttachArgs,
     command_line::Program,
+    interrupt::INTERRUPTED,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -38,7 +41,7 @@ pub(crate) fn detach(program: &Program) -> Result<CommandOutcome, CommandError> 
     let until = Instant::now() + BEGIN;
     while Instant::now() < until {
         if let Some(status) = child.try_wait().map_err(failed(&folder))? {
-            show(&folder)?;
+            show(&folder, || false)?;
             fs::remove_dir_all(&folder).map_err(failed(&folder))?;
             let code = status.code().and_then(|code| u8::try_from(code).ok());
             return Ok(code.map_or(CommandOutcome::As(1), CommandOutcome::As));
@@ -56,6 +59,8 @@ pub(crate) fn detach(program: &Program) -> Result<CommandOutcome, CommandError> 
 
 /// Shows what a detached run says until it ends, and ends as it does.
 pub(crate) fn attach(program: &Program, args: &AttachArgs) -> Result<CommandOutcome, CommandError> {
+    // Where a shell's background job ignores Ctrl-C, too.
+    let mut signals = Signals::new([SIGINT]).map_err(|err| CommandError::failed(err, None))?;
     let mut there = folders(&program.lake)?;
     let known = || {
         let known: Vec<String> = there.iter().map(|(number, _)| number.to_string()).collect();
@@ -85,7 +90,10 @@ pub(crate) fn attach(program: &Program, args: &AttachArgs) -> Result<CommandOutc
             process.trim()
         ));
     }
-    show(&folder)?;
+    if !show(&folder, || signals.pending().next().is_some())? {
+        program.say(&format!("left   run {number} goes on"));
+        return Ok(CommandOutcome::As(INTERRUPTED));
+    }
     let code = fs::read_to_string(folder.join("code")).ok();
     let code = code.and_then(|code| code.trim().parse().ok());
     code.map(CommandOutcome::As).ok_or_else(|| {
@@ -169,8 +177,8 @@ fn folders(lake: &Path) -> Result<Vec<(u32, PathBuf)>, CommandError> {
     Ok(there)
 }
 
-/// Copies a log to stdout until its run has ended.
-fn show(folder: &Path) -> Result<(), CommandError> {
+/// Copies a log to stdout until its run has ended or nobody looks any more; returns whether it has ended.
+fn show(folder: &Path, mut is_left: impl FnMut() -> bool) -> Result<bool, CommandError> {
     let mut log = File::open(folder.join("log")).map_err(failed(folder))?;
     loop {
         // Before what is left is read.
@@ -178,8 +186,8 @@ fn show(folder: &Path) -> Result<(), CommandError> {
         let mut said = Vec::new();
         log.read_to_end(&mut said).map_err(failed(folder))?;
         report::data(&said)?;
-        if is_over {
-            return Ok(());
+        if is_over || is_left() {
+            return Ok(is_over);
         }
         thread::sleep(LOOK_EVERY);
     }

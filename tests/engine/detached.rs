@@ -27,9 +27,12 @@ fn detached_run_goes_on_and_is_attached_to_again_and_again() {
     let place = Place::with_inputs(CHAIN, 2);
     let process = detach(&place);
     let mut first = Running::start(attach(&place));
+    first.wait_for_line("what it shows", |line| line.starts_with("attach run 1,"));
     first.wait_for(&place, "p000");
     kill("-INT", &first.child.id().to_string());
-    first.finish();
+    let (code, said) = first.finish();
+    assert_eq!(code, Some(130), "{said}");
+    assert!(said.contains("left   run 1 goes on"), "{said}");
     let second = Running::start(attach(&place));
     for partition in ["p000", "p001"] {
         place.let_go(partition);
