@@ -418,6 +418,11 @@ pub(crate) struct QueryArgs {
     /// Without it: each table as the newest run that made it.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
+    /// Tables of all machines that share the depot
+    ///
+    /// Only the tables that the query names are fetched. A run is named `MACHINE:NUMBER`.
+    #[arg(long, conflicts_with = "run")]
+    pub(crate) depot: bool,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

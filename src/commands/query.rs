@@ -6,11 +6,12 @@ mod faults;
 pub(super) mod page;
 mod print;
 mod question;
+mod source;
 mod tables;
 
 use lake::Lake;
 
-use self::{page::Page, tables::Tables};
+use self::{page::Page, source::Source, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
@@ -21,12 +22,25 @@ use crate::{
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
     question::check(&args.sql)?;
-    let lake = Lake::open(&program.lake);
-    let run = match &args.run {
-        Some(name) => Some(lake.run(lake.find_run(name)?)?),
-        None => None,
+    let lake = if args.depot {
+        program.open_shared_lake()?
+    } else {
+        Lake::open(&program.lake)
     };
-    let tables = Tables::open(&lake, &args.sql, run.as_ref())?;
+    let source = if args.depot {
+        Source::Depot(lake.depot_tables()?)
+    } else {
+        let run = args.run.as_ref();
+        let run = run.map(|name| lake.run(lake.find_run(name)?)).transpose()?;
+        Source::Lake {
+            lake: &lake,
+            run: run.map(Box::new),
+        }
+    };
+    let tables = Tables::open(source, &args.sql)?;
+    if args.depot {
+        program.say_shared(&lake)?;
+    }
     for (table, n) in &tables.collected {
         program.say(&format!(
             "note   {n} partitions of `{table}` were collected"

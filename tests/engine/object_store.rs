@@ -225,6 +225,7 @@ fn machines_share_results_in_an_object_store_and_no_secret_is_kept() {
     };
     on(&first, "run");
     first.take_log();
+    ask(&second, "query", &["--depot", "select * from parts"]);
     on(&second, "run");
     assert_eq!(second.take_log(), []);
     ask(&second, "pull", &[]);

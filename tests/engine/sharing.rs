@@ -167,6 +167,117 @@ fn results_from_before_are_pushed() {
     lab.assert_whole(&second);
 }
 
+/// The rows of a query over the depot, without a header, and what was said.
+fn rows(lab: &Lab, machine: &Place, sql: &str) -> (Vec<String>, Output) {
+    let answer = lab.ask(machine, "query", &["--depot", "--format", "csv", sql]);
+    assert_eq!(answer.status.code(), Some(0), "{}", stderr(&answer));
+    let rows = stdout(&answer).lines().skip(1).map(str::to_owned).collect();
+    (rows, answer)
+}
+
+#[test]
+fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
+    let lab = Lab::new();
+    let (first, second, asking) = (machine(), machine(), machine());
+    lab.run(&first, &[]);
+    lab.run(&second, &["--set", "first.add=5"]);
+    second.take_log();
+    let here = |machine: &Place, sql: &str| {
+        let mut query = machine.bare(&machine.lake(), "query");
+        let answer = well({
+            query.args(["--format", "csv", sql]);
+            query
+        });
+        let text = stdout(&answer);
+        let rows = text.lines().skip(1).map(str::to_owned);
+        rows.collect::<Vec<String>>()
+    };
+    // Both stages make the table.
+    let newest = "select * from parts order by stage, part";
+    let (found, answer) = rows(&lab, &asking, newest);
+    assert_eq!(found.len(), 24);
+    assert_eq!(
+        found,
+        here(&second, newest),
+        "the newest run is the second's"
+    );
+    let [_, n_fetched, n_sent, _] = shared(&answer);
+    assert_eq!((n_fetched, n_sent), (24, 0), "its tables, and no data");
+    let (_, again) = rows(&lab, &asking, newest);
+    assert_eq!(shared(&again)[1], 0, "they are here now");
+
+    let (counts, _) = rows(
+        &lab,
+        &asking,
+        "select run, count(*) as n from all_parts group by run order by run",
+    );
+    let [one, other] = counts.as_slice() else {
+        panic!("{counts:?}");
+    };
+    assert!(one.ends_with(",24") && other.ends_with(",24"), "{counts:?}");
+    let (runs, _) = rows(
+        &lab,
+        &asking,
+        "select machine, number, overrides, n_made_now from runs order by started",
+    );
+    let host = lake::host();
+    let n_units = first.take_log().len();
+    assert_eq!(
+        runs,
+        [
+            format!("{host},1,[],{n_units}"),
+            format!("{host},1,\"[\"\"first.add=5\"\"]\",{}", n_units - 12),
+        ]
+    );
+    let metrics = "select count(*) as n from metrics";
+    let n_metrics = |machine| here(machine, metrics).concat().parse::<usize>().unwrap();
+    let (found, _) = rows(&lab, &asking, metrics);
+    let n_found: usize = found.concat().parse().unwrap();
+    assert_eq!(n_found, n_metrics(&first) + n_metrics(&second));
+
+    well(asking.bare(&asking.lake(), "verify"));
+    well(asking.bare(&asking.lake(), "gc"));
+    assert_eq!(asking.take_log(), []);
+    for (sql, message, hint) in [
+        (
+            "select * from part",
+            "no table `part`",
+            "did you mean `parts`?",
+        ),
+        ("select n from parts", "no column `n`", "the columns are: "),
+    ] {
+        let wrong = lab.ask(&asking, "query", &["--depot", sql]);
+        assert_eq!(wrong.status.code(), Some(2));
+        let said = stderr(&wrong);
+        assert!(said.contains(message) && said.contains(hint), "{said}");
+    }
+}
+
+#[test]
+fn a_query_over_a_depot_that_is_empty_damaged_or_down_is_an_error() {
+    let lab = Lab::new();
+    let machine = machine();
+    let fails = |message: &str, hint: &str| {
+        let answer = lab.ask(&machine, "query", &["--depot", "select * from parts"]);
+        let said = stderr(&answer);
+        assert!(!answer.status.success(), "{}", stdout(&answer));
+        assert!(said.contains(message) && said.contains(hint), "{said}");
+    };
+    fails("no runs in the depot", "`pipeline push`");
+    lab.run(&machine, &[]);
+    fs::remove_dir_all(machine.lake()).unwrap();
+    let tables = lab.keys("blobs").into_iter();
+    let tables = tables.filter(|blob| read(blob).starts_with(b"PAR1"));
+    for blob in tables {
+        let mut bytes = read(&blob);
+        bytes[10] ^= 1;
+        write_unnoticed(&blob, &bytes);
+    }
+    fails("missing or damaged", "`pipeline verify --depot`");
+    fs::remove_dir_all(lab.depot()).unwrap();
+    fails("depot", "mounted");
+}
+
 #[test]
 fn processes_and_single_units_share_as_runs_do() {
     let lab = Lab::new();

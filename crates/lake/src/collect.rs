@@ -273,7 +273,7 @@ impl Lake {
         let staging = self.folder.staging();
         for name in names_in(&staging)? {
             let path = staging.join(&name);
-            let process = atomic::process_of(name.trim_start_matches("history-"));
+            let process = atomic::process_of(&name);
             if self.locks.is_held(&name) || self.locks.is_alive(process) {
                 continue;
             }

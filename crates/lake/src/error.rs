@@ -101,6 +101,12 @@ pub enum LakeError {
     /// The depot did not do what it was asked.
     #[error(transparent)]
     Depot(#[from] DepotError),
+    /// The depot lacks a file of a result, or has it damaged.
+    #[error("`{key}` of the depot is missing or damaged")]
+    LostInDepot {
+        /// Its key.
+        key: String,
+    },
     /// There is no lake.
     #[error("no lake in `{}`", path.display())]
     NoLake {
@@ -271,6 +277,10 @@ impl Advise for LakeError {
             Self::Depot(_) => Some(
                 "check that it is mounted and can be written by you; results stay in the lake until \
                  then"
+                    .to_owned(),
+            ),
+            Self::LostInDepot { .. } => Some(
+                "`pipeline verify --depot` lists what is damaged in it; a run of its pipeline makes it again"
                     .to_owned(),
             ),
             Self::NoLake { .. } => Some(

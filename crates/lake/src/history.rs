@@ -1,7 +1,7 @@
 //! The history of runs as tables: `runs`, `settings`, `units`, `artifacts` and `metrics`, one
 //! partition per run.
 
-use std::{collections::BTreeMap, fs, path::PathBuf, sync::Arc};
+use std::{collections::BTreeMap, sync::Arc};
 
 use arrow_array::{
     ArrayRef, BooleanArray, Float64Array, Int64Array, RecordBatch, StringArray,
@@ -12,7 +12,7 @@ use dataflow::{FileRef, RecordOutcome, RunRecord, RunStatus, UnitRef};
 use serde_json::Value;
 
 use crate::{
-    LakeError, atomic::io_error, folder::HISTORY, lake::Lake, published, register::Run, table,
+    LakeError, folder::HISTORY, lake::Lake, published, register::Run, scratch::Scratch, table,
 };
 
 /// Writes the tables of a finished run, and returns their files by table.
@@ -23,20 +23,12 @@ pub(crate) fn keep(
     units: &[(UnitRef, Arc<RecordOutcome>)],
 ) -> Result<BTreeMap<String, FileRef>, LakeError> {
     let mut kept = BTreeMap::new();
-    let folder = Folder::make(lake)?;
-    let folder = &folder.0;
-    let batches = [
-        runs(run, record, units),
-        settings(record),
-        units_table(record, units),
-        artifacts(units),
-        metrics(units),
-    ];
-    for (name, batch) in HISTORY.into_iter().zip(batches) {
+    let folder = Scratch::make(lake)?;
+    for (name, batch) in HISTORY.into_iter().zip(tables(run, record, units)) {
         let path = lake.folder.run_table(name, run.number);
         let batch = batch.map_err(LakeError::parquet("write", &path))?;
-        table::write_batch(folder, &batch)?;
-        let file = lake.blobs.take(&folder.join(table::FILE))?;
+        table::write_batch(folder.path(), &batch)?;
+        let file = lake.blobs.take(&folder.path().join(table::FILE))?;
         // A copy, not a link: irreplaceable files are stored twice.
         published::show_copy(lake, &lake.file(&file), &path)?;
         kept.insert(name.to_owned(), file);
@@ -44,23 +36,19 @@ pub(crate) fn keep(
     Ok(kept)
 }
 
-/// The temporary folder of the tables being written, removed on drop.
-struct Folder(PathBuf);
-
-impl Folder {
-    fn make(lake: &Lake) -> Result<Self, LakeError> {
-        let name = format!("history-{}", crate::atomic::process_name());
-        let folder = Self(lake.folder.staging().join(name));
-        fs::create_dir_all(&folder.0).map_err(io_error("create", &folder.0))?;
-        Ok(folder)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        // Leftovers are removed by a later run.
-        let _left = fs::remove_dir_all(&self.0);
-    }
+/// The rows of a run in each of the tables, in the order of their names.
+pub(crate) fn tables(
+    run: &Run,
+    record: &RunRecord,
+    units: &[(UnitRef, Arc<RecordOutcome>)],
+) -> [Result<RecordBatch, ArrowError>; 5] {
+    [
+        runs(run, record, units),
+        settings(record),
+        units_table(record, units),
+        artifacts(units),
+        metrics(units),
+    ]
 }
 
 /// Rebuilds the tables of a run from its record and those of its units; returns the run with them.

@@ -9,7 +9,7 @@ mod claims;
 mod collect;
 mod fetch;
 mod index;
-mod keys;
+pub(crate) mod keys;
 mod marks;
 mod messages;
 mod remote;
@@ -25,10 +25,11 @@ use std::{
 };
 
 use dataflow::{Digest, FileRef, RecordOutcome};
-use depot::{Depot, DepotError, Traffic};
+use depot::{Depot, DepotError, Entry, Traffic};
 
 use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
 
+pub(crate) use self::index::SharedRun;
 use self::{
     index::{Found, Index},
     marks::{Item, Outbox, Unfetched},
@@ -204,6 +205,28 @@ impl Shared {
         };
         let found = Index::fingerprints(&self.remote);
         found.ok_or_else(|| offline().into())
+    }
+
+    /// Lists the files below a prefix.
+    pub(crate) fn list(&self, prefix: &str) -> Result<Vec<Entry>, LakeError> {
+        Ok(self.remote.link().list(prefix)?)
+    }
+
+    /// Returns a small file, if there is one.
+    pub(crate) fn read(&self, key: &str) -> Result<Option<Vec<u8>>, LakeError> {
+        Ok(self.remote.link().read(key)?)
+    }
+
+    /// The error of a blob that did not come.
+    pub(crate) fn lost(&self, blob: &Digest) -> LakeError {
+        match self.remote.idle().offline() {
+            Some(why) => LakeError::Depot(DepotError::Offline {
+                why: why.to_owned(),
+            }),
+            None => LakeError::LostInDepot {
+                key: keys::blob(blob),
+            },
+        }
     }
 
     /// Begins to send.

@@ -1,9 +1,10 @@
 //! Errors of a query, in the project's words and with near names.
 
-use dataflow::{ArtifactName, nearest};
+use dataflow::nearest;
 use lake::Lake;
 use polars::prelude::*;
 
+use super::source::Source;
 use crate::outcome::CommandError;
 
 /// Prefix of a SQL parser error.
@@ -23,23 +24,14 @@ pub(super) fn unreadable(text: &str) -> CommandError {
 pub(super) fn explain(
     err: &PolarsError,
     sql: &str,
-    lake: &Lake,
+    source: &mut Source,
     tables: &[(String, LazyFrame)],
 ) -> CommandError {
     let text = message(err);
     if let Some(table) = between(&text, "relation '", "' was not found") {
         // The message does not depend on the list of tables.
-        let shown = lake.tables().unwrap_or_default();
-        let mut names: Vec<&str> = shown.iter().map(ArtifactName::as_str).collect();
-        let is_written = |name: &str| {
-            lake.history_table(name)
-                .is_ok_and(|files| !files.is_empty())
-        };
-        names.extend(
-            Lake::history_tables()
-                .into_iter()
-                .filter(|name| is_written(name)),
-        );
+        let shown = source.shown();
+        let mut names: Vec<&str> = shown.iter().map(String::as_str).collect();
         names.sort_unstable();
         let list = format!("the tables are: {}", names.join(", "));
         let hint = if Lake::history_tables().contains(&table) {

@@ -1,18 +1,12 @@
-//! The lake's tables, under their names in queries.
+//! Tables under their names in queries.
 
-use std::{
-    collections::{BTreeMap, BTreeSet},
-    ffi::OsStr,
-    path::PathBuf,
-    sync::Arc,
-};
+use std::{collections::BTreeSet, ffi::OsStr, path::PathBuf, sync::Arc};
 
-use dataflow::ArtifactName;
-use lake::{Lake, Run, TableFiles};
+use lake::{Lake, TableFiles};
 use polars::{prelude::*, sql::SQLContext};
 
-use super::{artifacts, faults};
-use crate::{commands::lookup, outcome::CommandError};
+use super::{artifacts, faults, source::Source};
+use crate::outcome::CommandError;
 
 /// Prefix of a table's name for the rows of all runs.
 const ALL: &str = "all_";
@@ -23,9 +17,9 @@ pub(super) const PIPELINE: &str = "pipeline";
 pub(super) const STAGE: &str = "stage";
 pub(super) const FINGERPRINT: &str = "fingerprint";
 
-/// The lake's tables, ready for a query.
+/// The tables that a query names, ready for it.
 pub(super) struct Tables<'a> {
-    lake: &'a Lake,
+    source: Source<'a>,
     known: Vec<(String, LazyFrame)>,
     /// Tables with the number of their collected partitions.
     pub(super) collected: Vec<(String, usize)>,
@@ -35,46 +29,32 @@ pub(super) struct Tables<'a> {
 impl<'a> Tables<'a> {
     /// Opens the tables that `sql` names: exactly the files in the records, each of which is read
     /// once and checked against its digest.
-    ///
-    /// The tables of artifacts are those of `run`, or else of the newest run that made each.
-    pub(super) fn open(lake: &'a Lake, sql: &str, run: Option<&Run>) -> Result<Self, CommandError> {
+    pub(super) fn open(source: Source<'a>, sql: &str) -> Result<Self, CommandError> {
         let mut tables = Self {
-            lake,
+            source,
             known: Vec::new(),
             collected: Vec::new(),
             context: SQLContext::new(),
         };
-        let names = names(lake, run)?;
-        if names.is_empty() {
-            return Err(CommandError::usage(
-                format!("no tables in the lake `{}`", lake.root().display()),
-                format!(
-                    "{}, or name another lake with `--lake DIR`",
-                    lookup::begin()
-                ),
-            ));
-        }
         let is_in_word = |c: char| c.is_alphanumeric() || c == '_';
         let words: BTreeSet<&str> = sql.split(|c| !is_in_word(c)).collect();
-        for name in names {
-            if words.contains(name.as_str()) {
-                let files = match run {
-                    Some(run) => lake.table_of_run(name.as_str(), run)?,
-                    None => lake.newest_table(name.as_str())?,
-                };
-                tables.note_collected(name.as_str(), &files);
+        for name in tables.source.names()? {
+            let name = name.as_str();
+            if words.contains(name) {
+                let files = tables.source.newest(name)?;
+                tables.note_collected(name, &files);
                 if let Some(frame) = artifacts::table(&files).map_err(failed)? {
-                    tables.register(name.to_string(), frame);
+                    tables.register(name.to_owned(), frame);
                 }
             }
             let all = format!("{ALL}{name}");
             if words.contains(all.as_str()) {
-                let files = lake.table_of_all_runs(name.as_str())?;
+                let files = tables.source.of_all_runs(name)?;
                 tables.note_collected(&all, &files);
-                let units = history(&lake.history_table("units")?).map_err(failed)?;
+                let units = tables.history("units")?;
                 if let Some(units) = units
                     && let Some(frame) =
-                        artifacts::of_all_runs(&files, name.as_str(), units).map_err(failed)?
+                        artifacts::of_all_runs(&files, name, units).map_err(failed)?
                 {
                     tables.register(all, frame);
                 }
@@ -82,12 +62,21 @@ impl<'a> Tables<'a> {
         }
         for name in Lake::history_tables() {
             if words.contains(name)
-                && let Some(frame) = history(&lake.history_table(name)?).map_err(failed)?
+                && let Some(frame) = tables.history(name)?
             {
                 tables.register(name.to_owned(), frame);
             }
         }
         Ok(tables)
+    }
+
+    /// Opens a table of runs, if there are any.
+    fn history(&mut self, name: &str) -> Result<Option<LazyFrame>, CommandError> {
+        let files = self.source.history(name)?;
+        if files.is_empty() {
+            return Ok(None);
+        }
+        scan(&files).map(Some).map_err(failed)
     }
 
     fn note_collected(&mut self, name: &str, files: &TableFiles) {
@@ -104,41 +93,12 @@ impl<'a> Tables<'a> {
     /// Runs one query.
     pub(super) fn answer(mut self, sql: &str) -> Result<DataFrame, CommandError> {
         let answer = self.context.execute(sql).and_then(LazyFrame::collect);
-        answer.map_err(|err| faults::explain(&err, sql, self.lake, &self.known))
+        answer.map_err(|err| faults::explain(&err, sql, &mut self.source, &self.known))
     }
-}
-
-/// Names of the artifacts that may have a table.
-fn names(lake: &Lake, run: Option<&Run>) -> Result<BTreeSet<ArtifactName>, CommandError> {
-    let mut names = BTreeSet::new();
-    let newest = if run.is_some() {
-        None
-    } else {
-        names.extend(lake.tables()?);
-        let numbers = lake.runs()?;
-        let newest = numbers.last().map(|&number| lake.run_without_units(number));
-        newest.transpose()?
-    };
-    let outputs = run.or(newest.as_ref()).map(|run| &run.record.outputs);
-    names.extend(
-        outputs
-            .into_iter()
-            .flatten()
-            .map(|output| output.node.artifact.clone()),
-    );
-    Ok(names)
 }
 
 fn failed(err: PolarsError) -> CommandError {
     CommandError::failed(err, None)
-}
-
-/// Opens a table of runs; its column `run` comes from the folder names.
-fn history(files: &BTreeMap<u64, PathBuf>) -> PolarsResult<Option<LazyFrame>> {
-    if files.is_empty() {
-        return Ok(None);
-    }
-    scan(files.values()).map(Some)
 }
 
 /// Opens files of one form; the names of the folders above them are columns.

@@ -18,6 +18,7 @@ use crate::{
     LakeError,
     mutex::lock,
     records::{Records, Stored, parse_recipe},
+    register::Run,
     sealed,
 };
 
@@ -35,8 +36,8 @@ const FRESH_PER_TIME: u32 = 20;
 /// A run as it is in a depot.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SharedRun {
-    /// The pipeline.
-    pub(crate) pipeline: String,
+    /// The run. Its `made_now` are positions in `units`; it has no manifest and no tables.
+    pub(crate) run: Run,
     /// The records of its units.
     pub(crate) units: Vec<Stored>,
     /// The recipes of its units.

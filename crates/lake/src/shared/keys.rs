@@ -5,7 +5,7 @@
 //! blobs/ab/abcd…               bytes of artifacts, as in a lake
 //! recipes/abcd….json           as in a lake
 //! units/ab/abcd….json          records of units, as in a lake: each after its blobs and its recipe
-//! runs/PIPELINE/NAME.json      the records of all units of a run in one file
+//! runs/PIPELINE/NAME.json      the record of a run and those of all its units in one file
 //! differing/abcd…/NAME.json    records of units that came out differently than the first time
 //! claims/abcd…                 lakes that make units which move a robot: they never go
 //! messages/…                   orders to workers, and how they ended
@@ -18,7 +18,7 @@ use dataflow::Digest;
 pub(crate) const FORMAT: &str = "format";
 
 /// The layout's version.
-pub(crate) const VERSION: &[u8] = b"depot 1\n";
+pub(crate) const VERSION: &[u8] = b"depot 2\n";
 
 /// Prefixes of keys.
 pub(crate) const BLOBS: &str = "blobs";

@@ -324,15 +324,12 @@ impl Work {
     /// Sends the records of a run's units in one file, once all of them are there.
     fn send_run(&self, number: u64) -> Result<(), Unsent> {
         let item = Item::Run(number);
-        let Ok(run) = self.register.read(number) else {
+        let Ok(mut run) = self.register.read(number) else {
             return Ok(self.outbox.remove(item)?);
         };
         let waiting = self.outbox.list()?;
-        let mut shared = SharedRun {
-            pipeline: run.record.pipeline.clone(),
-            units: Vec::new(),
-            recipes: BTreeMap::new(),
-        };
+        let (mut units, mut recipes) = (Vec::new(), BTreeMap::new());
+        let mut made_now = Vec::new();
         for unit in self.register.units(&run)? {
             if waiting.contains(&Item::Unit(unit.fingerprint)) {
                 return Ok(());
@@ -340,15 +337,26 @@ impl Work {
             let Some(stored) = self.records.read(&unit.fingerprint)? else {
                 continue;
             };
-            if !shared.recipes.contains_key(&stored.recipe)
+            if !recipes.contains_key(&stored.recipe)
                 && let Some(recipe) = self.records.recipe(&stored.recipe)?
             {
-                shared.recipes.insert(stored.recipe, recipe);
+                recipes.insert(stored.recipe, recipe);
             }
-            shared.units.push(stored);
+            if unit.made_now {
+                made_now.push(units.len());
+            }
+            units.push(stored);
         }
         let name = format!("{:020}-{}", run.started_ns, run.process);
-        let key = keys::run(&shared.pipeline, &name);
+        let key = keys::run(&run.record.pipeline, &name);
+        run.manifest = None;
+        run.history = BTreeMap::new();
+        run.made_now = made_now;
+        let shared = SharedRun {
+            run,
+            units,
+            recipes,
+        };
         let bytes = sealed::seal(Path::new(&key), &shared)?;
         let content = Content::of_bytes(bytes);
         self.remote
