@@ -38,6 +38,10 @@ use crate::{
 /// Time between two looks at jobs.
 const EVERY: Duration = Duration::from_secs(2);
 
+/// Times that an array is submitted before it counts as refused: what a scheduler says does not tell
+/// whether it refuses or is about to go.
+const SUBMISSIONS: usize = 3;
+
 /// Looks for the answer of a job that makes nothing.
 const TRIAL_LOOKS: u64 = 60;
 
@@ -53,6 +57,9 @@ const SHORT_WAVE_S: f64 = 60.0;
 
 /// Jobs for units of which is not known how long they take.
 const UNKNOWN: usize = 64;
+
+/// Most jobs for one output: a controller of Slurm holds 10,000 by default, of all users.
+const MOST_JOBS: usize = 4000;
 
 /// Jobs of an array where the scheduler does not say how many it takes.
 const MOST: usize = 1000;
@@ -252,7 +259,7 @@ impl Batch<'_> {
             return Ok(());
         }
         let n_in_job = match wave.took_s {
-            Some(took_s) => units_of_job(took_s),
+            Some(took_s) => units_of_job(took_s, rest.len()),
             None => rest.len().div_ceil(UNKNOWN),
         };
         let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
@@ -297,7 +304,8 @@ impl Batch<'_> {
         Ok(())
     }
 
-    /// Submits an array; a scheduler that answers nothing at all is waited for.
+    /// Submits an array. A scheduler that does not answer is waited for; one that answers its queries and
+    /// still fails to take the array refuses it.
     fn submit_array(
         &self,
         array: &Array,
@@ -331,22 +339,22 @@ impl Batch<'_> {
             self.table.submission(&values),
             values.lines(&self.table.script),
         );
+        let mut n_failed = 0;
         loop {
-            let refused = match ask(&words, &script) {
+            let err = match ask(&words, &script) {
                 Ok(said) => return Ok(self.table.id_in(&said)),
                 Err(err) => err,
             };
-            if refused.kind() == io::ErrorKind::NotFound {
-                return Err(self.refused(&refused));
+            n_failed += 1;
+            if n_failed == SUBMISSIONS || err.kind() == io::ErrorKind::NotFound {
+                return Err(self.refused(&err));
             }
-            // Its answer may have been lost, or it may be away for a while.
+            // Its answer may have been lost, or it may have gone in the middle of it.
             let queue = self.look_patiently(std::slice::from_ref(array))?;
             if queue.keys().any(|(name, _)| *name == array.name) {
                 return Ok(None);
             }
-            if !is_silent(&refused) {
-                return Err(self.refused(&refused));
-            }
+            thread::sleep(EVERY);
         }
     }
 
@@ -426,17 +434,9 @@ impl Batch<'_> {
     clippy::cast_sign_loss,
     reason = "a number between 1 and 100,000"
 )]
-fn units_of_job(took_s: f64) -> usize {
-    (JOB_S / took_s).clamp(1.0, 1e5) as usize
-}
-
-/// Whether a scheduler did not answer, other than by a refusal.
-fn is_silent(err: &io::Error) -> bool {
-    let said = err.to_string();
-    err.kind() == io::ErrorKind::TimedOut
-        || ["contact", "onnect", "imed out"]
-            .iter()
-            .any(|word| said.contains(word))
+fn units_of_job(took_s: f64, n_units: usize) -> usize {
+    let n_in_job = (JOB_S / took_s).clamp(1.0, 1e5) as usize;
+    n_in_job.max(n_units.div_ceil(MOST_JOBS))
 }
 
 /// A name that no other array has.
@@ -461,10 +461,11 @@ mod tests {
 
     #[test]
     fn short_units_share_a_job_and_long_ones_have_their_own() {
-        assert_eq!(units_of_job(0.01), 4500);
-        assert_eq!(units_of_job(10.0), 4);
-        assert_eq!(units_of_job(3600.0), 1);
-        assert_eq!(units_of_job(0.0), 100_000);
+        assert_eq!(units_of_job(0.01, 4500), 4500);
+        assert_eq!(units_of_job(10.0, 4500), 4);
+        assert_eq!(units_of_job(3600.0, 4000), 1);
+        assert_eq!(units_of_job(3600.0, 100_000), 25, "4,000 jobs");
+        assert_eq!(units_of_job(0.0, 4500), 100_000);
     }
 
     #[test]

@@ -1,13 +1,12 @@
 //! Units made elsewhere: by a prefix that waits, and by a scheduler's jobs. The scheduler is a fake one of
-//! four scripts, which loses jobs when a test asks for it, and Slurm itself on two nodes of the loopback
-//! interface where Debian's packages `slurm-wlm` and `munge` are and the test is root; else that test
-//! skips, saying so. `PIPELINE_KILLS` sets how often a run is killed.
+//! four scripts, which loses jobs when a test asks for it; `slurm.rs` has Slurm itself. `PIPELINE_KILLS`
+//! sets how often a run is killed.
 
 use std::{
     fs,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
-    process::{Command, Output, Stdio},
+    process::{Command, Output},
     thread,
     time::{Duration, Instant},
 };
@@ -172,6 +171,27 @@ fn what_is_lost_is_tried_again_but_not_for_ever() {
         );
         assert_eq!(cluster.calls("submit").len(), 3, "{said}");
         assert_eq!(said.contains("was lost 3 times"), code == 1, "{said}");
+        assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
+        cluster.assert_tidy();
+    }
+}
+
+#[test]
+fn a_submission_that_fails_is_tried_again_but_not_for_ever() {
+    for (fail, code) in [("2", 0), ("3", 1)] {
+        let cluster = Cluster::new();
+        let place = machine();
+        let arguments = ["--on", "slurm", "--until", "split"];
+        let mut run = cluster.with(place.command("run", &arguments));
+        let ran = run.env("FAIL", fail).output().unwrap();
+        let said = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(code), "{said}");
+        assert_eq!(cluster.calls("try").len(), 3, "{said}");
+        assert_eq!(
+            said.contains("`slurm` takes no jobs: `sbatch` failed: sbatch: error: Batch job"),
+            code == 1,
+            "{said}"
+        );
         assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
         cluster.assert_tidy();
     }
@@ -484,7 +504,7 @@ fn wrong_names_and_missing_depots_are_told() {
 }
 
 /// The workers that use a depot, by their numbers.
-fn processes_with(depot: &Path) -> Vec<String> {
+pub(crate) fn processes_with(depot: &Path) -> Vec<String> {
     let variable = format!("PIPELINE_DEPOT={}", depot.display());
     let all = fs::read_dir("/proc")
         .unwrap()
@@ -500,128 +520,4 @@ fn processes_with(depot: &Path) -> Vec<String> {
     });
     let names = workers.map(|process| process.file_name().unwrap().to_string_lossy().into_owned());
     names.collect()
-}
-
-/// A Slurm of two nodes, stopped when it is dropped.
-struct Slurm {
-    folder: TempDir,
-    script: PathBuf,
-    port: String,
-}
-
-impl Slurm {
-    /// Starts it, if it can be done here.
-    fn new() -> Option<Self> {
-        let has = |program: &str| {
-            let mut found = Command::new("sh");
-            found
-                .args(["-c", &format!("command -v {program}")])
-                .stdout(Stdio::null());
-            found.status().is_ok_and(|status| status.success())
-        };
-        let root = fs::metadata("/proc/self").map(|it| std::os::unix::fs::MetadataExt::uid(&it));
-        if !["slurmctld", "slurmd", "sbatch", "munged"]
-            .into_iter()
-            .all(has)
-            || root.ok() != Some(0)
-        {
-            measured_data::print_skipped("no `slurmctld`, `slurmd` and `munged`, or not root");
-            return None;
-        }
-        let folder = TempDir::new().unwrap();
-        // Its jobs are no processes of this one: what they read must be open to them.
-        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
-        let script = folder.path().join("slurm.sh");
-        put(&script, include_bytes!("elsewhere/slurm.sh"));
-        let port = format!("{}", 20_000 + std::process::id() % 10_000 * 4 % 40_000);
-        let slurm = Self {
-            folder,
-            script,
-            port,
-        };
-        let started = slurm.call("start");
-        if !started.status.success() {
-            measured_data::print_skipped(&format!("Slurm does not start: {}", stderr(&started)));
-            return None;
-        }
-        Some(slurm)
-    }
-
-    fn call(&self, what: &str) -> Output {
-        let mut script = Command::new("bash");
-        script
-            .arg(&self.script)
-            .arg(what)
-            .arg(self.dir())
-            .arg(&self.port);
-        // Its daemons keep stdout and stderr open.
-        let said = fs::File::create(self.folder.path().join("said")).unwrap();
-        script
-            .stdin(Stdio::null())
-            .stdout(Stdio::null())
-            .stderr(said);
-        let status = script.status().unwrap();
-        Output {
-            status,
-            stdout: Vec::new(),
-            stderr: fs::read(self.folder.path().join("said")).unwrap(),
-        }
-    }
-
-    fn dir(&self) -> PathBuf {
-        self.folder.path().join("slurm")
-    }
-
-    /// Lets a command use the depot and Slurm.
-    fn with(&self, depot: &Path, mut command: Command) -> Command {
-        command
-            .env("PIPELINE_DEPOT", depot)
-            .env("PIPELINE_EXECUTORS", depot.join("none"))
-            .env("SLURM_CONF", self.dir().join("slurm.conf"));
-        command
-    }
-}
-
-impl Drop for Slurm {
-    fn drop(&mut self) {
-        self.call("stop");
-    }
-}
-
-#[test]
-fn slurm_itself_gives_the_bytes_of_threads_and_survives_lost_jobs() {
-    let Some(slurm) = Slurm::new() else { return };
-    let depot = TempDir::new().unwrap();
-    let place = machine();
-    let arguments = ["--on", "slurm"];
-    well(slurm.with(depot.path(), place.command("run", &arguments)));
-    assert_eq!(place.take_log().len(), N_UNITS);
-    well(slurm.with(depot.path(), place.bare(&place.lake(), "pull")));
-    assert_same(&place.published(), &place.undisturbed(&[]), "Slurm");
-    let doctor = slurm
-        .with(depot.path(), place.command("doctor", &arguments))
-        .output()
-        .unwrap();
-    assert!(
-        stdout(&doctor).contains("a worker on `"),
-        "{}",
-        stderr(&doctor)
-    );
-    // The processes of its jobs are killed; the run has them made by others.
-    let held = Place::with_inputs(CHAIN, 2);
-    let other = TempDir::new().unwrap();
-    let arguments = ["--on", "slurm", "--until", "split"];
-    let mut run = Running::start(slurm.with(other.path(), held.held(&arguments)));
-    run.wait_for(&held, "p000");
-    for process in processes_with(other.path()) {
-        let mut kill = Command::new("kill");
-        kill.args(["-9", &process]);
-        well(kill);
-    }
-    for partition in ["p000", "p001"] {
-        held.let_go(partition);
-    }
-    let (code, said) = run.finish();
-    assert_eq!(code, Some(0), "{said}");
-    assert!(said.contains("left no result"), "{said}");
 }

@@ -6,6 +6,8 @@
 //! `PIPELINE_ROUNDS`;
 //! `PIPELINE_SEED` changes the random draws.
 
+#[path = "../slurm/cluster.rs"]
+mod cluster;
 #[path = "../own_stages/stages.rs"]
 mod own_stages;
 mod place;
@@ -32,4 +34,5 @@ mod remote;
 mod reports;
 mod resume;
 mod sharing;
+mod slurm;
 mod two_mounts;

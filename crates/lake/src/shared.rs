@@ -184,6 +184,7 @@ impl Shared {
                 }
             }
             records.adopt(&stored, &recipe)?;
+            self.index.forget(&stored.fingerprint);
         }
         Ok(())
     }

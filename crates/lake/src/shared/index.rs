@@ -94,6 +94,11 @@ impl Index {
         }
     }
 
+    /// Drops a record that is stored here now: there may be very many.
+    pub(crate) fn forget(&self, fingerprint: &Digest) {
+        lock(&self.0).records.remove(fingerprint);
+    }
+
     /// Lists the fingerprints of all records.
     pub(crate) fn fingerprints(remote: &Remote) -> Option<HashSet<Digest>> {
         names(remote).map(|names| names.digests)

@@ -2,6 +2,7 @@
 # Two nodes of Slurm on the loopback interface, as root, without systemd, cgroups or a database; of Debian's
 # packages `slurm-wlm` and `munge`. Ports from PORT on.
 # usage: slurm.sh start|stop DIR PORT
+#        slurm.sh kill|again DIR PORT slurmctld|slurmd.n1|slurmd.n2
 set -eu
 dir=$2 port=$3 host=$(hostname -s)
 export SLURM_CONF=$dir/slurm.conf
@@ -54,6 +55,16 @@ END
     done
     echo "the nodes are not idle after 20 s" >&2
     exit 1
+    ;;
+kill)
+    kill -9 "$(cat "$dir/run/$4.pid")"
+    ;;
+again)
+    # With the jobs that it knew.
+    case $4 in
+    slurmctld) slurmctld -f "$SLURM_CONF" ;;
+    slurmd.*) slurmd -N "${4#slurmd.}" -f "$SLURM_CONF" ;;
+    esac
     ;;
 stop)
     for daemon in slurmd.n1 slurmd.n2 slurmctld munged; do

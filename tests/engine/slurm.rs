@@ -1,0 +1,169 @@
+//! Units made by the jobs of Slurm itself, some of whose processes are killed. `PIPELINE_KILLS` sets how
+//! often each is killed; without it the daemons are killed once, early.
+
+use std::{
+    fs,
+    path::Path,
+    process::Command,
+    thread,
+    time::{Duration, Instant},
+};
+
+use tempfile::TempDir;
+
+use crate::{
+    cluster::Slurm,
+    elsewhere::processes_with,
+    place::{CHAIN, LONG, Place, Running, assert_same, number, stderr, stdout, well},
+};
+
+#[test]
+fn slurm_gives_the_bytes_of_threads() {
+    let Some(slurm) = Slurm::start() else { return };
+    let depot = TempDir::new().unwrap();
+    let place = Place::with_inputs(CHAIN, 6);
+    let arguments = ["--on", "slurm"];
+    well(slurm.with(depot.path(), place.command("run", &arguments)));
+    assert_eq!(place.take_log().len(), 6 + 6 + 6 + 1 + 1);
+    well(slurm.with(depot.path(), place.bare(&place.lake(), "pull")));
+    assert_same(&place.published(), &place.undisturbed(&[]), "Slurm");
+    let doctor = slurm
+        .with(depot.path(), place.command("doctor", &arguments))
+        .output()
+        .unwrap();
+    assert!(
+        stdout(&doctor).contains("a worker on `"),
+        "{}",
+        stderr(&doctor)
+    );
+}
+
+/// A process of Slurm, or of a job of it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Part {
+    /// The controller, which is started again.
+    Controller,
+    /// The daemons of both nodes, which are started again.
+    Nodes,
+    /// What looks after a job on its node.
+    Step,
+    /// What makes the units of a job.
+    Worker,
+}
+
+/// When it is killed, after the submission.
+#[derive(Clone, Copy, Debug)]
+enum Moment {
+    /// Within 2 s.
+    Early,
+    /// After 8 s.
+    Late,
+}
+
+/// Time for which a daemon that was killed is away.
+const AWAY: Duration = Duration::from_secs(2);
+
+#[test]
+fn a_run_survives_the_death_of_each_process_of_slurm() {
+    use {Moment::*, Part::*};
+    let Some(slurm) = Slurm::start() else { return };
+    let n_rounds = number::<usize>("PIPELINE_KILLS", 0);
+    let once = [(Controller, Early), (Nodes, Early), (Worker, Early)];
+    let parts = [Controller, Nodes, Step, Worker];
+    let each = parts.map(|part| [(part, Early), (part, Late)]).concat();
+    let kills = match n_rounds {
+        0 => once.to_vec(),
+        n_rounds => each.repeat(n_rounds),
+    };
+    for (part, moment) in kills {
+        survives(&slurm, part, moment);
+    }
+}
+
+/// Has two units made by jobs that wait until a process is killed.
+fn survives(slurm: &Slurm, part: Part, moment: Moment) {
+    let began = Instant::now();
+    let depot = TempDir::new().unwrap();
+    let place = Place::with_inputs(CHAIN, 2);
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let mut run = Running::start(slurm.with(depot.path(), place.held(&arguments)));
+    match (moment, part) {
+        (Moment::Late, _) => {
+            run.wait_for(&place, "p000");
+            thread::sleep(Duration::from_secs(8));
+        }
+        // It must be there.
+        (Moment::Early, Part::Step | Part::Worker) => run.wait_for(&place, "p000"),
+        (Moment::Early, _) => {
+            let until = Instant::now() + LONG;
+            while fs::read_dir(depot.path().join("messages/waves")).is_err() {
+                assert!(Instant::now() < until, "nothing is submitted");
+                thread::park_timeout(Duration::from_millis(5));
+            }
+        }
+    }
+    let daemons: &[&str] = match part {
+        Part::Controller => &["slurmctld"],
+        Part::Nodes => &["slurmd.n1", "slurmd.n2"],
+        Part::Step | Part::Worker => &[],
+    };
+    for daemon in daemons {
+        slurm.kill(daemon);
+    }
+    let processes = match part {
+        Part::Step => steps(&slurm.conf()),
+        Part::Worker => processes_with(depot.path()),
+        Part::Controller | Part::Nodes => Vec::new(),
+    };
+    assert_eq!(processes.is_empty(), !daemons.is_empty(), "{part:?}");
+    for process in processes {
+        let mut kill = Command::new("kill");
+        // It may have ended with another.
+        let _killed = kill.args(["-9", &process]).output().unwrap();
+    }
+    if !daemons.is_empty() {
+        thread::sleep(AWAY);
+        for daemon in daemons {
+            slurm.start_again(daemon);
+        }
+    }
+    for partition in ["p000", "p001"] {
+        place.let_go(partition);
+    }
+    let (code, said) = run.finish();
+    let what = format!("{part:?} {moment:?}: {said}");
+    assert_eq!(code, Some(0), "{what}");
+    if part == Part::Worker {
+        assert!(said.contains("left no result"), "{what}");
+    }
+    for partition in ["p000", "p001"] {
+        let log = place.log();
+        let n_tries = log.iter().filter(|made| made.partition == partition);
+        assert!((1..=3).contains(&n_tries.count()), "{what}");
+    }
+    well(slurm.with(depot.path(), place.bare(&place.lake(), "pull")));
+    let expected = place.undisturbed(&["--until", "split"]);
+    assert_same(&place.published(), &expected, &what);
+    let mut verify = slurm.with(depot.path(), place.bare(&place.lake(), "verify"));
+    verify.arg("--depot");
+    well(verify);
+    eprintln!(
+        "{part:?} {moment:?}: {:.0} s",
+        began.elapsed().as_secs_f64()
+    );
+}
+
+/// Processes that look after the jobs of the Slurm with this configuration.
+fn steps(conf: &Path) -> Vec<String> {
+    let variable = format!("SLURM_CONF={}", conf.display());
+    let all = fs::read_dir("/proc").unwrap();
+    let all = all.map(|entry| entry.unwrap().path());
+    let steps = all.filter(|process| {
+        let name = fs::read_to_string(process.join("comm")).unwrap_or_default();
+        let environment = fs::read(process.join("environ")).unwrap_or_default();
+        let mut words = environment.split(|byte| *byte == 0);
+        name.trim() == "slurmstepd" && words.any(|word| word == variable.as_bytes())
+    });
+    let names = steps.map(|process| process.file_name().unwrap().to_string_lossy().into_owned());
+    names.collect()
+}

@@ -1,0 +1,117 @@
+//! A Slurm of two nodes on the loopback interface, of Debian's packages `slurm-wlm` and `munge`, as root.
+
+use std::{
+    fs,
+    os::unix::fs::{MetadataExt, PermissionsExt},
+    path::{Path, PathBuf},
+    process::{Command, Stdio},
+    sync::atomic::{AtomicU32, Ordering},
+};
+
+use tempfile::TempDir;
+
+/// Starts, stops and kills it.
+const SCRIPT: &str = include_str!("slurm.sh");
+
+/// Its programs that must be there.
+const PROGRAMS: [&str; 4] = ["slurmctld", "slurmd", "sbatch", "munged"];
+
+/// Those of this process.
+static STARTED: AtomicU32 = AtomicU32::new(0);
+
+/// A Slurm of two nodes, stopped when it is dropped.
+pub(crate) struct Slurm {
+    folder: TempDir,
+    port: String,
+}
+
+impl Slurm {
+    /// Starts it; where it cannot run, says so and returns `None`.
+    pub(crate) fn start() -> Option<Self> {
+        let has = |program: &str| {
+            let mut found = Command::new("sh");
+            found.args(["-c", &format!("command -v {program}")]);
+            let found = found.stdout(Stdio::null()).status();
+            found.is_ok_and(|status| status.success())
+        };
+        let is_root = fs::metadata("/proc/self").is_ok_and(|own| own.uid() == 0);
+        if !PROGRAMS.into_iter().all(has) || !is_root {
+            measured_data::print_skipped("no `slurmctld`, `slurmd` and `munged`, or not root");
+            return None;
+        }
+        let folder = TempDir::new().unwrap();
+        // Its jobs are no processes of this one: what they read must be open to them.
+        fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
+        fs::write(folder.path().join("slurm.sh"), SCRIPT).unwrap();
+        // A job that no machine runs is given up sooner than after five minutes.
+        let table = "[slurm]\nbegin_s = 20\n";
+        fs::write(folder.path().join("executors.toml"), table).unwrap();
+        // Four for each.
+        let nth = 2 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
+        let port = (20_000 + 4 * (nth % 5_000)).to_string();
+        let slurm = Self { folder, port };
+        match slurm.call(&["start"]) {
+            Ok(()) => Some(slurm),
+            Err(said) => {
+                measured_data::print_skipped(&format!("Slurm does not start: {said}"));
+                None
+            }
+        }
+    }
+
+    /// Calls the script; returns what it complained of if it fails.
+    fn call(&self, words: &[&str]) -> Result<(), String> {
+        let mut script = Command::new("bash");
+        let (what, rest) = words.split_first().unwrap();
+        script.arg(self.folder.path().join("slurm.sh")).arg(what);
+        script.arg(self.dir()).arg(&self.port).args(rest);
+        // Its daemons keep stdout and stderr open.
+        let said = self.folder.path().join("said");
+        script
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(fs::File::create(&said).unwrap());
+        if script.status().unwrap().success() {
+            return Ok(());
+        }
+        Err(fs::read_to_string(said).unwrap())
+    }
+
+    /// Kills a daemon: `slurmctld`, or a node's, `slurmd.n1`.
+    pub(crate) fn kill(&self, daemon: &str) {
+        self.call(&["kill", daemon]).unwrap();
+    }
+
+    /// Starts a daemon again, which goes on with the jobs that it knew.
+    pub(crate) fn start_again(&self, daemon: &str) {
+        self.call(&["again", daemon]).unwrap();
+    }
+
+    fn dir(&self) -> PathBuf {
+        self.folder.path().join("slurm")
+    }
+
+    /// Its configuration, which its processes have in `SLURM_CONF`.
+    pub(crate) fn conf(&self) -> PathBuf {
+        self.dir().join("slurm.conf")
+    }
+
+    /// Lets a command use the depot and Slurm.
+    pub(crate) fn with(&self, depot: &Path, mut command: Command) -> Command {
+        command
+            .env("PIPELINE_DEPOT", depot)
+            .env(
+                "PIPELINE_EXECUTORS",
+                self.folder.path().join("executors.toml"),
+            )
+            .env("SLURM_CONF", self.conf());
+        command
+    }
+}
+
+impl Drop for Slurm {
+    fn drop(&mut self) {
+        // It has ended by itself.
+        let _ended = self.call(&["stop"]);
+    }
+}
