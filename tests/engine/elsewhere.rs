@@ -5,7 +5,7 @@
 use std::{
     fs,
     os::unix::fs::PermissionsExt,
-    path::{Path, PathBuf},
+    path::PathBuf,
     process::{Command, Output},
     thread,
     time::{Duration, Instant},
@@ -14,9 +14,12 @@ use std::{
 use rand::Rng;
 use tempfile::TempDir;
 
-use crate::place::{
-    CHAIN, LONG, Place, Running, assert_same, chances, files_below, number, put, stderr, stdout,
-    well,
+use crate::{
+    cluster::workers,
+    place::{
+        CHAIN, LONG, Place, Running, assert_same, chances, files_below, number, put, stderr,
+        stdout, well,
+    },
 };
 
 /// The scheduler's commands, by name.
@@ -138,7 +141,7 @@ fn jobs_and_processes_behind_a_prefix_give_the_bytes_of_threads() {
 #[test]
 fn short_units_stay_here_and_arrays_are_as_small_as_the_scheduler_wants() {
     let cluster = Cluster::new();
-    let place = Place::with_inputs(CHAIN, 45);
+    let place = Place::with_inputs(CHAIN, 400);
     let mut run = cluster.with(place.command("run", &["--on", "slurm", "--until", "split"]));
     well({
         run.env("MOST", "20");
@@ -147,11 +150,11 @@ fn short_units_stay_here_and_arrays_are_as_small_as_the_scheduler_wants() {
     let calls = cluster.calls("submit");
     let sizes = calls.iter().map(|call| call.rsplit(' ').next().unwrap());
     let sizes: Vec<&str> = sizes.collect();
-    assert_eq!(sizes, ["20", "20", "5"]);
-    assert_eq!(place.take_log().len(), 45);
+    assert_eq!(sizes, ["20", "20", "18"], "58 jobs of seven units");
+    assert_eq!(place.take_log().len(), 400);
     // How long they take is known now.
     cluster.run(&place, &["--until", "split", "--set", "split.add=1"]);
-    assert_eq!(place.take_log().len(), 45);
+    assert_eq!(place.take_log().len(), 400);
     assert_eq!(cluster.calls("submit").len(), 3);
 }
 
@@ -230,7 +233,7 @@ fn a_worker_that_dies_while_its_job_is_said_to_run_is_lost() {
     thread::sleep(Duration::from_secs(8));
     assert_eq!(cluster.calls("submit").len(), 1);
     put(&cluster.path("fake/frozen"), b"");
-    let workers = processes_with(&cluster.path("depot"));
+    let workers = workers(&cluster.path("depot"));
     assert_eq!(workers.len(), 2);
     for process in workers {
         let mut kill = Command::new("kill");
@@ -501,23 +504,4 @@ fn wrong_names_and_missing_depots_are_told() {
     let said = stdout(&doctor);
     assert!(said.contains("a worker on `"), "{said}{}", stderr(&doctor));
     cluster.assert_tidy();
-}
-
-/// The workers that use a depot, by their numbers.
-pub(crate) fn processes_with(depot: &Path) -> Vec<String> {
-    let variable = format!("PIPELINE_DEPOT={}", depot.display());
-    let all = fs::read_dir("/proc")
-        .unwrap()
-        .map(|entry| entry.unwrap().path());
-    let workers = all.filter(|process| {
-        let has = |file: &str, wanted: &str| {
-            let bytes = fs::read(process.join(file)).unwrap_or_default();
-            bytes
-                .split(|byte| *byte == 0)
-                .any(|word| word == wanted.as_bytes())
-        };
-        has("environ", &variable) && has("cmdline", "--scratch")
-    });
-    let names = workers.map(|process| process.file_name().unwrap().to_string_lossy().into_owned());
-    names.collect()
 }

@@ -6,6 +6,8 @@ mod bench;
 mod bounds;
 mod cell;
 mod cell_lab;
+#[path = "../slurm/cluster.rs"]
+mod cluster;
 mod commands;
 mod doctor;
 mod effective;
@@ -35,6 +37,7 @@ mod rivals;
 mod ros2_cell;
 mod routing;
 mod shipped;
+mod slurm;
 mod stopping;
 mod studies;
 mod sweeps;

@@ -115,3 +115,28 @@ impl Drop for Slurm {
         let _ended = self.call(&["stop"]);
     }
 }
+
+/// Processes with a variable in their environment, by their numbers.
+pub(crate) fn processes_with(variable: &str, value: &Path) -> Vec<String> {
+    let wanted = format!("{variable}={}", value.display());
+    let all = fs::read_dir("/proc").unwrap();
+    let names = all.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned());
+    let found = names.filter(|process| words(process, "environ").contains(&wanted));
+    found.collect()
+}
+
+/// The workers that use a depot, by their numbers.
+pub(crate) fn workers(depot: &Path) -> Vec<String> {
+    let mut workers = processes_with("PIPELINE_DEPOT", depot);
+    workers.retain(|process| words(process, "cmdline").contains(&"--scratch".to_owned()));
+    workers
+}
+
+/// The texts of a file of a process that has ended or has them.
+pub(crate) fn words(process: &str, file: &str) -> Vec<String> {
+    let bytes = fs::read(Path::new("/proc").join(process).join(file)).unwrap_or_default();
+    let words = bytes.split(|byte| *byte == 0);
+    words
+        .map(|word| String::from_utf8_lossy(word).into_owned())
+        .collect()
+}
