@@ -6,7 +6,7 @@ use std::{
     fs,
     os::unix::fs::PermissionsExt,
     path::PathBuf,
-    process::{Command, Output},
+    process::{Child, Command, Output, Stdio},
     thread,
     time::{Duration, Instant},
 };
@@ -16,8 +16,9 @@ use tempfile::TempDir;
 
 use crate::{
     cluster::workers,
+    object_store::free_port,
     place::{
-        CHAIN, LONG, Place, Running, assert_same, chances, files_below, number, put, stderr,
+        CHAIN, LONG, Place, Running, assert_same, chances, files_below, name, number, put, stderr,
         stdout, well,
     },
 };
@@ -94,17 +95,31 @@ fn machine() -> Place {
     Place::with_inputs(CHAIN, 6)
 }
 
-/// Number of units of the pipeline with six inputs.
-const N_UNITS: usize = 6 + 6 + 6 + 1 + 1;
+/// A machine with five stages, and their number of units: `PIPELINE_PARTS` sets how many partitions three of
+/// them have, `PIPELINE_PART_BYTES` how large these are.
+pub(crate) fn graph() -> (Place, usize) {
+    let n_parts = number("PIPELINE_PARTS", 6);
+    let place = Place::with_inputs(CHAIN, n_parts);
+    let n_bytes = number("PIPELINE_PART_BYTES", 0);
+    if n_bytes > 0 {
+        for part in 0..n_parts {
+            let bytes: Vec<u8> = (0..n_bytes)
+                .map(|at| (at * (part + 1) >> 3) as u8)
+                .collect();
+            place.input(&name(part), &bytes);
+        }
+    }
+    (place, 3 * n_parts + 2)
+}
 
 #[test]
 fn jobs_and_processes_behind_a_prefix_give_the_bytes_of_threads() {
     let cluster = Cluster::new();
-    let place = machine();
+    let (place, n_units) = graph();
     let started = Instant::now();
     cluster.run(&place, &[]);
     let took = started.elapsed();
-    assert_eq!(place.take_log().len(), N_UNITS);
+    assert_eq!(place.take_log().len(), n_units);
     // What is shown is there; other files are in the depot until they are asked for.
     assert_eq!(
         well(cluster.with(place.bare(&place.lake(), "pull")))
@@ -132,10 +147,108 @@ fn jobs_and_processes_behind_a_prefix_give_the_bytes_of_threads() {
     );
     let lake = place.path("lake_behind_a_prefix");
     well(other.with(place.command_in(&lake, "run", &["--on", "box"])));
-    assert_eq!(place.take_log().len(), N_UNITS);
+    assert_eq!(place.take_log().len(), n_units);
     well(other.with(place.bare(&lake, "pull")));
     assert_same(&crate::place::published(&lake), &expected, "a prefix");
     other.assert_tidy();
+
+    let lake = place.path("lake_of_processes");
+    well(place.command_in(&lake, "run", &["--processes"]));
+    assert_same(&crate::place::published(&lake), &expected, "processes");
+}
+
+/// A machine reached by `ssh`, its server stopped when this is dropped.
+struct Sshd {
+    server: Child,
+    folder: TempDir,
+}
+
+impl Sshd {
+    /// Starts it; where it cannot run, says so and returns `None`.
+    fn start() -> Option<Self> {
+        let folder = TempDir::new().unwrap();
+        let path = |name: &str| folder.path().join(name).display().to_string();
+        for key in ["host", "own"] {
+            let mut made = Command::new("ssh-keygen");
+            made.args(["-q", "-t", "ed25519", "-N", "", "-f", &path(key)]);
+            if !made.status().is_ok_and(|status| status.success()) {
+                measured_data::print_skipped("no `ssh-keygen`");
+                return None;
+            }
+        }
+        // Where it lowers its rights; its package makes it at the machine's start.
+        let _there = fs::create_dir_all("/run/sshd");
+        let port = free_port();
+        let mut server = Command::new("/usr/sbin/sshd");
+        server.args(["-D", "-e", "-f", "/dev/null", "-h", &path("host")]);
+        for option in [
+            format!("Port={port}"),
+            "ListenAddress=127.0.0.1".to_owned(),
+            format!("AuthorizedKeysFile={}", path("own.pub")),
+            "StrictModes=no".to_owned(),
+            "PidFile=none".to_owned(),
+        ] {
+            server.args(["-o", &option]);
+        }
+        let said = fs::File::create(path("said")).unwrap();
+        let Ok(server) = server.stderr(said).stdin(Stdio::null()).spawn() else {
+            measured_data::print_skipped("no `/usr/sbin/sshd`");
+            return None;
+        };
+        let config = format!(
+            "Host node\nHostName 127.0.0.1\nPort {port}\nIdentityFile {}\nIdentitiesOnly yes\n\
+             BatchMode yes\nConnectTimeout 5\nStrictHostKeyChecking no\nUserKnownHostsFile /dev/null\nLogLevel ERROR\n",
+            path("own")
+        );
+        put(&folder.path().join("config"), config.as_bytes());
+        let mut machine = Self { server, folder };
+        let until = Instant::now() + LONG;
+        while !machine.answers() {
+            let ended = machine.server.try_wait().unwrap();
+            if ended.is_some() || Instant::now() > until {
+                let said = fs::read_to_string(machine.folder.path().join("said")).unwrap();
+                measured_data::print_skipped(&format!("nobody may come by `ssh`: {said}"));
+                return None;
+            }
+            thread::sleep(Duration::from_millis(200));
+        }
+        Some(machine)
+    }
+
+    fn answers(&self) -> bool {
+        let mut ssh = Command::new("ssh");
+        let ssh = ssh.arg("-F").arg(self.config()).args(["node", "true"]);
+        ssh.output().is_ok_and(|output| output.status.success())
+    }
+
+    fn config(&self) -> PathBuf {
+        self.folder.path().join("config")
+    }
+}
+
+impl Drop for Sshd {
+    fn drop(&mut self) {
+        let _killed = self.server.kill();
+        let _ended = self.server.wait();
+    }
+}
+
+#[test]
+fn a_machine_behind_ssh_gives_the_bytes_of_threads() {
+    let Some(node) = Sshd::start() else { return };
+    let cluster = Cluster::new();
+    let (place, _) = graph();
+    let table = format!(
+        "[node]\nlaunch = [\"ssh\", \"-F\", \"{}\", \"node\"]\nscratch = \"{}\"\nat_once = 4\n",
+        node.config().display(),
+        cluster.path("scratch").display()
+    );
+    put(&cluster.path("executors.toml"), table.as_bytes());
+    well(cluster.with(place.command("run", &["--on", "node"])));
+    assert_eq!(place.take_log(), [], "this machine made nothing");
+    well(cluster.with(place.bare(&place.lake(), "pull")));
+    assert_same(&place.published(), &place.undisturbed(&[]), "ssh");
+    cluster.assert_tidy();
 }
 
 #[test]

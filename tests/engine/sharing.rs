@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
     process::{Command, Output, Stdio},
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use rand::{Rng, seq::IndexedRandom};
@@ -547,11 +547,16 @@ fn a_flipped_byte_is_found_before_it_is_used() {
 
 /// Makes everything in a depot older.
 fn age(depot: &Path, by: Duration) {
+    set_times(depot, |time| time - by);
+}
+
+/// Changes when the files of a depot were stored, by its clock.
+fn set_times(depot: &Path, change: impl Fn(SystemTime) -> SystemTime) {
     for path in files_below(depot) {
         let file = File::options().append(true).open(&path);
         let file = file.or_else(|_| File::open(&path)).unwrap();
-        let then = file.metadata().unwrap().modified().unwrap() - by;
-        file.set_modified(then).unwrap();
+        let then = file.metadata().unwrap().modified().unwrap();
+        file.set_modified(change(then)).unwrap();
     }
 }
 
@@ -593,6 +598,35 @@ fn gc_of_a_depot_keeps_the_newest_runs_and_whatever_is_young() {
     assert_eq!(third.take_log(), [], "the newest run was kept");
     lab.run(&third, &["--set", "first.add=3"]);
     assert!(!third.take_log().is_empty(), "the old one was not");
+}
+
+#[test]
+fn clocks_that_differ_by_an_hour_make_no_difference() {
+    let hour = Duration::from_hours(1);
+    let late: fn(SystemTime, Duration) -> SystemTime = |time, by| time - by;
+    let early: fn(SystemTime, Duration) -> SystemTime = |time, by| time + by;
+    for change in [late, early] {
+        let lab = Lab::new();
+        let [first, second, third] = [(); 3].map(|()| machine());
+        // What is stored now is an hour old, or will be stored in an hour, for every other machine.
+        lab.run(&first, &[]);
+        set_times(&lab.depot(), |time| change(time, hour));
+        lab.run(&second, &OTHER);
+        assert_eq!(second.take_log().len(), 12 + 1);
+        let n_before = lab.keys("").len();
+        let collected = lab.ask(&third, "gc", &["--depot"]);
+        assert_eq!(collected.status.code(), Some(0), "{}", stderr(&collected));
+        assert_eq!(lab.keys("").len(), n_before, "nothing is a week old");
+        lab.run(&third, &[]);
+        lab.run(&third, &OTHER);
+        assert_eq!(third.take_log(), []);
+        lab.assert_whole(&third);
+        // A changed input is no stale hit, whenever it was written.
+        third.input("p000", b"another");
+        lab.run(&third, &[]);
+        assert!(!third.take_log().is_empty());
+        lab.assert_whole(&third);
+    }
 }
 
 #[test]

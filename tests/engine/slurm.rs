@@ -12,19 +12,31 @@ use tempfile::TempDir;
 
 use crate::{
     cluster::{Slurm, processes_with, workers},
-    place::{CHAIN, LONG, Place, Running, assert_same, number, stderr, stdout, well},
+    elsewhere::graph,
+    place::{CHAIN, LONG, Place, Running, assert_same, number, published, stderr, stdout, well},
 };
 
 #[test]
 fn slurm_gives_the_bytes_of_threads() {
     let Some(slurm) = Slurm::start() else { return };
     let depot = TempDir::new().unwrap();
-    let place = Place::with_inputs(CHAIN, 6);
+    let (place, n_units) = graph();
     let arguments = ["--on", "slurm"];
     well(slurm.with(depot.path(), place.command("run", &arguments)));
-    assert_eq!(place.take_log().len(), 6 + 6 + 6 + 1 + 1);
+    assert_eq!(place.take_log().len(), n_units);
     well(slurm.with(depot.path(), place.bare(&place.lake(), "pull")));
-    assert_same(&place.published(), &place.undisturbed(&[]), "Slurm");
+    let expected = place.undisturbed(&[]);
+    assert_same(&place.published(), &expected, "sbatch");
+
+    let other = TempDir::new().unwrap();
+    let lake = place.path("lake_of_srun");
+    well(slurm.with(
+        other.path(),
+        place.command_in(&lake, "run", &["--on", "srun"]),
+    ));
+    assert_eq!(place.take_log().len(), n_units);
+    well(slurm.with(other.path(), place.bare(&lake, "pull")));
+    assert_same(&published(&lake), &expected, "srun");
     let doctor = slurm
         .with(depot.path(), place.command("doctor", &arguments))
         .output()

@@ -44,7 +44,8 @@ impl Slurm {
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
         fs::write(folder.path().join("slurm.sh"), SCRIPT).unwrap();
         // A job that no machine runs is given up sooner than after five minutes.
-        let table = "[slurm]\nbegin_s = 20\n";
+        let table =
+            "[slurm]\nbegin_s = 20\n[srun]\nlaunch = [\"srun\", \"-n1\", \"-Q\"]\nat_once = 4\n";
         fs::write(folder.path().join("executors.toml"), table).unwrap();
         // Four for each.
         let nth = 2 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
