@@ -420,7 +420,7 @@ pub(crate) struct QueryArgs {
     pub(crate) run: Option<String>,
     /// Tables of all machines that share the depot
     ///
-    /// Only the tables that the query names are fetched. A run is named `MACHINE:NUMBER`.
+    /// Only the tables that the query names are fetched. A run is named `MACHINE:NUMBER-DIGITS`.
     #[arg(long, conflicts_with = "run")]
     pub(crate) depot: bool,
 }

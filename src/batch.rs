@@ -42,6 +42,9 @@ const EVERY: Duration = Duration::from_secs(2);
 /// whether it refuses or is about to go.
 const SUBMISSIONS: usize = 3;
 
+/// Looks for the jobs of a submission that failed: they may be shown late.
+const SUBMITTED_LOOKS: usize = 2;
+
 /// Looks for the answer of a job that makes nothing.
 const TRIAL_LOOKS: u64 = 60;
 
@@ -58,7 +61,8 @@ const SHORT_WAVE_S: f64 = 60.0;
 /// Jobs for units of which is not known how long they take.
 const UNKNOWN: usize = 64;
 
-/// Most jobs for one output: a controller of Slurm holds 10,000 by default, of all users.
+/// Most jobs for one output, unless its units have a time limit, which a job of many would multiply: a
+/// controller of Slurm holds 10,000 by default, of all users.
 const MOST_JOBS: usize = 4000;
 
 /// Jobs of an array where the scheduler does not say how many it takes.
@@ -259,7 +263,10 @@ impl Batch<'_> {
             return Ok(());
         }
         let n_in_job = match wave.took_s {
-            Some(took_s) => units_of_job(took_s, rest.len()),
+            Some(took_s) => {
+                let has_limit = wave.resources().time_min.is_some();
+                units_of_job(took_s, if has_limit { 0 } else { rest.len() })
+            }
             None => rest.len().div_ceil(UNKNOWN),
         };
         let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
@@ -345,16 +352,21 @@ impl Batch<'_> {
                 Ok(said) => return Ok(self.table.id_in(&said)),
                 Err(err) => err,
             };
-            n_failed += 1;
-            if n_failed == SUBMISSIONS || err.kind() == io::ErrorKind::NotFound {
+            if err.kind() == io::ErrorKind::NotFound {
                 return Err(self.refused(&err));
             }
             // Its answer may have been lost, or it may have gone in the middle of it.
-            let queue = self.look_patiently(std::slice::from_ref(array))?;
-            if queue.keys().any(|(name, _)| *name == array.name) {
-                return Ok(None);
+            for _ in 0..SUBMITTED_LOOKS {
+                thread::sleep(EVERY);
+                let queue = self.look_patiently(std::slice::from_ref(array))?;
+                if queue.keys().any(|(name, _)| *name == array.name) {
+                    return Ok(None);
+                }
             }
-            thread::sleep(EVERY);
+            n_failed += 1;
+            if n_failed == SUBMISSIONS {
+                return Err(self.refused(&err));
+            }
         }
     }
 
@@ -428,7 +440,8 @@ impl Batch<'_> {
     }
 }
 
-/// Number of units that a job makes which take so long each.
+/// Number of units that a job makes which take so long each: more where there would be too many jobs for
+/// `n_units`.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,

@@ -256,7 +256,7 @@ impl Lab {
         let queries = fs::read_to_string(self.path("fake/queries")).unwrap();
         assert_eq!(cluster.n_made, self.n_units, "{said}");
         Cost {
-            n_jobs: cluster.arrays.values().map(|jobs| jobs.len()).sum(),
+            n_jobs: cluster.arrays.values().map(Vec::len).sum(),
             n_arrays: cluster.arrays.len(),
             n_queries: queries.lines().count(),
             memory_b,

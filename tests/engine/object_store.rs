@@ -13,7 +13,7 @@ use std::{
 };
 
 use crate::elsewhere::ACTS;
-use crate::place::{CHAIN, LONG, Place, files_below, read, stderr, stdout};
+use crate::place::{CHAIN, LONG, Place, files_below, free_port, read, stderr, stdout};
 
 /// What no file and no line may contain.
 const SECRET: &str = "a-secret-that-nobody-may-see";
@@ -99,11 +99,6 @@ impl Drop for Server {
         let _killed = self.process.kill();
         let _ended = self.process.wait();
     }
-}
-
-pub(crate) fn free_port() -> u16 {
-    let free = TcpListener::bind("127.0.0.1:0").unwrap();
-    free.local_addr().unwrap().port()
 }
 
 /// Sends a request, the last of its connection, and returns the answer.

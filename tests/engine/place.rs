@@ -5,6 +5,7 @@ use std::{
     env,
     fs::{self, File, Permissions},
     io::{BufRead, BufReader, Read},
+    net::TcpListener,
     os::unix::fs::PermissionsExt,
     path::{Path, PathBuf},
     process::{Child, Command, Output, Stdio},
@@ -202,6 +203,12 @@ impl Place {
         well(command);
         published(lake.path())
     }
+}
+
+/// A port of this machine that nothing uses now.
+pub(crate) fn free_port() -> u16 {
+    let free = TcpListener::bind("127.0.0.1:0").unwrap();
+    free.local_addr().unwrap().port()
 }
 
 /// The name of an input by its number.

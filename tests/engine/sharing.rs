@@ -175,6 +175,14 @@ fn rows(lab: &Lab, machine: &Place, sql: &str) -> (Vec<String>, Output) {
     (rows, answer)
 }
 
+/// The same over a machine's own lake.
+fn here(machine: &Place, sql: &str) -> Vec<String> {
+    let mut query = machine.bare(&machine.lake(), "query");
+    query.args(["--format", "csv", sql]);
+    let text = stdout(&well(query));
+    text.lines().skip(1).map(str::to_owned).collect()
+}
+
 #[test]
 fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
     let lab = Lab::new();
@@ -182,16 +190,6 @@ fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
     lab.run(&first, &[]);
     lab.run(&second, &["--set", "first.add=5"]);
     second.take_log();
-    let here = |machine: &Place, sql: &str| {
-        let mut query = machine.bare(&machine.lake(), "query");
-        let answer = well({
-            query.args(["--format", "csv", sql]);
-            query
-        });
-        let text = stdout(&answer);
-        let rows = text.lines().skip(1).map(str::to_owned);
-        rows.collect::<Vec<String>>()
-    };
     // Both stages make the table.
     let newest = "select * from parts order by stage, part";
     let (found, answer) = rows(&lab, &asking, newest);
@@ -205,6 +203,18 @@ fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
     assert_eq!((n_fetched, n_sent), (24, 0), "its tables, and no data");
     let (_, again) = rows(&lab, &asking, newest);
     assert_eq!(shared(&again)[1], 0, "they are here now");
+    // What was fetched before is checked again.
+    let blobs = files_below(&asking.lake().join("blobs"));
+    let mut bytes = read(&blobs[0]);
+    bytes[10] ^= 1;
+    write_unnoticed(&blobs[0], &bytes);
+    let damaged = lab.ask(&asking, "query", &["--depot", newest]);
+    assert!(
+        stderr(&damaged).contains("is damaged"),
+        "{}",
+        stdout(&damaged)
+    );
+    fs::remove_dir_all(asking.lake()).unwrap();
 
     let (counts, _) = rows(
         &lab,
@@ -251,6 +261,40 @@ fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
         let said = stderr(&wrong);
         assert!(said.contains(message) && said.contains(hint), "{said}");
     }
+}
+
+#[test]
+fn a_run_that_is_repeated_or_pushed_is_in_the_depot_and_the_newest() {
+    let lab = Lab::new();
+    let (machine, asking) = (machine(), machine());
+    let newest = |expected: &str| {
+        let sums = "select sum(sum) as sum from parts where stage = 'first'";
+        let (sums, _) = rows(&lab, &asking, sums);
+        assert_eq!(
+            sums,
+            here(
+                &machine,
+                "select sum(sum) as sum from parts where stage = 'first'"
+            )
+        );
+        let (overrides, _) = rows(&lab, &asking, "select overrides from runs");
+        assert!(
+            overrides.iter().any(|it| it.contains(expected)),
+            "{overrides:?}"
+        );
+        sums
+    };
+    lab.run(&machine, &[]);
+    let first = newest("[]");
+    lab.run(&machine, &["--set", "first.add=5"]);
+    assert_ne!(newest("first.add=5"), first);
+    lab.run(&machine, &[]);
+    assert_eq!(newest("[]"), first, "the repeated run is the newest");
+    // Its units are all there.
+    fs::remove_dir_all(lab.depot().join("runs")).unwrap();
+    let pushed = lab.ask(&machine, "push", &[]);
+    assert_eq!(pushed.status.code(), Some(0), "{}", stderr(&pushed));
+    assert_eq!(newest("first.add=5"), first);
 }
 
 #[test]

@@ -1,7 +1,8 @@
-//! The main job and a sweep of trainings on Slurm itself, of which parts die. They take minutes:
-//! `cargo test --release --workspace --test program -- --ignored slurm`.
+//! The main job and a sweep of trainings on Slurm itself, of which parts die. They take minutes, and skip
+//! unless `PIPELINE_SLURM` is set.
 
 use std::{
+    env,
     fs::{self, File},
     path::Path,
     process::{Child, Command, Stdio},
@@ -22,10 +23,18 @@ const LONG: Duration = Duration::from_mins(5);
 /// Time for which a controller is away.
 const AWAY: Duration = Duration::from_secs(3);
 
+/// Starts it, if these tests are asked for.
+fn slurm() -> Option<Slurm> {
+    if env::var_os("PIPELINE_SLURM").is_none() {
+        measured_data::print_skipped("`PIPELINE_SLURM` is not set: they take minutes");
+        return None;
+    }
+    Slurm::start()
+}
+
 #[test]
-#[ignore = "takes two minutes"]
 fn the_main_job_on_slurm_ends_in_the_bytes_of_this_machine() {
-    let Some(slurm) = Slurm::start() else { return };
+    let Some(slurm) = slurm() else { return };
     let here = Bench::new();
     here.run_well(&[]);
     let depot = TempDir::new().unwrap();
@@ -46,9 +55,8 @@ const SWEEP: [&str; 6] = [
 ];
 
 #[test]
-#[ignore = "takes three minutes"]
 fn a_sweep_on_slurm_survives_the_death_of_driver_controller_and_node() {
-    let Some(slurm) = Slurm::start() else { return };
+    let Some(slurm) = slurm() else { return };
     let here = Bench::new();
     here.run_well(&SWEEP);
     let depot = TempDir::new().unwrap();
@@ -66,8 +74,8 @@ fn a_sweep_on_slurm_survives_the_death_of_driver_controller_and_node() {
     slurm.kill("slurmctld");
     thread::sleep(AWAY);
     slurm.start_again("slurmctld");
-    driver.wait_for_training("variant 3 of 4", depot.path());
-    let node = kill_a_node(&slurm, depot.path());
+    let worker = driver.wait_for_training("variant 3 of 4", depot.path());
+    let node = kill_the_node_of(&slurm, &worker);
     let status = driver.process.wait().unwrap();
     let said = driver.said();
     assert!(status.success(), "{said}");
@@ -116,14 +124,22 @@ impl Life {
         fs::read_to_string(self.folder.path().join("said")).unwrap()
     }
 
-    /// Waits until a worker makes the training of a variant.
-    fn wait_for_training(&mut self, variant: &str, depot: &Path) {
+    /// Waits until a worker makes the training of a variant; returns it.
+    fn wait_for_training(&mut self, variant: &str, depot: &Path) -> String {
         let until = Instant::now() + LONG;
+        let mut before = Vec::new();
         loop {
             let said = self.said();
             let since = said.split_once(variant).map_or("", |(_, since)| since);
-            if since.contains("queue  train.checkpoint") && !workers(depot).is_empty() {
-                return;
+            let mut now = workers(depot);
+            if since.contains("queue  train.checkpoint") {
+                now.retain(|worker| !before.contains(worker));
+                if let Some(worker) = now.pop() {
+                    return worker;
+                }
+            } else {
+                // Those of what came before, which may be ending.
+                before = now;
             }
             let ended = self.process.try_wait().unwrap();
             assert!(
@@ -135,10 +151,9 @@ impl Life {
     }
 }
 
-/// Kills every process of the jobs of the node that makes something; returns the node.
-fn kill_a_node(slurm: &Slurm, depot: &Path) -> String {
-    let worker = workers(depot).concat();
-    let variables = words(&worker, "environ");
+/// Kills every process of the jobs of a worker's node; returns the node.
+fn kill_the_node_of(slurm: &Slurm, worker: &str) -> String {
+    let variables = words(worker, "environ");
     let node = variables
         .iter()
         .find_map(|variable| variable.strip_prefix("SLURMD_NODENAME="));

@@ -397,7 +397,7 @@ impl<'a> Recorded<'a> {
 }
 
 /// Checks files against their expected digests.
-fn check(promised: &[Promised]) -> Result<(), LakeError> {
+pub(crate) fn check(promised: &[Promised]) -> Result<(), LakeError> {
     let (wrong, _) = check_digests(promised, &|_, _| {}, Path::to_owned);
     match wrong.into_iter().next() {
         None => Ok(()),

@@ -12,11 +12,14 @@ use std::{
 
 use arrow_array::{ArrayRef, Int64Array, RecordBatch, StringArray};
 use arrow_schema::{ArrowError, Field, Schema};
-use dataflow::{ArtifactName, FileRef, NodeName, RecordOutcome, UnitRef};
+use dataflow::{
+    ArtifactName, Digest, FileRef, NodeName, OutputFingerprint, RecordOutcome, UnitRef,
+};
 
 use crate::{
     LakeError, StageTable, TableFiles,
     atomic::io_error,
+    catalog::{Promised, check},
     folder::{Folder, HISTORY},
     history,
     lake::Lake,
@@ -25,25 +28,40 @@ use crate::{
     register::Run,
     scratch::Scratch,
     sealed,
-    shared::{SharedRun, keys},
+    shared::{Shared, SharedRun, keys},
     table,
 };
 
 /// The runs in a depot, and the tables that they made.
 ///
-/// A run is named `MACHINE:NUMBER`, as that machine numbers it; where two lakes of a machine have a run
-/// of that number, the number of its process follows.
+/// A run is named `MACHINE:NUMBER-DIGITS`: as its lake numbers it, and what tells that lake from others
+/// of the machine. Of all runs the newest is the one that came last, by the depot's clock. Only finished
+/// runs are sent.
 pub struct DepotTables<'a> {
     lake: &'a Lake,
     /// Keys of the runs that are not read yet, the newest last.
     left: Vec<String>,
     /// The newest first.
-    runs: Vec<SharedRun>,
+    runs: Vec<DepotRun>,
     /// Tables under the names that queries expect.
     folder: Scratch,
 }
 
-impl SharedRun {
+/// A run in the depot.
+struct DepotRun {
+    run: Run,
+    units: Vec<Stored>,
+    recipes: BTreeMap<Digest, OutputFingerprint>,
+}
+
+impl DepotRun {
+    /// Its name.
+    fn name(&self) -> String {
+        let process = Digest::of_bytes(self.run.process.as_bytes()).to_hex();
+        let digits = process.get(..NAMED).unwrap_or(&process);
+        format!("{}:{}-{digits}", self.run.host, self.run.number)
+    }
+
     /// Its units with their records, without those whose recipe is missing.
     fn refs(&self) -> impl Iterator<Item = (UnitRef, &Stored)> {
         let units = self.units.iter().enumerate();
@@ -68,11 +86,14 @@ impl SharedRun {
     }
 }
 
+/// Digits that tell lakes of a machine apart.
+const NAMED: usize = 6;
+
 /// A table's file, and the path under which queries find it.
 type Wanted = (FileRef, PathBuf);
 
 impl Lake {
-    /// Lists the runs in the depot, of which the newest of each pipeline are read.
+    /// Lists the runs in the depot.
     ///
     /// # Errors
     ///
@@ -86,17 +107,11 @@ impl Lake {
 
 impl<'a> DepotTables<'a> {
     fn open(lake: &'a Lake) -> Result<Self, LakeError> {
-        let mut left: Vec<String> = lake
-            .depot()?
-            .list(keys::RUNS)?
-            .into_iter()
-            .map(|entry| entry.key)
-            .collect();
-        // Names begin with the time at which the run started.
-        left.sort_by(|a, b| parts(a).1.cmp(parts(b).1));
+        let mut left = lake.depot()?.list(keys::RUNS)?;
+        left.sort_by(|a, b| (a.modified, &a.key).cmp(&(b.modified, &b.key)));
         Ok(Self {
             lake,
-            left,
+            left: left.into_iter().map(|entry| entry.key).collect(),
             runs: Vec::new(),
             folder: Scratch::make(lake)?,
         })
@@ -113,7 +128,8 @@ impl<'a> DepotTables<'a> {
     ///
     /// Fails if the depot cannot be read.
     pub fn artifacts(&mut self) -> Result<BTreeSet<ArtifactName>, LakeError> {
-        let unread = self.left.iter().map(|key| parts(key).0.to_owned());
+        let unread = self.left.iter().filter_map(|key| key.rsplit_once('/'));
+        let unread = unread.map(|(folder, _)| folder.to_owned());
         let read = self.runs.iter();
         let read = read.map(|run| keys::runs(&run.run.record.pipeline));
         let mut pipelines: BTreeSet<String> = unread.chain(read).collect();
@@ -136,7 +152,7 @@ impl<'a> DepotTables<'a> {
     /// Fails if the depot cannot be read.
     pub fn tables(&mut self) -> Result<BTreeSet<ArtifactName>, LakeError> {
         self.read_all()?;
-        let units = self.runs.iter().flat_map(SharedRun::refs);
+        let units = self.runs.iter().flat_map(DepotRun::refs);
         let tables = units.filter(|(_, stored)| stored.outcome.file(table::FILE).is_some());
         Ok(tables.map(|(unit, _)| unit.node.artifact).collect())
     }
@@ -191,11 +207,14 @@ impl<'a> DepotTables<'a> {
                 });
             }
         }
-        self.fetch(&wanted)?;
-        Ok(found)
+        match self.fetch(&wanted)?.first() {
+            None => Ok(found),
+            Some((file, _)) => Err(Shared::lost(&file.digest)),
+        }
     }
 
-    /// Fetches every partition of a table that any run had, each once.
+    /// Fetches every partition of a table that any run had, each once; those that the depot has lost are
+    /// counted. Of one that came out differently on two machines it is that of the newest run.
     ///
     /// # Errors
     ///
@@ -211,7 +230,13 @@ impl<'a> DepotTables<'a> {
         }
         wanted.sort_by(|(_, a), (_, b)| a.cmp(b));
         wanted.dedup_by(|(_, a), (_, b)| a == b);
-        self.fetch(&wanted)?;
+        let lost = self.fetch(&wanted)?.into_iter();
+        let lost: BTreeSet<&PathBuf> = lost.map(|(_, path)| path).collect();
+        for table in &mut all.stages {
+            table.files.retain(|_, path| !lost.contains(path));
+        }
+        all.stages.retain(|table| !table.files.is_empty());
+        all.n_collected = lost.len();
         Ok(all)
     }
 
@@ -227,19 +252,18 @@ impl<'a> DepotTables<'a> {
         let Some(at) = HISTORY.iter().position(|known| *known == name) else {
             return Ok(files);
         };
-        for (idx, (shared, run)) in self.runs.iter().zip(self.names()).enumerate() {
-            let units = shared.refs();
+        for (idx, run) in self.runs.iter().enumerate() {
+            let units = run.refs();
             let units: Vec<(UnitRef, Arc<RecordOutcome>)> = units
                 .map(|(unit, stored)| (unit, Arc::new(stored.outcome.clone())))
                 .collect();
-            let of_run = &shared.run;
-            let tables = history::tables(of_run, &of_run.record, &units);
+            let tables = history::tables(&run.run, &run.run.record, &units);
             let Some(rows) = tables.into_iter().nth(at) else {
                 continue;
             };
             let folder = self.folder.path().join(name).join(idx.to_string());
             let path = folder.join(table::FILE);
-            let rows = rows.and_then(|rows| named(name, &rows, &run, of_run));
+            let rows = rows.and_then(|rows| named(name, &rows, run));
             let rows = rows.map_err(LakeError::parquet("write", &path))?;
             fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
             table::write_batch(&folder, &rows)?;
@@ -248,28 +272,10 @@ impl<'a> DepotTables<'a> {
         Ok(files)
     }
 
-    /// The names of the runs.
-    fn names(&self) -> Vec<String> {
-        let name = |run: &SharedRun| format!("{}:{}", run.run.host, run.run.number);
-        let mut counts: BTreeMap<String, usize> = BTreeMap::new();
-        for run in &self.runs {
-            *counts.entry(name(run)).or_default() += 1;
-        }
-        let names = self.runs.iter().map(|run| {
-            let (name, process) = (name(run), &run.run.process);
-            let number = process.split('-').next().unwrap_or(process);
-            match counts.get(&name) {
-                Some(1) | None => name,
-                Some(_) => format!("{name}-{number}"),
-            }
-        });
-        names.collect()
-    }
-
     /// The partitions of an output that a run had, whose files are added to those that are `wanted`.
     fn table_had_by(
         &self,
-        run: &SharedRun,
+        run: &DepotRun,
         node: &NodeName,
         wanted: &mut Vec<Wanted>,
     ) -> Option<StageTable> {
@@ -292,19 +298,29 @@ impl<'a> DepotTables<'a> {
         })
     }
 
-    /// Fetches tables, checked while they come, and links them.
-    fn fetch(&self, wanted: &[Wanted]) -> Result<(), LakeError> {
+    /// Fetches tables and links them; returns those that the depot has lost.
+    fn fetch<'w>(&self, wanted: &'w [Wanted]) -> Result<Vec<&'w Wanted>, LakeError> {
         // What is fetched is in no run of this lake.
         let _kept = self.lake.locks.block_collection()?;
         let shared = self.lake.depot()?;
-        shared.fetch_all(&self.lake.blobs, wanted.iter().map(|(file, _)| file))?;
-        for (file, path) in wanted {
-            if !self.lake.blobs.path(&file.digest).exists() {
-                return Err(shared.lost(&file.digest));
-            }
+        let blobs = &self.lake.blobs;
+        shared.fetch_all(blobs, wanted.iter().map(|(file, _)| file))?;
+        let is_here = |wanted: &&Wanted| blobs.path(&wanted.0.digest).exists();
+        let (here, lost): (Vec<&Wanted>, Vec<&Wanted>) = wanted.iter().partition(is_here);
+        if !lost.is_empty()
+            && let Some(err) = shared.offline()
+        {
+            return Err(err);
+        }
+        // Those that were here before may be damaged.
+        let promised = here
+            .iter()
+            .map(|(file, _)| (blobs.path(&file.digest), file.digest));
+        check(&promised.collect::<Vec<Promised>>())?;
+        for (file, path) in here {
             published::show(self.lake, &file.digest, path)?;
         }
-        Ok(())
+        Ok(lost)
     }
 
     fn read_all(&mut self) -> Result<(), LakeError> {
@@ -313,7 +329,7 @@ impl<'a> DepotTables<'a> {
     }
 
     /// Returns a run, 0 for the newest; `None` where there are fewer runs.
-    fn at(&mut self, idx: usize) -> Result<Option<&SharedRun>, LakeError> {
+    fn at(&mut self, idx: usize) -> Result<Option<&DepotRun>, LakeError> {
         while self.runs.len() <= idx {
             let Some(key) = self.left.pop() else {
                 return Ok(None);
@@ -322,26 +338,29 @@ impl<'a> DepotTables<'a> {
             let Some(bytes) = self.lake.depot()?.read(&key)? else {
                 continue;
             };
-            self.runs.push(sealed::parse(Path::new(&key), &bytes)?);
+            let Ok(shared) = sealed::parse::<SharedRun>(Path::new(&key), &bytes) else {
+                return Err(LakeError::LostInDepot { key });
+            };
+            // An earlier version of the program sent no record of the run.
+            self.runs.extend(shared.run.map(|run| DepotRun {
+                run,
+                units: shared.units,
+                recipes: shared.recipes,
+            }));
         }
         Ok(self.runs.get(idx))
     }
 }
 
 /// Adds the name of a run to its rows of a table, and in `runs` its machine and number.
-fn named(
-    table: &str,
-    rows: &RecordBatch,
-    name: &str,
-    run: &Run,
-) -> Result<RecordBatch, ArrowError> {
+fn named(table: &str, rows: &RecordBatch, run: &DepotRun) -> Result<RecordBatch, ArrowError> {
     let text =
         |value: &str| -> ArrayRef { Arc::new(StringArray::from(vec![value; rows.num_rows()])) };
-    let mut added = vec![("run", text(name))];
+    let mut added = vec![("run", text(&run.name()))];
     if table == "runs" {
-        let number = i64::try_from(run.number).unwrap_or(i64::MAX);
+        let number = i64::try_from(run.run.number).unwrap_or(i64::MAX);
         let number: ArrayRef = Arc::new(Int64Array::from(vec![number; rows.num_rows()]));
-        added.extend([("machine", text(&run.host)), ("number", number)]);
+        added.extend([("machine", text(&run.run.host)), ("number", number)]);
     }
     let mut fields: Vec<Arc<Field>> = rows.schema().fields().iter().cloned().collect();
     let mut columns = rows.columns().to_vec();
@@ -354,9 +373,4 @@ fn named(
         columns.push(column);
     }
     RecordBatch::try_new(Arc::new(Schema::new(fields)), columns)
-}
-
-/// The folder and the name in a key.
-fn parts(key: &str) -> (&str, &str) {
-    key.rsplit_once('/').unwrap_or(("", key))
 }

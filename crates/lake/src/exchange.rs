@@ -1,6 +1,9 @@
 //! What a person asks of a depot: to send, to fetch, to verify and to remove.
 
-use std::{collections::BTreeSet, time::Duration};
+use std::{
+    collections::{BTreeSet, HashSet},
+    time::Duration,
+};
 
 use dataflow::{Digest, FileRef, NodeName, RunStatus};
 
@@ -9,7 +12,7 @@ use crate::{
     digests::OnBytes,
     lake::Lake,
     published,
-    shared::Shared,
+    shared::{Shared, key_of, keys},
     verify::{Fault, Verified},
 };
 
@@ -27,16 +30,16 @@ impl Lake {
         self.check_exists()?;
         self.prepare()?;
         let mut there = shared.fingerprints()?;
-        for number in self.runs()? {
+        let runs = shared.list(keys::RUNS)?.into_iter();
+        let runs: HashSet<String> = runs.map(|entry| entry.key).collect();
+        for number in self.register.ordered()? {
             let run = self.run(number)?;
-            let mut is_lacking = false;
             for unit in &run.record.units {
                 if self.records.is_whole(&unit.fingerprint)? && there.insert(unit.fingerprint) {
                     shared.send_unit(&unit.fingerprint)?;
-                    is_lacking = true;
                 }
             }
-            if is_lacking && run.record.status == RunStatus::Finished {
+            if run.record.status == RunStatus::Finished && !runs.contains(&key_of(&run)) {
                 shared.send_run(number)?;
             }
         }

@@ -29,7 +29,7 @@ use depot::{Depot, DepotError, Entry, Traffic};
 
 use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
 
-pub(crate) use self::index::SharedRun;
+pub(crate) use self::{index::SharedRun, send::key_of};
 use self::{
     index::{Found, Index},
     marks::{Item, Outbox, Unfetched},
@@ -218,15 +218,16 @@ impl Shared {
         Ok(self.remote.link().read(key)?)
     }
 
-    /// The error of a blob that did not come.
-    pub(crate) fn lost(&self, blob: &Digest) -> LakeError {
-        match self.remote.idle().offline() {
-            Some(why) => LakeError::Depot(DepotError::Offline {
-                why: why.to_owned(),
-            }),
-            None => LakeError::LostInDepot {
-                key: keys::blob(blob),
-            },
+    /// The error of a depot that is not asked any more, if it is not.
+    pub(crate) fn offline(&self) -> Option<LakeError> {
+        let why = self.remote.idle().offline()?.to_owned();
+        Some(DepotError::Offline { why }.into())
+    }
+
+    /// The error of a blob that the depot has lost.
+    pub(crate) fn lost(blob: &Digest) -> LakeError {
+        LakeError::LostInDepot {
+            key: keys::blob(blob),
         }
     }
 

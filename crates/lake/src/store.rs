@@ -332,6 +332,10 @@ impl Store for Lake {
         if let Some(again) = again {
             self.prepare()?;
             again.keep(&self.folder)?;
+            if let Some(shared) = &self.shared {
+                // Of the runs in the depot the newest is the one that came last.
+                shared.send_run(number)?;
+            }
         }
         Ok(Some(number))
     }

@@ -36,8 +36,12 @@ const FRESH_PER_TIME: u32 = 20;
 /// A run as it is in a depot.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SharedRun {
-    /// The run. Its `made_now` are positions in `units`; it has no manifest and no tables.
-    pub(crate) run: Run,
+    /// The pipeline.
+    pub(crate) pipeline: String,
+    /// The run, unless an earlier version of the program sent it. Its `made_now` are positions in
+    /// `units`; it has no manifest and no tables.
+    #[serde(default)]
+    pub(crate) run: Option<Run>,
     /// The records of its units.
     pub(crate) units: Vec<Stored>,
     /// The recipes of its units.

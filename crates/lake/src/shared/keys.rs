@@ -18,7 +18,7 @@ use dataflow::Digest;
 pub(crate) const FORMAT: &str = "format";
 
 /// The layout's version.
-pub(crate) const VERSION: &[u8] = b"depot 2\n";
+pub(crate) const VERSION: &[u8] = b"depot 1\n";
 
 /// Prefixes of keys.
 pub(crate) const BLOBS: &str = "blobs";

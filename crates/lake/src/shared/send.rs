@@ -26,7 +26,7 @@ use crate::{
     lock::Locks,
     mutex::lock,
     records::{Records, Stored},
-    register::Register,
+    register::{Register, Run},
     sealed,
 };
 
@@ -181,11 +181,16 @@ impl Work {
         }
     }
 
-    /// Sends units, then the runs that refer to them.
+    /// Sends units, then the runs that refer to them, one after the other: the last is the newest.
     fn pass(&self, items: &[Item]) {
-        let (units, runs): (Vec<Item>, Vec<Item>) =
+        let (units, mut runs): (Vec<Item>, Vec<Item>) =
             items.iter().partition(|item| matches!(item, Item::Unit(_)));
-        for items in [units, runs] {
+        let ordered = self.register.ordered().unwrap_or_default();
+        runs.sort_by_key(|run| match run {
+            Item::Run(number) => ordered.iter().position(|known| known == number),
+            Item::Unit(_) => None,
+        });
+        for (items, at_once) in [(units, AT_ONCE), (runs, 1)] {
             let next = AtomicUsize::new(0);
             let send = || {
                 while let Some(item) = items.get(next.fetch_add(1, Ordering::Relaxed)) {
@@ -195,7 +200,7 @@ impl Work {
                 }
             };
             thread::scope(|scope| {
-                for _ in 0..items.len().min(AT_ONCE) {
+                for _ in 0..items.len().min(at_once) {
                     scope.spawn(send);
                 }
             });
@@ -347,13 +352,13 @@ impl Work {
             }
             units.push(stored);
         }
-        let name = format!("{:020}-{}", run.started_ns, run.process);
-        let key = keys::run(&run.record.pipeline, &name);
+        let key = key_of(&run);
         run.manifest = None;
         run.history = BTreeMap::new();
         run.made_now = made_now;
         let shared = SharedRun {
-            run,
+            pipeline: run.record.pipeline.clone(),
+            run: Some(run),
             units,
             recipes,
         };
@@ -364,6 +369,12 @@ impl Work {
             .put(&key, content, PutMode::Always)?;
         Ok(self.outbox.remove(item)?)
     }
+}
+
+/// Key of a run.
+pub(crate) fn key_of(run: &Run) -> String {
+    let name = format!("{:020}-{}", run.started_ns, run.process);
+    keys::run(&run.record.pipeline, &name)
 }
 
 /// Whether a blob was stored so lately that it is safe from collection. Clocks that differ by hours
