@@ -27,19 +27,29 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcom
     } else {
         Lake::open(&program.lake)
     };
+    let answered = answer(program, args, &lake);
+    lake.leave();
+    answered
+}
+
+fn answer(
+    program: &Program,
+    args: &QueryArgs,
+    lake: &Lake,
+) -> Result<CommandOutcome, CommandError> {
     let source = if args.depot {
         Source::Depot(lake.depot_tables()?)
     } else {
         let run = args.run.as_ref();
         let run = run.map(|name| lake.run(lake.find_run(name)?)).transpose()?;
         Source::Lake {
-            lake: &lake,
+            lake,
             run: run.map(Box::new),
         }
     };
     let tables = Tables::open(source, &args.sql)?;
     if args.depot {
-        program.say_shared(&lake)?;
+        program.say_shared(lake)?;
     }
     for (table, n) in &tables.collected {
         program.say(&format!(

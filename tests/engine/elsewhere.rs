@@ -276,42 +276,41 @@ fn short_units_stay_here_and_arrays_are_as_small_as_the_scheduler_wants() {
 #[test]
 fn what_is_lost_is_tried_again_but_not_for_ever() {
     for (n_lost, code) in [("2", 0), ("9", 1)] {
-        let cluster = Cluster::new();
-        let place = machine();
-        let arguments = ["--on", "slurm", "--until", "split"];
-        let mut run = cluster.with(place.command("run", &arguments));
-        let ran = run.env("LOSE", n_lost).output().unwrap();
-        let said = stderr(&ran);
-        assert_eq!(ran.status.code(), Some(code), "{said}");
+        let (cluster, said) = run_six_units("LOSE", n_lost, code);
         assert!(
             said.contains("ended as NODE_FAIL and left no result"),
             "{said}"
         );
         assert_eq!(cluster.calls("submit").len(), 3, "{said}");
         assert_eq!(said.contains("was lost 3 times"), code == 1, "{said}");
-        assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
-        cluster.assert_tidy();
     }
+}
+
+/// Runs a stage of six units on a scheduler with this trouble, and expects that all are made or, with an
+/// exit code, none; returns what was said.
+fn run_six_units(trouble: &str, value: &str, code: i32) -> (Cluster, String) {
+    let cluster = Cluster::new();
+    let place = machine();
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let mut run = cluster.with(place.command("run", &arguments));
+    let ran = run.env(trouble, value).output().unwrap();
+    let said = stderr(&ran);
+    assert_eq!(ran.status.code(), Some(code), "{said}");
+    assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
+    cluster.assert_tidy();
+    (cluster, said)
 }
 
 #[test]
 fn a_submission_that_fails_is_tried_again_but_not_for_ever() {
     for (fail, code) in [("2", 0), ("3", 1)] {
-        let cluster = Cluster::new();
-        let place = machine();
-        let arguments = ["--on", "slurm", "--until", "split"];
-        let mut run = cluster.with(place.command("run", &arguments));
-        let ran = run.env("FAIL", fail).output().unwrap();
-        let said = stderr(&ran);
-        assert_eq!(ran.status.code(), Some(code), "{said}");
+        let (cluster, said) = run_six_units("FAIL", fail, code);
         assert_eq!(cluster.calls("try").len(), 3, "{said}");
         assert_eq!(
             said.contains("`slurm` takes no jobs: `sbatch` failed: sbatch: error: Batch job"),
             code == 1,
             "{said}"
         );
-        assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
-        cluster.assert_tidy();
     }
 }
 
