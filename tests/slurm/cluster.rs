@@ -2,10 +2,11 @@
 
 use std::{
     fs,
+    net::TcpListener,
     os::unix::fs::{MetadataExt, PermissionsExt},
     path::{Path, PathBuf},
     process::{Command, Stdio},
-    sync::atomic::{AtomicU32, Ordering},
+    sync::atomic::{AtomicU16, Ordering},
 };
 
 use tempfile::TempDir;
@@ -16,8 +17,17 @@ const SCRIPT: &str = include_str!("slurm.sh");
 /// Its programs that must be there.
 const PROGRAMS: [&str; 4] = ["slurmctld", "slurmd", "sbatch", "munged"];
 
-/// Those of this process.
-static STARTED: AtomicU32 = AtomicU32::new(0);
+/// Ports that a scheduler takes: the controller's, the one that its nodes have in common, and one for each node.
+const PORTS: u16 = 4;
+
+/// Ports that no outgoing connection is given, by Linux's default.
+const PORT_RANGE: std::ops::Range<u16> = 20_000..32_000;
+
+/// Schedulers that are tried, each on ports of its own: another program may take a free port before the daemons do.
+const TRIES: usize = 3;
+
+/// Groups of ports that this process has taken.
+static TAKEN: AtomicU16 = AtomicU16::new(0);
 
 /// A Slurm of two nodes, stopped when it is dropped.
 pub(crate) struct Slurm {
@@ -39,6 +49,19 @@ impl Slurm {
             measured_data::print_skipped("no `slurmctld`, `slurmd` and `munged`, or not root");
             return None;
         }
+        let mut said = String::new();
+        for _ in 0..TRIES {
+            match Self::new().started() {
+                Ok(slurm) => return Some(slurm),
+                Err(complaint) => said = complaint,
+            }
+        }
+        measured_data::print_skipped(&format!("Slurm does not start: {said}"));
+        None
+    }
+
+    /// Lays out its folder.
+    fn new() -> Self {
         let folder = TempDir::new().unwrap();
         // Its jobs are no processes of this one: what they read must be open to them.
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
@@ -47,17 +70,13 @@ impl Slurm {
         let table =
             "[slurm]\nbegin_s = 20\n[srun]\nlaunch = [\"srun\", \"-n1\", \"-Q\"]\nat_once = 4\n";
         fs::write(folder.path().join("executors.toml"), table).unwrap();
-        // Four for each.
-        let nth = 2 * std::process::id() + STARTED.fetch_add(1, Ordering::Relaxed);
-        let port = (20_000 + 4 * (nth % 5_000)).to_string();
-        let slurm = Self { folder, port };
-        match slurm.call(&["start"]) {
-            Ok(()) => Some(slurm),
-            Err(said) => {
-                measured_data::print_skipped(&format!("Slurm does not start: {said}"));
-                None
-            }
-        }
+        let port = free_ports().to_string();
+        Self { folder, port }
+    }
+
+    /// Starts its daemons; returns what they complained of if they do not come up.
+    fn started(self) -> Result<Self, String> {
+        self.call(&["start"]).map(|()| self)
     }
 
     /// Calls the script; returns what it complained of if it fails.
@@ -115,6 +134,21 @@ impl Drop for Slurm {
         // It has ended by itself.
         let _ended = self.call(&["stop"]);
     }
+}
+
+/// The first of [`PORTS`] ports in a row that nobody listens on, and that no other scheduler of this process has.
+fn free_ports() -> u16 {
+    let n_groups = (PORT_RANGE.end - PORT_RANGE.start) / PORTS;
+    // Two processes that test at once begin at different ones.
+    let own = u16::try_from(std::process::id() % u32::from(n_groups)).unwrap();
+    let mut groups = (0..n_groups).map(|_| {
+        let nth = own.wrapping_add(TAKEN.fetch_add(1, Ordering::Relaxed));
+        PORT_RANGE.start + PORTS * (nth % n_groups)
+    });
+    let is_free = |first: &u16| {
+        (*first..first + PORTS).all(|port| TcpListener::bind(("127.0.0.1", port)).is_ok())
+    };
+    groups.find(is_free).expect("free ports")
 }
 
 /// Processes with a variable in their environment, by their numbers.
