@@ -209,7 +209,8 @@ impl Row for Smoothness {
     }
 }
 
-/// The column `reached`, and those of [`Smoothness`], e.g. `executed_paper_joints_position`, which are 0 where it is false.
+/// The column `reached`, and those of [`Smoothness`], e.g. `executed_paper_joints_position`, which are 0 where it is
+/// false.
 impl Row for ExecutedSmoothness {
     fn write(rows: &[&Self], to: &mut Writer) {
         let reached: Vec<bool> = rows.iter().map(|row| row.0.is_some()).collect();

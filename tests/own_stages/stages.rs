@@ -1,6 +1,7 @@
 //! Small kinds of stages: one that reads files outside the lake, one that maps partition by partition,
 //! one that gathers every partition, one that gathers by a label, one that goes on where it was
-//! interrupted, one that must not be done twice (`act`), one as a lab would write it (`logged`), and programs; `map.sh` is `map` as a program.
+//! interrupted, one that must not be done twice (`act`), one as a lab would write it (`logged`), and programs; `map.sh`
+//! is `map` as a program.
 //!
 //! A kind is a type that implements [`dataflow::Stage`], and lists its outputs, types that implement
 //! [`dataflow::Output`]; where there is one, it is the same type. Most need two functions: `units` lists

@@ -1,4 +1,4 @@
-//! The dispatch protocol over zenoh: goals and their outcomes, a client, a server for any machine, and a simulated cell.
+//! The dispatch protocol over zenoh: goals and outcomes, a client, a server for any machine, and a simulated cell.
 //!
 //! A robot cell takes one [`Goal`] at a time, executes it and reports its measurements.
 //! [`CellClient`] is the dispatcher's side, [`CellServer`] the cell's side for any [`Machine`], and

@@ -133,8 +133,8 @@ pub(crate) fn initialize(
     }
 }
 
-/// Shifts the last layer so that the features of clouds start with mean 0: maxima of normal numbers are all positive, and
-/// what they share would drown what they tell apart.
+/// Shifts the last layer so that the features of clouds start with mean 0: maxima of normal numbers are all positive,
+/// and what they share would drown what they tell apart.
 pub(crate) fn center(
     weights: &mut Weights,
     n_layers: usize,

@@ -1,8 +1,8 @@
 //! Garbage collection of unreferenced artifacts.
 //!
 //! Kept are the units of tagged runs, of the newest runs of every pipeline and of its newest state,
-//! those named by the caller, those still to be sent to the depot, and all made or used since the oldest living process began. Records
-//! of runs and their tables always stay. So does the resume state of interrupted units, until it
+//! those named by the caller, those still to be sent to the depot, and all made or used since the oldest living process
+//! began. Records of runs and their tables always stay. So does the resume state of interrupted units, until it
 //! expires.
 
 use std::{

@@ -149,8 +149,8 @@ impl Desired {
 }
 
 impl Knot {
-    /// Takes the position of one control step of a course, and its rates from its neighbors: those of the parabola through
-    /// them; 0 where it lacks one.
+    /// Takes the position of one control step of a course, and its rates from its neighbors: those of the parabola
+    /// through them; 0 where it lacks one.
     fn of_course(course: &[&[f64]], idx: usize, control_s: f64) -> Self {
         Self {
             q: course.get(idx).map(|q| q.to_vec()).unwrap_or_default(),

@@ -42,8 +42,8 @@ impl SettledScene {
     ///
     /// # Errors
     ///
-    /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if the
-    /// fingers' drives look ahead or are late: what they will be told is not known.
+    /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if
+    /// the fingers' drives look ahead or are late: what they will be told is not known.
     pub fn begin(&self, start: &HandPose) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller.follows_motion() {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
@@ -68,8 +68,8 @@ impl SettledScene {
         Ok(Episode { world })
     }
 
-    /// Advances an episode of this scene by one control step, as in the reach of a rollout: `command` is the pose of the palm
-    /// at its end, and the positions to which the fingers are driven during it.
+    /// Advances an episode of this scene by one control step, as in the reach of a rollout: `command` is the pose of
+    /// the palm at its end, and the positions to which the fingers are driven during it.
     ///
     /// # Errors
     ///

@@ -24,8 +24,8 @@ pub(crate) struct PalmCourse {
 }
 
 impl PalmCourse {
-    /// Moves the palm along a script: six drives with the torque law of the fingers', which carry the hand's mass, and its
-    /// mean moment of inertia about the palm's origin as the hand is at the start.
+    /// Moves the palm along a script: six drives with the torque law of the fingers', which carry the hand's mass, and
+    /// its mean moment of inertia about the palm's origin as the hand is at the start.
     ///
     /// # Errors
     ///
@@ -143,8 +143,8 @@ fn drives(drive: &PalmDriveConfig, mass_kg: f64, inertia_kg_m2: f64) -> [AxisDri
 }
 
 impl AxisDrive {
-    /// Returns position and velocity one physics step later, by implicit Euler: the effort is that at the step's end, within
-    /// its limit.
+    /// Returns position and velocity one physics step later, by implicit Euler: the effort is that at the step's end,
+    /// within its limit.
     fn moved(
         &self,
         [position, velocity]: [f64; 2],

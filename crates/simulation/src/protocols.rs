@@ -37,8 +37,8 @@ pub enum ProtocolName {
     /// Lift and shakes (T. Lum et al., *Get a Grip: Multi-Finger Grasp Evaluation at Scale Enables Robust
     /// Sim-to-Real Transfer*, `CoRL` 2024).
     GetAGrip,
-    /// Pulls in six directions, one after the other (Z. Wei et al., *D(R,O) Grasp: A Unified Representation of Robot and
-    /// Object Interaction for Cross-Embodiment Dexterous Grasping*, ICRA 2025).
+    /// Pulls in six directions, one after the other (Z. Wei et al., *D(R,O) Grasp: A Unified Representation of Robot
+    /// and Object Interaction for Cross-Embodiment Dexterous Grasping*, ICRA 2025).
     Dro,
     /// The simulated pick of A. Li et al., *`FRoGGeR`: Fast Robust Grasp Generation via the Min-Weight Metric*,
     /// IROS 2023.

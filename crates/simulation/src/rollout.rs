@@ -43,8 +43,8 @@ pub struct Rollout {
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,
-    /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated to
-    /// its end.
+    /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated
+    /// to its end.
     pub executed: Vec<HandPose>,
     /// The steps, if they were requested and anything was simulated.
     pub trace: Option<Trace>,
@@ -372,8 +372,8 @@ fn arrived<'a>(
     }
 }
 
-/// Advances by one control step after `done_n` others, with `last` as the last one commanded; a driven palm moves along its
-/// course.
+/// Advances by one control step after `done_n` others, with `last` as the last one commanded; a driven palm moves along
+/// its course.
 fn control_step(
     settled: &SettledScene,
     world: &mut World,

@@ -31,8 +31,8 @@ pub struct CemMpcConfig {
     /// Objects for which motions are made, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Number of motions of each object that are made (4), to the grasps of its first candidates: each simulates about a
-    /// thousand control steps for each of its own, and takes some ten seconds. The other candidates get none.
+    /// Number of motions of each object that are made (4), to the grasps of its first candidates: each simulates about
+    /// a thousand control steps for each of its own, and takes some ten seconds. The other candidates get none.
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
     /// Sequences of actions drawn in one iteration (100): the paper's.
@@ -57,8 +57,8 @@ pub struct CemMpcConfig {
     /// Share of the former mean and deviation in the next ones (0.1).
     #[serde(default = "defaults::smoothing")]
     pub smoothing: f64,
-    /// Share of the shifted mean with which the next search starts (0.2): with all of it, joints that hardly matter go on for
-    /// good in whatever direction they once took.
+    /// Share of the shifted mean with which the next search starts (0.2): with all of it, joints that hardly matter go
+    /// on for good in whatever direction they once took.
     #[serde(default = "defaults::memory")]
     pub memory: f64,
     /// Greatest speed of the palm's origin along each axis of the object, in m/s: that of a person's hand.
@@ -77,8 +77,8 @@ pub struct CemMpcConfig {
     /// Cost of a meter by which the object is moved, for each control step (1/m): that of the released code.
     #[serde(default = "defaults::object_weight_per_m")]
     pub object_weight_per_m: f64,
-    /// Cost of a meter by which the commanded hand is below the table, for each control step (1/m): the palm would go through
-    /// it, and the screen refuses that. The released code has no such cost.
+    /// Cost of a meter by which the commanded hand is below the table, for each control step (1/m): the palm would go
+    /// through it, and the screen refuses that. The released code has no such cost.
     #[serde(default = "defaults::table_weight_per_m")]
     pub table_weight_per_m: f64,
     /// Mean distance of the fingertips from the grasp's at which control ends, in meters: the last command is held from

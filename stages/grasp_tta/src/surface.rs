@@ -8,8 +8,8 @@ use robot::surface_points;
 
 use crate::GraspTtaError;
 
-/// Least cosine of the angle between a point's normal and that of a virtual contact of its link, for hands to touch with
-/// that point: 45°.
+/// Least cosine of the angle between a point's normal and that of a virtual contact of its link, for hands to touch
+/// with that point: 45°.
 const FACING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// Spreads `n` points over a hand. Those on the inner sides of the links that bend, on fingertips and palm are the ones

@@ -41,8 +41,8 @@ pub(crate) struct RefinedGrasp {
 
 impl Refiner<'_> {
     /// Refines the last step: from the drawn grasp, and along the approach, where the fingers come from outside
-    /// and so end on the right side of thin things; where its residual stays large, also from the better of them, rotated
-    /// about its fingertips.
+    /// and so end on the right side of thin things; where its residual stays large, also from the better of them,
+    /// rotated about its fingertips.
     pub(crate) fn grasp(
         &mut self,
         environment: &Environment,

@@ -64,16 +64,17 @@ pub struct RrtConfig {
     /// screened hand may start so deep.
     #[serde(default = "defaults::tolerated_depth_m")]
     pub tolerated_depth_m: f64,
-    /// How far beyond start and grasp the palm may be, along each axis of the object, in meters (0.2): room to go around an
-    /// object of a hand's size.
+    /// How far beyond start and grasp the palm may be, along each axis of the object, in meters (0.2): room to go
+    /// around an object of a hand's size.
     #[serde(default = "defaults::margin_m")]
     pub margin_m: f64,
-    /// Last part of the steps in which the hand closes on a straight line from the pregrasp to the grasp, without checks
-    /// (0.25): that in which a screened hand may touch the object.
+    /// Last part of the steps in which the hand closes on a straight line from the pregrasp to the grasp, without
+    /// checks (0.25): that in which a screened hand may touch the object.
     #[serde(default = "defaults::closing_share")]
     pub closing_share: f64,
-    /// Distance that the hand keeps from object and table at the pregrasp, as far as it can, in meters: palm and fingers move
-    /// away from the grasp no farther than that takes. With less, fingers that are late touch the object one by one.
+    /// Distance that the hand keeps from object and table at the pregrasp, as far as it can, in meters: palm and
+    /// fingers move away from the grasp no farther than that takes. With less, fingers that are late touch the object
+    /// one by one.
     #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
     /// Attempts to replace a part of a path by a straight line (0): the roughness of the paper's paths suggests none.

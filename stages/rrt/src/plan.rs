@@ -34,8 +34,8 @@ pub(crate) struct Plan {
     pub(crate) checks_n: u64,
     /// Nodes of both trees.
     pub(crate) nodes_n: usize,
-    /// Deepest that the motion's steps before the closing are in object or table, in meters. They are on the path, but the
-    /// straight line between two of them may leave it.
+    /// Deepest that the motion's steps before the closing are in object or table, in meters. They are on the path, but
+    /// the straight line between two of them may leave it.
     pub(crate) depth_m: f64,
 }
 

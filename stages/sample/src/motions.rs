@@ -240,8 +240,8 @@ fn points(object: &Object) -> Vec<Point3<f64>> {
     points.collect()
 }
 
-/// Returns the object's points as they are seen for one motion: each off by `noise` times the object's extent along each
-/// axis (standard deviation).
+/// Returns the object's points as they are seen for one motion: each off by `noise` times the object's extent along
+/// each axis (standard deviation).
 fn noisy(object: &Object, noise: f64, seed: u64, motion: usize) -> Vec<Point3<f64>> {
     let points = points(object);
     let coords = || points.iter().map(|point| point.coords);

@@ -104,8 +104,8 @@ impl<'a> Screening<'a> {
         templates.collect::<Result<_, _>>().map(Scenes)
     }
 
-    /// Judges all candidates, in their order, and says how much processor time that took, in seconds; `progress` is told the
-    /// share that is done.
+    /// Judges all candidates, in their order, and says how much processor time that took, in seconds; `progress` is
+    /// told the share that is done.
     pub(crate) fn judge(
         &self,
         scenes: &Scenes,

@@ -15,8 +15,8 @@ pub(crate) enum Footprint {}
 
 /// Returns the frame of an object's box in the object's own, from points on its surface (m); `None` without points.
 ///
-/// The axis is that of the larger variance in the plane, up to half a turn: of the two, the one whose yaw is in (-90°, 90°]
-/// on the table. An object as wide as it is long has no such axis, and any serves.
+/// The axis is that of the larger variance in the plane, up to half a turn: of the two, the one whose yaw is in (-90°,
+/// 90°] on the table. An object as wide as it is long has no such axis, and any serves.
 pub(crate) fn object_from_footprint(
     points: &[[f64; 3]],
     rest: &RestingPose,

@@ -10,8 +10,8 @@ use spatial::{Object, Pose};
 /// Steps of a mean motion: the paper's.
 const STEPS: usize = 40;
 
-/// Returns the mean of motions of one hand, at equal shares of their durations: the mean of the palm's positions, of its
-/// rotations (F. L. Markley et al., "Averaging Quaternions", 2007) and of the joints' positions, in the mean time.
+/// Returns the mean of motions of one hand, at equal shares of their durations: the mean of the palm's positions, of
+/// its rotations (F. L. Markley et al., "Averaging Quaternions", 2007) and of the joints' positions, in the mean time.
 /// `None` without motions.
 ///
 /// # Errors

@@ -24,8 +24,8 @@ const MAX_JITTER: f64 = 1.0;
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspNetworkConfig {
-    /// Points of the object's surface that networks and losses see, the first ones: as many as a grasping function sees;
-    /// published: 3000
+    /// Points of the object's surface that networks and losses see, the first ones: as many as a grasping function
+    /// sees; published: 3000
     pub points: usize,
     /// Layers of the four point networks, over object and hand of both networks; published: up to 1024, for a hundred
     /// times as many grasps
@@ -63,14 +63,14 @@ pub struct GraspTrainingConfig {
     /// Weight of contact, consistency and penetration together, which `terms` weighs against each other (1): less than
     /// the demonstrated grasps weigh
     pub terms_weight: f64,
-    /// Object and hand are turned together about the vertical, by an angle from 0 to this (rad): all the way round, as a
-    /// grasping function's are
+    /// Object and hand are turned together about the vertical, by an angle from 0 to this (rad): all the way round, as
+    /// a grasping function's are
     pub turn_rad: f64,
     /// Standard deviation by which a hand is displaced for the contact network, along each axis (m): about the error of
     /// a drawn grasp
     pub jitter_m: f64,
-    /// Standard deviation by which it is turned about each axis, and by which its joints are moved (rad): about the error
-    /// of a drawn grasp
+    /// Standard deviation by which it is turned about each axis, and by which its joints are moved (rad): about the
+    /// error of a drawn grasp
     pub jitter_rad: f64,
 }
 

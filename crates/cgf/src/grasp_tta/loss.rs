@@ -224,8 +224,8 @@ mod tests {
         ] {
             let mut row = fixture::row();
             if name == "penetration" {
-                // The first ball's center 6 mm before a side of the cube, where no point is about to enter or to leave it:
-                // there the loss jumps.
+                // The first ball's center 6 mm before a side of the cube, where no point is about to enter or to leave
+                // it: there the loss jumps.
                 row[..3].copy_from_slice(&[-0.05982, 0.0101, -0.0124]);
             }
             let (terms, found) = evaluate(&weights, &row);

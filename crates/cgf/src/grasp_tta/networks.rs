@@ -239,8 +239,8 @@ impl Tape<'_> {
         Ok((features, named.collect()))
     }
 
-    /// Encodes grasps from the features of object and hand: mean and log-variance of their latent codes, `(batch, latent)`
-    /// each. A variance is never above the prior's.
+    /// Encodes grasps from the features of object and hand: mean and log-variance of their latent codes, `(batch,
+    /// latent)` each. A variance is never above the prior's.
     pub(crate) fn encode(
         &self,
         object: &Tensor,

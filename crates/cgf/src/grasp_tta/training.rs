@@ -100,8 +100,8 @@ struct Seen {
 ///
 /// # Errors
 ///
-/// Fails if there are fewer than two grasps, an object has too few points, a hand has another number of joints, or a loss
-/// is no longer a number.
+/// Fails if there are fewer than two grasps, an object has too few points, a hand has another number of joints, or a
+/// loss is no longer a number.
 pub fn train_grasps(
     set: &GraspSet,
     surface: &HandSurface,

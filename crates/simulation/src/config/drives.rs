@@ -61,12 +61,12 @@ impl ControllerKind {
 }
 
 /// Drives of the palm's coordinates, three along the axes of its start and three about them, with the torque law of the
-/// fingers' drives ([`DriveConfig::controller`]): they carry the hand's mass and inertia to the commanded path, and end with
-/// the reach, the squeeze and the pause; the lift is exact. Neither fingers nor object push the palm back.
+/// fingers' drives ([`DriveConfig::controller`]): they carry the hand's mass and inertia to the commanded path, and end
+/// with the reach, the squeeze and the pause; the lift is exact. Neither fingers nor object push the palm back.
 ///
-/// The defaults are those of the released simulation of Ye et al., *Learning Continuous Grasping Function with a Dexterous
-/// Hand from Human Demonstrations*, 2023 (`scripts/sim.py`): a velocity of (target − current)/0.03 s, dampings of 200 Ns/m
-/// and 50 Nms/rad, and limits of 200 N and 50 Nm.
+/// The defaults are those of the released simulation of Ye et al., *Learning Continuous Grasping Function with a
+/// Dexterous Hand from Human Demonstrations*, 2023 (`scripts/sim.py`): a velocity of (target − current)/0.03 s,
+/// dampings of 200 Ns/m and 50 Nms/rad, and limits of 200 N and 50 Nm.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]

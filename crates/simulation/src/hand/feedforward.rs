@@ -12,8 +12,8 @@ use crate::{
 };
 
 impl HandBodies {
-    /// Sets every finger's torque for the next physics step: a spring and a damper to the desired motion, and, where its
-    /// accelerations are known, their inverse dynamics at the measured positions and velocities.
+    /// Sets every finger's torque for the next physics step: a spring and a damper to the desired motion, and, where
+    /// its accelerations are known, their inverse dynamics at the measured positions and velocities.
     ///
     /// The hand's weight is compensated, as in [`HandBodies::drive`], and the palm moves at constant
     /// velocity between the jumps that the engine makes without any effect on the fingers.
