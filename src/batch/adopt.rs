@@ -4,7 +4,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use dataflow::{Digest, End, Ended, Failure, Store, Wave};
 
-use super::{Array, Batch, failed, key, out, queue::JobState};
+use super::{Array, Batch, drivers::TIMEOUT, failed, key, out, queue::JobState};
 use crate::report;
 
 impl Batch<'_> {
@@ -84,8 +84,12 @@ impl Batch<'_> {
         let mut have_waited = false;
         for driver in drivers {
             have_waited |= self.wait_for(driver, |heartbeat| {
+                let timeout = match heartbeat.host == lake::host() {
+                    true => String::new(),
+                    false => format!("; taken over after {} s without a heartbeat", TIMEOUT.as_secs()),
+                };
                 report::line(&format!(
-                    "wait   {}: made by jobs of another run, process {} on `{}`",
+                    "wait   {}: made by jobs of another run, process {} on `{}`{timeout}",
                     wave.output(),
                     heartbeat.process,
                     heartbeat.host

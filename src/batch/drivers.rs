@@ -16,7 +16,7 @@ use crate::heartbeats;
 const PERIOD: Duration = Duration::from_secs(10);
 
 /// Time without a new heartbeat after which a run counts as dead, by the clock of the machine that waits.
-const TIMEOUT: Duration = Duration::from_secs(45);
+pub(super) const TIMEOUT: Duration = Duration::from_secs(45);
 
 /// A heartbeat.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
@@ -83,8 +83,8 @@ impl Batch<'_> {
         done
     }
 
-    /// Waits while a run looks after its jobs; returns `false` at once if it has ended. `waiting` is called
-    /// once it is known to be alive.
+    /// Waits while a run looks after its jobs; returns whether it was alive. `waiting` is called before the first
+    /// wait; a run on another machine is known to be alive or dead only later.
     pub(super) fn wait_for(
         &self,
         driver: &str,
@@ -108,12 +108,11 @@ impl Batch<'_> {
                     }
                 }
                 known => {
-                    let is_alive = known.is_some() || heartbeat.host == lake::host();
-                    *known = Some((heartbeat.clone(), Instant::now()));
-                    if is_alive && let Some(waiting) = waiting.take() {
-                        has_waited = true;
+                    has_waited |= known.is_some() || heartbeat.host == lake::host();
+                    if let Some(waiting) = waiting.take() {
                         waiting(&heartbeat);
                     }
+                    *known = Some((heartbeat, Instant::now()));
                 }
             }
             thread::sleep(EVERY);

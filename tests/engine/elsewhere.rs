@@ -423,6 +423,40 @@ fn a_run_that_waits_takes_over_the_jobs_of_one_that_dies() {
 }
 
 #[test]
+fn the_jobs_of_a_run_that_died_on_another_machine_are_taken_over() {
+    let cluster = Cluster::new();
+    let [first, second] = [(); 2].map(|()| machine());
+    put(&cluster.path("fake/hold"), b"");
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
+    let mut one = start(&first);
+    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    one.child.kill().unwrap();
+    one.finish();
+    // Nothing tells this machine that a process of another has ended.
+    let drivers = fs::read_dir(cluster.path("depot/messages/drivers")).unwrap();
+    let drivers: Vec<PathBuf> = drivers.map(|it| it.unwrap().path()).collect();
+    assert_eq!(drivers.len(), 1);
+    let heartbeat = fs::read_to_string(&drivers[0]).unwrap();
+    let mut heartbeat: serde_json::Value = serde_json::from_str(&heartbeat).unwrap();
+    heartbeat["host"] = "elsewhere".into();
+    put(&drivers[0], heartbeat.to_string().as_bytes());
+
+    let mut other = start(&second);
+    other.wait_for_line("it waits", |line| {
+        line.starts_with("wait   split.parts: made by jobs of another run")
+            && line.ends_with("on `elsewhere`; taken over after 45 s without a heartbeat")
+    });
+    other.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    let (code, said) = other.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
+    assert_eq!(first.take_log().len() + second.take_log().len(), 6);
+    cluster.assert_tidy();
+}
+
+#[test]
 fn a_failure_is_not_tried_again_and_its_log_is_named() {
     let cluster = Cluster::new();
     let place = machine();

@@ -19,7 +19,7 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
 /// Longer than anything here takes; a test that waits this long has failed.
-pub(crate) const LONG: Duration = Duration::from_secs(30);
+pub(crate) const LONG: Duration = Duration::from_secs(90);
 
 /// Files of a folder, two stages that map them, one that gathers them, one that groups them.
 pub(crate) const CHAIN: &str = r#"
