@@ -84,12 +84,14 @@ impl Batch<'_> {
         let mut have_waited = false;
         for driver in drivers {
             have_waited |= self.wait_for(driver, |heartbeat| {
-                let timeout = match heartbeat.host == lake::host() {
-                    true => String::new(),
-                    false => format!("; taken over after {} s without a heartbeat", TIMEOUT.as_secs()),
-                };
+                let timeout_s = TIMEOUT.as_secs();
+                let mut takeover = format!("; taken over after {timeout_s} s without a heartbeat");
+                if heartbeat.host == lake::host() {
+                    // Its end is seen at once.
+                    takeover.clear();
+                }
                 report::line(&format!(
-                    "wait   {}: made by jobs of another run, process {} on `{}`{timeout}",
+                    "wait   {}: made by jobs of another run, process {} on `{}`{takeover}",
                     wave.output(),
                     heartbeat.process,
                     heartbeat.host
