@@ -29,10 +29,11 @@ const LIMIT_M: f64 = 0.02;
 const PALM_M: f64 = 0.05;
 const PALM_RAD: f64 = 0.3;
 /// Smallest commanded displacement in the reach that counts as a motion, in radians and
-/// in meters, and the share of it that must be measured: the object may block fingers.
+/// in meters, and the share of it that must be measured: a joint whose reading is frozen shows none of it, a finger
+/// that the object blocks from the start a little.
 const MOVES_RAD: f64 = 0.1;
 const MOVES_M: f64 = 0.01;
-const MOVED_SHARE: f64 = 0.1;
+const MOVED_SHARE: f64 = 0.02;
 /// Smallest rise of the palm, as a share of the object's.
 const PALM_SHARE: f64 = 0.5;
 /// Largest distance of the object's first pose from the goal's, in meters.

@@ -458,6 +458,19 @@ fn contradictory_report_is_refused() {
 }
 
 #[test]
+fn finger_that_the_object_blocks_from_the_start_is_no_contradiction() {
+    let mut report = success();
+    let first = report.rows[0].clone();
+    for row in &mut report.rows {
+        for (q, first) in row[Q..COMMAND].iter_mut().zip(&first[Q..COMMAND]) {
+            *q = first + 0.05 * (*q - first);
+        }
+    }
+    report.header["outcome"] = json!("failed");
+    assert_eq!(report.refused(), None);
+}
+
+#[test]
 fn unsuccessful_outcome_is_not_counted_as_success() {
     for (closed_m, until_s) in [(0.0, f64::MAX), (0.04, 0.5), (0.04, 1.1)] {
         let goal = goal(closed_m);
