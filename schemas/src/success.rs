@@ -9,8 +9,8 @@
 //! square over successful grasps of the distance from their mean: for the palm's origin √(Σ|p −
 //! p̄|²/n), for its orientation √(Σ∠(R, R̄)²/n) with R̄ the rotation of least squared distance as
 //! matrices (Markley et al., *Averaging Quaternions*, 2007), for dof joints √(Σ|q − q̄|²/(n ·
-//! dof)). Only grasps with the same resting pose of the object share a mean, and one without others
-//! is left out: `spread_n` is n, and with 0 of them every spread is 0.
+//! dof)). Only grasps of an object that lies alike, its up directions within 10 degrees, share a mean, and one
+//! without others is left out: `spread_n` is n, and with 0 of them every spread is 0.
 
 use crate::{
     candidates::{ObjectSplit, Origin},

@@ -22,8 +22,7 @@
 //! assert_eq!(spread.q_rad, 0.0);
 //! ```
 //!
-//! Only motions with the same resting pose of the object are compared. This crate does no input or
-//! output.
+//! Only motions in which the object lies alike are compared. This crate does no input or output.
 
 mod spread;
 

@@ -5,6 +5,10 @@ use nalgebra::{Matrix4, Quaternion, UnitQuaternion, Vector3, Vector4};
 use schemas::{candidates::Candidate, sampling::GraspDistance};
 use spatial::{Object, Pose, Table};
 
+/// Cosine of the angle between up directions, in the object's frame, up to which an object lies alike: 10 degrees.
+/// Recorded orientations differ by a few degrees; the resting orientations of an object differ by more.
+const SAME_UP: f64 = 0.984_807_753;
+
 /// A motion that is compared with others.
 #[derive(Debug, Clone)]
 pub struct ComparedMotion<'a, R = HandRates<Object>> {
@@ -25,7 +29,7 @@ impl<'a> From<&'a Candidate> for ComparedMotion<'a> {
 
 /// The hand over the motions of an object: means, and spread around them.
 ///
-/// Only motions with the same resting orientation of the object are compared: each is measured from
+/// Only motions in which the object lies alike are compared, its up directions within 10 degrees: each is measured from
 /// their mean.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Diversity {
@@ -97,13 +101,15 @@ impl Diversity {
 
     /// Measures motions with equal numbers of steps.
     pub fn of<R>(motions: &[ComparedMotion<R>]) -> Self {
-        let mut lying: Vec<Pose<Table, Object>> = Vec::new();
+        // The up direction of each group's first motion, in the object's frame.
+        let mut lying: Vec<Vector3<f64>> = Vec::new();
         let mut group_of = Vec::with_capacity(motions.len());
         for motion in motions {
-            let pose = motion.table_from_object;
-            let known = lying.iter().position(|other| *other == pose);
+            let up_in_object = motion.table_from_object.rotation.inverse() * Vector3::z();
+            let is_alike = |other: &Vector3<f64>| other.dot(&up_in_object) > SAME_UP;
+            let known = lying.iter().position(is_alike);
             group_of.push(known.unwrap_or_else(|| {
-                lying.push(pose);
+                lying.push(up_in_object);
                 lying.len() - 1
             }));
         }
@@ -246,8 +252,8 @@ mod tests {
 
     use super::*;
 
-    /// A motion that ends at `x`, turned by `angle` about z, its joint at `q`.
-    fn motion(height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
+    /// A motion for an object tilted by `tilt_rad`, that ends at `x`, turned by `angle` about z, its joint at `q`.
+    fn motion(tilt_rad: f64, x: f64, angle: f64, q: f64) -> Candidate {
         let step = |share: f64| Step {
             time_s: share,
             frame_from_palm: Pose::new(Isometry3::new(
@@ -262,7 +268,7 @@ mod tests {
             generator: String::new(),
             source: DrawSource::replayed("a"),
             latent: Vec::new(),
-            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
+            table_from_object: Pose::new(Isometry3::rotation(Vector3::x() * tilt_rad)),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
             residual_m2: 0.0,
@@ -284,7 +290,8 @@ mod tests {
     fn spread_is_the_standard_deviation_about_the_mean() {
         let found = of(&[
             motion(0.1, 0.02, 0.3, 0.2),
-            motion(0.1, -0.02, -0.3, -0.2),
+            // Nearly as the first.
+            motion(0.2, -0.02, -0.3, -0.2),
             // No other object lies like this one: it is not compared.
             motion(0.3, 9.0, 0.0, 9.0),
         ]);
