@@ -1,7 +1,8 @@
 -- Motions at the simulated cell with its drawn errors: the most robust ones, and the first accepted ones of the
--- same objects. The difference is the mean over objects, with Student's 95 % interval (19 degrees of freedom).
+-- same objects, five seeds of training and drawing. The difference is the mean over objects, each over all its seeds,
+-- with Student's 95 % interval (19 degrees of freedom).
 --
--- pipeline run pipelines/robustness.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/robustness.toml --set ingest.root=$DEXYCB --set seed=1,2,3,4,5
 with
     by_object as (
         select object,
