@@ -86,7 +86,7 @@ pub(crate) enum Command {
     Doctor(DoctorArgs),
     /// Serve a simulated robot cell until interrupted
     Cell(CellArgs),
-    /// Forward between robot cells, dispatchers and viewers
+    /// Forward messages between robot cells, dispatchers and viewers
     Router(RouterArgs),
     /// Check every byte of the lake against what was stored
     Verify(VerifyArgs),
@@ -175,7 +175,7 @@ pub(crate) enum ExportFormat {
     /// Write grasps and objects for DexGraspBench's evaluator
     #[command(after_help = DEXGRASPBENCH_LOSES)]
     Dexgraspbench(DexgraspbenchArgs),
-    /// Write one table of all moments, as comma-separated values
+    /// Write one table with a row per step, as comma-separated values
     #[command(after_help = CSV_LOSES)]
     Csv(MotionsArgs),
 }
@@ -184,7 +184,7 @@ const GLB_LOSES: &str = "\
 Lost: names and numbers of what is measured, joint limits, masses, and times between keyframes
 to 0.1 mm.";
 const LEROBOT_LOSES: &str = "\
-Lost: motion between frames, digits beyond 32 bits, rates, contacts, forces, latent codes,
+Lost: motion between samples, digits beyond 32 bits, rates, contacts, forces, latent codes,
 metrics, shapes, images. The export prints how much.";
 const DEXGRASPBENCH_LOSES: &str = "\
 Lost: the reach but for pregrasp, grasp and squeeze; times, rates, contacts, metrics, outcomes;
@@ -230,10 +230,10 @@ pub(crate) struct LerobotArgs {
 pub(crate) struct DexgraspbenchArgs {
     #[command(flatten)]
     pub(crate) motions: MotionsArgs,
-    /// Moment of the pregrasp, a fraction of the motion
+    /// Time of the pregrasp, as a fraction of the motion's duration
     #[arg(long, value_name = "FRACTION", default_value_t = 0.75)]
     pub(crate) pregrasp_at: f64,
-    /// Moment of the grasp, a fraction of the motion
+    /// Time of the grasp, as a fraction of the motion's duration
     ///
     /// The squeeze is the end: of refined motions the last tenth. Without a squeeze, 1.
     #[arg(long, value_name = "FRACTION", default_value_t = 0.9)]
@@ -370,8 +370,8 @@ pub(crate) struct RunArgs {
     pub(crate) processes: bool,
     /// Make units on other machines [default: on this one]
     ///
-    /// `slurm`, or a name of this machine's own file; `crates/depot` has examples. Short units, and what
-    /// moves a robot, stay here.
+    /// `slurm`, or an executor of the file that `PIPELINE_EXECUTORS` names; `crates/depot` has examples. Short
+    /// units, and what moves a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,
     /// Run in the background, until it is done
@@ -557,7 +557,7 @@ pub(crate) struct DoctorArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// Try this executor too: the way there and back [default: none]
+    /// Also test this executor: start a worker there that makes nothing [default: none]
     #[arg(long, value_name = "NAME")]
     pub(crate) on: Option<String>,
     /// Check this robot [default: check the pipeline file]

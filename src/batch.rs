@@ -36,7 +36,7 @@ use crate::{
 };
 
 /// Time between two looks at jobs.
-const EVERY: Duration = Duration::from_secs(2);
+const POLL_PERIOD: Duration = Duration::from_secs(2);
 
 /// Times that an array is submitted before it counts as refused: what a scheduler says does not tell
 /// whether it refuses or is about to go.
@@ -49,7 +49,7 @@ const SUBMITTED_LOOKS: usize = 2;
 const TRIAL_LOOKS: u64 = 60;
 
 /// Looks at a scheduler that does not answer, before any job is out.
-const SILENT_LOOKS: u64 = 300;
+const UNANSWERED_LOOKS: u64 = 300;
 
 /// Seconds that a job should take: what a scheduler costs, 0.1 to 0.5 s a job, does not count then.
 const JOB_S: f64 = 45.0;
@@ -59,14 +59,14 @@ const SHORT_S: f64 = 5.0;
 const SHORT_WAVE_S: f64 = 60.0;
 
 /// Jobs for units of which is not known how long they take.
-const UNKNOWN: usize = 64;
+const JOBS_OF_UNKNOWN_TIME: usize = 64;
 
 /// Most jobs for one output, unless its units have a time limit, which a job of many would multiply: a
 /// controller of Slurm holds 10,000 by default, of all users.
 const MOST_JOBS: usize = 4000;
 
 /// Jobs of an array where the scheduler does not say how many it takes.
-const MOST: usize = 1000;
+const DEFAULT_ARRAY_JOBS: usize = 1000;
 
 /// How to cancel the arrays that are out, by their names.
 static OUT: Mutex<BTreeMap<String, Vec<String>>> = Mutex::new(BTreeMap::new());
@@ -215,7 +215,7 @@ impl Batch<'_> {
         let submitted = self.submit_array(&array, &Resources::default(), 1);
         let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };
         while answer.is_none() && n_looks > 0 {
-            thread::sleep(EVERY);
+            thread::sleep(POLL_PERIOD);
             n_looks -= 1;
             answer = self.lake.message(&here_key(&job)).map_err(failed)?;
         }
@@ -231,7 +231,7 @@ impl Batch<'_> {
             message: format!(
                 "a job on `{}` has not answered after {} s",
                 self.name,
-                TRIAL_LOOKS * EVERY.as_secs()
+                TRIAL_LOOKS * POLL_PERIOD.as_secs()
             ),
             hint: Some(format!(
                 "`less {log}` shows what it said, if it has run; it needs the program and the depot"
@@ -244,10 +244,7 @@ impl Batch<'_> {
     fn refused(&self, err: &io::Error) -> Failure {
         Failure::Executor {
             message: format!("`{}` takes no jobs: {err}", self.name),
-            hint: Some(format!(
-                "`pipeline doctor --on {}` tries the way there and back",
-                self.name
-            )),
+            hint: Some(format!("`pipeline doctor --on {}` tests it", self.name)),
         }
     }
 
@@ -267,7 +264,7 @@ impl Batch<'_> {
                 let has_limit = wave.resources().time_min.is_some();
                 units_of_job(took_s, if has_limit { 0 } else { rest.len() })
             }
-            None => rest.len().div_ceil(UNKNOWN),
+            None => rest.len().div_ceil(JOBS_OF_UNKNOWN_TIME),
         };
         let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
         for jobs in jobs.chunks(self.limit()) {
@@ -357,7 +354,7 @@ impl Batch<'_> {
             }
             // Its answer may have been lost, or it may have gone in the middle of it.
             for _ in 0..SUBMITTED_LOOKS {
-                thread::sleep(EVERY);
+                thread::sleep(POLL_PERIOD);
                 let queue = self.look_patiently(std::slice::from_ref(array))?;
                 if queue.keys().any(|(name, _)| *name == array.name) {
                     return Ok(None);
@@ -396,7 +393,9 @@ impl Batch<'_> {
         loop {
             match self.look(arrays) {
                 Ok(queue) => return Ok(queue),
-                Err(err) if n_looks == SILENT_LOOKS || err.kind() == io::ErrorKind::NotFound => {
+                Err(err)
+                    if n_looks == UNANSWERED_LOOKS || err.kind() == io::ErrorKind::NotFound =>
+                {
                     return Err(self.refused(&err));
                 }
                 Err(err) if n_looks == 0 => {
@@ -405,7 +404,7 @@ impl Batch<'_> {
                 Err(_) => {}
             }
             n_looks += 1;
-            thread::sleep(EVERY);
+            thread::sleep(POLL_PERIOD);
         }
     }
 
@@ -414,7 +413,7 @@ impl Batch<'_> {
         let said = ask(&self.table.limit, "").ok();
         let limit = said.and_then(|said| self.table.limit_in(&said));
         // The number is that of the first index that is too large.
-        limit.map_or(MOST, |limit| limit.max(1))
+        limit.map_or(DEFAULT_ARRAY_JOBS, |limit| limit.max(1))
     }
 
     fn log(&self, array: &Array, job: usize) -> String {

@@ -18,7 +18,7 @@ use crate::{command_line::Program, outcome::CommandError, report};
 pub(crate) const VARIABLE: &str = "PIPELINE_DEPOT";
 
 /// Time that the end of a run waits for what is still being sent.
-const PATIENCE: Duration = Duration::from_secs(10);
+const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Units of one kind that are named in a line.
 const NAMED: usize = 3;
@@ -46,7 +46,7 @@ impl Program<'_> {
 
     /// Sends what is left to send, for a while, and says what was shared.
     pub(crate) fn end_sharing(&self, lake: &Lake) -> Result<(), CommandError> {
-        lake.finish_sending(PATIENCE)?;
+        lake.finish_sending(SEND_TIMEOUT)?;
         self.say_shared(lake)
     }
 

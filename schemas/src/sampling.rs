@@ -31,7 +31,7 @@ pub struct Sampled {
     pub table_depth_m: f64,
     /// The object's demonstration with the nearest grasp, and its distance.
     pub demonstration: Option<(String, GraspDistance)>,
-    /// Distance of the grasp from the mean of all motions with the same resting pose of the object.
+    /// Distance of the grasp from the mean of all motions in which the object lies alike.
     pub from_mean: GraspDistance,
 }
 

@@ -9,7 +9,7 @@ use std::{
 use dataflow::Failure;
 use serde::{Deserialize, Serialize};
 
-use super::{Batch, EVERY, failed};
+use super::{Batch, POLL_PERIOD, failed};
 use crate::heartbeats;
 
 /// Time between two heartbeats of a run.
@@ -99,6 +99,8 @@ impl Batch<'_> {
             let heartbeat: Option<Heartbeat> =
                 found.and_then(|bytes| serde_json::from_slice(&bytes).ok());
             let Some(heartbeat) = heartbeat.filter(|heartbeat| !heartbeat.has_ended()) else {
+                // One that was seen was alive until now.
+                has_waited |= seen.is_some();
                 break;
             };
             match &mut seen {
@@ -115,7 +117,7 @@ impl Batch<'_> {
                     *known = Some((heartbeat, Instant::now()));
                 }
             }
-            thread::sleep(EVERY);
+            thread::sleep(POLL_PERIOD);
         }
         self.lake.remove_message(&key).map_err(failed)?;
         Ok(has_waited)

@@ -11,7 +11,7 @@ use std::{
 use super::table::Table;
 
 /// Time after which a command of a scheduler counts as failed.
-const PATIENCE: Duration = Duration::from_secs(30);
+const COMMAND_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Time between looks whether a command has ended.
 const LOOK_EVERY: Duration = Duration::from_millis(5);
@@ -85,7 +85,7 @@ pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
     };
     let said = reader(child.stdout.take().map(|pipe| Box::new(pipe) as _));
     let complained = reader(child.stderr.take().map(|pipe| Box::new(pipe) as _));
-    let until = Instant::now() + PATIENCE;
+    let until = Instant::now() + COMMAND_TIMEOUT;
     let status = loop {
         if let Some(status) = child.try_wait()? {
             break status;
@@ -95,7 +95,10 @@ pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
             child.wait()?;
             return Err(io::Error::new(
                 io::ErrorKind::TimedOut,
-                format!("`{program}` has not ended after {} s", PATIENCE.as_secs()),
+                format!(
+                    "`{program}` has not ended after {} s",
+                    COMMAND_TIMEOUT.as_secs()
+                ),
             ));
         }
         thread::sleep(LOOK_EVERY);

@@ -10,7 +10,7 @@ use std::{
 use dataflow::{Digest, End, Ended, Event, Events, Failure, Wave};
 
 use super::{
-    Array, Batch, EVERY, failed,
+    Array, Batch, POLL_PERIOD, failed,
     queue::{JobState, Queue},
 };
 use crate::{jobs::here_key, report};
@@ -89,7 +89,7 @@ impl Batch<'_> {
                 Err(_) => {}
             }
             if !open.is_empty() {
-                thread::sleep(EVERY);
+                thread::sleep(POLL_PERIOD);
             }
         }
     }

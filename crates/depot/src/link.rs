@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// Silence after which a depot counts as down: a run may lose 5 s to it in all.
-const PATIENCE: Duration = Duration::from_secs(4);
+const ANSWER_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// Bytes per second that any depot takes: the last answer to a large file may come late.
 const SLOWEST: u64 = 1_000_000;
@@ -90,7 +90,7 @@ impl Link {
             })
         };
         let mut taken = Ok(());
-        let got = self.ask("get", key, PATIENCE, work, |bytes: Vec<u8>| {
+        let got = self.ask("get", key, ANSWER_TIMEOUT, work, |bytes: Vec<u8>| {
             let n_bytes = bytes.len() as u64;
             self.bytes_got.fetch_add(n_bytes, Ordering::Relaxed);
             taken = sink(&bytes);
@@ -138,8 +138,8 @@ impl Link {
             }
             put
         };
-        let patience = PATIENCE + Duration::from_secs(size / SLOWEST);
-        let put = self.ask("put", key, patience, work, |()| false)?;
+        let timeout = ANSWER_TIMEOUT + Duration::from_secs(size / SLOWEST);
+        let put = self.ask("put", key, timeout, work, |()| false)?;
         self.bytes_put.fetch_add(size, Ordering::Relaxed);
         Ok(put)
     }
@@ -152,7 +152,7 @@ impl Link {
     pub fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
         let asked = key.to_owned();
         let work = move |depot: &dyn Depot, _: &mut Pass<()>| depot.head(&asked);
-        self.ask("look for", key, PATIENCE, work, |()| true)
+        self.ask("look for", key, ANSWER_TIMEOUT, work, |()| true)
     }
 
     /// Lists every file whose key begins with `prefix` and `/`, in any order.
@@ -168,7 +168,7 @@ impl Link {
             })
         };
         let mut entries = Vec::new();
-        self.ask("list", prefix, PATIENCE, work, |entry| {
+        self.ask("list", prefix, ANSWER_TIMEOUT, work, |entry| {
             entries.push(entry);
             true
         })?;
@@ -183,7 +183,7 @@ impl Link {
     pub fn remove(&self, key: &str) -> Result<(), DepotError> {
         let asked = key.to_owned();
         let work = move |depot: &dyn Depot, _: &mut Pass<()>| depot.remove(&asked);
-        self.ask("remove", key, PATIENCE, work, |()| true)
+        self.ask("remove", key, ANSWER_TIMEOUT, work, |()| true)
     }
 
     /// Makes a request, if the depot is not offline, and takes it offline if that fails.
@@ -191,7 +191,7 @@ impl Link {
         &self,
         action: &'static str,
         key: &str,
-        patience: Duration,
+        timeout: Duration,
         work: impl FnOnce(&dyn Depot, &mut Pass<T>) -> Result<R, DepotError> + Send + 'static,
         mut each: impl FnMut(T) -> bool,
     ) -> Result<R, DepotError> {
@@ -203,7 +203,7 @@ impl Link {
         let depot = Arc::clone(&self.depot);
         let mut is_refused = false;
         let answer = watched(
-            patience,
+            timeout,
             move |pass| work(&*depot, pass),
             |part| {
                 is_refused = is_refused || !each(part);
@@ -214,7 +214,7 @@ impl Link {
             Err(DepotError::Silent {
                 action,
                 key: key.to_owned(),
-                waited: patience,
+                waited: timeout,
             })
         });
         if let Err(err) = &answer

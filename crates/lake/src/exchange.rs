@@ -17,7 +17,7 @@ use crate::{
 };
 
 /// Time without a limit.
-const PATIENCE: Duration = Duration::from_hours(10 * 24);
+const NO_LIMIT: Duration = Duration::from_hours(10 * 24);
 
 impl Lake {
     /// Sends every result of the lake's runs that the depot lacks, and waits for it.
@@ -43,7 +43,7 @@ impl Lake {
                 shared.send_run(number)?;
             }
         }
-        shared.finish(PATIENCE)
+        shared.finish(NO_LIMIT)
     }
 
     /// Fetches the files of the newest results that were left in the depot, of these outputs or of

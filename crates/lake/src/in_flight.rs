@@ -12,7 +12,7 @@ use std::{
 use crate::mutex::lock;
 
 /// Grace period for pending writes at an interrupt.
-const PATIENCE: Duration = Duration::from_secs(2);
+const GRACE: Duration = Duration::from_secs(2);
 
 /// The units in flight.
 #[derive(Default)]
@@ -53,11 +53,11 @@ impl InFlight {
 
     fn close(&self) -> Option<RwLockWriteGuard<'_, ()>> {
         let asked = Instant::now();
-        while asked.elapsed() < PATIENCE {
+        while asked.elapsed() < GRACE {
             match self.gate.try_write() {
                 Ok(gate) => return Some(gate),
                 Err(TryLockError::Poisoned(gate)) => return Some(gate.into_inner()),
-                Err(TryLockError::WouldBlock) => thread::sleep(PATIENCE / 100),
+                Err(TryLockError::WouldBlock) => thread::sleep(GRACE / 100),
             }
         }
         None

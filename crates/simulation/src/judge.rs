@@ -38,14 +38,15 @@ const SETTLED_SHARE: f64 = 0.1;
 /// Follows a rollout and ends it as soon as its verdict is known.
 pub(crate) struct Judge<'a> {
     protocol: &'a Protocol,
-    start: Pose<Table, Object>,
+    /// The settled object.
+    table_from_object_at_start: Pose<Table, Object>,
     rise_m: f64,
     displacement_m: f64,
     penetration_m: f64,
     /// The object's pose in the palm frame, from the end of the lift on.
-    in_palm: Vec<Pose<Palm, Object>>,
+    palm_from_object_held: Vec<Pose<Palm, Object>>,
     /// The object's pose in the palm frame after the latest step.
-    last_in_palm: Pose<Palm, Object>,
+    last_palm_from_object: Pose<Palm, Object>,
     /// Control steps of the squeeze in which the fingers still close, because their commands arrive late.
     closing_left: usize,
     lift_left: usize,
@@ -57,7 +58,7 @@ pub(crate) struct Judge<'a> {
     /// Latest control steps in a row in which the palm was loaded by too much.
     overloaded_n: usize,
     /// The object's pose in the palm frame when the pulling began.
-    pulled_from: Option<Pose<Palm, Object>>,
+    palm_from_object_at_pull: Option<Pose<Palm, Object>>,
     shortcuts: Shortcuts,
     rest: Option<Resting>,
     /// Links that pressed throughout, if the rollout ended early because the object had settled.
@@ -91,12 +92,12 @@ impl<'a> Judge<'a> {
         };
         Self {
             protocol,
-            start: settled.table_from_object(),
+            table_from_object_at_start: settled.table_from_object(),
             rise_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
-            in_palm: Vec::new(),
-            last_in_palm: Pose::identity(),
+            palm_from_object_held: Vec::new(),
+            last_palm_from_object: Pose::identity(),
             closing_left: scene.delay_control_steps(),
             lift_left: count(Phase::Lift),
             hold_left,
@@ -104,7 +105,7 @@ impl<'a> Judge<'a> {
             control_s: scene.control_step_s(),
             pressed: vec![0; settled.hand.body_count()],
             overloaded_n: 0,
-            pulled_from: None,
+            palm_from_object_at_pull: None,
             shortcuts,
             rest: None,
             settled: None,
@@ -122,11 +123,12 @@ impl<'a> Judge<'a> {
         if implausible(settled, world, &table_from_object) {
             return Some(Verdict::Diverged);
         }
-        self.rise_m = table_from_object.translation.z - self.start.translation.z;
+        self.rise_m =
+            table_from_object.translation.z - self.table_from_object_at_start.translation.z;
         let table_from_palm = settled.hand.table_from_palm(world);
         let palm_from_object = table_from_palm.inv_mul(&table_from_object);
-        let before = self.last_in_palm;
-        self.last_in_palm = palm_from_object;
+        let before = self.last_palm_from_object;
+        self.last_palm_from_object = palm_from_object;
         if self.is_overloaded(settled, world) {
             return Some(Verdict::Overloaded);
         }
@@ -148,7 +150,7 @@ impl<'a> Judge<'a> {
                 let touch = self.measure_touch(settled, world);
                 self.lift_left = self.lift_left.saturating_sub(1);
                 if self.lift_left == 0 {
-                    self.in_palm.push(self.last_in_palm);
+                    self.palm_from_object_held.push(self.last_palm_from_object);
                 } else if !(self.is_low() && self.is_lost(settled, world, &touch)) {
                     return None;
                 }
@@ -156,7 +158,7 @@ impl<'a> Judge<'a> {
             }
             Phase::Hold => {
                 let touch = self.measure_touch(settled, world);
-                self.in_palm.push(self.last_in_palm);
+                self.palm_from_object_held.push(self.last_palm_from_object);
                 self.count_pressing(&touch);
                 if self.is_low() || self.will_be_dropped(settled, world, &touch) {
                     return Some(Verdict::Dropped);
@@ -166,11 +168,11 @@ impl<'a> Judge<'a> {
             }
             Phase::Pull => {
                 let touch = self.measure_touch(settled, world);
-                self.in_palm.push(self.last_in_palm);
+                self.palm_from_object_held.push(self.last_palm_from_object);
                 self.count_pressing(&touch);
-                let from = *self.pulled_from.get_or_insert_with(|| {
+                let from = *self.palm_from_object_at_pull.get_or_insert_with(|| {
                     if self.protocol.published_settings().displacement_from_start {
-                        table_from_palm.inv_mul(&self.start)
+                        table_from_palm.inv_mul(&self.table_from_object_at_start)
                     } else {
                         before
                     }
@@ -200,9 +202,11 @@ impl<'a> Judge<'a> {
         if !judged {
             return false;
         }
-        let place = self.start.translation.vector + command.carried_in_table_m;
+        let place = self.table_from_object_at_start.translation.vector + command.carried_in_table_m;
         let moved_m = (table_from_object.translation.vector - place).norm();
-        let turned_rad = table_from_object.rotation.angle_to(&self.start.rotation);
+        let turned_rad = table_from_object
+            .rotation
+            .angle_to(&self.table_from_object_at_start.rotation);
         moved_m > most.max_m || turned_rad > most.max_rad
     }
 
@@ -235,15 +239,19 @@ impl<'a> Judge<'a> {
 
     /// Records how far the object was moved before the squeeze, and judges it.
     fn before_squeeze(&mut self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
-        let moved = table_from_object.translation.vector - self.start.translation.vector;
+        let moved = table_from_object.translation.vector
+            - self.table_from_object_at_start.translation.vector;
         self.displacement_m = moved.norm();
         self.knocked_over(table_from_object)
     }
 
     /// Says that the object was knocked over if it is far from where it lay.
     fn knocked_over(&self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
-        let moved = table_from_object.translation.vector - self.start.translation.vector;
-        let turned = table_from_object.rotation.angle_to(&self.start.rotation);
+        let moved = table_from_object.translation.vector
+            - self.table_from_object_at_start.translation.vector;
+        let turned = table_from_object
+            .rotation
+            .angle_to(&self.table_from_object_at_start.rotation);
         (moved.norm() > self.protocol.knocked_m || turned > self.protocol.knocked_rad)
             .then_some(Verdict::KnockedOver)
     }
@@ -347,11 +355,16 @@ impl<'a> Judge<'a> {
         if !self.is_grasped(settled, &self.touching()) {
             return Verdict::Dropped;
         }
-        let back = self.in_palm.len().saturating_sub(self.window + 1);
+        let back = self
+            .palm_from_object_held
+            .len()
+            .saturating_sub(self.window + 1);
         let away = self
-            .in_palm
+            .palm_from_object_held
             .get(back)
-            .map_or_else(Pose::identity, |before| before.inv_mul(&self.last_in_palm));
+            .map_or_else(Pose::identity, |before| {
+                before.inv_mul(&self.last_palm_from_object)
+            });
         let (slipped_m, turned_rad) = (away.translation.vector.norm(), away.rotation.angle());
         let seconds = self.window as f64 * self.control_s;
         let protocol = self.protocol;
@@ -381,8 +394,12 @@ impl<'a> Judge<'a> {
 
     /// Motion of the object in the palm frame since the end of the lift, in meters.
     pub(crate) fn slip_m(&self) -> f64 {
-        self.in_palm.first().map_or(0.0, |lifted| {
-            lifted.inv_mul(&self.last_in_palm).translation.vector.norm()
+        self.palm_from_object_held.first().map_or(0.0, |lifted| {
+            lifted
+                .inv_mul(&self.last_palm_from_object)
+                .translation
+                .vector
+                .norm()
         })
     }
 

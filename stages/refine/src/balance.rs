@@ -28,7 +28,7 @@ pub(crate) struct ForceBalance<'a> {
     environment: &'a Environment,
     center_in_object: Point3<f64>,
     /// The object's weight relative to the thumb's force.
-    object_weight: f64,
+    relative_load: f64,
     tips: Vec<Fingertip>,
     /// For each tip the axis that fixes the first edge of its friction cone.
     axes: Vec<Unit<Vector3<f64>>>,
@@ -40,12 +40,12 @@ pub(crate) struct ForceBalance<'a> {
 
 /// Where a tip touches the surface.
 struct ContactPoint {
-    /// Outward normal of the surface.
+    /// Outward normal of the surface, in the object's frame.
     normal: Vector3<f64>,
     /// How the normal changes with the tip's place.
     curvature: Matrix3<f64>,
-    /// From the center of mass to the contact, in meters.
-    arm: Vector3<f64>,
+    /// From the center of mass to the contact.
+    lever_in_object_m: Vector3<f64>,
 }
 
 /// The wrench of a unit force along a cone's edge, or of one that replaces another.
@@ -73,7 +73,7 @@ impl<'a> ForceBalance<'a> {
     pub(crate) fn new(
         environment: &'a Environment,
         center_in_object: Point3<f64>,
-        object_weight: f64,
+        relative_load: f64,
         tips: Vec<Fingertip>,
         friction: f64,
         weight: f64,
@@ -88,7 +88,7 @@ impl<'a> ForceBalance<'a> {
         let mut balance = Self {
             environment,
             center_in_object,
-            object_weight,
+            relative_load,
             axes: Vec::new(),
             characteristic_length_m: (arms.sum::<f64>() / tips.len() as f64).max(NEAR_M),
             tips,
@@ -167,12 +167,12 @@ impl<'a> ForceBalance<'a> {
                 let angle = std::f64::consts::TAU * edge as f64 / EDGES as f64;
                 let along = side * angle.cos() + other * angle.sin();
                 let force = along * self.friction - tip.normal;
-                let torque = tip.arm.cross(&force) / self.characteristic_length_m;
+                let torque = tip.lever_in_object_m.cross(&force) / self.characteristic_length_m;
                 let wrench = Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z);
                 cone_edges.push((idx, force, wrench));
             }
         }
-        let carried = self.environment.up_in_object() * self.object_weight;
+        let carried = self.environment.up_in_object() * self.relative_load;
         let mut residual_wrench = Vector6::zeros();
         residual_wrench.fixed_rows_mut::<3>(0).copy_from(&-carried);
         let of_thumb: Vec<usize> = (0..cone_edges.len())
@@ -235,7 +235,7 @@ impl<'a> ForceBalance<'a> {
         Some(ContactPoint {
             normal,
             curvature,
-            arm: at - normal * radius_m - self.center_in_object,
+            lever_in_object_m: at - normal * radius_m - self.center_in_object,
         })
     }
 
@@ -268,9 +268,9 @@ impl<'a> ForceBalance<'a> {
     ) -> Matrix6x3<f64> {
         let size = -force.dot(&contact.normal);
         let force_jacobian = contact.curvature * -size;
-        let arm_jacobian = Matrix3::identity() - contact.curvature * radius_m;
-        let torque_jacobian =
-            contact.arm.cross_matrix() * force_jacobian - force.cross_matrix() * arm_jacobian;
+        let lever_jacobian = Matrix3::identity() - contact.curvature * radius_m;
+        let torque_jacobian = contact.lever_in_object_m.cross_matrix() * force_jacobian
+            - force.cross_matrix() * lever_jacobian;
         let mut jacobian = Matrix6x3::zeros();
         jacobian.fixed_rows_mut::<3>(0).copy_from(&force_jacobian);
         jacobian

@@ -107,7 +107,7 @@ impl Refiner<'_> {
         }
         // No finger opposes the thumb, or a tip is where the object has no surface: what is left is the thumb's
         // force, the object's weight, and a torque of that force at the characteristic length.
-        let unbalanced = (1.0 + self.object_weight()).powi(2) + 1.0;
+        let unbalanced = (1.0 + self.relative_load()).powi(2) + 1.0;
         Ok(residual_m2 + self.config.balance_weight.powi(2) * unbalanced)
     }
 
@@ -190,7 +190,7 @@ impl Refiner<'_> {
     }
 
     /// Returns the object's weight relative to the thumb's force.
-    fn object_weight(&self) -> f64 {
+    fn relative_load(&self) -> f64 {
         self.payload.mass_kg * GRAVITY_M_PER_S2 / self.config.thumb_force_n
     }
 
@@ -240,7 +240,7 @@ impl Refiner<'_> {
         ForceBalance::new(
             environment,
             self.payload.center_of_mass_in_object,
-            self.object_weight(),
+            self.relative_load(),
             tips.collect(),
             self.config.balance_friction,
             self.config.balance_weight,

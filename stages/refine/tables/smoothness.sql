@@ -26,8 +26,8 @@ with
 select
     definition || ', ' || motions as "definition, motions",
     round(joints_0, 2) as "joints: position",
-    round(joints_1, 2) as "velocity",
-    round(joints_2, 2) as "acceleration",
+    round(joints_1, 2) as "joints: velocity",
+    round(joints_2, 2) as "joints: acceleration",
     round(links_0, 2) as "links: position",
     round(links_1, 2) as "links: velocity",
     round(links_2, 2) as "links: acceleration"

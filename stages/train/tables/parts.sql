@@ -1,6 +1,7 @@
 -- What each part of the training changes: fingertip errors, and single draws of the prior that hold, as drawn with the
--- scripted squeeze and refined: means over the objects of the share of motions, with Student's 95 % interval over 20
--- seen and 15 unseen objects. Three folds of four; the defaults were chosen on the other.
+-- scripted squeeze and refined: means over the objects of the share of motions; the difference is to the default, paired by
+-- object, with Student's 95 % interval over 20 seen and 15 unseen objects. Three folds of four; the defaults were chosen
+-- on the other.
 --
 -- pipeline run pipelines/training_parts.toml --set ingest.root=$DEXYCB
 with
@@ -27,18 +28,27 @@ with
     by_object as (
         select place, drawn, object_split, object, 100 * sum(s) / sum(n) as share
         from counts group by place, drawn, object_split, object),
+    defaults as (
+        select drawn as of_drawn, object_split as of_split, object as of_object, share as default_share
+        from by_object where place = 1),
+    gains as (
+        select place, drawn, object_split, share, share - default_share as gain
+        from by_object join defaults on by_object.object = defaults.of_object and by_object.drawn = defaults.of_drawn
+            and by_object.object_split = defaults.of_split),
     means as (
-        select place, drawn, object_split, avg(share) as middle,
+        select place, drawn, object_split, avg(share) as middle, avg(gain) as gain,
             case when count(*) = 20 then 2.093 when count(*) = 15 then 2.145 end
-                * stddev(share) / sqrt(1.0 * count(*)) as reach
-        from by_object group by place, drawn, object_split),
+                * stddev(gain) / sqrt(1.0 * count(*)) as reach
+        from gains group by place, drawn, object_split),
     shown as (
         select place as of_means,
             max(case when drawn = 1 and object_split = 'seen' then middle end) as drawn_seen,
             max(case when drawn = 1 and object_split = 'unseen' then middle end) as drawn_unseen,
             max(case when drawn = 0 and object_split = 'seen' then middle end) as seen,
+            max(case when drawn = 0 and object_split = 'seen' then gain end) as seen_gain,
             max(case when drawn = 0 and object_split = 'seen' then reach end) as seen_reach,
             max(case when drawn = 0 and object_split = 'unseen' then middle end) as unseen,
+            max(case when drawn = 0 and object_split = 'unseen' then gain end) as unseen_gain,
             max(case when drawn = 0 and object_split = 'unseen' then reach end) as unseen_reach
         from means group by place),
     names as (
@@ -53,10 +63,12 @@ select
     round(drawn_seen, 1) as "as drawn: hold, seen, %",
     round(drawn_unseen, 1) as "as drawn: hold, unseen, %",
     round(seen, 1) as "refined: hold, seen, %",
-    round(seen - seen_reach, 0) as "from",
-    round(seen + seen_reach, 0) as "to",
+    round(seen_gain, 1) as "difference",
+    round(seen_gain - seen_reach, 1) as "from",
+    round(seen_gain + seen_reach, 1) as "to",
     round(unseen, 1) as "refined: hold, unseen, %",
-    round(unseen - unseen_reach, 0) as "unseen: from",
-    round(unseen + unseen_reach, 0) as "unseen: to"
+    round(unseen_gain, 1) as "unseen: difference",
+    round(unseen_gain - unseen_reach, 1) as "unseen: from",
+    round(unseen_gain + unseen_reach, 1) as "unseen: to"
 from shown join names on shown.of_means = names.number join tips on names.number = tips.of_tips
 order by number
