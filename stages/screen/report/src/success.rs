@@ -301,8 +301,8 @@ mod tests {
 
     use super::*;
 
-    /// A motion that ends at `x`, turned by `angle` about z, its joints at `q`.
-    fn motion(name: &str, height_m: f64, x: f64, angle: f64, q: f64) -> Candidate {
+    /// A motion for an object tilted by `tilt_rad`, that ends at `x`, turned by `angle` about z, its joints at `q`.
+    fn motion(name: &str, tilt_rad: f64, x: f64, angle: f64, q: f64) -> Candidate {
         let step = |time_s: f64, x: f64, q: f64| Step {
             time_s,
             frame_from_palm: Pose::new(Isometry3::new(
@@ -317,7 +317,7 @@ mod tests {
             generator: "whatever".to_owned(),
             source: DrawSource::replayed("a"),
             latent: Vec::new(),
-            table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, height_m)),
+            table_from_object: Pose::new(Isometry3::rotation(Vector3::x() * tilt_rad)),
             limit_excess_rad: 0.0,
             depth_m: 0.0,
             residual_m2: 0.0,
@@ -331,7 +331,7 @@ mod tests {
         Rollout {
             generator: generator.to_owned(),
             control_steps_n: 100,
-            ..Rollout::unsimulated(&motion(name, 0.05, 0.0, 0.0, 0.0), verdict)
+            ..Rollout::unsimulated(&motion(name, 0.0, 0.0, 0.0, 0.0), verdict)
         }
     }
 
@@ -340,12 +340,12 @@ mod tests {
             object: "can".to_owned(),
             joints: ["j".to_owned(), "k".to_owned()].into(),
             candidates: vec![
-                motion("a", 0.05, 0.02, 0.3, 0.2),
-                motion("b", 0.05, 8.0, 3.0, 8.0),
-                motion("c", 0.05, -0.02, -0.3, -0.2),
+                motion("a", 0.0, 0.02, 0.3, 0.2),
+                motion("b", 0.0, 8.0, 3.0, 8.0),
+                motion("c", 0.0, -0.02, -0.3, -0.2),
                 // The can lies: there is nothing to compare it with.
-                motion("d", 0.03, 7.0, 1.0, 7.0),
-                motion("e", 0.05, 5.0, 1.0, 5.0),
+                motion("d", 1.5, 7.0, 1.0, 7.0),
+                motion("e", 0.0, 5.0, 1.0, 5.0),
             ],
         }
     }
