@@ -377,17 +377,43 @@ fn a_worker_that_dies_while_its_job_is_said_to_run_is_lost() {
     assert!(cluster.calls("cancel").len() <= 2, "{said}");
 }
 
+/// Starts a run of the units that the tests of two runs have in common.
+fn start(cluster: &Cluster, place: &Place) -> Running {
+    let arguments = ["--on", "slurm", "--until", "split"];
+    Running::start(cluster.with(place.command("run", &arguments)))
+}
+
+/// Starts a run whose jobs wait.
+fn held(cluster: &Cluster, place: &Place) -> Running {
+    put(&cluster.path("fake/hold"), b"");
+    let mut run = start(cluster, place);
+    run.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    run
+}
+
+/// Whether a run says that it waits for another.
+fn waits(line: &str) -> bool {
+    line.starts_with("wait   split.parts: made by jobs of another run")
+}
+
 /// Starts a run whose jobs wait, and one that waits for them.
 fn same_units(cluster: &Cluster, first: &Place, second: &Place) -> (Running, Running) {
-    put(&cluster.path("fake/hold"), b"");
-    let arguments = ["--on", "slurm", "--until", "split"];
-    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
-    let mut one = start(first);
-    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
-    let mut other = start(second);
-    let waits = |line: &str| line.starts_with("wait   split.parts: made by jobs of another run");
+    let one = held(cluster, first);
+    let mut other = start(cluster, second);
     other.wait_for_line("it waits", waits);
     (one, other)
+}
+
+/// Waits until a run takes over the jobs of one that died, which then end.
+fn takes_over(cluster: &Cluster, mut run: Running, places: [&Place; 2]) {
+    run.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
+    let n_made: usize = places.map(|place| place.take_log().len()).iter().sum();
+    assert_eq!(n_made, 6);
+    cluster.assert_tidy();
 }
 
 #[test]
@@ -410,27 +436,17 @@ fn of_two_runs_of_the_same_units_one_waits_for_the_others_jobs() {
 fn a_run_that_waits_takes_over_the_jobs_of_one_that_dies() {
     let cluster = Cluster::new();
     let [first, second] = [(); 2].map(|()| machine());
-    let (mut one, mut other) = same_units(&cluster, &first, &second);
+    let (mut one, other) = same_units(&cluster, &first, &second);
     one.child.kill().unwrap();
     one.finish();
-    other.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
-    fs::remove_file(cluster.path("fake/hold")).unwrap();
-    let (code, said) = other.finish();
-    assert_eq!(code, Some(0), "{said}");
-    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
-    assert_eq!(first.take_log().len() + second.take_log().len(), 6);
-    cluster.assert_tidy();
+    takes_over(&cluster, other, [&first, &second]);
 }
 
 #[test]
 fn the_jobs_of_a_run_that_died_on_another_machine_are_taken_over() {
     let cluster = Cluster::new();
     let [first, second] = [(); 2].map(|()| machine());
-    put(&cluster.path("fake/hold"), b"");
-    let arguments = ["--on", "slurm", "--until", "split"];
-    let start = |place: &Place| Running::start(cluster.with(place.command("run", &arguments)));
-    let mut one = start(&first);
-    one.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    let mut one = held(&cluster, &first);
     one.child.kill().unwrap();
     one.finish();
     // Nothing tells this machine that a process of another has ended.
@@ -442,18 +458,11 @@ fn the_jobs_of_a_run_that_died_on_another_machine_are_taken_over() {
     heartbeat["host"] = "elsewhere".into();
     put(&drivers[0], heartbeat.to_string().as_bytes());
 
-    let mut other = start(&second);
+    let mut other = start(&cluster, &second);
     other.wait_for_line("it waits", |line| {
-        line.starts_with("wait   split.parts: made by jobs of another run")
-            && line.ends_with("on `elsewhere`; taken over after 45 s without a heartbeat")
+        waits(line) && line.ends_with("on `elsewhere`; taken over after 45 s without a heartbeat")
     });
-    other.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
-    fs::remove_file(cluster.path("fake/hold")).unwrap();
-    let (code, said) = other.finish();
-    assert_eq!(code, Some(0), "{said}");
-    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
-    assert_eq!(first.take_log().len() + second.take_log().len(), 6);
-    cluster.assert_tidy();
+    takes_over(&cluster, other, [&first, &second]);
 }
 
 #[test]
