@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeSet,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
     sync::{Mutex, PoisonError, RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError},
     thread,
@@ -17,6 +17,7 @@ const GRACE: Duration = Duration::from_secs(2);
 /// The units in flight.
 #[derive(Default)]
 pub(crate) struct InFlight {
+    /// Locked while a folder is made and entered; locked for good to stop all further units.
     folders: Mutex<BTreeSet<PathBuf>>,
     /// Read-locked while a file is written under its final name; write-locked to stop all further
     /// writes.
@@ -24,8 +25,13 @@ pub(crate) struct InFlight {
 }
 
 impl InFlight {
-    pub(crate) fn begin(&self, folder: &Path) {
-        lock(&self.folders).insert(folder.to_owned());
+    /// Makes the folder of a unit; blocks forever once the flight is dropped, so that no unit begins
+    /// behind an interrupt's back.
+    pub(crate) fn begin(&self, folder: &Path) -> io::Result<()> {
+        let mut folders = lock(&self.folders);
+        fs::create_dir_all(folder)?;
+        folders.insert(folder.to_owned());
+        Ok(())
     }
 
     pub(crate) fn end(&self, folder: &Path) {
@@ -37,18 +43,22 @@ impl InFlight {
         self.gate.read().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Waits for pending commits, blocks further ones while the guard lives, and removes the units
-    /// in flight. Returns the number of units dropped. Does not wait for units that wait for
-    /// another process: they have written nothing.
-    pub(crate) fn abort(&self) -> (Option<RwLockWriteGuard<'_, ()>>, usize) {
+    /// Waits for pending commits, blocks further ones and new units while the guard lives, and
+    /// removes the units in flight. Returns the number of units dropped. Does not wait for units
+    /// that wait for another process: they have written nothing.
+    pub(crate) fn abort(&self) -> (impl Sized + '_, usize) {
         let gate = self.close();
         let folders = lock(&self.folders);
         for folder in folders.iter() {
-            // A stage may still be writing into it, so a second try may be needed; leftovers are
+            // A stage may still be writing into it, so further tries may be needed; leftovers are
             // removed by a later run.
-            let _left = fs::remove_dir_all(folder).or_else(|_| fs::remove_dir_all(folder));
+            let asked = Instant::now();
+            while fs::remove_dir_all(folder).is_err() && folder.exists() && asked.elapsed() < GRACE {
+                thread::sleep(GRACE / 100);
+            }
         }
-        (gate, folders.len())
+        let n_dropped = folders.len();
+        ((gate, folders), n_dropped)
     }
 
     fn close(&self) -> Option<RwLockWriteGuard<'_, ()>> {
@@ -61,5 +71,29 @@ impl InFlight {
             }
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_unit_begins_after_an_interrupt() {
+        let place = tempfile::tempdir().unwrap();
+        let [first, second] = ["first", "second"].map(|name| place.path().join(name));
+        let flight = InFlight::default();
+        flight.begin(&first).unwrap();
+        let (guard, n_dropped) = flight.abort();
+        assert_eq!(n_dropped, 1);
+        assert!(!first.exists());
+        thread::scope(|scope| {
+            let begun = scope.spawn(|| flight.begin(&second));
+            thread::sleep(GRACE / 10);
+            assert!(!second.exists());
+            drop(guard);
+            begun.join().unwrap().unwrap();
+        });
+        assert!(second.exists());
     }
 }

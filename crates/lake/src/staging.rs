@@ -39,8 +39,8 @@ impl<'a> UnitInProgress<'a> {
         let lock = lake.locks.unit(fingerprint, unit, waiting)?;
         let name = fingerprint.to_hex();
         let folder = atomic::unique_name(&lake.folder.staging(), "unit");
-        fs::create_dir_all(&folder).map_err(io_error("create", &folder))?;
-        lake.in_flight.begin(&folder);
+        let begun = lake.in_flight.begin(&folder);
+        begun.map_err(io_error("create", &folder))?;
         Ok(Self {
             lake,
             folder,
