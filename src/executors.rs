@@ -46,14 +46,14 @@ fn one() -> usize {
 }
 
 /// An executor by its name.
-pub(crate) enum Elsewhere<'a> {
+pub(crate) enum RemoteExecutor<'a> {
     /// Through a program that waits for each unit.
     Launch(Processes<'a>),
     /// Through the queue of a scheduler.
     Batch(Box<Batch<'a>>),
 }
 
-impl Executor for Elsewhere<'_> {
+impl Executor for RemoteExecutor<'_> {
     fn takes(&self, wave: &Wave) -> bool {
         match self {
             Self::Launch(processes) => processes.takes(wave),
@@ -69,7 +69,7 @@ impl Executor for Elsewhere<'_> {
     }
 }
 
-impl Elsewhere<'_> {
+impl RemoteExecutor<'_> {
     /// Has a worker come up that makes nothing; returns the name of its machine.
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         match self {
@@ -79,7 +79,7 @@ impl Elsewhere<'_> {
     }
 }
 
-impl<'a> Elsewhere<'a> {
+impl<'a> RemoteExecutor<'a> {
     /// Finds the executor of this name.
     pub(crate) fn named(name: &str, lake: &'a Lake) -> Result<Self, CommandError> {
         let depot = sharing::named()?.ok_or_else(|| {

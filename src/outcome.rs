@@ -10,8 +10,8 @@ pub(crate) enum CommandOutcome {
     Done,
     /// Done, but items were skipped: exit code 3.
     SkippedItems,
-    /// As another process has ended, with its exit code.
-    As(u8),
+    /// With the exit code of the process that was attached to.
+    ExitCode(u8),
 }
 
 impl CommandOutcome {
@@ -20,7 +20,7 @@ impl CommandOutcome {
         match self {
             Self::Done => 0,
             Self::SkippedItems => 3,
-            Self::As(code) => code,
+            Self::ExitCode(code) => code,
         }
     }
 }

@@ -44,7 +44,7 @@ pub(crate) fn detach(program: &Program) -> Result<CommandOutcome, CommandError> 
             show(&folder, || false)?;
             fs::remove_dir_all(&folder).map_err(failed(&folder))?;
             let code = status.code().and_then(|code| u8::try_from(code).ok());
-            return Ok(code.map_or(CommandOutcome::As(1), CommandOutcome::As));
+            return Ok(code.map_or(CommandOutcome::ExitCode(1), CommandOutcome::ExitCode));
         }
         thread::sleep(LOOK_EVERY);
     }
@@ -92,11 +92,11 @@ pub(crate) fn attach(program: &Program, args: &AttachArgs) -> Result<CommandOutc
     }
     if !show(&folder, || signals.pending().next().is_some())? {
         program.say(&format!("left   run {number} goes on"));
-        return Ok(CommandOutcome::As(INTERRUPTED));
+        return Ok(CommandOutcome::ExitCode(INTERRUPTED));
     }
     let code = fs::read_to_string(folder.join("code")).ok();
     let code = code.and_then(|code| code.trim().parse().ok());
-    code.map(CommandOutcome::As).ok_or_else(|| {
+    code.map(CommandOutcome::ExitCode).ok_or_else(|| {
         CommandError::failed(
             anyhow::anyhow!("the run has ended without an exit code: it was interrupted or killed"),
             Some("the same `run` goes on from what was made".to_owned()),

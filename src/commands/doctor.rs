@@ -11,7 +11,7 @@ use crate::{
     arguments::DoctorArgs,
     command_line::Program,
     commands::pipeline_file,
-    executors::Elsewhere,
+    executors::RemoteExecutor,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
     system_errors::in_words,
@@ -71,7 +71,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut found = all(program, &pipeline)?;
     if let Some(name) = &args.on {
-        found.push(elsewhere(program, name)?);
+        found.push(remote_executor(program, name)?);
     }
     let rows: Vec<Vec<String>> = found
         .iter()
@@ -112,9 +112,9 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
 }
 
 /// Has a worker of an executor come up and answer.
-fn elsewhere(program: &Program, name: &str) -> Result<Check, CommandError> {
+fn remote_executor(program: &Program, name: &str) -> Result<Check, CommandError> {
     let lake = program.open_shared_lake()?;
-    let tried = Elsewhere::named(name, &lake)?.try_out();
+    let tried = RemoteExecutor::named(name, &lake)?.try_out();
     Ok(match tried {
         Ok(host) => Check::new(State::Ok, name, format!("a worker on `{host}` answers")),
         Err(err) => {

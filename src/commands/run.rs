@@ -16,7 +16,7 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
-    executors::Elsewhere,
+    executors::RemoteExecutor,
     interrupt,
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
@@ -71,10 +71,12 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         .then(|| Processes::here(store, args.jobs))
         .transpose()?;
     let on = args.on.as_deref();
-    let elsewhere = on.map(|name| Elsewhere::named(name, store)).transpose()?;
-    let executor = match (&processes, &elsewhere) {
+    let remote = on
+        .map(|name| RemoteExecutor::named(name, store))
+        .transpose()?;
+    let executor = match (&processes, &remote) {
         (Some(processes), _) => Some(processes as &dyn Executor),
-        (None, elsewhere) => elsewhere.as_ref().map(|it| it as &dyn Executor),
+        (None, remote) => remote.as_ref().map(|it| it as &dyn Executor),
     };
     let events = |event: &Event| screen.show(event);
     let ran = dataflow::run(&pipeline, store, &options, executor, &events)?;

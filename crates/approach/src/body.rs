@@ -8,7 +8,8 @@ use robot::{
 };
 use spatial::{Object, Palm, Pose};
 
-use crate::{ApproachError, HandAxes, HandPose};
+use crate::{ApproachError, HandAxes};
+use motion::HandState;
 
 /// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
@@ -154,7 +155,7 @@ impl HandBody {
     /// # Errors
     ///
     /// Fails if there is not one position per joint.
-    pub fn placed(&self, hand: &HandPose<Object>) -> Result<Placed, ApproachError> {
+    pub fn placed(&self, hand: &HandState<Object>) -> Result<Placed, ApproachError> {
         Ok(Placed {
             object_from_palm: hand.frame_from_palm,
             palm_from_links: self.model.forward_kinematics(&hand.q_rad)?,
@@ -169,7 +170,7 @@ impl HandBody {
     pub fn clearance(
         &self,
         environment: &Environment,
-        hand: &HandPose<Object>,
+        hand: &HandState<Object>,
     ) -> Result<Clearance, ApproachError> {
         Ok(self.clearance_of(environment, &self.placed(hand)?, |_| true))
     }
@@ -240,7 +241,7 @@ impl HandBody {
     pub fn touches(
         &self,
         environment: &Environment,
-        hand: &HandPose<Object>,
+        hand: &HandState<Object>,
         tolerance_m: f64,
     ) -> Result<Vec<Touch>, ApproachError> {
         let placed = self.placed(hand)?;
@@ -273,8 +274,8 @@ mod tests {
     use super::*;
     use crate::fixture;
 
-    fn open_at(body: &HandBody, place: [f64; 3]) -> HandPose<Object> {
-        HandPose {
+    fn open_at(body: &HandBody, place: [f64; 3]) -> HandState<Object> {
+        HandState {
             frame_from_palm: Pose::from_parts(place, UnitQuaternion::identity()),
             q_rad: body.open(),
         }

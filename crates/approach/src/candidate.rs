@@ -6,15 +6,14 @@ use posture::Environment;
 use schemas::candidates::{Candidate, DrawSource, Origin};
 use spatial::Object;
 
-use crate::{
-    ApproachConfig, ApproachError, HandBody, HandPose, Start, Way, pregrasp, way::is_clear,
-};
+use crate::{ApproachConfig, ApproachError, HandBody, Start, Way, pregrasp, way::is_clear};
+use motion::HandState;
 
 /// A grasp of an object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Grasp {
     /// The hand.
-    pub hand: HandPose<Object>,
+    pub hand: HandState<Object>,
     /// How deep the hand is in object or table, in meters.
     pub depth_m: f64,
     /// What a search left of its conditions, in m²; 0 if nothing was searched.
@@ -110,7 +109,7 @@ mod tests {
         let body = fixture::body();
         let config = ApproachConfig::default();
         let grasp = Grasp {
-            hand: HandPose {
+            hand: HandState {
                 frame_from_palm: Pose::from_parts([-0.1, 0.0, 0.05], UnitQuaternion::identity()),
                 q_rad: body.open(),
             },
@@ -119,7 +118,7 @@ mod tests {
         };
         let start = Start {
             sequence: "reach".to_owned(),
-            hand_in_table: HandPose {
+            hand_in_table: HandState {
                 frame_from_palm: Pose::from_parts([-0.5, 0.0, 0.2], UnitQuaternion::identity()),
                 q_rad: vec![0.3; body.model().dof()],
             },

@@ -3,7 +3,8 @@
 use posture::Environment;
 use spatial::Object;
 
-use crate::{ApproachError, HandBody, HandPose};
+use crate::{ApproachError, HandBody};
+use motion::HandState;
 
 /// Steps by which joints close, in radians: first fast, at last by 0.2 mm at a fingertip.
 const STEPS_RAD: [f64; 3] = [0.04, 0.01, 0.002];
@@ -23,8 +24,8 @@ impl HandBody {
     pub fn closed(
         &self,
         environment: &Environment,
-        hand: &HandPose<Object>,
-    ) -> Result<HandPose<Object>, ApproachError> {
+        hand: &HandState<Object>,
+    ) -> Result<HandState<Object>, ApproachError> {
         let mut hand = hand.clone();
         for step_rad in STEPS_RAD {
             let mut closes = self.flexion().to_vec();
@@ -45,7 +46,7 @@ impl HandBody {
     fn bent_by(
         &self,
         environment: &Environment,
-        hand: &mut HandPose<Object>,
+        hand: &mut HandState<Object>,
         joint: usize,
         step_rad: f64,
     ) -> Result<bool, ApproachError> {
@@ -79,9 +80,9 @@ impl HandBody {
     pub fn advanced(
         &self,
         environment: &Environment,
-        hand: &HandPose<Object>,
+        hand: &HandState<Object>,
         most_m: f64,
-    ) -> Result<HandPose<Object>, ApproachError> {
+    ) -> Result<HandState<Object>, ApproachError> {
         let mut hand = hand.clone();
         let way = hand.frame_from_palm.rotation * *self.axes().approach_in_palm;
         let mut left_m = most_m;
@@ -100,9 +101,9 @@ impl HandBody {
 
     /// Returns the hand backed off against its approach.
     #[must_use]
-    pub fn backed_off(&self, hand: &HandPose<Object>, by_m: f64) -> HandPose<Object> {
+    pub fn backed_off(&self, hand: &HandState<Object>, by_m: f64) -> HandState<Object> {
         let way = hand.frame_from_palm.rotation * *self.axes().approach_in_palm;
-        HandPose {
+        HandState {
             frame_from_palm: hand.frame_from_palm.translated(&(way * -by_m)),
             q_rad: hand.q_rad.clone(),
         }
@@ -118,8 +119,8 @@ mod tests {
     use crate::fixture;
 
     /// The open hand before the box's broad side, its fingers upward.
-    fn before() -> HandPose<Object> {
-        HandPose {
+    fn before() -> HandState<Object> {
+        HandState {
             frame_from_palm: Pose::from_parts([-0.2, 0.0, 0.06], UnitQuaternion::identity()),
             q_rad: fixture::body().open(),
         }
@@ -149,7 +150,7 @@ mod tests {
         // From above, the fingers on one of the narrow box's broad sides and the thumb on the other.
         let down = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), std::f64::consts::FRAC_PI_2);
         let center = down * body.axes().center_in_palm.coords;
-        let above = HandPose {
+        let above = HandState {
             frame_from_palm: Pose::from_parts(Vector3::new(0.0, 0.0, 0.25) - center, down),
             q_rad: body.open(),
         };

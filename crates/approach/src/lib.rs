@@ -17,7 +17,6 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
-mod hand_pose;
 mod lies;
 mod palms;
 mod pregrasp;
@@ -31,7 +30,6 @@ pub use body::{Clearance, HandBody, Placed, Touch};
 pub use candidate::{Grasp, Reach};
 pub use config::{ApproachConfig, RestChoice};
 pub use error::ApproachError;
-pub use hand_pose::HandPose;
 pub use lies::Lies;
 pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;

@@ -6,7 +6,8 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use spatial::{Object, Pose};
 
-use crate::{ApproachError, HandBody, HandPose};
+use crate::{ApproachError, HandBody};
+use motion::HandState;
 
 /// How far before an object's center an approach begins, in meters: more than any object that a hand holds.
 const FAR_M: f64 = 0.35;
@@ -32,13 +33,13 @@ impl Palms<'_> {
     /// # Errors
     ///
     /// Does not fail for a hand that is whole.
-    pub fn draw(&self, rng: &mut ChaCha8Rng) -> Result<Option<HandPose<Object>>, ApproachError> {
+    pub fn draw(&self, rng: &mut ChaCha8Rng) -> Result<Option<HandState<Object>>, ApproachError> {
         let rotation = uniform_rotation(rng);
         let jitter = Vector3::from_fn(|_, _| self.jitter_m * near_normal(rng));
         let axes = self.body.axes();
         let at = self.center_in_object + jitter;
         let origin = at.coords - rotation * axes.center_in_palm.coords;
-        let goal = HandPose {
+        let goal = HandState {
             frame_from_palm: Pose::from_parts(origin, rotation),
             q_rad: self.body.open(),
         };

@@ -3,7 +3,8 @@
 use posture::Environment;
 use spatial::Object;
 
-use crate::{ApproachConfig, ApproachError, HandBody, HandPose};
+use crate::{ApproachConfig, ApproachError, HandBody};
+use motion::HandState;
 
 /// Shares of the opening that are tried, the widest first.
 const OPENINGS: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];
@@ -20,10 +21,10 @@ const WAYS_BACK: [f64; 4] = [1.0, 0.5, 0.25, 0.0];
 pub fn pregrasp(
     body: &HandBody,
     environment: &Environment,
-    grasp: &HandPose<Object>,
+    grasp: &HandState<Object>,
     config: &ApproachConfig,
-) -> Result<HandPose<Object>, ApproachError> {
-    let mut best: Option<(HandPose<Object>, f64)> = None;
+) -> Result<HandState<Object>, ApproachError> {
+    let mut best: Option<(HandState<Object>, f64)> = None;
     for (back, share) in WAYS_BACK
         .iter()
         .flat_map(|back| OPENINGS.map(|share| (back, share)))
@@ -63,7 +64,7 @@ mod tests {
         };
         // A quarter turn about z takes the palm's x to the object's y.
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), std::f64::consts::FRAC_PI_2);
-        let mut grasp = HandPose {
+        let mut grasp = HandState {
             frame_from_palm: Pose::from_parts([0.1, 0.4, 0.3], turn),
             q_rad: vec![0.5; body.model().dof()],
         };
@@ -89,7 +90,7 @@ mod tests {
         };
         // The palm looks along x, its fingers bent from downward to forward, just above the table beside the box.
         let down = UnitQuaternion::from_axis_angle(&Vector3::x_axis(), std::f64::consts::PI);
-        let mut grasp = HandPose {
+        let mut grasp = HandState {
             frame_from_palm: Pose::from_parts([-0.4, 0.0, 0.4], down),
             q_rad: body.open(),
         };
@@ -113,7 +114,7 @@ mod tests {
         };
         // The palm looks up, far from the box, 4 cm above the table.
         let up = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), -std::f64::consts::FRAC_PI_2);
-        let mut grasp = HandPose {
+        let mut grasp = HandState {
             frame_from_palm: Pose::from_parts([-0.5, 0.0, 0.3], up),
             q_rad: body.open(),
         };

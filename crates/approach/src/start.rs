@@ -5,7 +5,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use schemas::trajectories::{Trajectory, TrajectoryRates};
 use spatial::{Object, Pose, Table};
 
-use crate::{ApproachError, HandPose};
+use crate::ApproachError;
+use motion::HandState;
 
 /// Turns about the vertical that are tried.
 const YAWS: u32 = 24;
@@ -18,7 +19,7 @@ pub struct Start {
     /// The demonstration's sequence.
     pub sequence: String,
     /// The hand about the place where the demonstrated object lay.
-    pub hand_in_table: HandPose<Table>,
+    pub hand_in_table: HandState<Table>,
 }
 
 impl Start {
@@ -33,7 +34,7 @@ impl Start {
             let first = motion.first();
             Ok::<_, ApproachError>(Self {
                 sequence: trajectory.sequence.clone(),
-                hand_in_table: HandPose {
+                hand_in_table: HandState {
                     frame_from_palm: trajectory.rest.table_from_object() * first.frame_from_palm,
                     q_rad: first.q_rad.clone(),
                 },
@@ -67,8 +68,8 @@ impl Start {
     pub fn carried(
         &self,
         table_from_object: &Pose<Table, Object>,
-        toward: &HandPose<Object>,
-    ) -> Vec<HandPose<Object>> {
+        toward: &HandState<Object>,
+    ) -> Vec<HandState<Object>> {
         let object_from_table = table_from_object.inverse();
         let here = &self.hand_in_table.frame_from_palm;
         let turned = |yaw: u32| {
@@ -85,7 +86,7 @@ impl Start {
         };
         let mut poses: Vec<Pose<Object, spatial::Palm>> = (0..YAWS).map(turned).collect();
         poses.sort_by(|a, b| way(a).total_cmp(&way(b)));
-        let hand = |frame_from_palm| HandPose {
+        let hand = |frame_from_palm| HandState {
             frame_from_palm,
             q_rad: self.hand_in_table.q_rad.clone(),
         };
@@ -117,11 +118,11 @@ pub fn grasps(
 pub fn grasping_hands(
     trajectories: &[Trajectory],
     joints: &[String],
-) -> Result<Vec<HandPose<Table>>, ApproachError> {
+) -> Result<Vec<HandState<Table>>, ApproachError> {
     let hand = |trajectory: &Trajectory| {
         let motion = reordered(trajectory, joints)?;
         let grasp = motion.grasp();
-        Ok(HandPose {
+        Ok(HandState {
             frame_from_palm: trajectory.rest.table_from_object() * grasp.frame_from_palm,
             q_rad: grasp.q_rad.clone(),
         })
@@ -219,7 +220,7 @@ mod tests {
     fn a_start_comes_from_the_side_of_the_grasp_at_its_own_height() {
         let start = Start {
             sequence: "a".to_owned(),
-            hand_in_table: HandPose {
+            hand_in_table: HandState {
                 frame_from_palm: Pose::from_parts([-0.4, 0.0, 0.25], UnitQuaternion::identity()),
                 q_rad: vec![0.5],
             },
@@ -227,7 +228,7 @@ mod tests {
         let check = |yaw: f64| {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
             let table_from_object = Pose::from_parts([0.0, 0.0, 0.1], UnitQuaternion::identity());
-            let toward = HandPose {
+            let toward = HandState {
                 frame_from_palm: Pose::from_parts(turn * Vector3::new(-0.1, 0.0, 0.0), turn),
                 q_rad: vec![1.0],
             };

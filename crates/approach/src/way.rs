@@ -7,7 +7,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use posture::Environment;
 use spatial::{Object, Pose, Twist};
 
-use crate::{ApproachConfig, ApproachError, HandBody, HandPose};
+use crate::{ApproachConfig, ApproachError, HandBody};
+use motion::HandState;
 
 /// Places of a straight way that are checked.
 const CHECKS: u32 = 16;
@@ -25,8 +26,8 @@ pub struct Way {
 
 /// A hand that moves at constant rates between two times.
 struct Leg<'a> {
-    from: &'a HandPose<Object>,
-    to: &'a HandPose<Object>,
+    from: &'a HandState<Object>,
+    to: &'a HandState<Object>,
     start_s: f64,
     duration_s: f64,
 }
@@ -52,9 +53,9 @@ impl Way {
     pub fn motion(
         &self,
         joints: &Arc<[String]>,
-        start: &HandPose<Object>,
-        pregrasp: &HandPose<Object>,
-        grasp: &HandPose<Object>,
+        start: &HandState<Object>,
+        pregrasp: &HandState<Object>,
+        grasp: &HandState<Object>,
     ) -> Result<Motion<Object>, MotionError> {
         let reach = Leg {
             from: start,
@@ -96,8 +97,8 @@ impl Way {
 pub(crate) fn is_clear(
     body: &HandBody,
     environment: &Environment,
-    from: &HandPose<Object>,
-    to: &HandPose<Object>,
+    from: &HandState<Object>,
+    to: &HandState<Object>,
 ) -> Result<bool, ApproachError> {
     let leg = Leg {
         from,
@@ -107,7 +108,7 @@ pub(crate) fn is_clear(
     };
     for idx in (0..CHECKS).rev() {
         let step = leg.at(f64::from(idx) / f64::from(CHECKS));
-        let hand = HandPose {
+        let hand = HandState {
             frame_from_palm: step.frame_from_palm,
             q_rad: step.q_rad,
         };
@@ -155,9 +156,9 @@ mod tests {
     use super::*;
     use crate::fixture;
 
-    fn hand(place: [f64; 3], yaw: f64, q_rad: f64) -> HandPose<Object> {
+    fn hand(place: [f64; 3], yaw: f64, q_rad: f64) -> HandState<Object> {
         let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw);
-        HandPose {
+        HandState {
             frame_from_palm: Pose::from_parts(place, turn),
             q_rad: vec![q_rad],
         }
@@ -207,11 +208,11 @@ mod tests {
     #[test]
     fn a_way_through_the_box_is_not_clear_and_one_beside_it_is() {
         let (body, environment) = (fixture::body(), fixture::environment());
-        let at = |x: f64, y: f64| HandPose {
+        let at = |x: f64, y: f64| HandState {
             frame_from_palm: Pose::from_parts([x, y, 0.06], UnitQuaternion::identity()),
             q_rad: body.open(),
         };
-        let check = |from: HandPose<Object>, to: HandPose<Object>| {
+        let check = |from: HandState<Object>, to: HandState<Object>| {
             is_clear(&body, &environment, &from, &to).unwrap()
         };
         assert!(!check(at(-0.5, 0.0), at(0.5, 0.0)));

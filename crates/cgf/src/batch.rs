@@ -10,7 +10,7 @@ use crate::{
     augmentation::Rotations,
     config::{EncoderRotation, EncoderTimes, LatentNoise, NetworkConfig, Times, TrainingConfig},
     data::{NetworkFrame, TrainingMotion, View, turned},
-    hand_state::Normalization,
+    hand_numbers::{self, Normalization},
     model::equal_times,
     penetration::PenetrationScene,
     point_net::Clouds,
@@ -243,7 +243,7 @@ impl Batches<'_> {
         ));
         let last = seen.track.last_times(self.training.grasp_steps);
         for t in last.into_iter().chain(times.iter().copied()) {
-            let numbers = turned(seen.track.at(t), rotation).to_numbers();
+            let numbers = hand_numbers::of(&turned(seen.track.at(t), rotation));
             batch.times.push(narrow(t));
             batch.targets.extend(self.normalization.normalize(&numbers));
             batch.physical.extend(numbers.into_iter().map(narrow));
@@ -274,9 +274,9 @@ pub(crate) fn encoder_motion(
     let numbers = |&t: &f64| {
         let grasp = turned(track.at(t), rotation);
         match network.encoder_rotation {
-            EncoderRotation::Columns => normalization.normalize(&grasp.to_numbers()),
+            EncoderRotation::Columns => normalization.normalize(&hand_numbers::of(&grasp)),
             EncoderRotation::AxisAngle => {
-                normalization.normalize_axis_angle(&grasp.to_axis_angle_numbers())
+                normalization.normalize_axis_angle(&hand_numbers::with_axis_angle(&grasp))
             }
         }
     };

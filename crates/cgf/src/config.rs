@@ -9,7 +9,7 @@ use candle_core::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, hand_state::PALM_WIDTH};
+use crate::{CgfError, hand_numbers::PALM_WIDTH};
 
 /// Fewest surface points that still show an object's shape.
 const MIN_POINTS: usize = 32;

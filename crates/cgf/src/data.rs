@@ -1,13 +1,11 @@
 //! What the network learns from: motions above a table, and the objects that lie on it.
 
-use motion::Motion;
+use motion::{HandState, Motion};
 use nalgebra::{Point3, UnitQuaternion};
 use schemas::training::Split;
 use spatial::{Object, Pose, RestingPose, Table};
 
-use crate::{
-    CgfError, config::InputFrame, hand_state::HandState, precision::narrow, random::Random,
-};
+use crate::{CgfError, config::InputFrame, precision::narrow, random::Random};
 
 /// An object as it lies: its surface above the table.
 #[derive(Debug, Clone, PartialEq)]
@@ -189,7 +187,7 @@ pub(crate) fn turned(
     grasp: HandState<NetworkFrame>,
     rotation: &UnitQuaternion<f64>,
 ) -> HandState<NetworkFrame> {
-    grasp.moved(&Pose::from_parts([0.0; 3], *rotation))
+    grasp.expressed_in(&Pose::from_parts([0.0; 3], *rotation))
 }
 
 #[cfg(test)]

@@ -15,7 +15,9 @@ mod activation;
 mod number;
 mod rates;
 
+use motion::HandState;
 use rayon::prelude::*;
+use spatial::Table;
 
 pub use self::rates::{HandDerivative, HandMotionState};
 use self::{
@@ -25,7 +27,7 @@ use self::{
 use crate::{
     CgfError, ObjectFeature,
     config::{Activation, NetworkConfig},
-    hand_state::{HandState, Normalization},
+    hand_numbers::{self, Normalization},
     limits::Limits,
     product::{LANES, Packed, Row, Sparse},
     weights::Weights,
@@ -140,15 +142,15 @@ impl<T: Number> Decoder<T> {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<HandState>>, CgfError> {
+    ) -> Result<Vec<Vec<HandState<Table>>>, CgfError> {
         self.motions(feature, latents, times, Order::Values, &|[outputs, ..]| {
             let outputs = outputs.iter().zip(self.scale.iter().zip(&self.shift));
             let mut numbers: Vec<f64> = outputs
                 .map(|(y, (scale, shift))| y.to_f64() * scale + shift)
                 .collect();
             self.limits.apply(&mut numbers);
-            let grasp = HandState::from_numbers(&numbers)?;
-            Some(grasp.moved(&feature.table_from_network))
+            let grasp = hand_numbers::to_hand(&numbers)?;
+            Some(grasp.expressed_in(&feature.table_from_network))
         })
     }
 
@@ -179,7 +181,7 @@ impl<T: Number> Decoder<T> {
             }
             self.limits.apply_with_rates(&mut numbers);
             let moving = rates::moving_grasp(&numbers)?;
-            Some(moving.moved(&feature.table_from_network))
+            Some(moving.expressed_in(&feature.table_from_network))
         })
     }
 

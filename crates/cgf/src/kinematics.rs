@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use robot::{JointKind, Link, RobotModel};
 use spatial::{Palm, Pose};
 
-use crate::{hand_state::PALM_WIDTH, precision::narrow};
+use crate::{hand_numbers::PALM_WIDTH, precision::narrow};
 
 /// Takes `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
 /// joint positions; meters and radians) to where all links are, in the frame in which translation and

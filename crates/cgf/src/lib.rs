@@ -21,7 +21,7 @@ mod error;
 #[cfg(test)]
 mod golden;
 pub mod grasp_tta;
-mod hand_state;
+mod hand_numbers;
 mod kinematics;
 mod limits;
 mod loss;
@@ -46,7 +46,7 @@ pub use curve::Epoch;
 pub use data::{RestingObject, TrainingMotion};
 pub use decoder::{HandDerivative, HandMotionState};
 pub use error::CgfError;
-pub use hand_state::{HandState, Normalization};
+pub use hand_numbers::Normalization;
 pub use limits::JointRange;
 pub use model::{Cgf, Description, EncodedDemonstration, HandDistance, ObjectFeature, Posterior};
 pub use random::Random;

@@ -5,7 +5,7 @@ use robot::Joint;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    CgfError, config::JointOutputs, hand_state::PALM_WIDTH, network::constant, precision::narrow,
+    CgfError, config::JointOutputs, hand_numbers::PALM_WIDTH, network::constant, precision::narrow,
 };
 
 /// Where a joint can be.

@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
@@ -17,7 +18,7 @@ use crate::{
     config::{NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
     decoder::Decoder,
-    hand_state::{HandState, Normalization, PALM_WIDTH},
+    hand_numbers::{Normalization, PALM_WIDTH},
     limits::{JointRange, Limits},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
@@ -164,7 +165,7 @@ impl Cgf {
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<HandState>>, CgfError> {
+    ) -> Result<Vec<Vec<HandState<Table>>>, CgfError> {
         self.decoder.decode(feature, latents, times)
     }
 
@@ -394,7 +395,7 @@ impl EncodedDemonstration {
 
 impl HandDistance {
     /// Measures how far two grasps of one hand are apart.
-    pub fn between(a: &HandState, b: &HandState) -> Self {
+    pub fn between(a: &HandState<Table>, b: &HandState<Table>) -> Self {
         let (pose_a, pose_b) = (a.frame_from_palm, b.frame_from_palm);
         let squares: f64 = a
             .q_rad

@@ -5,7 +5,7 @@ use candle_core::{Device, Tensor};
 use crate::{
     CgfError,
     config::{Activation, Initialization, LatentVariance, NetworkConfig},
-    hand_state::PALM_WIDTH,
+    hand_numbers::PALM_WIDTH,
     point_net,
     random::Random,
     weights::{Leaves, Weights, leaf},

@@ -11,7 +11,7 @@ use crate::{
     CgfError,
     batch::Batch,
     config::{Contact, LatentNoise, NetworkConfig, Reduction, TrainingConfig},
-    hand_state::{Normalization, PALM_WIDTH},
+    hand_numbers::{Normalization, PALM_WIDTH},
     kinematics::{LinkParts, LinkPoses},
     limits::Limits,
     loss,

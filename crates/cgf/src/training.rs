@@ -14,7 +14,7 @@ use crate::{
     config::{Initialization, NetworkConfig, TrainingConfig},
     curve::Epoch,
     data::{RestingObject, TrainingMotion, turned},
-    hand_state::Normalization,
+    hand_numbers::{self, Normalization},
     limits::{JointRange, Limits},
     model::Description,
     network,
@@ -160,7 +160,9 @@ impl<'a> Trainer<'a> {
                 let fixed = rotations.fixed(idx, repeat);
                 let rotation = fixed.unwrap_or_else(|| rotations.draw(&mut random));
                 let times = (0..=20).map(|k| f64::from(k) / 20.0);
-                samples.extend(times.map(|t| turned(motion.track.at(t), &rotation).to_numbers()));
+                samples.extend(
+                    times.map(|t| hand_numbers::of(&turned(motion.track.at(t), &rotation))),
+                );
             }
         }
         let initialization = training.initialization;

@@ -11,7 +11,7 @@ use crate::{
     event::{Event, Events},
     executor::{End, Executor, Threads, Wave},
     graph::Node,
-    making::Maker,
+    maker::Maker,
     name::{NodeName, PartitionKey, UnitName},
     order::Forced,
     output::Execution,
@@ -204,7 +204,7 @@ impl<'a> Attempts<'a> {
         let is_here = match &arrived {
             Some((_, outcome)) => self
                 .store
-                .fetch_shown(&[&**outcome])?
+                .fetch_published(&[&**outcome])?
                 .into_iter()
                 .all(|it| it),
             None => false,

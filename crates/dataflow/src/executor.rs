@@ -6,7 +6,7 @@ use crate::{
     error::Failure,
     event::Events,
     graph::Node,
-    making::{Maker, Making},
+    maker::{Maker, OrderOutcome},
     name::{NodeName, UnitName},
     order::{Forced, Order},
     resources::Resources,
@@ -157,11 +157,11 @@ impl Executor for Threads<'_> {
     }
 }
 
-impl From<Making> for End {
-    fn from(making: Making) -> Self {
-        match making {
-            Making::Made { made_now } => Self::Done { made_now },
-            Making::Lacks(units) => Self::lacking(units),
+impl From<OrderOutcome> for End {
+    fn from(outcome: OrderOutcome) -> Self {
+        match outcome {
+            OrderOutcome::Made { made_now } => Self::Done { made_now },
+            OrderOutcome::Lacks(units) => Self::lacking(units),
         }
     }
 }

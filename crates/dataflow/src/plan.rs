@@ -162,14 +162,14 @@ impl Planner<'_> {
         };
         let Listing {
             units,
-            sure,
+            certainty,
             may_grow,
         } = listing;
         let mut planned = Vec::with_capacity(units.len());
         let mut known = BTreeMap::new();
         let mut open = Vec::new();
-        for (unit, sure) in units.iter().zip(sure) {
-            let (state, outcome) = self.unit(node, unit, sure)?;
+        for (unit, certainty) in units.iter().zip(certainty) {
+            let (state, outcome) = self.unit(node, unit, certainty)?;
             match (&state, outcome) {
                 (UnitState::Cached | UnitState::Depot { .. }, Some(outcome)) => {
                     let made = self.state.learn(&node.name, &unit.partition, outcome);
@@ -220,16 +220,16 @@ impl Planner<'_> {
         &self,
         node: &Node,
         unit: &ListedUnit,
-        sure: Certainty,
+        certainty: Certainty,
     ) -> Result<(UnitState, Option<Arc<RecordOutcome>>), Failure> {
         let forced = self.options.is_forced(&node.name.stage);
         let Some((fingerprint, digest)) = self.state.fingerprint(node, unit)? else {
             let upstream = self.waits_for(node, unit);
             let (causes, is_certain) = if forced {
-                (vec![Cause::Forced], sure >= Certainty::Present)
+                (vec![Cause::Forced], certainty >= Certainty::Exists)
             } else {
                 let (causes, is_new) = self.causes_so_far(node, unit)?;
-                (causes, is_new && sure >= Certainty::Own)
+                (causes, is_new && certainty >= Certainty::OwnFiles)
             };
             let state = if is_certain {
                 UnitState::Run { causes, upstream }
@@ -244,7 +244,7 @@ impl Planner<'_> {
             self.store.lookup(&digest)?
         };
         let state = match &cached {
-            Some(outcome) if sure == Certainty::Whole => {
+            Some(outcome) if certainty == Certainty::Exact => {
                 match self.store.bytes_elsewhere(outcome) {
                     0 => UnitState::Cached,
                     bytes => UnitState::Depot { bytes },
@@ -260,7 +260,7 @@ impl Planner<'_> {
                 } else {
                     self.causes(node, &fingerprint)?
                 };
-                if sure == Certainty::Whole || (forced && sure >= Certainty::Present) {
+                if certainty == Certainty::Exact || (forced && certainty >= Certainty::Exists) {
                     let upstream = Vec::new();
                     UnitState::Run { causes, upstream }
                 } else {

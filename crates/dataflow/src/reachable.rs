@@ -22,7 +22,7 @@ pub fn reachable_fingerprints(
     let mut state = State::new(pipeline, store);
     let mut digests = Vec::new();
     for node in &pipeline.nodes {
-        state.recall_some(node, Certainty::No, |digest| {
+        state.recall_some(node, Certainty::Unknown, |digest| {
             let outcome = store.recall(digest)?;
             digests.extend(outcome.is_some().then_some(*digest));
             Ok(outcome)

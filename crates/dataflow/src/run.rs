@@ -186,7 +186,7 @@ impl Runner<'_> {
         let failure = failure.or_else(|| too_many_skipped(node, stage, &report));
         if failure.is_none() {
             self.publish(node, &report)?;
-            report.record.shown = true;
+            report.record.published = true;
             (self.events)(&Event::OutputDone {
                 output: node.name.clone(),
                 description: report.record.description.clone(),
@@ -226,7 +226,7 @@ impl Runner<'_> {
             }
         }
         let outcomes: Vec<&RecordOutcome> = found.iter().map(|(_, it)| &*it.outcome).collect();
-        let mut is_complete = self.store.fetch_shown(&outcomes)?.into_iter();
+        let mut is_complete = self.store.fetch_published(&outcomes)?.into_iter();
         let mut made = Vec::with_capacity(units.len());
         for (unit, report) in found {
             match is_complete.next() {
@@ -410,7 +410,7 @@ fn report(
     let record = NodeRecord {
         node: node.name.clone(),
         description,
-        shown: false,
+        published: false,
         n_made_now: units.iter().filter(|unit| unit.made_now).count(),
         n_made: summary.n_made,
         n_skipped: summary.n_skipped,

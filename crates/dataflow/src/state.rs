@@ -60,7 +60,7 @@ pub(crate) struct Listing {
     /// The units in the order of their keys.
     pub(crate) units: Vec<ListedUnit>,
     /// How much of each unit is certain whatever the outcome of open partitions.
-    pub(crate) sure: Vec<Certainty>,
+    pub(crate) certainty: Vec<Certainty>,
     /// Whether unlisted units may be added.
     pub(crate) may_grow: bool,
 }
@@ -69,13 +69,13 @@ pub(crate) struct Listing {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Certainty {
     /// Nothing: it may not exist.
-    No,
+    Unknown,
     /// It exists, but its inputs, files and facts may change.
-    Present,
+    Exists,
     /// It exists with these files and facts, but its input partitions may change.
-    Own,
+    OwnFiles,
     /// It exists with exactly these inputs.
-    Whole,
+    Exact,
 }
 
 /// The partitions made so far, by node.
@@ -191,9 +191,9 @@ impl<'a> State<'a> {
             return Ok(());
         };
         let mut partitions = BTreeMap::new();
-        for (unit, sure) in listing.units.iter().zip(listing.sure) {
+        for (unit, certainty) in listing.units.iter().zip(listing.certainty) {
             let outcome = match self.fingerprint(node, unit)? {
-                Some((_, digest)) if sure >= at_least => find(&digest)?,
+                Some((_, digest)) if certainty >= at_least => find(&digest)?,
                 _ => None,
             };
             let known = match outcome {
@@ -225,10 +225,10 @@ impl<'a> State<'a> {
     pub(crate) fn listing(&self, node: &Node) -> Result<Option<Listing>, Failure> {
         if !node.reads.values().any(|source| self.is_open(source)) {
             let units = self.units(node)?;
-            let sure = vec![Certainty::Whole; units.len()];
+            let certainty = vec![Certainty::Exact; units.len()];
             return Ok(Some(Listing {
                 units,
-                sure,
+                certainty,
                 may_grow: false,
             }));
         }
@@ -242,54 +242,57 @@ impl<'a> State<'a> {
                 .reads
                 .values()
                 .any(|source| self.growing.contains(source));
-        let sure = if may_grow {
-            vec![Certainty::No; units.len()]
+        let certainty = if may_grow {
+            vec![Certainty::Unknown; units.len()]
         } else {
-            self.sure(node, &units)
+            self.certainty(node, &units)
         };
         Ok(Some(Listing {
             units,
-            sure,
+            certainty,
             may_grow,
         }))
     }
 
     /// Returns how much of each unit is certain, whichever open partitions are made.
-    fn sure(&self, node: &Node, units: &[ListedUnit]) -> Vec<Certainty> {
+    fn certainty(&self, node: &Node, units: &[ListedUnit]) -> Vec<Certainty> {
         let asked = Arc::default();
         let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
         if let Ok(without) = without {
-            let sure = units.iter().map(|unit| {
+            let certainty = units.iter().map(|unit| {
                 match without.binary_search_by(|other| other.partition.cmp(&unit.partition)) {
-                    Ok(idx) if without.get(idx) == Some(unit) => Certainty::Whole,
+                    Ok(idx) if without.get(idx) == Some(unit) => Certainty::Exact,
                     Ok(idx) => present(unit, without.get(idx)),
-                    Err(_) => Certainty::No,
+                    Err(_) => Certainty::Unknown,
                 }
             });
-            return sure.collect();
+            return certainty.collect();
         }
         // A stage without any input partition fails, so at least one will be made: a unit that is
         // listed for each choice of that one is certain.
-        let mut sure = vec![Certainty::Own; units.len()];
+        let mut certainty = vec![Certainty::OwnFiles; units.len()];
         for source in node.reads.values() {
             let open = self.made.get(source).into_iter().flatten();
             let open = open.filter(|(_, known)| matches!(known, Known::Open { .. }));
             let alone = open.map(|(key, _)| Some(key)).chain([None]);
             for key in alone {
-                if sure.iter().all(|sure| *sure == Certainty::No) {
-                    return sure;
+                if certainty
+                    .iter()
+                    .all(|certainty| *certainty == Certainty::Unknown)
+                {
+                    return certainty;
                 }
                 let only = Presence::Denied(Some((source, key)));
                 if let Ok(listed) = self.list(node, &self.scope(node, only, &asked)) {
-                    for (sure, unit) in sure.iter_mut().zip(units) {
+                    for (certainty, unit) in certainty.iter_mut().zip(units) {
                         let mut listed = listed.iter();
                         let found = listed.find(|found| found.partition == unit.partition);
-                        *sure = (*sure).min(present(unit, found));
+                        *certainty = (*certainty).min(present(unit, found));
                     }
                 }
             }
         }
-        sure
+        certainty
     }
 
     fn list(&self, node: &Node, scope: &Scope) -> Result<Vec<ListedUnit>, Failure> {
@@ -489,9 +492,11 @@ enum Presence<'a> {
 /// Returns how much of a unit is certain, given its counterpart in another listing.
 fn present(unit: &ListedUnit, other: Option<&ListedUnit>) -> Certainty {
     match other {
-        None => Certainty::No,
-        Some(other) if other.files == unit.files && other.facts == unit.facts => Certainty::Own,
-        Some(_) => Certainty::Present,
+        None => Certainty::Unknown,
+        Some(other) if other.files == unit.files && other.facts == unit.facts => {
+            Certainty::OwnFiles
+        }
+        Some(_) => Certainty::Exists,
     }
 }
 

@@ -146,8 +146,8 @@ pub struct NodeRecord {
     /// The stage's own line about it.
     pub description: String,
     /// Whether the run published its partitions: not if it failed in it.
-    #[serde(default)]
-    pub shown: bool,
+    #[serde(default, alias = "shown")]
+    pub published: bool,
     /// Units that this run made.
     pub n_made_now: usize,
     /// Number of partitions, made now or before.
@@ -211,7 +211,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn fetch_shown(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised>;
+    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised>;
 
     /// Returns how many bytes of a result are not here, but would be fetched when they are needed.
     fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64;

@@ -116,11 +116,11 @@ impl Blobs {
     }
 
     /// Restores a missing or damaged blob from its published file.
-    pub(crate) fn put_back(&self, shown: &Path, file: &FileRef) -> Result<(), LakeError> {
+    pub(crate) fn put_back(&self, published: &Path, file: &FileRef) -> Result<(), LakeError> {
         atomic::place(&self.folder.staging(), &self.path(&file.digest), |beside| {
-            fs::hard_link(shown, beside)
-                .or_else(|_no_links| fs::copy(shown, beside).map(drop))
-                .map_err(io_error("copy", shown))
+            fs::hard_link(published, beside)
+                .or_else(|_no_links| fs::copy(published, beside).map(drop))
+                .map_err(io_error("copy", published))
         })
     }
 

@@ -83,13 +83,13 @@ impl Cache {
         let mut there = Newest::read(&path)?;
         blobs.stamps.recall(std::mem::take(&mut there.stamps));
         records.stamps.recall(std::mem::take(&mut there.records));
-        there.take_over_shown(newest);
+        there.take_over_published(newest);
         *newest = there;
         if let Some(units) = units {
             newest.take_over(units);
         }
-        for shown in newest.shown.values_mut() {
-            for (path, file) in shown.iter_mut() {
+        for published in newest.published.values_mut() {
+            for (path, file) in published.iter_mut() {
                 if let Ok(stamp) = Stamp::read(&self.folder.join(path))
                     && (blobs.stamps.get(&file.digest) == Some(stamp)
                         || touched.contains(&file.digest)

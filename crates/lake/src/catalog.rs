@@ -12,11 +12,11 @@ use std::{
 use dataflow::{Artifact, Digest, NodeName, PartitionKey, RunStatus, StageName, UnitRef};
 
 use crate::{
-    LakeError, digests::check_digests, folder::ShownFolders, lake::Lake, register::Run, table,
+    LakeError, digests::check_digests, folder::PublishedFolders, lake::Lake, register::Run, table,
 };
 
 /// The newest partitions of a node, as published by the newest run that reached it.
-pub(crate) struct ShownNode {
+pub(crate) struct PublishedNode {
     pub(crate) node: NodeName,
     /// The column of partitions' keys.
     pub(crate) column: String,
@@ -68,18 +68,18 @@ impl Lake {
             }
             let mut promised = Vec::new();
             let mut found = TableFiles::default();
-            for shown in recorded.shown_nodes(&pipeline, |node| node.artifact == *table)? {
+            for published in recorded.published_nodes(&pipeline, |node| node.artifact == *table)? {
                 let mut files = BTreeMap::new();
-                for unit in &shown.units {
+                for unit in &published.units {
                     let stored = self.records.read(&unit.fingerprint)?;
                     let stored = stored.ok_or_else(|| self.lost_record(&unit.fingerprint))?;
                     if let Some(file) = stored.outcome.file(table::FILE) {
-                        let path = self.every_path(&shown.column, unit);
+                        let path = self.every_path(&published.column, unit);
                         promised.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
                     }
                 }
-                found.add(&pipeline, &shown.node.stage, &shown.column, files);
+                found.add(&pipeline, &published.node.stage, &published.column, files);
             }
             if !found.stages.is_empty() {
                 check(&promised)?;
@@ -159,7 +159,7 @@ impl Lake {
         promised: &mut Vec<Promised>,
     ) -> Result<TableFiles, LakeError> {
         let mut found = TableFiles::default();
-        for node in run.shown().filter(|node| node.artifact == *table) {
+        for node in run.published().filter(|node| node.artifact == *table) {
             let Some(column) = run.column_of(node) else {
                 continue;
             };
@@ -219,7 +219,7 @@ impl Lake {
             let Ok(run) = self.register.read(number) else {
                 continue;
             };
-            let nodes: Vec<_> = run.shown().cloned().collect();
+            let nodes: Vec<_> = run.published().cloned().collect();
             // Runs that had the same units share their list.
             if !lists.insert((run.manifest, nodes.clone())) {
                 continue;
@@ -250,13 +250,13 @@ impl Lake {
         pipeline: &str,
     ) -> Result<(BTreeMap<String, Digest>, Vec<Digest>), LakeError> {
         let (mut promised, mut lost) = (BTreeMap::new(), Vec::new());
-        for node in Recorded::of(self)?.shown_nodes(pipeline, |_| true)? {
+        for node in Recorded::of(self)?.published_nodes(pipeline, |_| true)? {
             for unit in &node.units {
                 let Some(stored) = self.records.read(&unit.fingerprint)? else {
                     lost.push(unit.fingerprint);
                     continue;
                 };
-                let folders = ShownFolders::of(pipeline, &node.node);
+                let folders = PublishedFolders::of(pipeline, &node.node);
                 for (name, file) in stored.outcome.files().into_iter().flatten() {
                     let path = folders.path(&node.column, &unit.partition, name);
                     promised.insert(path, file.digest);
@@ -267,11 +267,11 @@ impl Lake {
     }
 
     /// Units of the newest partitions of every pipeline.
-    pub(crate) fn newest_shown_units(&self) -> Result<BTreeSet<Digest>, LakeError> {
+    pub(crate) fn newest_published_units(&self) -> Result<BTreeSet<Digest>, LakeError> {
         let mut recorded = Recorded::of(self)?;
         let mut units = BTreeSet::new();
         for pipeline in recorded.pipelines()? {
-            for node in recorded.shown_nodes(&pipeline, |_| true)? {
+            for node in recorded.published_nodes(&pipeline, |_| true)? {
                 units.extend(node.units.iter().map(|unit| unit.fingerprint));
             }
         }
@@ -345,12 +345,12 @@ impl<'a> Recorded<'a> {
 
     /// Returns the published partitions of these nodes, each as of the newest run that published
     /// it, without nodes that were no longer in the pipeline at its last finished run.
-    fn shown_nodes(
+    fn published_nodes(
         &mut self,
         pipeline: &str,
         is_asked: impl Fn(&NodeName) -> bool,
-    ) -> Result<Vec<ShownNode>, LakeError> {
-        let mut found: BTreeMap<NodeName, ShownNode> = BTreeMap::new();
+    ) -> Result<Vec<PublishedNode>, LakeError> {
+        let mut found: BTreeMap<NodeName, PublishedNode> = BTreeMap::new();
         // Known once a finished run is seen: nodes in which later runs failed stay.
         let mut left: Option<BTreeSet<NodeName>> = None;
         let mut idx = 0;
@@ -363,12 +363,13 @@ impl<'a> Recorded<'a> {
             if run.record.pipeline != pipeline {
                 continue;
             }
-            let shown: BTreeSet<&NodeName> = run.shown().filter(|node| is_asked(node)).collect();
+            let published: BTreeSet<&NodeName> =
+                run.published().filter(|node| is_asked(node)).collect();
             let is_new = |node: &&&NodeName| {
                 !found.contains_key(**node)
                     && left.as_ref().is_none_or(|left| left.contains(**node))
             };
-            let new: Vec<&NodeName> = shown.iter().filter(is_new).copied().collect();
+            let new: Vec<&NodeName> = published.iter().filter(is_new).copied().collect();
             let units = if new.is_empty() {
                 Vec::new()
             } else {
@@ -376,12 +377,12 @@ impl<'a> Recorded<'a> {
             };
             let new = new.into_iter().filter_map(|node| {
                 let of_node = units.iter().filter(|unit| unit.node == *node);
-                let shown = ShownNode {
+                let published = PublishedNode {
                     node: node.clone(),
                     column: run.column_of(node)?.to_owned(),
                     units: of_node.cloned().collect(),
                 };
-                Some((node.clone(), shown))
+                Some((node.clone(), published))
             });
             found.extend(new.collect::<Vec<_>>());
             if left.is_none() && run.record.status == RunStatus::Finished {

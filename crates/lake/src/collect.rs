@@ -85,7 +85,7 @@ impl Lake {
         let mut kept: BTreeSet<Digest> = reached.iter().copied().collect();
         self.keep_of_runs(n_runs, since, &mut kept)?;
         kept.extend(self.cache.all_current()?);
-        kept.extend(self.newest_shown_units()?);
+        kept.extend(self.newest_published_units()?);
         kept.extend(self.waiting_units()?);
         let mut collected = GcReport::default();
         let mut blobs = BTreeSet::new();

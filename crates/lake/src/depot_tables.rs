@@ -196,14 +196,14 @@ impl<'a> DepotTables<'a> {
             let Some(run) = self.runs.get(idx) else { break };
             idx += 1;
             if run.run.record.pipeline == pipeline {
-                let shown: BTreeSet<&NodeName> = run.run.shown().collect();
+                let published: BTreeSet<&NodeName> = run.run.published().collect();
                 outputs.retain(|node| {
-                    if shown.contains(node) {
+                    if published.contains(node) {
                         found
                             .stages
                             .extend(self.table_had_by(run, node, &mut wanted));
                     }
-                    !shown.contains(node)
+                    !published.contains(node)
                 });
             }
         }
@@ -224,7 +224,7 @@ impl<'a> DepotTables<'a> {
         let mut all = TableFiles::default();
         let mut wanted = Vec::new();
         for run in &self.runs {
-            for node in run.run.shown().filter(|node| node.artifact == *table) {
+            for node in run.run.published().filter(|node| node.artifact == *table) {
                 all.stages.extend(self.table_had_by(run, node, &mut wanted));
             }
         }

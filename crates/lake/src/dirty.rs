@@ -27,7 +27,7 @@ pub(crate) struct DirtyMarks {
 #[derive(Default)]
 struct Progress {
     /// Nodes whose published files are up to date.
-    shown: BTreeSet<NodeName>,
+    published: BTreeSet<NodeName>,
     /// Whether a publication was begun and not finished.
     failed: bool,
     /// Whether the whole pipeline is published.
@@ -57,7 +57,7 @@ impl DirtyMarks {
         let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.failed |= result.is_err();
-        progress.shown.extend(node.cloned());
+        progress.published.extend(node.cloned());
         result
     }
 
@@ -65,7 +65,7 @@ impl DirtyMarks {
     pub(crate) fn has<'n>(&self, pipeline: &str, mut nodes: impl Iterator<Item = &'n NodeName>) {
         let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
-        progress.whole = !progress.failed && nodes.all(|node| progress.shown.contains(node));
+        progress.whole = !progress.failed && nodes.all(|node| progress.published.contains(node));
     }
 
     /// Marks a pipeline before its published files change.

@@ -59,7 +59,7 @@ impl Lake {
         self.prepare()?;
         let mut wanted: BTreeSet<(Digest, u64)> = BTreeSet::new();
         let mut made: BTreeSet<NodeName> = BTreeSet::new();
-        for fingerprint in self.newest_shown_units()? {
+        for fingerprint in self.newest_published_units()? {
             let Some(stored) = self.records.read(&fingerprint)? else {
                 continue;
             };

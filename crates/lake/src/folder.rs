@@ -182,7 +182,7 @@ impl Folder {
 
     /// Returns the folder of a table's newest partitions in a pipeline.
     pub(crate) fn table_of(&self, table: &ArtifactName, pipeline: &str) -> PathBuf {
-        self.join(shown_table(table, pipeline))
+        self.join(published_table(table, pipeline))
     }
 
     /// Returns the path of a table of a run.
@@ -227,13 +227,13 @@ impl Folder {
 }
 
 /// The folders, below the lake, in which a node's artifacts are published.
-pub(crate) struct ShownFolders {
+pub(crate) struct PublishedFolders {
     tables: PathBuf,
     files: PathBuf,
     charts: PathBuf,
 }
 
-impl ShownFolders {
+impl PublishedFolders {
     pub(crate) fn of(pipeline: &str, node: &NodeName) -> Self {
         let of = |folder| {
             Path::new(folder)
@@ -242,7 +242,7 @@ impl ShownFolders {
                 .join(node.artifact.as_str())
         };
         Self {
-            tables: shown_table(&node.artifact, pipeline).join(format!("stage={}", node.stage)),
+            tables: published_table(&node.artifact, pipeline).join(format!("stage={}", node.stage)),
             files: of(FILES),
             charts: of(REPORTS),
         }
@@ -252,7 +252,7 @@ impl ShownFolders {
     pub(crate) fn path(&self, column: &str, partition: &PartitionKey, name: &str) -> String {
         let folder = if name == table::FILE {
             self.tables.join(format!("{column}={partition}"))
-        } else if is_shown(name) {
+        } else if is_published(name) {
             self.charts.join(partition.as_str())
         } else {
             self.files.join(partition.as_str())
@@ -266,11 +266,11 @@ impl ShownFolders {
 }
 
 /// Whether a file of an artifact is what people look at: a table, a chart or a page.
-pub(crate) fn is_shown(name: &str) -> bool {
+pub(crate) fn is_published(name: &str) -> bool {
     name == table::FILE || SHOWN.iter().any(|ending| name.ends_with(ending))
 }
 
-fn shown_table(table: &ArtifactName, pipeline: &str) -> PathBuf {
+fn published_table(table: &ArtifactName, pipeline: &str) -> PathBuf {
     Path::new(TABLES)
         .join(table.as_str())
         .join(format!("pipeline={pipeline}"))

@@ -53,7 +53,8 @@ impl InFlight {
             // A stage may still be writing into it, so further tries may be needed; leftovers are
             // removed by a later run.
             let asked = Instant::now();
-            while fs::remove_dir_all(folder).is_err() && folder.exists() && asked.elapsed() < GRACE {
+            while fs::remove_dir_all(folder).is_err() && folder.exists() && asked.elapsed() < GRACE
+            {
                 thread::sleep(GRACE / 100);
             }
         }

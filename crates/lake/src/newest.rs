@@ -26,9 +26,9 @@ pub(crate) struct Newest {
     /// Fingerprints of units that the newest runs still had, when this was read.
     current: HashSet<Digest>,
     /// The published files of each node, as far as known.
-    pub(crate) shown: BTreeMap<NodeName, Shown>,
+    pub(crate) published: BTreeMap<NodeName, PublishedFiles>,
     /// Nodes whose published files this process has changed.
-    shown_now: BTreeSet<NodeName>,
+    published_now: BTreeSet<NodeName>,
     /// Nodes no longer in the pipeline.
     retired: BTreeSet<NodeName>,
     /// Stamps of whole blobs, as they were read.
@@ -45,11 +45,11 @@ struct NewestOf {
 }
 
 /// The published files of a node, by path below the lake.
-pub(crate) type Shown = BTreeMap<String, ShownFile>;
+pub(crate) type PublishedFiles = BTreeMap<String, PublishedFile>;
 
 /// A published file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct ShownFile {
+pub(crate) struct PublishedFile {
     pub(crate) digest: Digest,
     /// The unit that made it: another unit's equal bytes are a separate file below `every/`.
     pub(crate) fingerprint: Digest,
@@ -79,20 +79,25 @@ impl Newest {
     }
 
     /// Returns the published files of nodes no longer in the pipeline.
-    pub(crate) fn shown_by_others(&self, is_kept: impl Fn(&NodeName) -> bool) -> Shown {
-        let others = self.shown.iter().filter(|(node, _)| !is_kept(node));
-        others.flat_map(|(_, shown)| shown.clone()).collect()
+    pub(crate) fn published_by_others(
+        &self,
+        is_kept: impl Fn(&NodeName) -> bool,
+    ) -> PublishedFiles {
+        let others = self.published.iter().filter(|(node, _)| !is_kept(node));
+        others
+            .flat_map(|(_, published)| published.clone())
+            .collect()
     }
 
     /// Sets the published files of a node.
-    pub(crate) fn show(&mut self, node: &NodeName, shown: Shown) {
-        self.shown_now.insert(node.clone());
-        self.shown.insert(node.clone(), shown);
+    pub(crate) fn show(&mut self, node: &NodeName, published: PublishedFiles) {
+        self.published_now.insert(node.clone());
+        self.published.insert(node.clone(), published);
     }
 
     /// Whether this process has published or retired anything since it was read.
     pub(crate) fn is_changed(&self) -> bool {
-        !self.shown_now.is_empty() || !self.retired.is_empty()
+        !self.published_now.is_empty() || !self.retired.is_empty()
     }
 
     /// Lists the units, each as of the newest run that reached it.
@@ -131,24 +136,27 @@ impl Newest {
     pub(crate) fn retire(&mut self, is_kept: impl Fn(&NodeName) -> bool) {
         for (node, units) in &mut self.units {
             let is_current = units.values().any(|unit| unit.current);
-            let is_shown = self.shown.get(node).is_some_and(|shown| !shown.is_empty());
-            if (is_current || is_shown) && !is_kept(node) {
+            let is_published = self
+                .published
+                .get(node)
+                .is_some_and(|published| !published.is_empty());
+            if (is_current || is_published) && !is_kept(node) {
                 self.retired.insert(node.clone());
                 for unit in units.values_mut() {
                     unit.current = false;
                 }
             }
         }
-        self.shown.retain(|node, _| is_kept(node));
+        self.published.retain(|node, _| is_kept(node));
     }
 
     /// Merges what this process has published and retired since it read the state.
-    pub(crate) fn take_over_shown(&mut self, mine: &mut Self) {
+    pub(crate) fn take_over_published(&mut self, mine: &mut Self) {
         self.retire(|node| !mine.retired.contains(node));
         self.retired.clear();
-        for node in &mine.shown_now {
-            if let Some(shown) = mine.shown.remove(node) {
-                self.shown.insert(node.clone(), shown);
+        for node in &mine.published_now {
+            if let Some(published) = mine.published.remove(node) {
+                self.published.insert(node.clone(), published);
             }
         }
     }

@@ -13,9 +13,9 @@ use dataflow::{Digest, FileRef, Node, NodeName, PartitionKey, PublishedUnit};
 use crate::{
     LakeError,
     atomic::{self, io_error},
-    folder::{FILES, REPORTS, ShownFolders, files_below, names_in},
+    folder::{FILES, PublishedFolders, REPORTS, files_below, names_in},
     lake::Lake,
-    newest::{Shown, ShownFile},
+    newest::{PublishedFile, PublishedFiles},
     stamp::Stamp,
     table,
 };
@@ -40,12 +40,12 @@ pub(crate) fn publish(
     pipeline: &str,
     node: &Node,
     made: &[PublishedUnit],
-    before: Option<&Shown>,
-) -> Result<Option<Shown>, LakeError> {
+    before: Option<&PublishedFiles>,
+) -> Result<Option<PublishedFiles>, LakeError> {
     let wanted = wanted(lake, pipeline, node, made);
-    let folders = ShownFolders::of(pipeline, &node.name).all();
+    let folders = PublishedFolders::of(pipeline, &node.name).all();
     if let Some(before) = before
-        && is_shown(lake, before, &wanted)
+        && is_published(lake, before, &wanted)
         && is_all(lake, &folders, before)?
     {
         return Ok(None);
@@ -53,7 +53,7 @@ pub(crate) fn publish(
     lake.prepare()?;
     lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
-    let mut shown = Shown::new();
+    let mut published = PublishedFiles::new();
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
         show(lake, &file.file.digest, &target)?;
@@ -67,17 +67,17 @@ pub(crate) fn publish(
             show(lake, &file.file.digest, &every)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
-        let file = ShownFile {
+        let file = PublishedFile {
             digest: file.file.digest,
             fingerprint: *file.fingerprint,
             stamp,
         };
-        shown.insert(path.clone(), file);
+        published.insert(path.clone(), file);
     }
     for folder in folders {
-        hide_others(lake, &lake.folder.join(folder), before, &shown)?;
+        hide_others(lake, &lake.folder.join(folder), before, &published)?;
     }
-    Ok(Some(shown))
+    Ok(Some(published))
 }
 
 /// Lists the files to publish. Those that were left in the depot are published once something has
@@ -88,7 +88,7 @@ fn wanted<'a>(
     node: &Node,
     made: &[PublishedUnit<'a>],
 ) -> BTreeMap<String, Wanted<'a>> {
-    let folders = ShownFolders::of(pipeline, &node.name);
+    let folders = PublishedFolders::of(pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {
         for (name, file) in unit.outcome.files().into_iter().flatten() {
@@ -109,27 +109,28 @@ fn wanted<'a>(
 }
 
 /// Whether exactly the wanted files are published and unmodified.
-fn is_shown(lake: &Lake, before: &Shown, wanted: &BTreeMap<String, Wanted>) -> bool {
+fn is_published(lake: &Lake, before: &PublishedFiles, wanted: &BTreeMap<String, Wanted>) -> bool {
     before.len() == wanted.len()
         && before
             .iter()
             .zip(wanted)
-            .all(|((path, shown), (name, file))| {
+            .all(|((path, published), (name, file))| {
                 path == name
-                    && shown.digest == file.file.digest
-                    && shown.fingerprint == *file.fingerprint
+                    && published.digest == file.file.digest
+                    && published.fingerprint == *file.fingerprint
                     && Stamp::read(&lake.folder.join(path)).is_ok_and(|stamp| {
                         // Another unit with the same bytes has taken their blob into use.
-                        stamp == shown.stamp || lake.blobs.stamps.get(&shown.digest) == Some(stamp)
+                        stamp == published.stamp
+                            || lake.blobs.stamps.get(&published.digest) == Some(stamp)
                     })
             })
 }
 
 /// Whether the folders hold only these files.
-fn is_all(lake: &Lake, folders: &[PathBuf], shown: &Shown) -> Result<bool, LakeError> {
+fn is_all(lake: &Lake, folders: &[PathBuf], published: &PublishedFiles) -> Result<bool, LakeError> {
     for folder in folders {
         for path in files_below(&lake.folder.join(folder))? {
-            if !shown.contains_key(&*lake.folder.name_of(&path)) {
+            if !published.contains_key(&*lake.folder.name_of(&path)) {
                 return Ok(false);
             }
         }
@@ -142,7 +143,7 @@ pub(crate) fn retire(
     lake: &Lake,
     pipeline: &str,
     is_kept: &dyn Fn(&NodeName) -> bool,
-    before: &Shown,
+    before: &PublishedFiles,
 ) -> Result<(), LakeError> {
     let is_name_kept = |stage: &str, artifact: &str| {
         NodeName::parse(&format!("{stage}.{artifact}")).is_some_and(|node| is_kept(&node))
@@ -174,7 +175,7 @@ pub(crate) fn retire(
     lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
-        hide_others(lake, &folder, Some(before), &Shown::new())?;
+        hide_others(lake, &folder, Some(before), &PublishedFiles::new())?;
         let _kept = fs::remove_dir(&folder);
         let _kept = folder.parent().map(fs::remove_dir);
     }
@@ -184,8 +185,9 @@ pub(crate) fn retire(
 /// Hard-links the blob at `path`, or copies it if the file system has no hard links.
 pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
     let blob = lake.blobs.path(digest);
-    let same = fs::metadata(path).is_ok_and(|shown| {
-        fs::metadata(&blob).is_ok_and(|blob| (shown.dev(), shown.ino()) == (blob.dev(), blob.ino()))
+    let same = fs::metadata(path).is_ok_and(|published| {
+        fs::metadata(&blob)
+            .is_ok_and(|blob| (published.dev(), published.ino()) == (blob.dev(), blob.ino()))
     });
     if same {
         return Ok(());
@@ -232,8 +234,8 @@ fn has_no_links(err: &io::Error) -> bool {
 fn hide_others(
     lake: &Lake,
     folder: &Path,
-    before: Option<&Shown>,
-    shown: &Shown,
+    before: Option<&PublishedFiles>,
+    published: &PublishedFiles,
 ) -> Result<(), LakeError> {
     let entries = match fs::read_dir(folder) {
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(()),
@@ -242,13 +244,13 @@ fn hide_others(
     for entry in entries {
         let path = entry.map_err(io_error("read", folder))?.path();
         if path.is_dir() {
-            hide_others(lake, &path, before, shown)?;
+            hide_others(lake, &path, before, published)?;
             // Fails, as it should, if something is left in it.
             let _kept = fs::remove_dir(&path);
             continue;
         }
         let name = lake.folder.name_of(&path);
-        if !shown.contains_key(&*name) {
+        if !published.contains_key(&*name) {
             if let Some(file) = before.and_then(|before| before.get(&*name)) {
                 lake.blobs.touch(&file.digest);
             }

@@ -70,8 +70,8 @@ impl Run {
     }
 
     /// The nodes that it has published.
-    pub(crate) fn shown(&self) -> impl Iterator<Item = &NodeName> {
-        let nodes = self.record.nodes.iter().filter(|node| node.shown);
+    pub(crate) fn published(&self) -> impl Iterator<Item = &NodeName> {
+        let nodes = self.record.nodes.iter().filter(|node| node.published);
         nodes.map(|node| &node.node)
     }
 

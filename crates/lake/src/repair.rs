@@ -100,7 +100,7 @@ impl Repair<'_> {
     fn history(&mut self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let there = folder.run_tables()?;
-        let mut shown = BTreeSet::new();
+        let mut published = BTreeSet::new();
         let mut running = BTreeSet::new();
         for number in self.lake.register.numbers()? {
             // A damaged record of one run does not hide the tables of others.
@@ -116,7 +116,7 @@ impl Repair<'_> {
                 let path = folder.run_table(name, number);
                 is_lost |= !self.of_run(&path, file)?;
                 self.blobs.insert(self.lake.file(file));
-                shown.insert(path);
+                published.insert(path);
             }
             if is_lost {
                 let run = history::rebuild(self.lake, run)?;
@@ -125,7 +125,9 @@ impl Repair<'_> {
             }
         }
         for path in there {
-            if !shown.contains(&path) && !run_of(&path).is_some_and(|run| running.contains(&run)) {
+            if !published.contains(&path)
+                && !run_of(&path).is_some_and(|run| running.contains(&run))
+            {
                 self.remove(&path)?;
             }
         }
@@ -158,7 +160,7 @@ impl Repair<'_> {
             }
         }
         for path in there {
-            if !promised.contains_key(&path) && !self.may_be_shown(&path)? {
+            if !promised.contains_key(&path) && !self.may_be_published(&path)? {
                 self.remove(&path)?;
             }
         }
@@ -184,7 +186,7 @@ impl Repair<'_> {
     }
 
     /// Whether a table below `every/` belongs to a unit, though no finished run refers to it.
-    fn may_be_shown(&self, path: &Path) -> Result<bool, LakeError> {
+    fn may_be_published(&self, path: &Path) -> Result<bool, LakeError> {
         let Some((partition, fingerprint)) = unit_of(path) else {
             return Ok(false);
         };

@@ -13,8 +13,8 @@ use dataflow::{
 };
 
 use crate::{
-    GcMode, LakeError, folder::is_shown, history, lake::Lake, newest::Newest, published, repair,
-    shared::Shared, staging::UnitInProgress,
+    GcMode, LakeError, folder::is_published, history, lake::Lake, newest::Newest, published,
+    repair, shared::Shared, staging::UnitInProgress,
 };
 
 impl Lake {
@@ -136,17 +136,17 @@ impl Store for Lake {
         }
     }
 
-    fn fetch_shown(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised> {
+    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised> {
         if self.shared.is_none() {
             return Ok(vec![true; outcomes.len()]);
         }
-        let shown = |outcome: &&RecordOutcome| -> Vec<FileRef> {
+        let published = |outcome: &&RecordOutcome| -> Vec<FileRef> {
             let files = outcome.files().into_iter().flatten();
-            let shown =
-                files.filter(|(name, file)| is_shown(name) && self.is_elsewhere(&file.digest));
-            shown.map(|(_, file)| file.clone()).collect()
+            let published =
+                files.filter(|(name, file)| is_published(name) && self.is_elsewhere(&file.digest));
+            published.map(|(_, file)| file.clone()).collect()
         };
-        let absent: Vec<Vec<FileRef>> = outcomes.iter().map(shown).collect();
+        let absent: Vec<Vec<FileRef>> = outcomes.iter().map(published).collect();
         if absent.iter().any(|files| !files.is_empty()) {
             self.fetch_all(absent.iter().flatten())?;
         }
@@ -250,13 +250,13 @@ impl Store for Lake {
     fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised> {
         let _permit = self.in_flight.permit_commit();
         self.adopt()?;
-        let shown_of = |newest: &mut Newest| newest.shown.get(&node.name).cloned();
-        let before = self.cache.with(pipeline, shown_of);
-        let shown = published::publish(self, pipeline, node, made, before.as_ref());
-        let shown = self.dirty.note(pipeline, Some(&node.name), shown)?;
-        if let Some(shown) = shown {
+        let published_of = |newest: &mut Newest| newest.published.get(&node.name).cloned();
+        let before = self.cache.with(pipeline, published_of);
+        let published = published::publish(self, pipeline, node, made, before.as_ref());
+        let published = self.dirty.note(pipeline, Some(&node.name), published)?;
+        if let Some(published) = published {
             self.cache
-                .with(pipeline, |newest| newest.show(&node.name, shown));
+                .with(pipeline, |newest| newest.show(&node.name, published));
         }
         Ok(())
     }
@@ -266,7 +266,7 @@ impl Store for Lake {
         let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
         let old = self
             .cache
-            .with(pipeline, |newest| newest.shown_by_others(is_kept));
+            .with(pipeline, |newest| newest.published_by_others(is_kept));
         let retired = published::retire(self, pipeline, &is_kept, &old);
         self.dirty.note(pipeline, None, retired)?;
         let names = kept.iter().map(|node| &node.name);

@@ -70,16 +70,16 @@ struct NewestTable {
 
 /// Lists the tables with the pipeline of the newest run that publishes them.
 fn newest_tables(lake: &Lake) -> Result<Vec<NewestTable>, LakeError> {
-    let mut shown: Vec<(ArtifactName, Vec<String>)> = Vec::new();
+    let mut published: Vec<(ArtifactName, Vec<String>)> = Vec::new();
     for table in lake.tables()? {
         let folders = names_in(&lake.folder.tables().join(table.as_str()))?;
         let pipelines = folders
             .iter()
             .filter_map(|name| name.strip_prefix("pipeline=").map(str::to_owned));
-        shown.push((table, pipelines.collect()));
+        published.push((table, pipelines.collect()));
     }
-    let newest = newest_first(lake, shown.iter().flat_map(|(_, pipelines)| pipelines))?;
-    let tables = shown.into_iter().map(|(table, pipelines)| NewestTable {
+    let newest = newest_first(lake, published.iter().flat_map(|(_, pipelines)| pipelines))?;
+    let tables = published.into_iter().map(|(table, pipelines)| NewestTable {
         table,
         pipeline: newest
             .iter()

@@ -135,7 +135,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
         nodes: vec![NodeRecord {
             node,
             description: "made".to_owned(),
-            shown: false,
+            published: false,
             n_made_now: 1,
             n_made: 1,
             n_skipped: 0,

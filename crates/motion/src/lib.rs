@@ -24,12 +24,13 @@
 //! have one position per joint; the constructor refuses all others. Between two steps it is linear
 //! ([`Motion::at`]); one with all rates is also a [`MotionSpline`], through all steps with continuous
 //! velocity and acceleration. A [`JointTrack`] and [`PalmPoint`]s are controller commands: points
-//! at each controller's own rate.
+//! at each controller's own rate. A [`HandState`] is a hand at one time, of a motion or not.
 //! Times are in seconds, lengths in meters, angles in radians.
 //! This crate does no input or output; it knows neither limits nor a motion's purpose.
 
 mod differentiation;
 mod error;
+mod hand_state;
 mod interpolation;
 mod motion;
 mod rates;
@@ -37,6 +38,7 @@ mod spline;
 mod track;
 
 pub use error::MotionError;
+pub use hand_state::HandState;
 pub use interpolation::joints_between;
 pub use motion::{Motion, Step};
 pub use rates::{HandRates, JointRates, Rates};

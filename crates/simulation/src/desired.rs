@@ -57,7 +57,7 @@ impl Desired {
     ) -> Self {
         let control_s = scene.control_step_s();
         let all = std::iter::once(start).chain(commands);
-        let all: Vec<&[f64]> = all.map(|command| &command.hand.q[..]).collect();
+        let all: Vec<&[f64]> = all.map(|command| &command.hand.q_rad[..]).collect();
         let reach_n = commands
             .iter()
             .filter(|command| command.phase.is_reach())

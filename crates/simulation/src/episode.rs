@@ -1,5 +1,6 @@
 //! A scene that is advanced by commands that are not known beforehand, and copied at any moment.
 
+use motion::HandState;
 use nalgebra::Vector3;
 use spatial::{Object, Palm, Pose, Table};
 
@@ -8,7 +9,6 @@ use crate::{
     error::SimulationError,
     hand::LinkShape,
     judge::IMPLAUSIBLE_SPEED,
-    script::HandPose,
     settings::SettingFault,
     settled_scene::SettledScene,
     units::meters,
@@ -44,7 +44,7 @@ impl SettledScene {
     ///
     /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if
     /// the fingers' drives look ahead or are late: what they will be told is not known.
-    pub fn begin(&self, start: &HandPose) -> Result<Episode, SimulationError> {
+    pub fn begin(&self, start: &HandState<Object>) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller.follows_motion() {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
             return Err(SettingFault::new("drive.controller", problem).into());
@@ -58,13 +58,13 @@ impl SettledScene {
             let problem = "must be 0: commands take effect at once";
             return Err(SettingFault::new("drive.delay_s", problem).into());
         }
-        if start.q.len() != self.model.dof() || start.q.iter().any(|q| !q.is_finite()) {
-            let message = format!("{:?} are not positions of its joints", start.q);
+        if start.q_rad.len() != self.model.dof() || start.q_rad.iter().any(|q| !q.is_finite()) {
+            let message = format!("{:?} are not positions of its joints", start.q_rad);
             return Err(SimulationError::Motion(message));
         }
         let mut world = self.world.fork();
-        let table_from_palm = self.table_from_estimate() * start.object_from_palm;
-        self.hand.place(&mut world, &table_from_palm, &start.q);
+        let table_from_palm = self.table_from_estimate() * start.frame_from_palm;
+        self.hand.place(&mut world, &table_from_palm, &start.q_rad);
         Ok(Episode { world })
     }
 
@@ -74,13 +74,17 @@ impl SettledScene {
     /// # Errors
     ///
     /// Fails if the simulation diverges; from then on nothing is to be seen in it.
-    pub fn advance(&self, episode: &mut Episode, command: &HandPose) -> Result<(), Diverged> {
+    pub fn advance(
+        &self,
+        episode: &mut Episode,
+        command: &HandState<Object>,
+    ) -> Result<(), Diverged> {
         let world = &mut episode.world;
-        let target = self.table_from_estimate() * command.object_from_palm;
+        let target = self.table_from_estimate() * command.frame_from_palm;
         self.hand
             .move_palm(world, &target, self.scene.control_step_s());
         for _ in 0..self.scene.steps_per_control {
-            self.hand.drive(world, &command.q);
+            self.hand.drive(world, &command.q_rad);
             world.step().map_err(|Overflow| Diverged)?;
             self.hand.limit_speed(world);
         }
@@ -95,12 +99,12 @@ impl SettledScene {
 
     /// Returns how far a hand that followed a command exactly would be below the table, in meters; 0 if it is above, or
     /// there is none. The palm follows its commands even through the table.
-    pub fn below_table_m(&self, command: &HandPose) -> f64 {
+    pub fn below_table_m(&self, command: &HandState<Object>) -> f64 {
         if self.scene.support != Support::Table {
             return 0.0;
         }
-        let palm_from_links = self.model.link_poses::<Palm>(|joint| command.q[joint]);
-        let table_from_palm = self.table_from_estimate() * command.object_from_palm;
+        let palm_from_links = self.model.link_poses::<Palm>(|joint| command.q_rad[joint]);
+        let table_from_palm = self.table_from_estimate() * command.frame_from_palm;
         let lowest_m = |shape: &LinkShape| {
             let palm_from_link = palm_from_links[shape.link];
             let table_from_shape = table_from_palm * palm_from_link * shape.link_from_shape;

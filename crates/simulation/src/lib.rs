@@ -52,7 +52,7 @@ pub use protocols::{ProtocolName, PublishedSettings};
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::Verdict;
-pub use script::{Flexion, HandPose, Phase, Setpoint};
+pub use script::{Flexion, Phase, Setpoint};
 pub use settings::SettingFault;
 pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;

@@ -36,7 +36,7 @@ impl PalmCourse {
         scene: &SceneConfig,
         hand: &DynamicsModel,
     ) -> Result<Self, WrongDof> {
-        let start = script.start.hand.object_from_palm;
+        let start = script.start.hand.frame_from_palm;
         let driven = script.commands.iter().take_while(|c| c.phase < Phase::Lift);
         let mut course: Vec<[f64; DIMENSIONS]> = Vec::new();
         for command in [&script.start].into_iter().chain(driven) {
@@ -44,7 +44,7 @@ impl PalmCourse {
         }
         let course: Vec<&[f64]> = course.iter().map(<[f64; DIMENSIONS]>::as_slice).collect();
         let desired = Desired::of_course(&course, scene);
-        let inertia = hand.free_mass_matrix(&script.start.hand.q)?;
+        let inertia = hand.free_mass_matrix(&script.start.hand.q_rad)?;
         let inertia_kg_m2 = (3..DIMENSIONS)
             .map(|axis| inertia[(axis, axis)])
             .sum::<f64>()
@@ -98,7 +98,7 @@ fn coordinates(
     command: &Command,
     before: Option<&[f64; DIMENSIONS]>,
 ) -> [f64; DIMENSIONS] {
-    let palm = &command.hand.object_from_palm;
+    let palm = &command.hand.frame_from_palm;
     let position = palm.translation.vector;
     let mut turn = (start.rotation.inverse() * palm.rotation).scaled_axis();
     let angle = turn.norm();
@@ -230,7 +230,7 @@ mod tests {
         let (course, script) = course(controller, PalmDriveConfig::default());
         let step = 30;
         let at = course.pose((step + 1) * course.steps_per_control - 1, step);
-        let commanded = script.commands[step].hand.object_from_palm;
+        let commanded = script.commands[step].hand.frame_from_palm;
         let behind = at.unwrap().inverse() * commanded;
         [behind.translation.vector.norm(), behind.rotation.angle()]
     }
@@ -268,7 +268,7 @@ mod tests {
         };
         let (course, script) = course(ControllerKind::PdVelocityInterpolated, drive);
         let hand = DynamicsModel::new(&hand());
-        let inertia = hand.free_mass_matrix(&script.start.hand.q).unwrap();
+        let inertia = hand.free_mass_matrix(&script.start.hand.q_rad).unwrap();
         let inertia_kg_m2 = (3..6).map(|axis| inertia[(axis, axis)]).sum::<f64>() / 3.0;
         let step_s = testing::scene().time_step_s;
         let mut most = [0.0_f64; 2];
@@ -292,7 +292,7 @@ mod tests {
         assert_eq!(course.control_step_count(), n);
         assert!(n > N as usize);
         let last = course.pose(usize::MAX, n - 1).unwrap();
-        let off = last.inverse() * script.commands[n - 1].hand.object_from_palm;
+        let off = last.inverse() * script.commands[n - 1].hand.frame_from_palm;
         assert!(off.translation.vector.norm() < 1e-4, "{off:?}");
         // An aborted motion stays where it was.
         let halted = course.pose(usize::MAX, 4);
@@ -307,12 +307,12 @@ mod tests {
             let angle = 0.2 * f64::from(step);
             let command = Command {
                 phase: Phase::Reach,
-                hand: crate::script::HandPose {
-                    object_from_palm: Pose::from_parts(
+                hand: motion::HandState {
+                    frame_from_palm: Pose::from_parts(
                         [0.0; 3],
                         UnitQuaternion::from_scaled_axis(Vector3::y() * angle),
                     ),
-                    q: Vec::new(),
+                    q_rad: Vec::new(),
                 },
                 carried_in_table_m: Vector3::zeros(),
                 pull_in_table_m_per_s2: Vector3::zeros(),

@@ -1,6 +1,6 @@
 //! Precomputed motions, to the end of their hold, that are played step by step.
 
-use motion::JointRates;
+use motion::{HandState, JointRates};
 use nalgebra::Vector3;
 use robot::RobotModel;
 use spatial::{Object, Palm, Pose};
@@ -9,7 +9,7 @@ use crate::{
     config::SceneConfig,
     desired::Desired,
     error::SimulationError,
-    script::{Command, HandPose, Phase, Script},
+    script::{Command, Phase, Script},
 };
 
 /// Setpoint of palm and fingers at the end of one control step; the first is their start.
@@ -40,9 +40,9 @@ impl Script {
         check(steps, model.dof())?;
         let commands = steps.iter().map(|step| Command {
             phase: step.phase,
-            hand: HandPose {
-                object_from_palm: step.object_from_palm,
-                q: step.q.clone(),
+            hand: HandState {
+                frame_from_palm: step.object_from_palm,
+                q_rad: step.q.clone(),
             },
             carried_in_table_m: Vector3::z() * step.lift_m,
             pull_in_table_m_per_s2: Vector3::zeros(),

@@ -1,5 +1,6 @@
 //! Rejection of motions on geometry alone.
 
+use motion::HandState;
 use nalgebra::Vector3;
 use rapier3d::{parry::query, prelude::SharedShape};
 use robot::{Link, RobotModel, Shape};
@@ -10,7 +11,7 @@ use crate::{
     config::{Protocol, Support},
     error::SimulationError,
     hand::{LinkShape, Part},
-    script::{HandPose, Phase, Script},
+    script::{Phase, Script},
     units::{engine_pose, meters},
 };
 
@@ -33,10 +34,13 @@ pub(crate) fn reject(
     table_from_object: &Pose<Table, Object>,
 ) -> Result<Option<Verdict>, SimulationError> {
     let tolerance = protocol.limit_tolerance_rad;
-    let outside = |pose: &HandPose| {
-        pose.q.iter().zip(model.joints()).any(|(&position, joint)| {
-            position < joint.lower - tolerance || position > joint.upper + tolerance
-        })
+    let outside = |pose: &HandState<Object>| {
+        pose.q_rad
+            .iter()
+            .zip(model.joints())
+            .any(|(&position, joint)| {
+                position < joint.lower - tolerance || position > joint.upper + tolerance
+            })
     };
     if script.requested.iter().any(outside) {
         return Ok(Some(Verdict::Limit));
@@ -83,15 +87,15 @@ pub(crate) fn reject(
 fn any_shape(
     model: &RobotModel,
     shapes: &[LinkShape],
-    pose: &HandPose,
+    pose: &HandState<Object>,
     condition: impl Fn(&LinkShape, &Pose<Object, Shape>) -> bool,
 ) -> Result<bool, SimulationError> {
     let palm_from_links: Vec<Pose<Palm, Link>> = model
-        .forward_kinematics(&pose.q)
+        .forward_kinematics(&pose.q_rad)
         .map_err(|err| SimulationError::Motion(err.to_string()))?;
     Ok(shapes.iter().any(|shape| {
         let palm_from_link = palm_from_links[shape.link];
-        let object_from_shape = pose.object_from_palm * palm_from_link * shape.link_from_shape;
+        let object_from_shape = pose.frame_from_palm * palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
     }))
 }
@@ -138,9 +142,9 @@ mod tests {
         )
         .unwrap();
         for (q, is_known) in [(vec![0.1], true), (vec![], false), (vec![0.1; 2], false)] {
-            let pose = HandPose {
-                object_from_palm: Pose::identity(),
-                q,
+            let pose = HandState {
+                frame_from_palm: Pose::identity(),
+                q_rad: q,
             };
             let found = any_shape(&model, &[], &pose, |_, _| true);
             assert_eq!(found.is_ok(), is_known, "{found:?}");

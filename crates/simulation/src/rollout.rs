@@ -1,5 +1,6 @@
 //! Execution of one motion in physics, and its verdict.
 
+use motion::HandState;
 use schemas::rollouts::Verdict;
 use spatial::{Object, Palm, Pose, Table};
 
@@ -9,7 +10,7 @@ use crate::{
     desired::DesiredStep,
     judge::Judge,
     palm_course::PalmCourse,
-    script::{Command, HandPose, Phase, Script},
+    script::{Command, Phase, Script},
     settled_scene::SettledScene,
     shortcuts::Shortcuts,
     world::{Overflow, World},
@@ -45,7 +46,7 @@ pub struct Rollout {
     pub contacts_n: u32,
     /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated
     /// to its end.
-    pub executed: Vec<HandPose>,
+    pub executed: Vec<HandState<Object>>,
     /// The steps, if they were requested and anything was simulated.
     pub trace: Option<Trace>,
 }
@@ -115,7 +116,7 @@ pub struct WatchedRollout {
 }
 
 /// The observer of each step, and how long an aborted motion is held.
-pub(crate) struct Watcher<'a> {
+pub(crate) struct StepObserver<'a> {
     pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> StepDecision,
     pub(crate) hold_n: u32,
 }
@@ -136,7 +137,7 @@ pub(crate) fn run_watched<'a>(
     script: &Script,
     protocol: &Protocol,
     record: TraceMode,
-    watcher: Option<Watcher<'a>>,
+    observer: Option<StepObserver<'a>>,
 ) -> WatchedRollout {
     let shortcuts = match record {
         TraceMode::Nothing => settled.scene.shortcuts,
@@ -144,8 +145,8 @@ pub(crate) fn run_watched<'a>(
     };
     let mut judge = Judge::new(settled, protocol, script, shortcuts);
     let mut verdict = None;
-    let hold_n = watcher.as_ref().map_or(0, |watcher| watcher.hold_n);
-    let mut execution = Execution::begin(settled, script, protocol, record, watcher);
+    let hold_n = observer.as_ref().map_or(0, |observer| observer.hold_n);
+    let mut execution = Execution::begin(settled, script, protocol, record, observer);
     let mut aborted = None;
     for (idx, command) in script.commands.iter().enumerate() {
         if execution.flow == StepDecision::Hold {
@@ -217,10 +218,10 @@ struct Execution<'a> {
     commanded_n: u32,
     control_steps_n: u32,
     /// The hand after each control step of the reach, its start first.
-    executed: Vec<HandPose>,
+    executed: Vec<HandState<Object>>,
     trace: Option<Trace>,
-    watcher: Option<Watcher<'a>>,
-    /// The watcher's latest decision.
+    observer: Option<StepObserver<'a>>,
+    /// The observer's latest decision.
     flow: StepDecision,
 }
 
@@ -230,7 +231,7 @@ impl<'a> Execution<'a> {
         script: &Script,
         protocol: &Protocol,
         record: TraceMode,
-        watcher: Option<Watcher<'a>>,
+        observer: Option<StepObserver<'a>>,
     ) -> Self {
         let start = &script.start;
         let palm = settled.palm_course(script);
@@ -249,15 +250,15 @@ impl<'a> Execution<'a> {
             control_steps_n: 0,
             executed: Vec::with_capacity(script.reach_len() + 1),
             trace: (record == TraceMode::Trace).then(Trace::default),
-            watcher,
+            observer,
             flow: StepDecision::Continue,
         };
         let table_from_palm = start.table_from_palm(&execution.table_from_estimate);
         settled
             .hand
-            .place(&mut execution.world, &table_from_palm, &start.hand.q);
+            .place(&mut execution.world, &table_from_palm, &start.hand.q_rad);
         execution.executed.push(start.hand.clone());
-        execution.record(&start.hand.q);
+        execution.record(&start.hand.q_rad);
         execution
     }
 
@@ -304,12 +305,12 @@ impl<'a> Execution<'a> {
         self.control_steps_n += 1;
         if command.phase.is_reach() {
             let table_from_palm = settled.hand.table_from_palm(world);
-            self.executed.push(HandPose {
-                object_from_palm: self.table_from_estimate.inverse() * table_from_palm,
-                q: settled.hand.positions(world),
+            self.executed.push(HandState {
+                frame_from_palm: self.table_from_estimate.inverse() * table_from_palm,
+                q_rad: settled.hand.positions(world),
             });
         }
-        self.record(&command.hand.q);
+        self.record(&command.hand.q_rad);
         advanced
     }
 
@@ -320,8 +321,8 @@ impl<'a> Execution<'a> {
         };
         let time_s = f64::from(self.control_steps_n) * self.settled.scene.control_step_s();
         let step = trace_step(self.settled, &self.world, time_s, q_command);
-        if let Some(watcher) = &mut self.watcher {
-            self.flow = (watcher.see)(&step);
+        if let Some(observer) = &mut self.observer {
+            self.flow = (observer.see)(&step);
         }
         trace.steps.push(step);
     }
@@ -353,7 +354,7 @@ fn arrived<'a>(
     let scene = &settled.scene;
     let Some(commanded) = step.checked_sub(scene.delay_steps()) else {
         return match &script.desired {
-            None => Some(Reference::Held(&script.start.hand.q)),
+            None => Some(Reference::Held(&script.start.hand.q_rad)),
             Some(desired) => desired.before().map(Reference::Moving),
         };
     };
@@ -367,7 +368,7 @@ fn arrived<'a>(
         }
         _ => {
             let command = script.commands.get(control_step.min(last))?;
-            Some(Reference::Held(&command.hand.q))
+            Some(Reference::Held(&command.hand.q_rad))
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Commands to palm and fingers, one per control step.
 
-use motion::{Motion, Rates, Step};
+use motion::{HandState, Motion, Rates};
 use nalgebra::Vector3;
 use robot::RobotModel;
 use spatial::{Object, Palm, Pose, Table};
@@ -46,31 +46,13 @@ impl Phase {
     }
 }
 
-/// Palm pose and joint positions.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HandPose {
-    /// Pose of the palm in the frame of the object as it lay.
-    pub object_from_palm: Pose<Object, Palm>,
-    /// Joint positions in radians (meters if prismatic), in the order of the hand's joints.
-    pub q: Vec<f64>,
-}
-
-impl<R> From<Step<Object, R>> for HandPose {
-    fn from(step: Step<Object, R>) -> Self {
-        Self {
-            object_from_palm: step.frame_from_palm,
-            q: step.q_rad,
-        }
-    }
-}
-
 /// What is commanded at the end of one control step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Command {
     /// The part of the rollout.
     pub(crate) phase: Phase,
     /// Commanded pose of the hand before it is carried.
-    pub(crate) hand: HandPose,
+    pub(crate) hand: HandState<Object>,
     /// How far it is carried from there, along the table's axes, in meters.
     pub(crate) carried_in_table_m: Vector3<f64>,
     /// Acceleration with which the object is pulled, in the table's frame, in meters per second
@@ -95,7 +77,7 @@ impl Command {
         &self,
         table_from_estimate: &Pose<Table, Object>,
     ) -> Pose<Table, Palm> {
-        (*table_from_estimate * self.hand.object_from_palm).translated(&self.carried_in_table_m)
+        (*table_from_estimate * self.hand.frame_from_palm).translated(&self.carried_in_table_m)
     }
 
     /// Returns the command in the table's frame.
@@ -103,7 +85,7 @@ impl Command {
         Setpoint {
             phase: self.phase,
             table_from_palm: self.table_from_palm(table_from_estimate),
-            q: self.hand.q.clone(),
+            q: self.hand.q_rad.clone(),
         }
     }
 }
@@ -115,7 +97,7 @@ pub(crate) struct Script {
     /// One command per control step.
     pub(crate) commands: Vec<Command>,
     /// The motion itself over the control steps of the reach, its first step included.
-    pub(crate) requested: Vec<HandPose>,
+    pub(crate) requested: Vec<HandState<Object>>,
     /// The fingers' course between the commands, if their drives look ahead.
     pub(crate) desired: Option<Desired>,
 }
@@ -225,7 +207,7 @@ impl Script {
             return 0;
         };
         let is_there =
-            |command: &Command| command.hand.object_from_palm == last.hand.object_from_palm;
+            |command: &Command| command.hand.frame_from_palm == last.hand.frame_from_palm;
         let before = [&self.start].into_iter().chain(&self.commands);
         before
             .enumerate()
@@ -331,10 +313,11 @@ impl<R: Rates> Writer<'_, R> {
                 } else {
                     0.0
                 };
-                HandPose {
-                    q: self
-                        .flexion
-                        .flexed(&self.at(1.0).q, -self.protocol.open_rad * (1.0 - closed)),
+                HandState {
+                    q_rad: self.flexion.flexed(
+                        &self.at(1.0).q_rad,
+                        -self.protocol.open_rad * (1.0 - closed),
+                    ),
                     ..path
                 }
             }
@@ -342,11 +325,11 @@ impl<R: Rates> Writer<'_, R> {
                 let grasp = self.at(1.0);
                 let opened = self
                     .flexion
-                    .towards_limit(&grasp.q, -self.protocol.published_settings().open_share);
+                    .towards_limit(&grasp.q_rad, -self.protocol.published_settings().open_share);
                 let opened = self.flexion.flexed(&opened, -self.protocol.open_rad);
-                let between = opened.iter().zip(&grasp.q);
-                HandPose {
-                    q: between
+                let between = opened.iter().zip(&grasp.q_rad);
+                HandState {
+                    q_rad: between
                         .map(|(open, closed)| open + fraction * (closed - open))
                         .collect(),
                     ..grasp
@@ -365,11 +348,11 @@ impl<R: Rates> Writer<'_, R> {
     fn grasp(&self, phase: Phase, squeeze: f64) -> Command {
         let grasp = self.at(1.0);
         let share = self.protocol.published_settings().squeeze_share * squeeze;
-        let closed = self.flexion.towards_limit(&grasp.q, share);
+        let closed = self.flexion.towards_limit(&grasp.q_rad, share);
         Command {
             phase,
-            hand: HandPose {
-                q: self
+            hand: HandState {
+                q_rad: self
                     .flexion
                     .flexed(&closed, self.protocol.squeeze_rad * squeeze),
                 ..grasp
@@ -387,7 +370,7 @@ impl<R: Rates> Writer<'_, R> {
         }
     }
 
-    fn at(&self, fraction: f64) -> HandPose {
-        self.motion.at_fraction(fraction).into()
+    fn at(&self, fraction: f64) -> HandState<Object> {
+        HandState::from(&self.motion.at_fraction(fraction))
     }
 }

@@ -17,7 +17,7 @@ use crate::{
     played::CommandStep,
     rejection::reject,
     rollout::{
-        Rollout, StepDecision, TraceMode, TraceStep, WatchedRollout, Watcher, run, run_watched,
+        Rollout, StepDecision, StepObserver, TraceMode, TraceStep, WatchedRollout, run, run_watched,
     },
     script::{Script, Setpoint, steps as steps_in},
     units::meters,
@@ -148,13 +148,13 @@ impl SettledScene {
             });
         }
         let hold_n = u32::try_from(steps_in(hold_s, &self.scene)).unwrap_or(u32::MAX);
-        let watcher = Some(Watcher { see, hold_n });
+        let observer = Some(StepObserver { see, hold_n });
         Ok(run_watched(
             self,
             &script,
             protocol,
             TraceMode::Trace,
-            watcher,
+            observer,
         ))
     }
 

@@ -1,9 +1,9 @@
 //! Actions: numbers from −1 to 1 that command palm and fingers for one control step.
 
+use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::RobotModel;
-use simulation::HandPose;
-use spatial::Pose;
+use spatial::{Object, Pose};
 
 /// Numbers that move the palm.
 const PALM: usize = 6;
@@ -54,21 +54,22 @@ impl Actions {
     }
 
     /// Returns the command of an action after another command.
-    pub(crate) fn command(&self, before: &HandPose, action: &[f64]) -> HandPose {
+    pub(crate) fn command(&self, before: &HandState<Object>, action: &[f64]) -> HandState<Object> {
         let (palm, fingers) = action.split_at(PALM);
         let number = |idx: usize| palm.get(idx).copied().unwrap_or(0.0);
         let moved = Vector3::new(number(0), number(1), number(2));
         let turned = Vector3::new(number(3), number(4), number(5));
         let turn = UnitQuaternion::from_scaled_axis(turned * self.turn_rad_per_s * self.control_s);
-        let at = before.object_from_palm;
+        let at = before.frame_from_palm;
         let step = self.joint_per_s * self.control_s;
-        let q = before.q.iter().zip(fingers).zip(&self.joints);
-        HandPose {
-            object_from_palm: Pose::from_parts(
+        let q = before.q_rad.iter().zip(fingers).zip(&self.joints);
+        HandState {
+            frame_from_palm: Pose::from_parts(
                 at.translation.vector + moved * self.speed_m_per_s * self.control_s,
                 turn * at.rotation,
             ),
-            q: q.map(|((q, number), [lower, upper])| (q + number * step).max(*lower).min(*upper))
+            q_rad: q
+                .map(|((q, number), [lower, upper])| (q + number * step).max(*lower).min(*upper))
                 .collect(),
         }
     }
@@ -94,25 +95,25 @@ mod tests {
         };
         let actions = Actions::new(&hand, &speeds, 0.02);
         assert_eq!(actions.len(), 7);
-        let start = HandPose {
-            object_from_palm: Pose::new(Isometry3::new(
+        let start = HandState {
+            frame_from_palm: Pose::new(Isometry3::new(
                 Vector3::new(0.1, 0.2, 0.3),
                 Vector3::new(0.0, 0.4, 0.0),
             )),
-            q: vec![1.0],
+            q_rad: vec![1.0],
         };
         let held = actions.command(&start, &[0.0; 7]);
         assert_eq!(held, start);
         let moved = actions.command(&start, &[1.0, 0.0, -0.5, 0.0, 1.0, 0.0, -1.0]);
-        let place = moved.object_from_palm.translation.vector;
+        let place = moved.frame_from_palm.translation.vector;
         assert!((place - Vector3::new(0.12, 0.2, 0.29)).norm() < 1e-12);
-        let angle = moved.object_from_palm.rotation.scaled_axis();
+        let angle = moved.frame_from_palm.rotation.scaled_axis();
         assert!((angle - Vector3::new(0.0, 0.43, 0.0)).norm() < 1e-12);
-        assert!((moved.q[0] - 0.9).abs() < 1e-12);
+        assert!((moved.q_rad[0] - 0.9).abs() < 1e-12);
         let mut closed = start;
         for _ in 0..8 {
             closed = actions.command(&closed, &[0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]);
         }
-        assert_eq!(closed.q, [1.5]);
+        assert_eq!(closed.q_rad, [1.5]);
     }
 }

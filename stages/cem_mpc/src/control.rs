@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use motion::{Motion, MotionError, Step};
+use motion::{HandState, Motion, MotionError, Step};
 use nalgebra::Point3;
 use rand::Rng;
 use robot::RobotModel;
-use simulation::{Episode, EpisodeState, HandPose, SettledScene, SimulationError};
+use simulation::{Episode, EpisodeState, SettledScene, SimulationError};
 use spatial::Object;
 
 use crate::{
@@ -84,9 +84,9 @@ impl Controller<'_> {
         rng: &mut impl Rng,
     ) -> Result<Controlled, ControlError> {
         let [start, grasp] = [given.first(), given.grasp()];
-        let start = HandPose {
-            object_from_palm: start.frame_from_palm,
-            q: start.q_rad.clone(),
+        let start = HandState {
+            frame_from_palm: start.frame_from_palm,
+            q_rad: start.q_rad.clone(),
         };
         let table_from_palm = scene.table_from_estimate() * grasp.frame_from_palm;
         let goal = Goal {
@@ -153,7 +153,7 @@ impl Controller<'_> {
         scene: &SettledScene,
         from: &Episode,
         goal: &Goal,
-        before: &HandPose,
+        before: &HandState<Object>,
         plan: &[f64],
     ) -> (f64, u64) {
         let mut episode = from.fork();
@@ -204,13 +204,16 @@ impl CemMpcConfig {
 
 /// Returns commands as a motion, evenly spaced from the first time of another one to its last: the screen stretches a
 /// motion to its reach, and there they are one control step apart.
-fn on_clock(given: &Motion<Object>, commands: &[HandPose]) -> Result<Motion<Object>, MotionError> {
+fn on_clock(
+    given: &Motion<Object>,
+    commands: &[HandState<Object>],
+) -> Result<Motion<Object>, MotionError> {
     let between_s = given.duration_s() / (commands.len() - 1).max(1) as f64;
     let first_s = given.first().time_s;
     let steps = commands.iter().enumerate().map(|(idx, command)| Step {
         time_s: first_s + between_s * idx as f64,
-        frame_from_palm: command.object_from_palm,
-        q_rad: command.q.clone(),
+        frame_from_palm: command.frame_from_palm,
+        q_rad: command.q_rad.clone(),
         rates: (),
     });
     Motion::of_joints(Arc::clone(given.joints()), steps.collect())?.differentiated()

@@ -216,7 +216,7 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
     );
     // Another test of this process may have had the cell execute the same goals before.
     let line = line(&ran.made);
-    let expected = "2 motions → 1 succeed at the simulated cell";
+    let expected = "2 motions → 1 succeed at the simulated cell, 1 failed";
     assert!(line.starts_with(expected), "{line}");
 
     let recording = lake::recording::read(&ran.folder.path().join("cube-1.mcap")).unwrap();

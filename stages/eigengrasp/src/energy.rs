@@ -64,7 +64,7 @@ mod tests {
         let body = fixture::body();
         let x = fixture::BOX.half_m[0];
         // The hand's x points at the box from 0.1 m before it.
-        let hand = approach::HandPose {
+        let hand = motion::HandState {
             frame_from_palm: spatial::Pose::from_parts(
                 [-x - 0.1, 0.0, 0.0],
                 nalgebra::UnitQuaternion::identity(),

@@ -1,6 +1,7 @@
 //! One run: annealing from a random state, its best states finished.
 
-use approach::{ApproachError, HandBody, HandPose, VirtualContact};
+use approach::{ApproachError, HandBody, VirtualContact};
+use motion::HandState;
 use nalgebra::Point3;
 use posture::Environment;
 use rand_chacha::ChaCha8Rng;
@@ -47,14 +48,14 @@ pub(crate) struct Run<'a> {
 /// A state that is kept.
 #[derive(Debug, Clone)]
 struct Kept {
-    hand: HandPose<Object>,
+    hand: HandState<Object>,
     energy_mm: f64,
 }
 
 /// A finished grasp.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Finished {
-    pub(crate) hand: HandPose<Object>,
+    pub(crate) hand: HandState<Object>,
     /// Contact energy before it was finished, in millimeters.
     pub(crate) energy_mm: f64,
     /// The wrench that it withstands in the worst direction; 0 without force closure.
@@ -156,7 +157,7 @@ impl Run<'_> {
 
 impl Run<'_> {
     /// Returns a hand with its flexion joints opened until it is clear of object and table; `None` if it never is.
-    fn opened(&self, hand: &HandPose<Object>) -> Result<Option<HandPose<Object>>, ApproachError> {
+    fn opened(&self, hand: &HandState<Object>) -> Result<Option<HandState<Object>>, ApproachError> {
         let mut hand = hand.clone();
         let joints = self.body.model().joints();
         for _ in 0..OPENINGS {
@@ -214,7 +215,7 @@ mod tests {
 
     fn at(x: f64, energy_mm: f64) -> Kept {
         Kept {
-            hand: HandPose {
+            hand: HandState {
                 frame_from_palm: Pose::from_parts([x, 0.0, 0.0], UnitQuaternion::identity()),
                 q_rad: Vec::new(),
             },

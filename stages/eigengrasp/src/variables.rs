@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use approach::HandPose;
+use motion::HandState;
 use nalgebra::{Point3, Unit, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -80,7 +80,7 @@ impl Variables {
         center_in_object: &Point3<f64>,
         basis: &Basis,
         model: &RobotModel,
-    ) -> HandPose<Object> {
+    ) -> HandState<Object> {
         let (pose, amplitudes) = state.split_at(6);
         let (polar, azimuth) = (pose[3], pose[4]);
         let axis = Vector3::new(
@@ -90,7 +90,7 @@ impl Variables {
         );
         let rotation = UnitQuaternion::from_axis_angle(&Unit::new_normalize(axis), pose[5]);
         let place = center_in_object.coords + Vector3::new(pose[0], pose[1], pose[2]);
-        HandPose {
+        HandState {
             frame_from_palm: Pose::from_parts(place, rotation),
             q_rad: basis.joints(amplitudes, model),
         }

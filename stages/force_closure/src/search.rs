@@ -1,6 +1,7 @@
 //! One grasp: from a random palm to fingertips that close on the object.
 
-use approach::{ApproachError, HandBody, HandPose, Palms};
+use approach::{ApproachError, HandBody, Palms};
+use motion::HandState;
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posture,
     PosturePrior, RootMotion, SearchOptions, Solver, SolverError, Task,
@@ -22,7 +23,7 @@ const MAX_PALMS: usize = 1000;
 /// A grasp that was found.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Found {
-    pub(crate) hand: HandPose<Object>,
+    pub(crate) hand: HandState<Object>,
     /// The metric times the number of wrenches; `None` if a tip is where the object has no surface, or nothing was
     /// searched.
     pub(crate) min_weight: Option<f64>,
@@ -95,7 +96,7 @@ impl Search<'_> {
         &self,
         rng: &mut ChaCha8Rng,
         work: &mut Work,
-    ) -> Result<Option<HandPose<Object>>, ApproachError> {
+    ) -> Result<Option<HandState<Object>>, ApproachError> {
         let palms = Palms {
             body: self.body,
             environment: self.environment,
@@ -115,9 +116,9 @@ impl Search<'_> {
     fn searched(
         &self,
         solver: &mut Solver<'_>,
-        start: &HandPose<Object>,
+        start: &HandState<Object>,
         work: &mut Work,
-    ) -> Result<HandPose<Object>, SolverError> {
+    ) -> Result<HandState<Object>, SolverError> {
         let prior = PosturePrior {
             q: &start.q_rad,
             weight: self.config.joint_weight.powi(2),
@@ -136,7 +137,7 @@ impl Search<'_> {
             solver.minimize(&task, &mut posture, &options, &mut terms)?;
             work.evaluations += terms.evaluations;
         }
-        Ok(HandPose {
+        Ok(HandState {
             frame_from_palm: posture.root.pose(),
             q_rad: posture.q,
         })
@@ -146,7 +147,7 @@ impl Search<'_> {
     fn measured(
         &self,
         solver: &mut Solver<'_>,
-        hand: HandPose<Object>,
+        hand: HandState<Object>,
         work: &mut Work,
     ) -> Result<Found, ForceClosureError> {
         let config = self.config;

@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, HandPose, Lies, Reach, Start};
+use approach::{Grasp, HandBody, Lies, Reach, Start};
 use cgf::{
-    HandState, Random, RestingObject,
+    Random, RestingObject,
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
 };
 use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use geometry::DistanceField;
 use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use motion::HandState;
 use nalgebra::Point3;
 use posture::Environment;
 use schemas::{
@@ -239,12 +240,12 @@ impl Drawer<'_> {
 
 impl Drawn {
     /// Returns the hand in the object's frame.
-    fn hand_in_object(&self) -> HandPose<spatial::Object> {
+    fn hand_in_object(&self) -> HandState<spatial::Object> {
         let HandState {
             frame_from_palm,
             q_rad,
         } = &self.adapted.hand;
-        HandPose {
+        HandState {
             frame_from_palm: self.rest.table_from_object().inverse() * *frame_from_palm,
             q_rad: q_rad.clone(),
         }

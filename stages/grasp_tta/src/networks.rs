@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use approach::{HandBody, Start, grasping_hands};
 use cgf::{
-    HandState, RestingObject,
+    RestingObject,
     grasp_tta::{DemonstratedGrasp, GraspNetworks, GraspOptions, GraspSet, train_grasps},
 };
 use dataflow::{
@@ -12,6 +12,7 @@ use dataflow::{
 };
 use hand_files::HandFiles;
 use lake::ReadInputs;
+use motion::HandState;
 use nalgebra::Point3;
 use schemas::{Table, grasp_networks, objects::Object, trajectories::Trajectory};
 

@@ -1,9 +1,9 @@
 //! How smooth a motion is, by the definitions of [`Smoothness`].
 
+use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::{RobotModel, WrongDof};
 use schemas::rollouts::{Smoothness, Variation, Variations};
-use simulation::HandPose;
 use spatial::{Object, Palm, Pose};
 
 /// Net motion below which a channel has no shape of its own, in rad or m.
@@ -14,23 +14,26 @@ const STANDING: f64 = 1e-6;
 /// # Errors
 ///
 /// Fails if the motion has not as many joints as the hand.
-pub(crate) fn smoothness(steps: &[HandPose], model: &RobotModel) -> Result<Smoothness, WrongDof> {
-    let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q.clone()).collect();
+pub(crate) fn smoothness(
+    steps: &[HandState<Object>],
+    model: &RobotModel,
+) -> Result<Smoothness, WrongDof> {
+    let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q_rad.clone()).collect();
     let with_palm: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let palm = step.object_from_palm.translation.vector;
-            palm.iter().chain(&step.q).copied().collect()
+            let palm = step.frame_from_palm.translation.vector;
+            palm.iter().chain(&step.q_rad).copied().collect()
         })
         .collect();
     let links: Vec<Vec<f64>> = steps
         .iter()
-        .map(|step| origins(model, step, &step.object_from_palm))
+        .map(|step| origins(model, step, &step.frame_from_palm))
         .collect::<Result<_, _>>()?;
     let misread: Vec<Vec<f64>> = steps
         .iter()
         .map(|step| {
-            let mut origins = origins(model, step, &misread(&step.object_from_palm))?;
+            let mut origins = origins(model, step, &misread(&step.frame_from_palm))?;
             // The released hand has a link `palm` at its root.
             origins.extend_from_within(..origins.len().min(3));
             Ok(origins)
@@ -57,10 +60,10 @@ pub(crate) fn smoothness(steps: &[HandPose], model: &RobotModel) -> Result<Smoot
 /// Returns the coordinates of all links' origins.
 fn origins(
     model: &RobotModel,
-    step: &HandPose,
+    step: &HandState<Object>,
     object_from_palm: &Pose<Object, Palm>,
 ) -> Result<Vec<f64>, WrongDof> {
-    let palm_from_links = model.forward_kinematics(&step.q)?;
+    let palm_from_links = model.forward_kinematics(&step.q_rad)?;
     let origins = palm_from_links.iter().flat_map(|palm_from_link| {
         let origin: Vector3<f64> = (*object_from_palm * *palm_from_link).translation.vector;
         [origin.x, origin.y, origin.z]

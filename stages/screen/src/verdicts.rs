@@ -6,7 +6,7 @@ use std::{
     sync::atomic::{AtomicUsize, Ordering},
 };
 
-use motion::Motion;
+use motion::{HandState, Motion};
 use nalgebra::{Translation3, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
@@ -15,9 +15,7 @@ use schemas::{
     objects::Object,
     rollouts::{self, ExecutedSmoothness, Verdict},
 };
-use simulation::{
-    HandPose, ObjectShape, Rollout, SceneConfig, SettledScene, SimulationError, TraceMode,
-};
+use simulation::{ObjectShape, Rollout, SceneConfig, SettledScene, SimulationError, TraceMode};
 use spatial::{Object as InObject, Pose, RestingPose, Table};
 
 use crate::{ScreenConfig, pose_noise::pose_noise_m, smoothness::smoothness};
@@ -213,8 +211,8 @@ impl Screening<'_> {
         rollout: &Rollout,
     ) -> Result<rollouts::Rollout, SimulationError> {
         let motion = self.in_order(candidate)?;
-        let drawn: Vec<HandPose> = motion.steps().iter().cloned().map(HandPose::from).collect();
-        let measured = |steps: &[HandPose]| smoothness(steps, self.model).map_err(motion_error);
+        let drawn: Vec<HandState<_>> = motion.steps().iter().map(HandState::from).collect();
+        let measured = |steps: &[HandState<_>]| smoothness(steps, self.model).map_err(motion_error);
         let has_reached = !rollout.executed.is_empty();
         let executed = has_reached.then(|| measured(&rollout.executed));
         Ok(rollouts::Rollout {
@@ -240,7 +238,7 @@ fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
 
 #[cfg(test)]
 mod tests {
-    use motion::{HandRates, Step};
+    use motion::{HandRates, HandState, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::DrawSource;
 

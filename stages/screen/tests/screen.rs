@@ -406,7 +406,7 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     assert!(table[0].candidate_rate_low < 0.05 && table[0].candidate_rate_high > 0.85);
     let said = RatesReport::LINE.unwrap()(&Summary::made(&[made]));
     assert!(
-        said.starts_with("33.3 % hold, 1 objects (95 % CI "),
+        said.starts_with("1 object: mean 33.3 % (95 % CI "),
         "{said}"
     );
     let svg = fs::read_to_string(rates.join("objects_mean.svg")).unwrap();

@@ -1,12 +1,10 @@
 //! How fast a hand moves: from derivatives of the network's outputs to those of its pose.
 
+use motion::HandState;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Pose, Table, Twist};
 
-use crate::{
-    data::NetworkFrame,
-    hand_state::{HandState, PALM_WIDTH},
-};
+use crate::{data::NetworkFrame, hand_numbers::PALM_WIDTH};
 
 /// A hand at one time of a motion and how it moves there.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,13 +29,13 @@ pub struct HandDerivative<F = Table> {
 
 impl<F> HandMotionState<F> {
     /// Returns the same hand in another frame, which does not move in the first.
-    pub(super) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> HandMotionState<G> {
+    pub(super) fn expressed_in<G>(self, other_from_frame: &Pose<G, F>) -> HandMotionState<G> {
         let along = |rate: HandDerivative<F>| HandDerivative {
             palm: rate.palm.expressed_in(other_from_frame),
             q: rate.q,
         };
         HandMotionState {
-            grasp: self.grasp.moved(other_from_frame),
+            grasp: self.grasp.expressed_in(other_from_frame),
             velocity: along(self.velocity),
             acceleration: along(self.acceleration),
         }

@@ -1,7 +1,8 @@
 use candle_core::{Device, Tensor};
+use motion::HandState;
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use spatial::Pose;
+use spatial::{Pose, Table};
 
 use super::*;
 use crate::{
@@ -108,7 +109,7 @@ fn equal_times(n: usize) -> Vec<f64> {
 }
 
 /// All numbers of a hand but its rotation.
-fn numbers(grasp: &HandState) -> Vec<f64> {
+fn numbers(grasp: &HandState<Table>) -> Vec<f64> {
     let position = grasp.frame_from_palm.translation.vector;
     position.iter().chain(&grasp.q_rad).copied().collect()
 }
@@ -117,7 +118,7 @@ fn rate_numbers(rate: &HandDerivative) -> Vec<f64> {
     rate.palm.linear.iter().chain(&rate.q).copied().collect()
 }
 
-fn rotation(grasp: &HandState) -> UnitQuaternion<f64> {
+fn rotation(grasp: &HandState<Table>) -> UnitQuaternion<f64> {
     grasp.frame_from_palm.rotation
 }
 
@@ -231,7 +232,7 @@ fn interpolated_times_follow_the_network() {
         .unwrap();
     let mut bent = 0.0_f64;
     for (coarse, fine) in coarse.iter().zip(&fine) {
-        let every_other: Vec<HandState> = fine.iter().step_by(2).cloned().collect();
+        let every_other: Vec<HandState<Table>> = fine.iter().step_by(2).cloned().collect();
         assert_eq!(coarse, &every_other);
         for (pair, between) in coarse.windows(2).zip(fine.iter().skip(1).step_by(2)) {
             let (a, b) = (numbers(&pair[0]), numbers(&pair[1]));

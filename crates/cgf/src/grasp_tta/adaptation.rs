@@ -9,7 +9,9 @@ use super::{
     AdaptationConfig, GraspNetworks, GraspTerms, HandSurface, TermWeights, loss::grasp_loss,
     networks::SeenObject,
 };
-use crate::{CgfError, HandState, RestingObject, adam::Adam, weights::Weights};
+use motion::HandState;
+
+use crate::{CgfError, RestingObject, adam::Adam, weights::Weights};
 
 /// The array of a hand's numbers among what the optimizer moves.
 const HAND: &str = "hand";

@@ -10,7 +10,7 @@ use schemas::grasp_networks::VERSION;
 use serde::{Deserialize, Serialize};
 
 use super::{GraspEpoch, GraspNetworkConfig, GraspNetworks, GraspTrainingConfig, networks};
-use crate::{CgfError, Normalization, hand_state::PALM_WIDTH, weights::Weights};
+use crate::{CgfError, Normalization, hand_numbers::PALM_WIDTH, weights::Weights};
 
 /// Everything about the networks but their weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -9,7 +9,7 @@ use super::{
     nearest::{Cloud, Nearest},
     surface::PlacedSurface,
 };
-use crate::{hand_state::PALM_WIDTH, precision::narrow};
+use crate::{hand_numbers::PALM_WIDTH, precision::narrow};
 
 /// Factors and counts of the released code: its sums are over 3000 points of the object and 778 of the hand.
 const CONTACT: f64 = 2.5 * 3000.0;

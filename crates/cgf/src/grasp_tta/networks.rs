@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use candle_core::Tensor;
+use motion::HandState;
 use spatial::Table;
 
 use super::{
@@ -12,9 +13,10 @@ use super::{
     surface::PlacedSurface,
 };
 use crate::{
-    CgfError, HandState, RestingObject,
+    CgfError, RestingObject,
     config::{Initialization, InputFrame},
     data::View,
+    hand_numbers,
     network::{constant, log_sigmoid},
     point_net::{self, Clouds, Measured, Statistics},
     precision::{narrow, narrow_all},
@@ -203,7 +205,7 @@ impl GraspNetworks {
     /// Returns the hand of numbers in meters and radians.
     pub(crate) fn hand_of(object: &str, row: &[f32]) -> Result<HandState<Table>, CgfError> {
         let numbers: Vec<f64> = row.iter().copied().map(f64::from).collect();
-        let hand = HandState::from_numbers(&numbers);
+        let hand = hand_numbers::to_hand(&numbers);
         let finite = numbers.iter().all(|x| x.is_finite());
         hand.filter(|_| finite).ok_or_else(|| CgfError::NotFinite {
             name: object.to_owned(),

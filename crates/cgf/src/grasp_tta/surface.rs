@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 use robot::RobotModel;
 
 use crate::{
-    hand_state::PALM_WIDTH,
+    hand_numbers::PALM_WIDTH,
     kinematics::{Forces, Posed},
     precision::narrow,
 };

@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, f64::consts::PI, sync::Arc};
 
 use candle_core::Tensor;
+use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -16,10 +17,11 @@ use super::{
     networks::{self, CONTACT_NETS, GENERATOR_NETS, Tape, hand_cloud, point_inputs},
 };
 use crate::{
-    CgfError, HandState, Normalization, RestingObject,
+    CgfError, Normalization, RestingObject,
     adam::Adam,
     config::{InputFrame, Outputs},
     data::View,
+    hand_numbers,
     loss::kl_divergence,
     network::constant,
     penetration::Known,
@@ -212,7 +214,11 @@ impl<'a> Trainer<'a> {
         }
         let views = set.objects.iter();
         let views = views.map(|object| View::of(object, InputFrame::Resting));
-        let rows: Vec<Vec<f64>> = set.grasps.iter().map(|one| one.hand.to_numbers()).collect();
+        let rows: Vec<Vec<f64>> = set
+            .grasps
+            .iter()
+            .map(|one| hand_numbers::of(&one.hand))
+            .collect();
         for (grasp, row) in set.grasps.iter().zip(&rows) {
             let name = || set.objects[grasp.object].object.clone();
             if row.len() != surface.width() {
@@ -365,7 +371,7 @@ impl<'a> Trainer<'a> {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), angle);
             let object = self.views[grasp.object].cloud(self.network.points, &turn);
             let turned: Pose<Table, Table> = Pose::from_parts([0.0; 3], turn);
-            let row = narrow_all(&grasp.hand.clone().moved(&turned).to_numbers());
+            let row = narrow_all(&hand_numbers::of(&grasp.hand.clone().expressed_in(&turned)));
             let points = Cloud::new(&object);
             let hand = self.surface.placed(&row);
             let (_, map) = contact_map(&points, &hand);
@@ -547,7 +553,7 @@ impl<'a> Trainer<'a> {
     /// Displaces a hand, turns it about its palm and moves its joints, all at random.
     fn displaced(&self, row: &[f32], random: &mut Random) -> Vec<f32> {
         let numbers: Vec<f64> = row.iter().copied().map(f64::from).collect();
-        let Some(mut hand) = HandState::<Table>::from_numbers(&numbers) else {
+        let Some(mut hand) = hand_numbers::to_hand::<Table>(&numbers) else {
             return row.to_vec();
         };
         let (jitter_m, jitter_rad) = (self.training.jitter_m, self.training.jitter_rad);
@@ -561,7 +567,7 @@ impl<'a> Trainer<'a> {
         for (q, joint) in hand.q_rad.iter_mut().zip(self.surface.hand.joints()) {
             *q = joint.clamp(*q + jitter_rad * random.normal());
         }
-        narrow_all(&hand.to_numbers())
+        narrow_all(&hand_numbers::of(&hand))
     }
 }
 

@@ -8,7 +8,7 @@ use robot::RobotModel;
 use spatial::{rot6d, rotation_from_rot6d};
 
 use super::{LinkParts, LinkPoses};
-use crate::{hand_state::PALM_WIDTH, precision::narrow, random::Random};
+use crate::{hand_numbers::PALM_WIDTH, precision::narrow, random::Random};
 
 /// A branching hand with a fixed tip, a joint off the axes, and a slide.
 const HAND: &str = r#"<robot name="h">

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path, sync::Arc};
 
 use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 
-use super::{Newest, NewestOf, ShownFile, pipeline_of};
+use super::{Newest, NewestOf, PublishedFile, pipeline_of};
 use crate::{
     LakeError, atomic,
     codec::{Reader, Writer},
@@ -63,9 +63,9 @@ impl Newest {
                 writer.number(u64::from(unit.current));
                 write_outcome(&mut writer, outcome);
             }
-            let shown = self.shown.get(node);
-            writer.number(shown.map_or(0, BTreeMap::len) as u64);
-            for (path, file) in shown.into_iter().flatten() {
+            let published = self.published.get(node);
+            writer.number(published.map_or(0, BTreeMap::len) as u64);
+            for (path, file) in published.into_iter().flatten() {
                 writer.text(path);
                 writer.digest(&file.digest);
                 writer.digest(&file.fingerprint);
@@ -118,9 +118,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Option<Newest> {
             newest.outcomes.insert(unit.fingerprint, outcome);
             Some((partition, unit))
         })?;
-        let shown = reader.each(|reader| {
+        let published = reader.each(|reader| {
             let path = reader.text()?.to_owned();
-            let file = ShownFile {
+            let file = PublishedFile {
                 digest: reader.digest()?,
                 fingerprint: reader.digest()?,
                 stamp: reader.stamp()?,
@@ -128,7 +128,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Option<Newest> {
             Some((path, file))
         })?;
         newest.units.insert(node.clone(), units);
-        newest.shown.insert(node, shown);
+        newest.published.insert(node, published);
     }
     newest.records = reader.each(|reader| Some((reader.digest()?, reader.stamp()?)))?;
     newest.stamps = reader.each(|reader| Some((reader.digest()?, reader.stamp()?)))?;
@@ -237,15 +237,16 @@ mod tests {
         });
         let units: Vec<_> = units.collect();
         let stamp = Stamp::from([5, 17, -1, 0, 1_700_000_000, 999_999_999]);
-        let shown = ShownFile {
+        let published = PublishedFile {
             digest,
             fingerprint: Digest::of_bytes(b"unit"),
             stamp,
         };
-        let shown = BTreeMap::from([("files/own/split/parts/p0/data.bin".to_owned(), shown)]);
+        let published =
+            BTreeMap::from([("files/own/split/parts/p0/data.bin".to_owned(), published)]);
         let mut newest = Newest::default();
         newest.take_over(&units);
-        newest.show(&node, shown.clone());
+        newest.show(&node, published.clone());
         let stamp_of = |asked: &Digest| (*asked == digest).then_some(stamp);
         let record_of = |asked: &Digest| (*asked == units[0].0.fingerprint).then_some(stamp);
         newest.write(&lake, &path, record_of, stamp_of).unwrap();
@@ -255,7 +256,7 @@ mod tests {
         for (unit, outcome) in &units {
             assert_eq!(there.outcome(&unit.fingerprint), Some(outcome));
         }
-        assert_eq!(there.shown.get(&node), Some(&shown));
+        assert_eq!(there.published.get(&node), Some(&published));
         assert_eq!(there.stamps, [(digest, stamp)]);
         assert_eq!(there.records, [(units[0].0.fingerprint, stamp)]);
         assert!(!there.is_changed());

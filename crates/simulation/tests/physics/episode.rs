@@ -1,9 +1,8 @@
 //! Episodes: copies go on from the same bits, and commands do what they do in a rollout.
 
-use motion::Motion;
+use motion::{HandState, Motion};
 use simulation::{
-    Approach, ControllerKind, Episode, EpisodeState, HandPose, SettledScene, SimulationError,
-    TraceMode,
+    Approach, ControllerKind, Episode, EpisodeState, SettledScene, SimulationError, TraceMode,
 };
 use spatial::Object;
 
@@ -15,13 +14,13 @@ fn motion() -> Motion<Object, ()> {
 }
 
 /// Returns the commands of a grasp from the side, the start first, one per control step of the reach.
-fn commands() -> Vec<HandPose> {
+fn commands() -> Vec<HandState<Object>> {
     let motion = motion();
     let at = |step: i32| {
         let at = motion.at_fraction(f64::from(step) / 40.0);
-        HandPose {
-            object_from_palm: at.frame_from_palm,
-            q: at.q_rad,
+        HandState {
+            frame_from_palm: at.frame_from_palm,
+            q_rad: at.q_rad,
         }
     };
     (0..=40).map(at).collect()
@@ -38,8 +37,8 @@ fn bits(state: &EpisodeState) -> Vec<u64> {
 }
 
 /// Advances by commands; returns what is seen after each.
-fn advance(scene: &SettledScene, episode: &mut Episode, by: &[HandPose]) -> Vec<Vec<u64>> {
-    let step = |command: &HandPose| {
+fn advance(scene: &SettledScene, episode: &mut Episode, by: &[HandState<Object>]) -> Vec<Vec<u64>> {
+    let step = |command: &HandState<Object>| {
         scene.advance(episode, command).unwrap();
         bits(&scene.observe(episode))
     };
@@ -63,7 +62,7 @@ fn a_copy_made_in_contact_goes_on_from_the_same_bits() {
         let mut copy = episode.fork();
         // What is done to the original does not matter to the copy.
         let mut elsewhere = commands[40].clone();
-        elsewhere.q = vec![0.0; elsewhere.q.len()];
+        elsewhere.q_rad = vec![0.0; elsewhere.q_rad.len()];
         for _ in 0..5 {
             scene.advance(&mut episode, &elsewhere).unwrap();
         }
@@ -111,8 +110,8 @@ fn drives_that_look_ahead_or_are_late_and_other_hands_commands_are_refused() {
             _ => panic!("not refused"),
         }
     }
-    let short = HandPose {
-        q: vec![0.0; 3],
+    let short = HandState {
+        q_rad: vec![0.0; 3],
         ..start
     };
     let refused = settled(&scene()).begin(&short);
@@ -126,9 +125,9 @@ fn a_command_below_the_table_is_as_deep_as_its_lowest_link() {
     assert_eq!(scene.below_table_m(&above), 0.0);
     let lowered = |by_m: f64| {
         let down = scene.table_from_estimate().rotation.inverse() * -nalgebra::Vector3::z();
-        scene.below_table_m(&HandPose {
-            object_from_palm: above.object_from_palm.translated(&(down * by_m)),
-            q: above.q.clone(),
+        scene.below_table_m(&HandState {
+            frame_from_palm: above.frame_from_palm.translated(&(down * by_m)),
+            q_rad: above.q_rad.clone(),
         })
     };
     let [some, more] = [0.2, 0.23].map(lowered);

@@ -1,10 +1,10 @@
 use std::convert::Infallible;
 
-use motion::Motion;
+use motion::{HandState, Motion};
 use nalgebra::{Point3, Translation3, Vector3};
 use robot::{ConvexBody, RobotModel};
 use simulation::{
-    Approach, HandPose, Offset, PalmDriveConfig, Protocol, Rollout, SceneConfig, SettledScene,
+    Approach, Offset, PalmDriveConfig, Protocol, Rollout, SceneConfig, SettledScene,
     SimulationError, TraceMode, Verdict,
 };
 use spatial::{Object, Pose};
@@ -247,7 +247,8 @@ fn a_driven_palm_is_late_on_its_way_and_still_lifts_the_can() {
     let exact = executed(None);
     let late = executed(Some(PalmDriveConfig::default()));
     assert_eq!([exact.len(), late.len()], [41, 41]);
-    let place = |steps: &[HandPose], step: usize| steps[step].object_from_palm.translation.vector;
+    let place =
+        |steps: &[HandState<Object>], step: usize| steps[step].frame_from_palm.translation.vector;
     // The palm goes along y at 25 cm/s until three quarters of the reach; PD is 20 ms late.
     let lag_m = (place(&exact, 25) - place(&late, 25)).y;
     assert!((0.004..0.007).contains(&lag_m), "{lag_m} m");

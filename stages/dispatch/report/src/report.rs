@@ -44,6 +44,10 @@ impl DispatchReport {
             "the robot cell"
         };
         let mut line = format!("{motions} motions → {succeeded} succeed at {cell}");
+        let failed = motions - succeeded - refused - stopped - unknown;
+        if failed > 0.0 {
+            line = format!("{line}, {failed} failed");
+        }
         if refused > 0.0 {
             line = format!("{line}, {refused} infeasible");
         }

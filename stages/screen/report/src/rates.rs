@@ -227,9 +227,10 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
         .into_iter()
         .find(|name| !name.is_table_lift() && is(*name as u8, all.protocol_n));
     format!(
-        "{:.1} % hold, {} objects (95 % CI {:.0} to {:.0}); {}",
-        percent(all.candidate_rate_mean),
+        "{} object{}: mean {:.1} % (95 % CI {:.0} to {:.0}); {}",
         all.objects_n,
+        if is(1, all.objects_n) { "" } else { "s" },
+        percent(all.candidate_rate_mean),
         percent(all.candidate_rate_low),
         percent(all.candidate_rate_high),
         published.map_or_else(own, |name| name.as_str().to_owned()),
@@ -378,7 +379,7 @@ mod tests {
         let said = |protocol: &Protocol| line(&Summary::made(&[RatesMetrics::of(&rows, protocol)]));
         let text = said(&protocol());
         let (begin, end) = (
-            "61.7 % hold, 6 objects (95 % CI ",
+            "6 objects: mean 61.7 % (95 % CI ",
             "); follow, squeeze 0.15 rad",
         );
         assert!(text.starts_with(begin) && text.ends_with(end), "{text}");

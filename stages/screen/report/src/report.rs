@@ -28,10 +28,10 @@ impl Report for ScreenReport {
                 return "no motion tried under drawn errors".to_owned();
             }
             format!(
-                "{:.0} motions → {:.1} % of {:.0} trials hold, with errors",
+                "{:.0} motions × {:.0} trials with drawn errors → {:.1} % hold",
                 all.motions_n,
-                100.0 * all.held_n / all.trials_n,
-                all.trials_n
+                all.trials_n / all.motions_n,
+                100.0 * all.held_n / all.trials_n
             )
         });
     }

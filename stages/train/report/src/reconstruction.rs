@@ -5,12 +5,13 @@ use std::{
     sync::Arc,
 };
 
-use cgf::{Cgf, CgfError, Description, EncodedDemonstration, HandState, TrainingMotion};
+use cgf::{Cgf, CgfError, Description, EncodedDemonstration, TrainingMotion};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
     Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
 };
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use motion::HandState;
 use nalgebra::Point3;
 use robot::RobotModel;
 use schemas::{
@@ -181,7 +182,7 @@ fn tips(description: &Description, hand: &RobotModel) -> Result<Vec<Tip>, TrainE
 fn rebuilt<'a>(
     demonstration: &'a EncodedDemonstration,
     track: &TrainingMotion,
-    decoded: &[HandState],
+    decoded: &[HandState<spatial::Table>],
     hand: &RobotModel,
     tips: &[Tip],
 ) -> Result<Rebuilt<'a>, TrainError> {
@@ -216,12 +217,12 @@ fn rebuilt<'a>(
 }
 
 fn step_error(
-    shown: &HandState,
-    decoded: &HandState,
+    shown: &HandState<spatial::Table>,
+    decoded: &HandState<spatial::Table>,
     hand: &RobotModel,
     tips: &[Tip],
 ) -> Result<StepError, TrainError> {
-    let points = |grasp: &HandState| -> Result<Vec<Point3<f64>>, TrainError> {
+    let points = |grasp: &HandState<spatial::Table>| -> Result<Vec<Point3<f64>>, TrainError> {
         let palm_from_links = hand.forward_kinematics::<Palm>(&grasp.q_rad)?;
         let tips = tips.iter();
         Ok(tips

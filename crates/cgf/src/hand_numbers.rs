@@ -1,68 +1,39 @@
-//! A hand's state as the network speaks of it, and the units in which it does.
+//! A hand as the numbers of the network, and their units.
 
-use motion::Step;
+use motion::HandState;
 use serde::{Deserialize, Serialize};
-use spatial::{Palm, Pose, Table, rot6d, rotation_from_rot6d};
+use spatial::{Pose, rot6d, rotation_from_rot6d};
 
 use crate::{config::Outputs, precision::narrow};
 
 /// Numbers before the joint positions: translation and two matrix columns.
 pub(crate) const PALM_WIDTH: usize = 9;
 
-/// A hand at one time of a motion.
-#[derive(Debug, Clone, PartialEq)]
-pub struct HandState<F = Table> {
-    /// Pose of the palm: above the table on which the object lies, or where the network sees it.
-    pub frame_from_palm: Pose<F, Palm>,
-    /// Joint positions in radians, in the order of the hand's joints.
-    pub q_rad: Vec<f64>,
+/// Returns translation in meters, the rotation's first two columns, joint positions in radians.
+pub(crate) fn of<F>(hand: &HandState<F>) -> Vec<f64> {
+    let t = &hand.frame_from_palm.translation.vector;
+    let mut numbers = vec![t.x, t.y, t.z];
+    numbers.extend(rot6d(&hand.frame_from_palm.rotation));
+    numbers.extend(&hand.q_rad);
+    numbers
 }
 
-impl<F, R> From<&Step<F, R>> for HandState<F> {
-    fn from(step: &Step<F, R>) -> Self {
-        Self {
-            frame_from_palm: step.frame_from_palm,
-            q_rad: step.q_rad.clone(),
-        }
-    }
+/// Returns translation in meters, rotation axis times angle in radians, joint positions in radians.
+pub(crate) fn with_axis_angle<F>(hand: &HandState<F>) -> Vec<f64> {
+    let pose = &hand.frame_from_palm;
+    let turn = pose.rotation.scaled_axis();
+    let root = pose.translation.vector.iter().chain(turn.iter());
+    root.chain(&hand.q_rad).copied().collect()
 }
 
-impl<F> HandState<F> {
-    /// Returns the same hand in another frame.
-    pub(crate) fn moved<G>(self, other_from_frame: &Pose<G, F>) -> HandState<G> {
-        HandState {
-            frame_from_palm: *other_from_frame * self.frame_from_palm,
-            q_rad: self.q_rad,
-        }
-    }
-
-    /// Returns translation in meters, the rotation's first two columns, joint positions in radians.
-    pub(crate) fn to_numbers(&self) -> Vec<f64> {
-        let t = &self.frame_from_palm.translation.vector;
-        let mut numbers = vec![t.x, t.y, t.z];
-        numbers.extend(rot6d(&self.frame_from_palm.rotation));
-        numbers.extend(&self.q_rad);
-        numbers
-    }
-
-    /// Returns translation in meters, rotation axis times angle in radians, joint positions in radians.
-    pub(crate) fn to_axis_angle_numbers(&self) -> Vec<f64> {
-        let pose = &self.frame_from_palm;
-        let turn = pose.rotation.scaled_axis();
-        let root = pose.translation.vector.iter().chain(turn.iter());
-        root.chain(&self.q_rad).copied().collect()
-    }
-
-    /// Reads what [`HandState::to_numbers`] returns, with any two columns that are not parallel;
-    /// `None` otherwise.
-    pub(crate) fn from_numbers(numbers: &[f64]) -> Option<Self> {
-        let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<PALM_WIDTH>()?;
-        let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
-        Some(Self {
-            frame_from_palm: Pose::from_parts([x, y, z], rotation),
-            q_rad: q.to_vec(),
-        })
-    }
+/// Reads what [`of`] returns, with any two columns that are not parallel; `None` otherwise.
+pub(crate) fn to_hand<F>(numbers: &[f64]) -> Option<HandState<F>> {
+    let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<PALM_WIDTH>()?;
+    let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
+    Some(HandState {
+        frame_from_palm: Pose::from_parts([x, y, z], rotation),
+        q_rad: q.to_vec(),
+    })
 }
 
 /// Takes numbers in meters, matrix entries and radians to the network's units and back.
@@ -109,7 +80,7 @@ impl Normalization {
             .collect()
     }
 
-    /// Brings what [`HandState::to_axis_angle_numbers`] returns to the network's units; the rotation stays in
+    /// Brings what [`with_axis_angle`] returns to the network's units; the rotation stays in
     /// radians.
     pub(crate) fn normalize_axis_angle(&self, numbers: &[f64]) -> Vec<f32> {
         // The axis has three numbers where the columns have six.

@@ -9,7 +9,7 @@ use crate::{
     executor::End,
     fingerprint::OutputFingerprint,
     kind::Kind,
-    making::Maker,
+    maker::Maker,
     name::UnitName,
     order::{Forced, Order},
     output::Execution,
@@ -34,7 +34,7 @@ pub fn make_one(
     let mut state = State::new(pipeline, store);
     store.enter(&pipeline.name)?;
     for node in pipeline.upstream_of(&unit.node) {
-        state.recall_some(node, Certainty::Whole, |digest| store.recall(digest))?;
+        state.recall_some(node, Certainty::Exact, |digest| store.recall(digest))?;
     }
     let mut nodes = pipeline.nodes.iter();
     let no_node = || Failure::NoNode {
@@ -49,14 +49,17 @@ pub fn make_one(
         .find(|node| node.name == unit.node)
         .ok_or_else(no_node)?;
     let not_made = |unit| Failure::NotMade { unit };
-    let Some(Listing { units, sure, .. }) = state.listing(node)? else {
+    let Some(Listing {
+        units, certainty, ..
+    }) = state.listing(node)?
+    else {
         let nothing = || Failure::Nothing {
             node: node.name.clone(),
             left_out: None,
         };
         return Err(state.first_open(node).map_or_else(nothing, not_made));
     };
-    let mut found = units.iter().zip(sure);
+    let mut found = units.iter().zip(certainty);
     let no_partition = || Failure::NoPartition {
         unit: unit.clone(),
         known: units
@@ -64,11 +67,11 @@ pub fn make_one(
             .map(|unit| unit.partition.to_string())
             .collect(),
     };
-    let (listed, sure) = found
+    let (listed, certainty) = found
         .find(|(listed, _)| listed.partition == unit.partition)
         .ok_or_else(no_partition)?;
     // Inputs that are not made yet may change what the unit reads.
-    if sure != Certainty::Whole
+    if certainty != Certainty::Exact
         && let Some(open) = state.first_open(node)
     {
         return Err(not_made(open));

@@ -29,7 +29,7 @@ impl StageEntry {
 }
 
 /// What came of an order.
-pub(crate) enum Making {
+pub(crate) enum OrderOutcome {
     /// The result is in the store; `made_now` if it was not there before.
     Made { made_now: bool },
     /// The artifacts of these units, which it reads, are missing or damaged.
@@ -69,7 +69,7 @@ impl<'a> Maker<'a> {
         output_idx: usize,
         order: &Order,
         events: &Events,
-    ) -> Result<Making, Failure> {
+    ) -> Result<OrderOutcome, Failure> {
         let name = &order.unit;
         let waiting = |holder: &str| {
             events(&Event::UnitWaiting {
@@ -83,18 +83,18 @@ impl<'a> Maker<'a> {
             && let Some(outcome) = self.store.lookup(&order.fingerprint)?
             && self
                 .store
-                .fetch_shown(&[&*outcome])?
+                .fetch_published(&[&*outcome])?
                 .into_iter()
                 .all(|it| it)
         {
-            return Ok(Making::Made { made_now: false });
+            return Ok(OrderOutcome::Made { made_now: false });
         }
         if order.forced == Forced::Yes {
             making.start_over()?;
         }
         let inputs = match self.inputs(order)? {
             Ok(inputs) => inputs,
-            Err(lacking) => return Ok(Making::Lacks(lacking)),
+            Err(lacking) => return Ok(OrderOutcome::Lacks(lacking)),
         };
         let output = stage.kind.outputs.get(output_idx);
         if output.is_some_and(|output| output.execution == Execution::Physical) {
@@ -134,7 +134,7 @@ impl<'a> Maker<'a> {
             fingerprint: order.whole_fingerprint(),
             outcome,
         })?;
-        Ok(Making::Made { made_now: true })
+        Ok(OrderOutcome::Made { made_now: true })
     }
 
     /// Checks that the files outside the lake are those of the order.
