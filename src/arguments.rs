@@ -15,8 +15,8 @@ Options of every command:
   -h, --help        Print help: `-h` on one screen, `--help` everything
   -V, --version     Print the version
 
-Not in the list: `attach` shows a run that was started with `--detach`, `untag` removes a tag,
-`unit` makes one partition, as `run --processes` does.
+Not in the list: `untag` removes a tag, `unit` makes one partition, as `run --processes` does,
+`completions` prints a script that completes commands in a shell.
 
 Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml";
 
@@ -51,7 +51,6 @@ pub(crate) enum Command {
     /// Show a run that was started with `--detach`
     ///
     /// What it has said and what it says until it ends, with its exit code. Ctrl-C leaves it running.
-    #[command(hide = true)]
     Attach(AttachArgs),
     /// Show what `run` would do, and why
     Plan(PlanArgs),
@@ -109,6 +108,7 @@ pub(crate) enum Command {
     #[command(hide = true)]
     Unit(UnitArgs),
     /// Print a script that completes commands in a shell
+    #[command(hide = true)]
     Completions(CompletionsArgs),
 }
 

@@ -311,7 +311,7 @@ pub(crate) fn subcommands() -> Vec<String> {
 #[test]
 fn every_option_with_a_value_says_its_default() {
     let commands = subcommands();
-    for command in ["run", "graph", "doctor", "completions", "query"] {
+    for command in ["run", "attach", "graph", "doctor", "query"] {
         assert!(commands.iter().any(|known| known == command), "{command}");
     }
     for command in commands {
