@@ -271,16 +271,14 @@ pub(crate) fn bytes(n_bytes: u64) -> String {
 
 /// A duration for display.
 pub(crate) fn duration(seconds: f64) -> String {
-    if seconds < 60.0 {
+    // Rounded before it is split, so that no part rounds up to 60.
+    let whole = seconds.round();
+    if seconds < 59.95 {
         format!("{seconds:.1} s")
-    } else if seconds < 3600.0 {
-        format!(
-            "{:.0} min {:02.0} s",
-            (seconds / 60.0).floor(),
-            seconds % 60.0
-        )
+    } else if whole < 3600.0 {
+        format!("{:.0} min {:02.0} s", (whole / 60.0).floor(), whole % 60.0)
     } else {
-        let minutes = seconds / 60.0;
+        let minutes = (seconds / 60.0).round();
         format!(
             "{:.0} h {:02.0} min",
             (minutes / 60.0).floor(),
@@ -292,6 +290,21 @@ pub(crate) fn duration(seconds: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn durations_have_no_sixtieth_second_or_minute() {
+        for (seconds, expected) in [
+            (0.04, "0.0 s"),
+            (59.94, "59.9 s"),
+            (59.96, "1 min 00 s"),
+            (359.8, "6 min 00 s"),
+            (3599.4, "59 min 59 s"),
+            (3599.6, "1 h 00 min"),
+            (7199.0, "2 h 00 min"),
+        ] {
+            assert_eq!(duration(seconds), expected);
+        }
+    }
 
     #[test]
     fn cut_text_says_so() {
