@@ -1,5 +1,6 @@
 //! How near a hand is to an object and a table, link by link.
 
+use motion::HandState;
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
 use robot::{
@@ -9,7 +10,6 @@ use robot::{
 use spatial::{Object, Palm, Pose};
 
 use crate::{ApproachError, HandAxes};
-use motion::HandState;
 
 /// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;

@@ -2,12 +2,12 @@
 
 use std::sync::Arc;
 
+use motion::HandState;
 use posture::Environment;
 use schemas::candidates::{Candidate, DrawSource, Origin};
 use spatial::Object;
 
 use crate::{ApproachConfig, ApproachError, HandBody, Start, Way, pregrasp, way::is_clear};
-use motion::HandState;
 
 /// A grasp of an object.
 #[derive(Debug, Clone, PartialEq)]

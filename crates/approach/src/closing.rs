@@ -1,10 +1,10 @@
 //! A hand that goes on until it touches: its palm along the approach, its fingers joint by joint.
 
+use motion::HandState;
 use posture::Environment;
 use spatial::Object;
 
 use crate::{ApproachError, HandBody};
-use motion::HandState;
 
 /// Steps by which joints close, in radians: first fast, at last by 0.2 mm at a fingertip.
 const STEPS_RAD: [f64; 3] = [0.04, 0.01, 0.002];

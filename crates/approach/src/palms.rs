@@ -1,5 +1,6 @@
 //! Random palms about an object.
 
+use motion::HandState;
 use nalgebra::{Point3, Quaternion, Rotation3, Unit, UnitQuaternion, Vector3};
 use posture::Environment;
 use rand::Rng;
@@ -7,7 +8,6 @@ use rand_chacha::ChaCha8Rng;
 use spatial::{Object, Pose};
 
 use crate::{ApproachError, HandBody};
-use motion::HandState;
 
 /// How far before an object's center an approach begins, in meters: more than any object that a hand holds.
 const FAR_M: f64 = 0.35;

@@ -1,10 +1,10 @@
 //! The pregrasp: the grasp, backed off and opened.
 
+use motion::HandState;
 use posture::Environment;
 use spatial::Object;
 
 use crate::{ApproachConfig, ApproachError, HandBody};
-use motion::HandState;
 
 /// Shares of the opening that are tried, the widest first.
 const OPENINGS: [f64; 5] = [1.0, 0.75, 0.5, 0.25, 0.0];

@@ -1,12 +1,11 @@
 //! Where motions start: like demonstrations, wherever the object lies.
 
-use motion::{Motion, MotionError};
+use motion::{HandState, Motion, MotionError};
 use nalgebra::{UnitQuaternion, Vector3};
 use schemas::trajectories::{Trajectory, TrajectoryRates};
 use spatial::{Object, Pose, Table};
 
 use crate::ApproachError;
-use motion::HandState;
 
 /// Turns about the vertical that are tried.
 const YAWS: u32 = 24;

@@ -2,13 +2,12 @@
 
 use std::sync::Arc;
 
-use motion::{HandRates, JointRates, Motion, MotionError, Step};
+use motion::{HandRates, HandState, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
 use posture::Environment;
 use spatial::{Object, Pose, Twist};
 
 use crate::{ApproachConfig, ApproachError, HandBody};
-use motion::HandState;
 
 /// Places of a straight way that are checked.
 const CHECKS: u32 = 16;
