@@ -111,7 +111,9 @@ impl Output for CemMpc {
         if scope.partitions(Candidates::NAME).is_empty() {
             return Err(CemMpcError::NoCandidates);
         }
-        let chosen = scope.chosen(Candidates::NAME, &config.objects)?;
+        let chosen = scope
+            .chosen(Candidates::NAME, &config.objects)
+            .map_err(CemMpcError::UnknownObject)?;
         let objects = scope.partitions(Object::NAME);
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = chosen.into_iter().map(|given| {

@@ -114,7 +114,9 @@ impl Output for ForceClosure {
         if scope.partitions(Object::NAME).is_empty() {
             return Err(ForceClosureError::NoObjects);
         }
-        let objects = scope.chosen(Object::NAME, &config.objects)?;
+        let objects = scope
+            .chosen(Object::NAME, &config.objects)
+            .map_err(ForceClosureError::UnknownObject)?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = approach::units(scope, objects, &[lake::table::FILE]);
         Ok(units.map(|unit| files.added_to(unit)).collect())

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use dataflow::{
+    Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    UnknownPartition,
+};
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, Motion, MotionError};
 use schemas::{
@@ -65,10 +68,10 @@ impl Output for Replay {
             .filter_map(|t| t.label(OBJECT))
             .collect();
         if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
-            return Err(ReplayError::UnknownObject {
-                object: object.clone(),
+            return Err(ReplayError::UnknownObject(UnknownPartition {
+                name: object.clone(),
                 known: known.into_iter().map(str::to_owned).collect(),
-            });
+            }));
         }
         let chosen = |object: &&str| {
             config.objects.is_empty() || config.objects.iter().any(|name| name == object)

@@ -12,13 +12,8 @@ use robot_meshes::LoadError;
 #[non_exhaustive]
 pub enum SampleError {
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The function is to see another object's shape, and there is none.
     #[error("`shape` is \"other\", and there is no other object than `{0}`")]
     NoOther(String),
@@ -67,19 +62,10 @@ pub enum SampleError {
     Cgf(#[from] CgfError),
 }
 
-impl From<UnknownPartition> for SampleError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::UnknownDemonstration { name, known } => {
                 let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
                 let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();

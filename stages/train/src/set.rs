@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{Random, RestingObject, TrainingMotion, TrainingSet};
-use dataflow::Inputs;
+use dataflow::{Inputs, UnknownPartition};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
 use motion::MotionError;
@@ -45,12 +45,12 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
         let trajectory: Trajectory = table::read(artifact)?;
-        let object = known
-            .get(&trajectory.object)
-            .ok_or_else(|| TrainError::UnknownObject {
-                object: trajectory.object.clone(),
+        let object = known.get(&trajectory.object).ok_or_else(|| {
+            TrainError::UnknownObject(UnknownPartition {
+                name: trajectory.object.clone(),
                 known: known.keys().cloned().collect(),
-            })?;
+            })
+        })?;
         let (idx, rest) = nearest_rest(object, &trajectory.rest)?;
         let scene = *scenes.entry((object.name.clone(), idx)).or_insert_with(|| {
             set.scenes.push(scene(object, rest));
