@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use robot::JointOrder;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, DrawSource, Origin},
+    candidates::{Candidate, Candidates, Origin},
     distance_fields::{self, FieldInfo},
 };
 use spatial::RestingPose;
@@ -140,22 +140,14 @@ impl Output for Rrt {
         let planned = planned.map_init(search, |search, (idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
+            let rest = RestingPose::of(&candidate.table_from_object);
             let obstacles = Obstacles {
                 hand: &spheres,
-                field: &field,
-                table_from_object: candidate.table_from_object,
+                environment: &Environment::new(Arc::clone(&field), rest),
             };
-            let rest = RestingPose::of(&candidate.table_from_object);
-            let environment = Environment::new(Arc::clone(&field), rest);
             cpu_time::measured(|| {
                 let motion = candidate.motion.reordered(&joints)?;
-                plan(
-                    config,
-                    search,
-                    (&obstacles, &environment),
-                    &motion,
-                    &mut rng,
-                )
+                plan(config, search, &obstacles, &motion, &mut rng)
             })
         });
         let planned: Vec<_> = planned.collect();
@@ -184,22 +176,10 @@ impl Output for Rrt {
 
 /// Returns the candidate of a plan to the grasp of another one.
 fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
+    // Both ends are within the limits, and so is what lies between them.
     Candidate {
-        candidate_id: format!("{}-rrt", given.candidate_id),
-        generator: GENERATOR.to_owned(),
-        source: DrawSource {
-            draw_n: 1,
-            origin: Origin::Planner,
-            ..given.source.clone()
-        },
-        latent: given.latent.clone(),
-        table_from_object: given.table_from_object,
-        // Both ends are within the limits, and so is what lies between them.
-        limit_excess_rad: 0.0,
         depth_m: plan.depth_m,
-        residual_m2: 0.0,
-        motion: plan.motion,
-        refused: Vec::new(),
+        ..given.remade("rrt", GENERATOR, Origin::Planner, plan.motion)
     }
 }
 

@@ -84,17 +84,13 @@ impl Screened {
     /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so
     /// every unit will.
     pub(crate) fn failed<M>(&self, source: SimulationError) -> Result<Outcome<M>, ScreenError> {
-        match source {
-            SimulationError::Massless { .. }
-            | SimulationError::ObjectInertia { .. }
-            | SimulationError::FlatPart { .. }
-            | SimulationError::NoParts
-            | SimulationError::Unsettled => Ok(Outcome::skipped(source.to_string())),
-            source => Err(ScreenError::Simulation {
-                partition: self.partition.clone(),
-                path: self.urdf.clone(),
-                source,
-            }),
+        if source.is_of_object() {
+            return Ok(Outcome::skipped(source.to_string()));
         }
+        Err(ScreenError::Simulation {
+            partition: self.partition.clone(),
+            path: self.urdf.clone(),
+            source,
+        })
     }
 }
