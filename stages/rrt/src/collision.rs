@@ -4,14 +4,11 @@ use nalgebra::Point3;
 use posture::Environment;
 use robot::{
     RobotModel,
-    spheres::{SphereCluster, TooLarge, clusters},
+    spheres::{SLACK, SphereCluster, TooLarge, clusters},
 };
 use spatial::Palm;
 
 use crate::configuration::Configuration;
-
-/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
 
 /// A hand as spheres.
 pub(crate) struct HandSpheres<'a> {

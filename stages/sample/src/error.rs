@@ -4,7 +4,7 @@ use cgf::CgfError;
 use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
-use robot::{JointMismatch, WrongDof, spheres};
+use robot::{JointMismatch, WrongDof, spheres::TooLarge};
 use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
@@ -46,14 +46,8 @@ pub enum SampleError {
     #[error("the decoded steps do not form a motion")]
     Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
-    #[error(
-        "the collision shapes up to link `{link}` need more than {} spheres",
-        spheres::MAX_SPHERES
-    )]
-    LargeShapes {
-        /// The link at which they became too large.
-        link: String,
-    },
+    #[error(transparent)]
+    LargeShapes(#[from] TooLarge),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -83,7 +77,7 @@ impl Advise for SampleError {
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"
                     .to_owned(),
             ),
-            Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::LargeShapes(_) => Some("URDFs are in meters".to_owned()),
             Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),
