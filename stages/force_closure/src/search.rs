@@ -1,6 +1,6 @@
 //! One grasp: from a random palm to fingertips that close on the object.
 
-use approach::{ApproachError, HandBody, HandPose, Palms};
+use approach::{ApproachError, HandBody, HandPose, Measure, Palms};
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posture,
     PosturePrior, RootMotion, SearchOptions, Solver, SolverError, Task,
@@ -10,7 +10,7 @@ use spatial::Object;
 
 use crate::{
     ForceClosureConfig, ForceClosureError,
-    contacts::{GraspTerms, Measure, Tip},
+    contacts::{GraspTerms, Tip},
 };
 
 /// Rounds of a search, each with this share of the metric's weight: the penalties gain on it until what is left of

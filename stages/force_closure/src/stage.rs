@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start};
+use approach::{Grasp, HandBody, Lies, Measure, Reach, Start};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -25,7 +25,7 @@ use schemas::{
 
 use crate::{
     ForceClosureConfig, ForceClosureError,
-    contacts::{Measure, Tip},
+    contacts::Tip,
     search::{Found, Search},
 };
 
