@@ -36,6 +36,7 @@ mod rates;
 mod spline;
 mod track;
 
+pub use differentiation::palm_acceleration;
 pub use error::MotionError;
 pub use interpolation::joints_between;
 pub use motion::{Motion, Step};

@@ -221,14 +221,9 @@ pub fn groups(mut spheres: Vec<CollisionSphere>) -> Vec<Vec<CollisionSphere>> {
 
 /// Returns a sphere about all of these, not much larger than need be; `None` if there are none.
 pub fn enclosing(spheres: &[CollisionSphere]) -> Option<CollisionSphere> {
-    let low = spheres
-        .iter()
-        .map(|sphere| sphere.center_in_link.coords)
-        .reduce(|a, b| a.inf(&b))?;
-    let high = spheres
-        .iter()
-        .map(|sphere| sphere.center_in_link.coords)
-        .reduce(|a, b| a.sup(&b))?;
+    let centers = || spheres.iter().map(|sphere| sphere.center_in_link.coords);
+    let low = centers().reduce(|a, b| a.inf(&b))?;
+    let high = centers().reduce(|a, b| a.sup(&b))?;
     let center_in_link = Point3::from((low + high) / 2.0);
     let reach = |sphere: &CollisionSphere| {
         (sphere.center_in_link - center_in_link).norm() + sphere.radius_m

@@ -7,13 +7,12 @@ use dataflow::{
     UnknownPartition,
 };
 use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, Motion, MotionError};
+use motion::{HandRates, MotionError, palm_acceleration};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource},
-    trajectories::{Trajectory, TrajectoryRates},
+    trajectories::Trajectory,
 };
-use spatial::{Object, Twist};
 
 use crate::{ReplayConfig, ReplayError};
 
@@ -127,6 +126,7 @@ impl Output for Replay {
 /// Returns a trajectory as the motion that it is.
 fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
     let motion = &trajectory.motion;
+    let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
     Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
@@ -141,24 +141,11 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
             let rates = &motion.steps()[idx].rates;
             HandRates {
                 palm_velocity: rates.palm_velocity,
-                palm_acceleration: palm_acceleration(motion, idx),
+                palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
                 joints: rates.joints.clone(),
             }
         })?,
     })
-}
-
-/// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
-/// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(motion: &Motion<Object, TrajectoryRates>, idx: usize) -> Twist<Object> {
-    let steps = motion.steps();
-    let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
-    if before == after {
-        return Twist::zero();
-    }
-    let between_s = steps[after].time_s - steps[before].time_s;
-    let [next, last] = [after, before].map(|idx| steps[idx].rates.palm_velocity.to_array());
-    Twist::from_array(std::array::from_fn(|k| (next[k] - last[k]) / between_s))
 }
 
 #[cfg(test)]
@@ -166,10 +153,10 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Partition};
-    use motion::Step;
+    use motion::{Motion, Step};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
-    use schemas::trajectories::Tracking;
-    use spatial::{Pose, RestingPose};
+    use schemas::trajectories::{Tracking, TrajectoryRates};
+    use spatial::{Pose, RestingPose, Twist};
 
     use super::*;
 
