@@ -4,34 +4,18 @@ use nalgebra::Point3;
 use posture::Environment;
 use robot::{
     RobotModel,
-    spheres::{SLACK, SphereCluster, TooLarge, clusters},
+    spheres::{SLACK, SphereCluster},
 };
 use spatial::Palm;
 
 use crate::configuration::Configuration;
 
-/// A hand as spheres.
-pub(crate) struct HandSpheres<'a> {
-    model: &'a RobotModel,
-    clusters: Vec<SphereCluster>,
-}
-
-impl<'a> HandSpheres<'a> {
-    /// Fills a hand's collision shapes with spheres.
-    ///
-    /// # Errors
-    ///
-    /// Fails if they are far larger than a hand's.
-    pub(crate) fn new(model: &'a RobotModel) -> Result<Self, TooLarge> {
-        let clusters = clusters(model)?;
-        Ok(Self { model, clusters })
-    }
-}
-
 /// A hand, an object and the table on which it lies.
 pub(crate) struct Obstacles<'a> {
     /// The hand.
-    pub(crate) hand: &'a HandSpheres<'a>,
+    pub(crate) hand: &'a RobotModel,
+    /// The spheres that fill its shapes.
+    pub(crate) spheres: &'a [SphereCluster],
     /// The object on its table.
     pub(crate) environment: &'a Environment,
 }
@@ -59,10 +43,10 @@ impl Obstacles<'_> {
         at: &Configuration,
         mut found: impl FnMut(f64) -> Option<f64>,
     ) -> Option<f64> {
-        let palm_from_links = self.hand.model.link_poses::<Palm>(|joint| at.q[joint]);
+        let palm_from_links = self.hand.link_poses::<Palm>(|joint| at.q[joint]);
         let off_m = |center: &Point3<f64>| self.environment.signed_distance(center).distance_m;
         let height_m = |center: &Point3<f64>| self.environment.height_m(center);
-        for cluster in &self.hand.clusters {
+        for cluster in self.spheres {
             let object_from_link = at.object_from_palm * palm_from_links[cluster.link];
             let center = object_from_link * cluster.around.center_in_link;
             let reach_m = cluster.around.radius_m;
@@ -86,6 +70,7 @@ impl Obstacles<'_> {
 mod tests {
     use geometry::{DistanceField, TriMesh};
     use nalgebra::Translation3;
+    use robot::spheres::clusters;
     use spatial::{Pose, RestingPose};
 
     use super::*;
@@ -99,12 +84,13 @@ mod tests {
     #[test]
     fn a_ball_is_as_deep_as_it_reaches_into_object_or_table() {
         let model = RobotModel::from_urdf(HAND).unwrap();
-        let hand = HandSpheres::new(&model).unwrap();
+        let spheres = clusters(&model).unwrap();
         let high = Point3::new(0.05, 0.05, 0.05);
         let mesh = TriMesh::cuboid(-high, high);
         let field = DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap();
         let obstacles = Obstacles {
-            hand: &hand,
+            hand: &model,
+            spheres: &spheres,
             environment: &Environment::new(
                 field,
                 RestingPose::of(&Pose::new(Translation3::new(0.3, 0.1, 0.05).into())),

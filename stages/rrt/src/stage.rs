@@ -13,7 +13,7 @@ use posture::Environment;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::JointOrder;
+use robot::{JointOrder, spheres::clusters};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -23,7 +23,7 @@ use spatial::RestingPose;
 
 use crate::{
     RrtConfig, RrtError,
-    collision::{HandSpheres, Obstacles},
+    collision::Obstacles,
     plan::{Plan, PlanOutcome, plan},
     pregrasp::PregraspSearch,
 };
@@ -124,7 +124,7 @@ impl Output for Rrt {
         let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
         let urdf = &inputs.source("hand")?.path;
         let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
-        let spheres = HandSpheres::new(&hand.model).map_err(|large| RrtError::LargeShapes {
+        let spheres = clusters(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
         })?;
@@ -142,7 +142,8 @@ impl Output for Rrt {
             rng.set_stream(idx as u64);
             let rest = RestingPose::of(&candidate.table_from_object);
             let obstacles = Obstacles {
-                hand: &spheres,
+                hand: &hand.model,
+                spheres: &spheres,
                 environment: &Environment::new(Arc::clone(&field), rest),
             };
             cpu_time::measured(|| {
