@@ -114,16 +114,14 @@ impl Output for CemMpc {
         let chosen = scope
             .chosen(Candidates::NAME, &config.objects)
             .map_err(CemMpcError::UnknownObject)?;
-        let objects = scope.partitions(Object::NAME);
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
-            let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(Object::NAME, shape.map(|shape| &shape.key));
+                .reading_own(Object::NAME, scope);
             files.added_to(unit)
         });
         Ok(units.collect())

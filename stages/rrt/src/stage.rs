@@ -98,16 +98,14 @@ impl Output for Rrt {
         if given.is_empty() {
             return Err(RrtError::NoCandidates);
         }
-        let fields = scope.partitions(FieldInfo::NAME);
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key));
+                .reading_own(FieldInfo::NAME, scope);
             files.added_to(unit)
         });
         Ok(units.collect())

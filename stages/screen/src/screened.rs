@@ -30,15 +30,13 @@ pub(crate) fn units(
     scope: &Scope,
     partitions: &[Partition],
 ) -> Result<Vec<Unit>, ScreenError> {
-    let objects = scope.partitions(Object::NAME);
     let meshes = robot_meshes::sources(&config.hand)?;
     let unit = |partition: &Partition| {
         // An object that is missing is planned without, and skipped.
-        let object = objects.iter().find(|object| object.key == partition.key);
         let unit = Unit::new(&partition.key)
             .with_label("object", &partition.key)
             .reading(Candidates::NAME, [&partition.key])
-            .reading(Object::NAME, object.map(|object| &object.key))
+            .reading_own(Object::NAME, scope)
             .with_file_of_form(
                 SourceFile::named("hand", &config.hand),
                 robot_meshes::URDF_FORM,

@@ -31,7 +31,6 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
         .partitions(checkpoint::NAME)
         .iter()
         .map(|model| &model.key);
-    let fields = scope.partitions(FieldInfo::NAME);
     let reads_hand = config.redraws() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
         robot_meshes::sources(&config.hand)?
@@ -52,8 +51,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             };
             let unit = if config.redraws() {
                 // An object without a field is planned without, and not chosen for.
-                let field = fields.iter().find(|field| field.key == *object);
-                unit.reading(FieldInfo::NAME, field.map(|field| &field.key))
+                unit.reading_own(FieldInfo::NAME, scope)
             } else {
                 unit
             };
