@@ -50,6 +50,7 @@ pub struct Candidate {
 impl Candidate {
     /// Returns the candidate of another motion to the same grasp, within the joints' limits, which `generator` made;
     /// its name is this one's with a suffix.
+    #[must_use]
     pub fn remade(
         &self,
         suffix: &str,
