@@ -47,6 +47,36 @@ pub struct Candidate {
     pub refused: Vec<RefusedDraw>,
 }
 
+impl Candidate {
+    /// Returns the candidate of another motion to the same grasp, within the joints' limits, which `generator` made;
+    /// its name is this one's with a suffix.
+    #[must_use]
+    pub fn remade(
+        &self,
+        suffix: &str,
+        generator: &str,
+        origin: Origin,
+        motion: Motion<Object>,
+    ) -> Self {
+        Self {
+            candidate_id: format!("{}-{suffix}", self.candidate_id),
+            generator: generator.to_owned(),
+            source: DrawSource {
+                draw_n: 1,
+                origin,
+                ..self.source.clone()
+            },
+            latent: self.latent.clone(),
+            table_from_object: self.table_from_object,
+            limit_excess_rad: 0.0,
+            depth_m: 0.0,
+            residual_m2: 0.0,
+            motion,
+            refused: Vec::new(),
+        }
+    }
+}
+
 /// A draw of a motion that was not kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedDraw {

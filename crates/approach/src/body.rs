@@ -5,14 +5,11 @@ use nalgebra::{Point3, Vector3};
 use posture::Environment;
 use robot::{
     Link, RobotModel,
-    spheres::{CollisionSphere, SphereCluster, clusters},
+    spheres::{CollisionSphere, SLACK, SphereCluster, clusters},
 };
 use spatial::{Object, Palm, Pose};
 
 use crate::{ApproachError, HandAxes};
-
-/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
 
 /// A hand whose collision shapes are filled with spheres, and which joints bend its fingers.
 #[derive(Debug, Clone)]
@@ -95,8 +92,7 @@ impl HandBody {
         flexion: &[impl AsRef<str>],
         grasp_q: Vec<f64>,
     ) -> Result<Self, ApproachError> {
-        let clusters =
-            clusters(&model).map_err(|large| ApproachError::LargeShapes { link: large.link })?;
+        let clusters = clusters(&model)?;
         let flexion = model.require_joints(flexion)?;
         let links = model.links();
         let moves = (0..model.dof()).map(|joint| {

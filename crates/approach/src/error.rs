@@ -1,6 +1,6 @@
 //! Why a hand cannot be given an approach.
 
-use robot::{JointMismatch, RobotError, WrongDof, spheres};
+use robot::{JointMismatch, RobotError, WrongDof, spheres::TooLarge};
 
 /// Why a hand cannot be given an approach.
 #[derive(Debug, thiserror::Error)]
@@ -10,14 +10,8 @@ pub enum ApproachError {
     #[error("the robot has no finger beside a thumb, and so no side of the palm that grasps")]
     NoPalmSide,
     /// The collision shapes are far larger than a hand's.
-    #[error(
-        "the collision shapes up to link `{link}` need more than {} spheres",
-        spheres::MAX_SPHERES
-    )]
-    LargeShapes {
-        /// The link at which they became too large.
-        link: String,
-    },
+    #[error(transparent)]
+    LargeShapes(#[from] TooLarge),
     /// A joint that is named does not exist.
     #[error(transparent)]
     Robot(#[from] RobotError),
@@ -47,7 +41,7 @@ impl ApproachError {
             Self::NoPalmSide => {
                 Some("`pipeline doctor --robot URDF` shows which fingers were found".to_owned())
             }
-            Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::LargeShapes(_) => Some("URDFs are in meters".to_owned()),
             Self::Robot(err) => err.hint(),
             Self::AnotherHand { .. } => Some(
                 "give the stage the URDF with which `retarget` made the trajectories".to_owned(),

@@ -24,6 +24,7 @@ mod start;
 mod units;
 mod virtual_contacts;
 mod way;
+mod wrenches;
 
 pub use axes::HandAxes;
 pub use body::{Clearance, HandBody, Placed, Touch};
@@ -37,3 +38,4 @@ pub use start::{Start, grasping_hands, grasps};
 pub use units::units;
 pub use virtual_contacts::{VirtualContact, virtual_contacts};
 pub use way::Way;
+pub use wrenches::Measure;

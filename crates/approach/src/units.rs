@@ -10,16 +10,14 @@ pub fn units<'a>(
     objects: Vec<&'a Partition>,
     files: &'a [&'a str],
 ) -> impl Iterator<Item = Unit> + 'a {
-    let fields = scope.partitions(FieldInfo::NAME);
     let trajectories = scope.partitions(Trajectory::NAME).iter();
     let trajectories = trajectories.map(|trajectory| trajectory.key.as_str());
     objects.into_iter().map(move |object| {
         let object = object.key.as_str();
-        let field = fields.iter().find(|field| field.key == *object);
         Unit::new(object)
             .with_label("object", object)
             .reading(Object::NAME, [object])
-            .reading(FieldInfo::NAME, field.map(|field| &field.key))
+            .reading_own(FieldInfo::NAME, scope)
             .reading(Trajectory::NAME, trajectories.clone())
             .only_files(Trajectory::NAME, files.iter().copied())
     })

@@ -4,7 +4,7 @@ use motion::HandState;
 use serde::{Deserialize, Serialize};
 use spatial::{Pose, rot6d, rotation_from_rot6d};
 
-use crate::{config::Outputs, precision::narrow};
+use crate::{CgfError, config::Outputs, precision::narrow};
 
 /// Numbers before the joint positions: translation and two matrix columns.
 pub(crate) const PALM_WIDTH: usize = 9;
@@ -47,6 +47,19 @@ pub struct Normalization {
 }
 
 impl Normalization {
+    /// Checks that there are numbers for so many outputs.
+    pub(crate) fn check(&self, outputs: usize) -> Result<(), CgfError> {
+        let Self { mean, scale } = self;
+        if mean.len() != outputs || scale.len() != outputs {
+            return Err(CgfError::Tensor {
+                name: "normalization".to_owned(),
+                found: format!("{} and {} numbers", mean.len(), scale.len()),
+                expected: format!("{outputs} numbers each"),
+            });
+        }
+        Ok(())
+    }
+
     /// Measures the mean and spread of `samples`, each of equal length.
     pub(crate) fn measure(outputs: Outputs, samples: &[Vec<f64>]) -> Self {
         let width = samples.first().map_or(PALM_WIDTH, Vec::len);

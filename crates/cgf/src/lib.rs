@@ -18,6 +18,7 @@ mod curve;
 mod data;
 mod decoder;
 mod error;
+mod files;
 #[cfg(test)]
 mod golden;
 pub mod grasp_tta;

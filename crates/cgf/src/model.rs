@@ -1,10 +1,6 @@
 //! A trained grasping function: decoding, encoding, and its two files.
 
-use std::{
-    fs::{self, File},
-    io::Write,
-    path::Path,
-};
+use std::path::Path;
 
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -18,6 +14,7 @@ use crate::{
     config::{NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
     decoder::Decoder,
+    files::{self, read},
     hand_numbers::{Normalization, PALM_WIDTH},
     limits::{JointRange, Limits},
     network::{self, Network, constant},
@@ -273,19 +270,7 @@ impl Cgf {
     ///
     /// Fails if they cannot be written.
     pub fn save(&self, weights: &Path, description: &Path) -> Result<(), CgfError> {
-        let write = |path: &Path, bytes: &[u8]| {
-            File::create(path)
-                .and_then(|mut file| file.write_all(bytes))
-                .map_err(|source| CgfError::Io {
-                    action: "write",
-                    path: path.to_owned(),
-                    source,
-                })
-        };
-        write(weights, &self.weights.to_bytes()?)?;
-        let mut json = serde_json::to_vec_pretty(&self.description)?;
-        json.push(b'\n');
-        write(description, &json)
+        files::save(&self.weights, weights, &self.description, description)
     }
 
     /// Reads the two files.
@@ -302,14 +287,7 @@ impl Cgf {
         let initialization = description.training.initialization;
         let expected = network::initialize(&description.network, dof, initialization, 0);
         weights.check_like(&expected)?;
-        let Normalization { mean, scale } = &description.normalization;
-        if mean.len() != outputs || scale.len() != outputs {
-            return Err(CgfError::Tensor {
-                name: "normalization".to_owned(),
-                found: format!("{} and {} numbers", mean.len(), scale.len()),
-                expected: format!("{outputs} numbers each"),
-            });
-        }
+        description.normalization.check(outputs)?;
         Self::new(description, weights)
     }
 
@@ -368,14 +346,6 @@ impl Description {
         }
         Ok(description)
     }
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
-    fs::read(path).map_err(|source| CgfError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })
 }
 
 impl EncodedDemonstration {

@@ -8,7 +8,7 @@ use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use robot::{
     RobotModel,
-    spheres::{SphereCluster, TooLarge, clusters},
+    spheres::{SLACK, SphereCluster, TooLarge, clusters},
 };
 use spatial::{Object, Pose, Table};
 
@@ -18,9 +18,6 @@ use crate::{
     kinematics::{Forces, Posed},
     precision::narrow,
 };
-
-/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
 
 /// What a hand can be in, seen from the frame in which its numbers are.
 #[derive(Debug, Clone)]

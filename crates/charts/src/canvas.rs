@@ -106,7 +106,7 @@ impl Canvas {
 
     fn title(&mut self, title: &str) {
         self.put("<title>");
-        self.put(&escaped(title));
+        self.put(&xml(title));
         self.put("</title>");
     }
 
@@ -157,7 +157,7 @@ impl Canvas {
             self.put(" font-weight=\"bold\"");
         }
         self.put(">");
-        self.put(&escaped(text));
+        self.put(&xml(text));
         self.put("</text>\n");
     }
 
@@ -204,7 +204,13 @@ impl Stroke {
 }
 
 /// A text as XML has it; characters that XML does not allow become a question mark.
-fn escaped(text: &str) -> String {
+fn xml(text: &str) -> String {
+    let is_no_xml = |c: char| c.is_control() || matches!(c, '\u{fffe}' | '\u{ffff}');
+    escaped(text).replace(is_no_xml, "?")
+}
+
+/// Returns text that HTML takes as text, in elements and in quoted attributes.
+pub fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {
         match character {
@@ -212,8 +218,6 @@ fn escaped(text: &str) -> String {
             '>' => escaped.push_str("&gt;"),
             '&' => escaped.push_str("&amp;"),
             '"' => escaped.push_str("&quot;"),
-            '\u{fffe}' | '\u{ffff}' => escaped.push('?'),
-            character if character.is_control() => escaped.push('?'),
             character => escaped.push(character),
         }
     }

@@ -38,6 +38,7 @@ mod style;
 
 pub use axis::Scale;
 pub use bars::{Bars, bars};
+pub use canvas::escaped;
 pub use captions::{Captions, Series};
 pub use histogram::{Sample, histogram};
 pub use intervals::{Estimate, Estimates, intervals};

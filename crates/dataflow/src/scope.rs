@@ -134,6 +134,13 @@ pub struct UnknownPartition {
     pub known: Vec<String>,
 }
 
+impl UnknownPartition {
+    /// Returns what may be named instead.
+    pub fn hint(&self) -> String {
+        format!("there are: {}", self.known.join(", "))
+    }
+}
+
 /// One partition of an artifact, as far as planning needs it.
 #[derive(Debug, Clone)]
 pub struct Partition {

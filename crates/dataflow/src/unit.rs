@@ -6,7 +6,7 @@ use crate::{
     canonical_form::Form,
     name::{ArtifactName, InvalidName, PartitionKey},
     outcome::Labels,
-    scope::Partition,
+    scope::{Partition, Scope},
     source_file::SourceFile,
 };
 
@@ -61,6 +61,14 @@ impl Unit {
             .or_default()
             .extend(keys.into_iter().map(Into::into));
         self
+    }
+
+    /// Adds the partition of an input that has this unit's key, if there is one.
+    #[must_use]
+    pub fn reading_own(self, input: &str, scope: &Scope) -> Self {
+        let mut partitions = scope.partitions(input).iter();
+        let own = partitions.find(|one| one.key == *self.partition);
+        self.reading(input, own.map(|one| &one.key))
     }
 
     /// Restricts the files read from an input's partitions to these.

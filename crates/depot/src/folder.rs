@@ -21,8 +21,8 @@ use crate::{
     interface::{Content, Depot, Entry, Put, PutMode, Sink},
 };
 
-/// Folder of files that are being written; `gc` finds what died with its writer there.
-const WRITING: &str = "writing";
+/// Prefix of the keys of files that are being written to a folder; `gc` finds what died with its writer there.
+pub const WRITING: &str = "writing";
 
 /// Bytes read and passed on at a time.
 const PIECE: usize = 256 * 1024;

@@ -30,6 +30,6 @@ mod link;
 mod watch;
 
 pub use error::DepotError;
-pub use folder::FolderDepot;
+pub use folder::{FolderDepot, WRITING};
 pub use interface::{Content, Depot, Entry, Put, PutMode, Sink};
 pub use link::{Link, Traffic};

@@ -276,17 +276,10 @@ impl MotionScene<'_> {
     fn hand_keys(&self, moments: &[Moment], q: &[&[f64]]) -> Vec<usize> {
         let links = self.robot.links();
         keyframes(moments.len(), |from, to, at| {
-            let (Some(a), Some(b), Some(c)) = (moments.get(from), moments.get(to), moments.get(at))
-            else {
+            let root = |moment: &Moment| moment.table_from_root;
+            let Some((share, root)) = pose_error_m(moments, [from, to, at], root) else {
                 return 0.0;
             };
-            let share = (c.time_s - a.time_s) / (b.time_s - a.time_s);
-            let root = pose_error_m(
-                &a.table_from_root,
-                &b.table_from_root,
-                share,
-                &c.table_from_root,
-            );
             // Along each chain the errors of the joints add up, at most.
             let mut chains = vec![0.0_f64; links.len()];
             let mut worst = 0.0_f64;
@@ -395,34 +388,30 @@ pub(crate) fn times(moments: &[Moment], kept: &[usize]) -> Vec<f32> {
     kept.iter().filter_map(time).collect()
 }
 
-/// How far a pose is from one between two others: of the origin, and of a point at [`REACH_M`].
-fn pose_error_m(
-    from: &Isometry3<f64>,
-    to: &Isometry3<f64>,
-    share: f64,
-    found: &Isometry3<f64>,
-) -> f64 {
+/// How far along between two moments a third one is, and how far a pose is then from the one between theirs: of the
+/// origin, and of a point at [`REACH_M`].
+fn pose_error_m<F, G>(
+    moments: &[Moment],
+    places: [usize; 3],
+    pose: impl Fn(&Moment) -> Pose<F, G>,
+) -> Option<(f64, f64)> {
+    let [from, to, found] = places.map(|place| moments.get(place));
+    let (from, to, found) = (from?, to?, found?);
+    let share = (found.time_s - from.time_s) / (to.time_s - from.time_s);
+    let [from, to, found] = [from, to, found].map(pose);
     let position = from.translation.vector.lerp(&to.translation.vector, share);
     let rotation = from
         .rotation
         .try_slerp(&to.rotation, share, 1e-12)
         .unwrap_or(from.rotation);
-    (position - found.translation.vector).norm() + REACH_M * rotation.angle_to(&found.rotation)
+    let off_m = (position - found.translation.vector).norm();
+    Some((share, off_m + REACH_M * rotation.angle_to(&found.rotation)))
 }
 
 fn object_keys(moments: &[Moment]) -> Vec<usize> {
+    let object = |moment: &Moment| moment.table_from_object;
     keyframes(moments.len(), |from, to, at| {
-        let (Some(a), Some(b), Some(c)) = (moments.get(from), moments.get(to), moments.get(at))
-        else {
-            return 0.0;
-        };
-        let share = (c.time_s - a.time_s) / (b.time_s - a.time_s);
-        pose_error_m(
-            &a.table_from_object,
-            &b.table_from_object,
-            share,
-            &c.table_from_object,
-        )
+        pose_error_m(moments, [from, to, at], object).map_or(0.0, |(_, error_m)| error_m)
     })
 }
 

@@ -11,7 +11,7 @@ use robot_meshes::LoadError;
 pub use error::HandFileError;
 
 /// The hand table is fingerprinted by its parsed content.
-const HAND_TABLE: Form = Form {
+pub const HAND_TABLE: Form = Form {
     name: "hand table",
     of: |bytes| {
         let text = std::str::from_utf8(bytes).ok()?;

@@ -25,16 +25,27 @@ impl<F: Clone, R: Rates> Motion<F, R> {
             })
             .collect();
         for at in 0..n {
-            let (before, after) = (at.saturating_sub(1), (at + 1).min(n - 1));
-            if before < after {
-                let between_s = steps[after].time_s - steps[before].time_s;
-                let [next, last] = [after, before].map(|idx| rates[idx].palm_velocity.to_array());
-                rates[at].palm_acceleration =
-                    Twist::from_array(std::array::from_fn(|k| (next[k] - last[k]) / between_s));
-            }
+            rates[at].palm_acceleration =
+                palm_acceleration(steps, at, |idx| rates[idx].palm_velocity.to_array());
         }
         self.with_rates(|at| rates[at].clone())
     }
+}
+
+/// Returns how fast the palm's velocity, in m/s and rad/s, changes about a step: its difference between the neighbors
+/// (the step itself at an end) over the time between them; 0 of a single step.
+pub fn palm_acceleration<F, R>(
+    steps: &[Step<F, R>],
+    at: usize,
+    velocity: impl Fn(usize) -> [f64; 6],
+) -> Twist<F> {
+    let (before, after) = (at.saturating_sub(1), (at + 1).min(steps.len() - 1));
+    if before == after {
+        return Twist::zero();
+    }
+    let between_s = steps[after].time_s - steps[before].time_s;
+    let [next, last] = [after, before].map(velocity);
+    Twist::from_array(std::array::from_fn(|k| (next[k] - last[k]) / between_s))
 }
 
 /// Returns the velocities, and the joints' accelerations, at one of a few neighboring steps.

@@ -37,6 +37,7 @@ mod rates;
 mod spline;
 mod track;
 
+pub use differentiation::palm_acceleration;
 pub use error::MotionError;
 pub use hand_state::HandState;
 pub use interpolation::joints_between;

@@ -1,11 +1,9 @@
 //! What the object and the table ask of the hand.
 
 use nalgebra::Point3;
+use robot::spheres::SLACK;
 
 use crate::{Environment, Hand, Posed, Residual, SignedDistance, Terms};
-
-/// Factor on the size of a cluster that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
 
 /// The residuals of one step: links inside the object, its clearance or the table's margin, and
 /// points that should be at a distance from the surface.

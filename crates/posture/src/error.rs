@@ -1,6 +1,6 @@
 //! Why a hand cannot be used.
 
-use robot::{RobotError, spheres};
+use robot::{RobotError, spheres::TooLarge};
 
 use crate::SolverError;
 
@@ -21,14 +21,8 @@ pub enum PostureError {
         joint: String,
     },
     /// The collision shapes are far larger than a hand's.
-    #[error(
-        "the collision shapes up to link `{link}` need more than {} spheres",
-        spheres::MAX_SPHERES
-    )]
-    LargeShapes {
-        /// The link at which they became too large.
-        link: String,
-    },
+    #[error(transparent)]
+    LargeShapes(#[from] TooLarge),
     /// The solver cannot work on the robot.
     #[error(transparent)]
     Solver(#[from] SolverError),
@@ -57,7 +51,7 @@ impl PostureError {
                 "give its joints a type that moves: revolute, continuous or prismatic".to_owned(),
             ),
             Self::JointName { .. } => Some("give it another name in the URDF".to_owned()),
-            Self::LargeShapes { .. } => Some(
+            Self::LargeShapes(_) => Some(
                 "write lengths in meters, and leave out what is not part of the hand, e.g. a table"
                     .to_owned(),
             ),

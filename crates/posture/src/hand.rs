@@ -70,7 +70,7 @@ impl Hand {
                 joint: joint.clone(),
             });
         }
-        spheres::check(model).map_err(large)
+        Ok(spheres::check(model)?)
     }
 
     /// Prepares a robot that passed [`Hand::check`] for the points of its table.
@@ -105,7 +105,7 @@ impl Hand {
             link,
             around,
             spheres,
-        } in spheres::clusters(&model).map_err(large)?
+        } in spheres::clusters(&model)?
         {
             let first = radii_m.len();
             radii_m.extend(spheres.iter().map(|sphere| sphere.radius_m));
@@ -164,10 +164,6 @@ impl Hand {
             .map(|(q, joint)| (q - joint.lower).min(joint.upper - q))
             .fold(std::f64::consts::TAU, f64::min)
     }
-}
-
-fn large(shapes: spheres::TooLarge) -> PostureError {
-    PostureError::LargeShapes { link: shapes.link }
 }
 
 /// Says whether a link is fixed to the root.

@@ -141,6 +141,10 @@ const GROUP: usize = 12;
 /// Maximum number of spheres of a hand: those of all sides of a box of one meter, three times.
 pub const MAX_SPHERES: f64 = 150_000.0;
 
+/// Factor on the radius of the sphere about a cluster where its distance is read off a field: it allows for the
+/// interpolation's slope above 1.
+pub const SLACK: f64 = 1.1;
+
 /// Neighboring spheres of one link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SphereCluster {
@@ -153,7 +157,8 @@ pub struct SphereCluster {
 }
 
 /// A hand's collision shapes are far larger than a hand's.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("the collision shapes up to link `{link}` need more than {MAX_SPHERES} spheres")]
 pub struct TooLarge {
     /// Name of the link with whose shapes they come to be so.
     pub link: String,
@@ -216,14 +221,9 @@ pub fn groups(mut spheres: Vec<CollisionSphere>) -> Vec<Vec<CollisionSphere>> {
 
 /// Returns a sphere about all of these, not much larger than need be; `None` if there are none.
 pub fn enclosing(spheres: &[CollisionSphere]) -> Option<CollisionSphere> {
-    let low = spheres
-        .iter()
-        .map(|sphere| sphere.center_in_link.coords)
-        .reduce(|a, b| a.inf(&b))?;
-    let high = spheres
-        .iter()
-        .map(|sphere| sphere.center_in_link.coords)
-        .reduce(|a, b| a.sup(&b))?;
+    let centers = || spheres.iter().map(|sphere| sphere.center_in_link.coords);
+    let low = centers().reduce(|a, b| a.inf(&b))?;
+    let high = centers().reduce(|a, b| a.sup(&b))?;
     let center_in_link = Point3::from((low + high) / 2.0);
     let reach = |sphere: &CollisionSphere| {
         (sphere.center_in_link - center_in_link).norm() + sphere.radius_m

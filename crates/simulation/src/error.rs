@@ -78,6 +78,18 @@ fn names(links: &[String]) -> String {
 }
 
 impl SimulationError {
+    /// Says whether the object is at fault, not the hand or a setting, with which every other object would fail too.
+    pub fn is_of_object(&self) -> bool {
+        matches!(
+            self,
+            Self::Massless { .. }
+                | Self::ObjectInertia { .. }
+                | Self::FlatPart { .. }
+                | Self::NoParts
+                | Self::Unsettled
+        )
+    }
+
     /// Returns what to do about it, where that is known.
     pub fn hint(&self) -> Option<String> {
         match self {

@@ -24,6 +24,13 @@ impl RestingPose {
         }
     }
 
+    /// Returns the one of these whose up direction is nearest to this one's, with its number; of equals the last.
+    pub fn nearest(&self, rests: impl IntoIterator<Item = Self>) -> Option<(usize, Self)> {
+        let agreement = |rest: &Self| rest.up_in_object.dot(&self.up_in_object);
+        let rests = rests.into_iter().enumerate();
+        rests.max_by(|(_, a), (_, b)| agreement(a).total_cmp(&agreement(b)))
+    }
+
     /// Returns the pose of the object in the table's frame: the shortest rotation that takes
     /// `up_in_object` to +z (half a turn about x where the object lies upside down).
     pub fn table_from_object(&self) -> Pose<Table, Object> {

@@ -16,13 +16,8 @@ pub enum CemMpcError {
     #[error("there are no candidates to control")]
     NoCandidates,
     /// A name in the configuration is not an object with candidates.
-    #[error("there are no candidates for an object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that have candidates.
-        known: Vec<String>,
-    },
+    #[error("there are no candidates for an object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The candidates are for another hand.
     #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
     AnotherHand {
@@ -63,19 +58,10 @@ pub enum CemMpcError {
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for CemMpcError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for CemMpcError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::AnotherHand { .. } => Some(
                 "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
             ),

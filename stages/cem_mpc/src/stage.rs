@@ -14,7 +14,7 @@ use rayon::prelude::*;
 use robot::{JointOrder, RobotModel};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, DrawSource, Origin},
+    candidates::{Candidate, Candidates, Origin},
     objects::Object,
 };
 use simulation::{ObjectShape, SettledScene, SimulationError, check_hand};
@@ -111,17 +111,17 @@ impl Output for CemMpc {
         if scope.partitions(Candidates::NAME).is_empty() {
             return Err(CemMpcError::NoCandidates);
         }
-        let chosen = scope.chosen(Candidates::NAME, &config.objects)?;
-        let objects = scope.partitions(Object::NAME);
+        let chosen = scope
+            .chosen(Candidates::NAME, &config.objects)
+            .map_err(CemMpcError::UnknownObject)?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
-            let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(Object::NAME, shape.map(|shape| &shape.key));
+                .reading_own(Object::NAME, scope);
             files.added_to(unit)
         });
         Ok(units.collect())
@@ -188,13 +188,16 @@ impl Output for CemMpc {
             }
         }
         let metrics = CemMpcMetrics::of(&made, all_s);
-        let candidates = given.candidates.iter().zip(made);
+        // Commands are within the limits.
+        let candidates = given
+            .candidates
+            .iter()
+            .zip(made)
+            .map(|(given, made)| given.remade("cem", GENERATOR, Origin::Planner, made.motion));
         cx.write(&Candidates {
             object: given.object,
             joints: joints.as_slice().into(),
-            candidates: candidates
-                .map(|(given, controlled)| candidate_of(given, controlled))
-                .collect(),
+            candidates: candidates.collect(),
         })?;
         Ok(Outcome::Made(metrics))
     }
@@ -235,17 +238,13 @@ impl Scenes {
 
 /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.
 fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
-    match source {
-        SimulationError::Massless { .. }
-        | SimulationError::ObjectInertia { .. }
-        | SimulationError::FlatPart { .. }
-        | SimulationError::NoParts
-        | SimulationError::Unsettled => Ok(Outcome::skipped(source.to_string())),
-        source => Err(CemMpcError::Simulation {
-            path: urdf.to_owned(),
-            source,
-        }),
+    if source.is_of_object() {
+        return Ok(Outcome::skipped(source.to_string()));
     }
+    Err(CemMpcError::Simulation {
+        path: urdf.to_owned(),
+        source,
+    })
 }
 
 /// Reads a hand and its table, and finds the links of its fingertips.
@@ -264,27 +263,6 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingert
         });
     }
     Ok((model, tips))
-}
-
-/// Returns the candidate of a controlled motion to the grasp of another one.
-fn candidate_of(given: &Candidate, controlled: Controlled) -> Candidate {
-    Candidate {
-        candidate_id: format!("{}-cem", given.candidate_id),
-        generator: GENERATOR.to_owned(),
-        source: DrawSource {
-            draw_n: 1,
-            origin: Origin::Planner,
-            ..given.source.clone()
-        },
-        latent: given.latent.clone(),
-        table_from_object: given.table_from_object,
-        // Commands are within the limits.
-        limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
-        motion: controlled.motion,
-        refused: Vec::new(),
-    }
 }
 
 impl CemMpcMetrics {

@@ -13,13 +13,8 @@ pub enum EigengraspError {
     #[error("there are no objects to grasp")]
     NoObjects,
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// There are fewer independent grasps than eigengrasps.
     #[error("{found} trajectories cannot span {asked} eigengrasps")]
     FewGrasps {
@@ -39,19 +34,10 @@ pub enum EigengraspError {
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for EigengraspError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for EigengraspError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::FewGrasps { .. } => {
                 Some("set `eigengrasps` to less, or retarget more recordings".to_owned())
             }

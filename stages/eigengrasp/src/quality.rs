@@ -1,7 +1,7 @@
 //! How well a grasp resists any wrench.
 
-use approach::Touch;
-use nalgebra::{Point3, Unit, Vector3, Vector6};
+use approach::{Measure, Touch};
+use nalgebra::{Point3, Vector6};
 
 use crate::hull::ball_radius;
 
@@ -17,32 +17,24 @@ pub(crate) fn epsilon(
     length_m: f64,
     friction: f64,
 ) -> f64 {
-    let wrenches: Vec<Vector6<f64>> = touches
-        .iter()
-        .flat_map(|touch| {
-            let normal = touch.normal_in_object;
-            let axis = match normal.abs().imin() {
-                0 => Vector3::x(),
-                1 => Vector3::y(),
-                _ => Vector3::z(),
-            };
-            let side = Unit::new_normalize(axis - normal * axis.dot(&normal));
-            let other = normal.cross(&side);
-            let arm = touch.point_in_object - center;
-            (0..EDGES).map(move |edge| {
-                let angle = std::f64::consts::TAU * edge as f64 / EDGES as f64;
-                let along = *side * angle.cos() + other * angle.sin();
-                let force = along * friction - normal;
-                let torque = arm.cross(&force) / length_m;
-                Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
-            })
-        })
-        .collect();
+    let measure = Measure {
+        center_in_object: *center,
+        length_m,
+        friction,
+        edges: EDGES,
+    };
+    let wrenches = touches.iter().flat_map(|touch| {
+        let normal = &touch.normal_in_object;
+        measure.wrenches(&touch.point_in_object, normal, normal)
+    });
+    let wrenches: Vec<Vector6<f64>> = wrenches.collect();
     ball_radius(&wrenches).map_or(0.0, |radius| radius.max(0.0))
 }
 
 #[cfg(test)]
 mod tests {
+    use nalgebra::Vector3;
+
     use super::*;
 
     fn touch(at: [f64; 3], normal: [f64; 3]) -> Touch {

@@ -111,7 +111,9 @@ impl Output for Eigengrasp {
         if scope.partitions(Object::NAME).is_empty() {
             return Err(EigengraspError::NoObjects);
         }
-        let objects = scope.chosen(Object::NAME, &config.objects)?;
+        let objects = scope
+            .chosen(Object::NAME, &config.objects)
+            .map_err(EigengraspError::UnknownObject)?;
         let files = HandFiles::without_table(&config.hand)?;
         let units = approach::units(scope, objects, &[lake::table::FILE]);
         Ok(units.map(|unit| files.added_to(unit)).collect())

@@ -1,6 +1,7 @@
 //! Fingertips on a surface: their wrenches, and the min-weight metric as a term of the solver.
 
-use nalgebra::{Point3, Unit, Vector3, Vector6};
+use approach::Measure;
+use nalgebra::{Point3, Vector3};
 use posture::{Environment, EnvironmentTerms, Posed, Residual, Terms};
 
 use crate::min_weight::MinWeight;
@@ -24,43 +25,6 @@ pub(crate) struct Contact {
 pub(crate) struct Tip {
     pub(crate) point: usize,
     pub(crate) radius_m: f64,
-}
-
-/// What contacts are measured by.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Measure {
-    /// Torques are about it, object frame, in meters.
-    pub(crate) center_in_object: Point3<f64>,
-    /// Length by which torques are divided, in meters.
-    pub(crate) length_m: f64,
-    pub(crate) friction: f64,
-    /// Edges of a linearized friction cone.
-    pub(crate) edges: usize,
-}
-
-impl Measure {
-    /// Returns the wrenches of a contact that presses with 1 along each edge of its linearized friction cone: force,
-    /// and torque over the length. The axis that is farthest from `near`, the normal or one like it, fixes the first
-    /// edge.
-    pub(crate) fn wrenches(&self, contact: &Contact, near: &Vector3<f64>) -> Vec<Vector6<f64>> {
-        let axis = match near.abs().imin() {
-            0 => Vector3::x(),
-            1 => Vector3::y(),
-            _ => Vector3::z(),
-        };
-        let normal = contact.normal;
-        let side = Unit::new_normalize(axis - normal * axis.dot(&normal));
-        let other = normal.cross(&side);
-        let arm = contact.at_m - self.center_in_object;
-        let edge = |number: usize| {
-            let angle = std::f64::consts::TAU * number as f64 / self.edges as f64;
-            let along = *side * angle.cos() + other * angle.sin();
-            let force = along * self.friction - normal;
-            let torque = arm.cross(&force) / self.length_m;
-            Vector6::new(force.x, force.y, force.z, torque.x, torque.y, torque.z)
-        };
-        (0..self.edges).map(edge).collect()
-    }
 }
 
 /// The terms of a search: object, table, fingertips on the surface, and what the metric lacks to its greatest value.
@@ -116,7 +80,10 @@ impl GraspTerms<'_> {
         let mut all = Vec::with_capacity(self.tips.len() * self.measure.edges);
         for (tip, at) in self.tips.iter().zip(places) {
             let contact = contact(self.surroundings.environment, at, tip.radius_m)?;
-            all.extend(self.measure.wrenches(&contact, &contact.normal));
+            all.extend(
+                self.measure
+                    .wrenches(&contact.at_m, &contact.normal, &contact.normal),
+            );
         }
         self.evaluations += 1;
         MinWeight::of(&all)
@@ -138,7 +105,10 @@ impl GraspTerms<'_> {
             let mut offset = Vector3::zeros();
             offset[axis] = sign * NEAR_M;
             let contact = contact(environment, &(at + offset), tip.radius_m)?;
-            Some(self.measure.wrenches(&contact, &here.normal))
+            Some(
+                self.measure
+                    .wrenches(&contact.at_m, &contact.normal, &here.normal),
+            )
         };
         Vector3::from_fn(|axis, _| {
             let (Some(after), Some(before)) = (moved(axis, 1.0), moved(axis, -1.0)) else {
@@ -176,33 +146,4 @@ pub(crate) fn contact(
         at_m: at - normal * radius_m,
         normal,
     })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_contact_presses_inward_within_its_cone() {
-        let contact = Contact {
-            at_m: Point3::new(0.1, 0.0, 0.0),
-            normal: Vector3::x(),
-        };
-        let measure = Measure {
-            center_in_object: Point3::new(0.0, 0.0, -0.2),
-            length_m: 0.5,
-            friction: 0.7,
-            edges: 4,
-        };
-        let found = measure.wrenches(&contact, &contact.normal);
-        assert_eq!(found.len(), 4);
-        let sum: Vector6<f64> = found.iter().sum::<Vector6<f64>>() / 4.0;
-        // Straight in: force -x, torque (0.1, 0, 0.2) × (-1, 0, 0) = (0, -0.2, 0), over 0.5 m.
-        let expected = Vector6::new(-1.0, 0.0, 0.0, 0.0, -0.4, 0.0);
-        assert!((sum - expected).norm() < 1e-12, "{sum}");
-        for wrench in found {
-            let across = Vector3::new(0.0, wrench[1], wrench[2]).norm();
-            assert!((across - 0.7).abs() < 1e-12);
-        }
-    }
 }

@@ -14,13 +14,8 @@ pub enum ForceClosureError {
     #[error("there are no objects to grasp")]
     NoObjects,
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The hand table has too few fingertips for force closure.
     #[error("the hand table marks {found} fingertips, and three are the least that hold an object")]
     FewTips {
@@ -41,19 +36,10 @@ pub enum ForceClosureError {
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for ForceClosureError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for ForceClosureError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::FewTips { .. } => {
                 Some("give each point at a fingertip a `tip_radius_m` in the hand table".to_owned())
             }

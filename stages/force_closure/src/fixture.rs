@@ -8,7 +8,7 @@ use nalgebra::Point3;
 use posture::Hand;
 use schemas::trajectories::Trajectory;
 
-use crate::{ForceClosureConfig, contacts::Measure};
+use crate::ForceClosureConfig;
 
 /// The box.
 pub(crate) const BOX: StandingBox = StandingBox {
@@ -34,8 +34,8 @@ pub(crate) fn hand() -> (Hand, HandBody) {
 }
 
 /// Returns how the box's contacts are measured.
-pub(crate) fn measure() -> Measure {
-    Measure {
+pub(crate) fn measure() -> approach::Measure {
+    approach::Measure {
         center_in_object: Point3::origin(),
         length_m: 0.05,
         friction: 0.7,

@@ -54,28 +54,25 @@ impl MinWeight {
 
 #[cfg(test)]
 mod tests {
+    use approach::Measure;
     use nalgebra::{Point3, Vector3};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
-    use crate::contacts::{Contact, Measure};
 
     fn metric(contacts: &[([f64; 3], [f64; 3])], friction: f64, edges: usize) -> Option<f64> {
         let all: Vec<Vector6<f64>> = contacts
             .iter()
             .flat_map(|(at, normal)| {
-                let contact = Contact {
-                    at_m: Point3::from(*at),
-                    normal: Vector3::from(*normal).normalize(),
-                };
+                let normal = Vector3::from(*normal).normalize();
                 let measure = Measure {
                     center_in_object: Point3::origin(),
                     length_m: 1.0,
                     friction,
                     edges,
                 };
-                measure.wrenches(&contact, &contact.normal)
+                measure.wrenches(&Point3::from(*at), &normal, &normal)
             })
             .collect();
         MinWeight::of(&all).map(|metric| metric.normalized)

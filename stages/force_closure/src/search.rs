@@ -1,6 +1,6 @@
 //! One grasp: from a random palm to fingertips that close on the object.
 
-use approach::{ApproachError, HandBody, Palms};
+use approach::{ApproachError, HandBody, Measure, Palms};
 use motion::HandState;
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posture,
@@ -11,7 +11,7 @@ use spatial::Object;
 
 use crate::{
     ForceClosureConfig, ForceClosureError,
-    contacts::{GraspTerms, Measure, Tip},
+    contacts::{GraspTerms, Tip},
 };
 
 /// Rounds of a search, each with this share of the metric's weight: the penalties gain on it until what is left of

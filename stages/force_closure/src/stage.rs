@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start};
+use approach::{Grasp, HandBody, Lies, Measure, Reach, Start};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -25,7 +25,7 @@ use schemas::{
 
 use crate::{
     ForceClosureConfig, ForceClosureError,
-    contacts::{Measure, Tip},
+    contacts::Tip,
     search::{Found, Search},
 };
 
@@ -114,7 +114,9 @@ impl Output for ForceClosure {
         if scope.partitions(Object::NAME).is_empty() {
             return Err(ForceClosureError::NoObjects);
         }
-        let objects = scope.chosen(Object::NAME, &config.objects)?;
+        let objects = scope
+            .chosen(Object::NAME, &config.objects)
+            .map_err(ForceClosureError::UnknownObject)?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = approach::units(scope, objects, &[lake::table::FILE]);
         Ok(units.map(|unit| files.added_to(unit)).collect())

@@ -11,31 +11,17 @@ pub enum InterpolateError {
     #[error("there are no candidates to interpolate")]
     NoCandidates,
     /// A name in the configuration is not an object with candidates.
-    #[error("there are no candidates for an object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that have candidates.
-        known: Vec<String>,
-    },
+    #[error("there are no candidates for an object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for InterpolateError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for InterpolateError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::Lake(err) => err.hint(),
             Self::NoCandidates => None,
         }

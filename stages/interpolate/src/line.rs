@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use motion::{HandRates, JointRates, Motion, MotionError, Step};
 use nalgebra::{UnitQuaternion, Vector3};
-use schemas::candidates::{Candidate, DrawSource, Origin};
+use schemas::candidates::{Candidate, Origin};
 use spatial::{Object, Pose, Twist};
 
 /// What the candidates say drew them.
@@ -33,23 +33,9 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
             only.iter().map(at_rest).collect()
         }
     };
-    Ok(Candidate {
-        candidate_id: format!("{}-line", given.candidate_id),
-        generator: GENERATOR.to_owned(),
-        source: DrawSource {
-            draw_n: 1,
-            origin: Origin::Line,
-            ..given.source.clone()
-        },
-        latent: given.latent.clone(),
-        table_from_object: given.table_from_object,
-        // Both ends are within the limits, and so is what lies between them.
-        limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
-        refused: Vec::new(),
-        motion: Motion::of_joints(Arc::clone(motion.joints()), steps)?,
-    })
+    let motion = Motion::of_joints(Arc::clone(motion.joints()), steps)?;
+    // Both ends are within the limits, and so is what lies between them.
+    Ok(given.remade("line", GENERATOR, Origin::Line, motion))
 }
 
 /// A hand that moves at constant rates.
@@ -112,7 +98,7 @@ impl<'a> Line<'a> {
 #[cfg(test)]
 mod tests {
     use nalgebra::Isometry3;
-    use schemas::candidates::ObjectSplit;
+    use schemas::candidates::{DrawSource, ObjectSplit};
 
     use super::*;
 

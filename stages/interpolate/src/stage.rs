@@ -49,7 +49,9 @@ impl Output for Interpolate {
         if scope.partitions(Candidates::NAME).is_empty() {
             return Err(InterpolateError::NoCandidates);
         }
-        let chosen = scope.chosen(Candidates::NAME, &config.objects)?;
+        let chosen = scope
+            .chosen(Candidates::NAME, &config.objects)
+            .map_err(InterpolateError::UnknownObject)?;
         let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
             Unit::new(object)

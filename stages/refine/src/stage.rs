@@ -95,19 +95,15 @@ impl Output for Refine {
         if given.is_empty() {
             return Err(RefineError::NoCandidates);
         }
-        let fields = scope.partitions(FieldInfo::NAME);
-        let objects = scope.partitions(Object::NAME);
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
-            let shape = objects.iter().find(|shape| shape.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key))
-                .reading(Object::NAME, shape.map(|shape| &shape.key));
+                .reading_own(FieldInfo::NAME, scope)
+                .reading_own(Object::NAME, scope);
             files.added_to(unit)
         });
         Ok(units.collect())

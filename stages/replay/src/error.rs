@@ -1,6 +1,6 @@
 //! Why trajectories could not be offered.
 
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 
@@ -12,13 +12,8 @@ pub enum ReplayError {
     #[error("there are no trajectories")]
     NoTrajectories,
     /// A name in the configuration is the object of no trajectory.
-    #[error("there is no trajectory towards an object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects of trajectories.
-        known: Vec<String>,
-    },
+    #[error("there is no trajectory towards an object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The trajectories of one object are of hands with different joints.
     #[error("the trajectories of `{object}` are of different hands: `{first}` and `{second}`")]
     DifferentHands {
@@ -40,7 +35,7 @@ pub enum ReplayError {
 impl Advise for ReplayError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::DifferentHands { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }

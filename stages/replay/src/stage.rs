@@ -2,15 +2,17 @@
 
 use std::collections::BTreeSet;
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use dataflow::{
+    Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    UnknownPartition,
+};
 use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, Motion, MotionError};
+use motion::{HandRates, MotionError, palm_acceleration};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource},
-    trajectories::{Trajectory, TrajectoryRates},
+    trajectories::Trajectory,
 };
-use spatial::{Object, Twist};
 
 use crate::{ReplayConfig, ReplayError};
 
@@ -65,10 +67,10 @@ impl Output for Replay {
             .filter_map(|t| t.label(OBJECT))
             .collect();
         if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
-            return Err(ReplayError::UnknownObject {
-                object: object.clone(),
+            return Err(ReplayError::UnknownObject(UnknownPartition {
+                name: object.clone(),
                 known: known.into_iter().map(str::to_owned).collect(),
-            });
+            }));
         }
         let chosen = |object: &&str| {
             config.objects.is_empty() || config.objects.iter().any(|name| name == object)
@@ -124,6 +126,7 @@ impl Output for Replay {
 /// Returns a trajectory as the motion that it is.
 fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
     let motion = &trajectory.motion;
+    let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
     Ok(Candidate {
         candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
         generator: GENERATOR.to_owned(),
@@ -138,24 +141,11 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
             let rates = &motion.steps()[idx].rates;
             HandRates {
                 palm_velocity: rates.palm_velocity,
-                palm_acceleration: palm_acceleration(motion, idx),
+                palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
                 joints: rates.joints.clone(),
             }
         })?,
     })
-}
-
-/// Returns how fast the palm's velocity changes about a step: its difference between the neighbors (the
-/// step itself at an end) over the time between them; 0 of a single step.
-fn palm_acceleration(motion: &Motion<Object, TrajectoryRates>, idx: usize) -> Twist<Object> {
-    let steps = motion.steps();
-    let (before, after) = (idx.saturating_sub(1), (idx + 1).min(steps.len() - 1));
-    if before == after {
-        return Twist::zero();
-    }
-    let between_s = steps[after].time_s - steps[before].time_s;
-    let [next, last] = [after, before].map(|idx| steps[idx].rates.palm_velocity.to_array());
-    Twist::from_array(std::array::from_fn(|k| (next[k] - last[k]) / between_s))
 }
 
 #[cfg(test)]
@@ -163,10 +153,10 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Partition};
-    use motion::Step;
+    use motion::{Motion, Step};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
-    use schemas::trajectories::Tracking;
-    use spatial::{Pose, RestingPose};
+    use schemas::trajectories::{Tracking, TrajectoryRates};
+    use spatial::{Pose, RestingPose, Twist};
 
     use super::*;
 

@@ -2,6 +2,8 @@
 
 mod player;
 
+use charts::escaped;
+
 use self::player::motions;
 use crate::{
     Gathered, ReportError,
@@ -158,19 +160,4 @@ fn with_code(text: &str) -> String {
             }
         })
         .collect()
-}
-
-/// Text that HTML takes as text, in elements and in quoted attributes.
-pub(super) fn escaped(text: &str) -> String {
-    let mut escaped = String::with_capacity(text.len());
-    for character in text.chars() {
-        match character {
-            '<' => escaped.push_str("&lt;"),
-            '>' => escaped.push_str("&gt;"),
-            '&' => escaped.push_str("&amp;"),
-            '"' => escaped.push_str("&quot;"),
-            character => escaped.push(character),
-        }
-    }
-    escaped
 }

@@ -1,8 +1,9 @@
 //! Why demonstrations could not be retargeted.
 
-use std::{io, path::PathBuf};
+use std::path::PathBuf;
 
-use dataflow::{Advise, missing};
+use dataflow::Advise;
+use hand_files::HandFileError;
 use lake::LakeError;
 use motion::MotionError;
 use posture::{PostureError, SolverError};
@@ -13,14 +14,9 @@ use robot_meshes::LoadError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RetargetError {
-    /// The hand table cannot be read.
-    #[error("cannot read the hand table `{}`", path.display())]
-    ReadHandTable {
-        /// The file.
-        path: PathBuf,
-        /// Why it failed.
-        source: io::Error,
-    },
+    /// The hand table cannot be read or used.
+    #[error(transparent)]
+    HandTable(#[from] HandFileError),
     /// The hand's URDF cannot be used, or lacks a link that its table names.
     #[error("cannot use the hand's URDF `{}`", path.display())]
     Hand {
@@ -56,7 +52,7 @@ pub enum RetargetError {
         /// Number of points on the palm.
         found: usize,
     },
-    /// The hand table cannot be used, or not with this hand.
+    /// The hand table cannot be used with this hand.
     #[error("cannot use the hand table `{}`", path.display())]
     InHandTable {
         /// The file.
@@ -84,10 +80,7 @@ impl From<SolverError> for RetargetError {
 impl Advise for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::ReadHandTable { path, .. } => Some(format!(
-                "set `hand_table` to the table of a robot hand; {}",
-                missing(path)
-            )),
+            Self::HandTable(err) => err.hint(),
             Self::InHandTable { source, .. } => source.hint(),
             Self::Hand { source, .. } => source.hint().or_else(|| {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())

@@ -3,11 +3,11 @@
 mod fields;
 mod retargeted;
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use dataflow::{
-    Code, Context, Form, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Unit,
+    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Unit,
 };
 use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
@@ -24,16 +24,6 @@ use crate::{RetargetConfig, RetargetError, Wrist, track::TrajectoryMetrics};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
-
-/// The hand table is fingerprinted by its parsed content.
-const TABLE: Form = Form {
-    name: "hand table",
-    of: |bytes| {
-        let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
-    },
-};
 
 impl Stage for Retarget {
     type Config = RetargetConfig;
@@ -136,7 +126,10 @@ impl Output for Trajectories {
                         SourceFile::named("hand", &config.hand),
                         robot_meshes::URDF_FORM,
                     )
-                    .with_file_of_form(SourceFile::named("hand_table", &config.hand_table), TABLE);
+                    .with_file_of_form(
+                        SourceFile::named("hand_table", &config.hand_table),
+                        hand_files::HAND_TABLE,
+                    );
                 meshes.iter().cloned().fold(unit, Unit::with_file)
             })
             .collect())
@@ -166,18 +159,11 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
         source: Box::new(err.into()),
     };
     Hand::check(&model).map_err(of_urdf)?;
-    let in_table = |err: RetargetError| RetargetError::InHandTable {
+    let table = hand_files::load_table(table_path)?;
+    let hand = Hand::new(model, &table).map_err(|err| RetargetError::InHandTable {
         path: table_path.to_owned(),
-        source: Box::new(err),
-    };
-    let table = fs::read_to_string(table_path).map_err(|source| RetargetError::ReadHandTable {
-        path: table_path.to_owned(),
-        source,
+        source: Box::new(of_urdf(err)),
     })?;
-    let table: HandTable = table
-        .parse()
-        .map_err(|err: PostureError| in_table(err.into()))?;
-    let hand = Hand::new(model, &table).map_err(|err| in_table(of_urdf(err)))?;
     let urdf = robot::plain_urdf(&urdf);
     Ok(LoadedHand { urdf, hand, table })
 }

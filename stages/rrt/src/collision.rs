@@ -1,44 +1,23 @@
 //! The collision check of a configuration: the hand's spheres against object and table.
 
-use geometry::DistanceField;
 use nalgebra::Point3;
+use posture::Environment;
 use robot::{
     RobotModel,
-    spheres::{SphereCluster, TooLarge, clusters},
+    spheres::{SLACK, SphereCluster},
 };
-use spatial::{Object, Palm, Pose, Table};
+use spatial::Palm;
 
 use crate::configuration::Configuration;
-
-/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
-
-/// A hand as spheres.
-pub(crate) struct HandSpheres<'a> {
-    model: &'a RobotModel,
-    clusters: Vec<SphereCluster>,
-}
-
-impl<'a> HandSpheres<'a> {
-    /// Fills a hand's collision shapes with spheres.
-    ///
-    /// # Errors
-    ///
-    /// Fails if they are far larger than a hand's.
-    pub(crate) fn new(model: &'a RobotModel) -> Result<Self, TooLarge> {
-        let clusters = clusters(model)?;
-        Ok(Self { model, clusters })
-    }
-}
 
 /// A hand, an object and the table on which it lies.
 pub(crate) struct Obstacles<'a> {
     /// The hand.
-    pub(crate) hand: &'a HandSpheres<'a>,
-    /// Distances about the object.
-    pub(crate) field: &'a DistanceField,
-    /// How the object lies.
-    pub(crate) table_from_object: Pose<Table, Object>,
+    pub(crate) hand: &'a RobotModel,
+    /// The spheres that fill its shapes.
+    pub(crate) spheres: &'a [SphereCluster],
+    /// The object on its table.
+    pub(crate) environment: &'a Environment,
 }
 
 impl Obstacles<'_> {
@@ -64,21 +43,20 @@ impl Obstacles<'_> {
         at: &Configuration,
         mut found: impl FnMut(f64) -> Option<f64>,
     ) -> Option<f64> {
-        let palm_from_links = self.hand.model.link_poses::<Palm>(|joint| at.q[joint]);
-        let up = self.table_from_object.rotation.inverse() * nalgebra::Vector3::z();
-        let height_m = self.table_from_object.translation.z;
-        let height_m = |center: &Point3<f64>| up.dot(&center.coords) + height_m;
-        for cluster in &self.hand.clusters {
+        let palm_from_links = self.hand.link_poses::<Palm>(|joint| at.q[joint]);
+        let off_m = |center: &Point3<f64>| self.environment.signed_distance(center).distance_m;
+        let height_m = |center: &Point3<f64>| self.environment.height_m(center);
+        for cluster in self.spheres {
             let object_from_link = at.object_from_palm * palm_from_links[cluster.link];
             let center = object_from_link * cluster.around.center_in_link;
             let reach_m = cluster.around.radius_m;
-            let may_be_in_object = self.field.distance(&center).0 < SLACK * reach_m;
+            let may_be_in_object = off_m(&center) < SLACK * reach_m;
             if !(may_be_in_object || height_m(&center) < reach_m) {
                 continue;
             }
             for sphere in &cluster.spheres {
                 let center = object_from_link * sphere.center_in_link;
-                let gap_m = self.field.distance(&center).0.min(height_m(&center));
+                let gap_m = off_m(&center).min(height_m(&center));
                 if let Some(result) = found(sphere.radius_m - gap_m) {
                     return Some(result);
                 }
@@ -90,8 +68,10 @@ impl Obstacles<'_> {
 
 #[cfg(test)]
 mod tests {
-    use geometry::TriMesh;
+    use geometry::{DistanceField, TriMesh};
     use nalgebra::Translation3;
+    use robot::spheres::clusters;
+    use spatial::{Pose, RestingPose};
 
     use super::*;
 
@@ -104,14 +84,17 @@ mod tests {
     #[test]
     fn a_ball_is_as_deep_as_it_reaches_into_object_or_table() {
         let model = RobotModel::from_urdf(HAND).unwrap();
-        let hand = HandSpheres::new(&model).unwrap();
+        let spheres = clusters(&model).unwrap();
         let high = Point3::new(0.05, 0.05, 0.05);
         let mesh = TriMesh::cuboid(-high, high);
         let field = DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap();
         let obstacles = Obstacles {
-            hand: &hand,
-            field: &field,
-            table_from_object: Pose::new(Translation3::new(0.3, 0.1, 0.05).into()),
+            hand: &model,
+            spheres: &spheres,
+            environment: &Environment::new(
+                field,
+                RestingPose::of(&Pose::new(Translation3::new(0.3, 0.1, 0.05).into())),
+            ),
         };
         let check = |palm: [f64; 3], q: f64, depth_m: f64| {
             let at = Configuration {

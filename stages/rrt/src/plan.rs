@@ -69,11 +69,10 @@ pub(crate) enum PlanOutcome {
 pub(crate) fn plan(
     config: &RrtConfig,
     search: &mut PregraspSearch<'_>,
-    scene: (&Obstacles<'_>, &Environment),
+    obstacles: &Obstacles<'_>,
     given: &Motion<Object>,
     rng: &mut impl Rng,
 ) -> Result<Plan, PlanError> {
-    let (obstacles, environment) = scene;
     let [start, grasp] = [given.first(), given.grasp()].map(|step| Configuration {
         object_from_palm: step.frame_from_palm,
         q: step.q_rad.clone(),
@@ -81,7 +80,7 @@ pub(crate) fn plan(
     let free = |at: &Configuration| obstacles.is_free(at, config.tolerated_depth_m);
     let mut checked = Checked::new(&free);
     let pregrasp = if checked.is_free(&start) {
-        pregrasp(config, search, environment, &grasp, &mut checked)?
+        pregrasp(config, search, obstacles.environment, &grasp, &mut checked)?
     } else {
         None
     };

@@ -13,17 +13,17 @@ use posture::Environment;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::JointOrder;
+use robot::{JointOrder, spheres::clusters};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, DrawSource, Origin},
+    candidates::{Candidate, Candidates, Origin},
     distance_fields::{self, FieldInfo},
 };
 use spatial::RestingPose;
 
 use crate::{
     RrtConfig, RrtError,
-    collision::{HandSpheres, Obstacles},
+    collision::Obstacles,
     plan::{Plan, PlanOutcome, plan},
     pregrasp::PregraspSearch,
 };
@@ -98,16 +98,14 @@ impl Output for Rrt {
         if given.is_empty() {
             return Err(RrtError::NoCandidates);
         }
-        let fields = scope.partitions(FieldInfo::NAME);
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
-            let field = fields.iter().find(|field| field.key == *object);
             let unit = Unit::new(object)
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(FieldInfo::NAME, field.map(|field| &field.key));
+                .reading_own(FieldInfo::NAME, scope);
             files.added_to(unit)
         });
         Ok(units.collect())
@@ -124,7 +122,7 @@ impl Output for Rrt {
         let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
         let urdf = &inputs.source("hand")?.path;
         let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
-        let spheres = HandSpheres::new(&hand.model).map_err(|large| RrtError::LargeShapes {
+        let spheres = clusters(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
         })?;
@@ -140,22 +138,15 @@ impl Output for Rrt {
         let planned = planned.map_init(search, |search, (idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
-            let obstacles = Obstacles {
-                hand: &spheres,
-                field: &field,
-                table_from_object: candidate.table_from_object,
-            };
             let rest = RestingPose::of(&candidate.table_from_object);
-            let environment = Environment::new(Arc::clone(&field), rest);
+            let obstacles = Obstacles {
+                hand: &hand.model,
+                spheres: &spheres,
+                environment: &Environment::new(Arc::clone(&field), rest),
+            };
             cpu_time::measured(|| {
                 let motion = candidate.motion.reordered(&joints)?;
-                plan(
-                    config,
-                    search,
-                    (&obstacles, &environment),
-                    &motion,
-                    &mut rng,
-                )
+                plan(config, search, &obstacles, &motion, &mut rng)
             })
         });
         let planned: Vec<_> = planned.collect();
@@ -184,22 +175,10 @@ impl Output for Rrt {
 
 /// Returns the candidate of a plan to the grasp of another one.
 fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
+    // Both ends are within the limits, and so is what lies between them.
     Candidate {
-        candidate_id: format!("{}-rrt", given.candidate_id),
-        generator: GENERATOR.to_owned(),
-        source: DrawSource {
-            draw_n: 1,
-            origin: Origin::Planner,
-            ..given.source.clone()
-        },
-        latent: given.latent.clone(),
-        table_from_object: given.table_from_object,
-        // Both ends are within the limits, and so is what lies between them.
-        limit_excess_rad: 0.0,
         depth_m: plan.depth_m,
-        residual_m2: 0.0,
-        motion: plan.motion,
-        refused: Vec::new(),
+        ..given.remade("rrt", GENERATOR, Origin::Planner, plan.motion)
     }
 }
 

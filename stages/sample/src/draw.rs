@@ -55,7 +55,8 @@ impl<'a> Source<'a> {
         let all = &description.demonstrations;
         let with_rest = |demonstration: &'a EncodedDemonstration| {
             let is_own = demonstration.object == object.name;
-            let rest = is_own.then(|| nearest(rests, &demonstration.rest()));
+            let nearest = || demonstration.rest().nearest(rests.iter().copied());
+            let rest = is_own.then(|| nearest().map_or(0, |(idx, _)| idx));
             (rest, demonstration)
         };
         let named = |name: &String| {
@@ -240,15 +241,6 @@ fn choose(weights: &[f64], uniform: f64) -> usize {
         }
     }
     chosen
-}
-
-fn nearest(rests: &[RestingPose], recorded: &RestingPose) -> usize {
-    let agreement = |rest: &RestingPose| rest.up_in_object.dot(&recorded.up_in_object);
-    rests
-        .iter()
-        .enumerate()
-        .max_by(|(_, a), (_, b)| agreement(a).total_cmp(&agreement(b)))
-        .map_or(0, |(idx, _)| idx)
 }
 
 #[cfg(test)]

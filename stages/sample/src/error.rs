@@ -4,7 +4,7 @@ use cgf::CgfError;
 use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
-use robot::{JointMismatch, WrongDof, spheres};
+use robot::{JointMismatch, WrongDof, spheres::TooLarge};
 use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
@@ -12,13 +12,8 @@ use robot_meshes::LoadError;
 #[non_exhaustive]
 pub enum SampleError {
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The function is to see another object's shape, and there is none.
     #[error("`shape` is \"other\", and there is no other object than `{0}`")]
     NoOther(String),
@@ -51,14 +46,8 @@ pub enum SampleError {
     #[error("the decoded steps do not form a motion")]
     Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
-    #[error(
-        "the collision shapes up to link `{link}` need more than {} spheres",
-        spheres::MAX_SPHERES
-    )]
-    LargeShapes {
-        /// The link at which they became too large.
-        link: String,
-    },
+    #[error(transparent)]
+    LargeShapes(#[from] TooLarge),
     /// An artifact cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
@@ -67,19 +56,10 @@ pub enum SampleError {
     Cgf(#[from] CgfError),
 }
 
-impl From<UnknownPartition> for SampleError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::UnknownDemonstration { name, known } => {
                 let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
                 let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
@@ -97,7 +77,7 @@ impl Advise for SampleError {
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"
                     .to_owned(),
             ),
-            Self::LargeShapes { .. } => Some("URDFs are in meters".to_owned()),
+            Self::LargeShapes(_) => Some("URDFs are in meters".to_owned()),
             Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
             Self::Lake(err) => err.hint(),
             Self::LoadRobot(err) => err.hint(),

@@ -5,15 +5,10 @@ use motion::Step;
 use nalgebra::Point3;
 use robot::{
     JointOrder, RobotModel, WrongDof,
-    spheres::{SphereCluster, clusters},
+    spheres::{SLACK, SphereCluster, TooLarge, clusters},
 };
 use schemas::candidates::{Candidate, Refusal};
 use spatial::{Object, Palm, Pose, Table};
-
-use crate::SampleError;
-
-/// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
-const SLACK: f64 = 1.1;
 
 /// Collision model of a hand: its collision shapes filled with spheres.
 pub struct CollisionModel<'a> {
@@ -52,9 +47,8 @@ impl<'a> CollisionModel<'a> {
     /// # Errors
     ///
     /// Fails if they are far larger than a hand's.
-    pub fn new(hand: &'a RobotModel) -> Result<Self, SampleError> {
-        let clusters =
-            clusters(hand).map_err(|large| SampleError::LargeShapes { link: large.link })?;
+    pub fn new(hand: &'a RobotModel) -> Result<Self, TooLarge> {
+        let clusters = clusters(hand)?;
         Ok(Self { hand, clusters })
     }
 

@@ -30,15 +30,13 @@ pub(crate) fn units(
     scope: &Scope,
     partitions: &[Partition],
 ) -> Result<Vec<Unit>, ScreenError> {
-    let objects = scope.partitions(Object::NAME);
     let meshes = robot_meshes::sources(&config.hand)?;
     let unit = |partition: &Partition| {
         // An object that is missing is planned without, and skipped.
-        let object = objects.iter().find(|object| object.key == partition.key);
         let unit = Unit::new(&partition.key)
             .with_label("object", &partition.key)
             .reading(Candidates::NAME, [&partition.key])
-            .reading(Object::NAME, object.map(|object| &object.key))
+            .reading_own(Object::NAME, scope)
             .with_file_of_form(
                 SourceFile::named("hand", &config.hand),
                 robot_meshes::URDF_FORM,
@@ -84,17 +82,13 @@ impl Screened {
     /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so
     /// every unit will.
     pub(crate) fn failed<M>(&self, source: SimulationError) -> Result<Outcome<M>, ScreenError> {
-        match source {
-            SimulationError::Massless { .. }
-            | SimulationError::ObjectInertia { .. }
-            | SimulationError::FlatPart { .. }
-            | SimulationError::NoParts
-            | SimulationError::Unsettled => Ok(Outcome::skipped(source.to_string())),
-            source => Err(ScreenError::Simulation {
-                partition: self.partition.clone(),
-                path: self.urdf.clone(),
-                source,
-            }),
+        if source.is_of_object() {
+            return Ok(Outcome::skipped(source.to_string()));
         }
+        Err(ScreenError::Simulation {
+            partition: self.partition.clone(),
+            path: self.urdf.clone(),
+            source,
+        })
     }
 }

@@ -6,17 +6,15 @@ use std::collections::BTreeSet;
 use cgf::{TrainingMotion, TrainingSet};
 use dataflow::{Inputs, Scope};
 use lake::ReadInputs;
-use motion::MotionError;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates},
+    candidates::Candidates,
     rollouts::{Rollouts, Verdict},
-    training::Split,
 };
 
 use spatial::{Pose, RestingPose};
 
-use crate::TrainError;
+use crate::{TrainError, set::track};
 
 /// Returns the partitions of candidates and rollouts that are learned from; none if neither is wired.
 ///
@@ -85,7 +83,10 @@ pub(crate) fn read(
             Some((candidate, scene))
         });
         for (candidate, scene) in in_scenes.take(per_object) {
-            found.push(track(candidate, set, scene, joints)?);
+            let table_from_object = set.scenes[scene].rest.table_from_object();
+            let motion = candidate.motion.with_rates(|_| ());
+            let motion = motion.map(|one| one.expressed_in(&table_from_object));
+            found.push(track(&candidate.candidate_id, scene, motion, joints)?);
         }
     }
     Ok(found)
@@ -100,33 +101,5 @@ fn scene(
     let rest = RestingPose::of(table_from_object);
     set.scenes.iter().position(|scene| {
         scene.object == object && scene.rest.up_in_object.dot(&rest.up_in_object) > LIES_ALIKE
-    })
-}
-
-/// Returns a motion as one to learn from.
-fn track(
-    candidate: &Candidate,
-    set: &TrainingSet,
-    scene: usize,
-    joints: &[String],
-) -> Result<TrainingMotion, TrainError> {
-    let name = || candidate.candidate_id.clone();
-    let table_from_object = set.scenes[scene].rest.table_from_object();
-    let motion = candidate.motion.with_rates(|_| ());
-    let motion = motion.and_then(|one| one.expressed_in(&table_from_object).reordered(joints));
-    Ok(TrainingMotion {
-        name: name(),
-        scene,
-        split: Split::Training,
-        motion: motion.map_err(|source| match source {
-            MotionError::Joints(source) => TrainError::AnotherHand {
-                sequence: name(),
-                source,
-            },
-            source => TrainError::Motion {
-                sequence: name(),
-                source,
-            },
-        })?,
     })
 }

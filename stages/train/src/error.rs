@@ -3,7 +3,7 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
-use dataflow::Advise;
+use dataflow::{Advise, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
@@ -30,13 +30,8 @@ pub enum TrainError {
         objects_n: usize,
     },
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// A trajectory's maker did not label it with its object.
     #[error("trajectory `{sequence}` has no label `object`")]
     NoObject {
@@ -118,7 +113,7 @@ impl Advise for TrainError {
             Self::EmptyFold { .. } => {
                 Some("choose fewer folds than objects in `unseen_fold`".to_owned())
             }
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::OneOfTwo { .. } | Self::NoRollout { .. } => Some(
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
                     .to_owned(),

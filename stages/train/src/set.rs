@@ -3,10 +3,10 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{Random, RestingObject, TrainingMotion, TrainingSet};
-use dataflow::Inputs;
+use dataflow::{Inputs, UnknownPartition};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
-use motion::MotionError;
+use motion::{Motion, MotionError};
 use nalgebra::Point3;
 use schemas::{
     Table,
@@ -45,18 +45,25 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
     let mut scenes = BTreeMap::new();
     for artifact in inputs.artifacts("trajectories") {
         let trajectory: Trajectory = table::read(artifact)?;
-        let object = known
-            .get(&trajectory.object)
-            .ok_or_else(|| TrainError::UnknownObject {
-                object: trajectory.object.clone(),
+        let object = known.get(&trajectory.object).ok_or_else(|| {
+            TrainError::UnknownObject(UnknownPartition {
+                name: trajectory.object.clone(),
                 known: known.keys().cloned().collect(),
-            })?;
-        let (idx, rest) = nearest_rest(object, &trajectory.rest)?;
+            })
+        })?;
+        let rests = object.rests.iter().map(|orientation| orientation.rest);
+        let nearest = trajectory.rest.nearest(rests);
+        let (idx, rest) = nearest.ok_or_else(|| TrainError::NoRests {
+            object: object.name.clone(),
+        })?;
         let scene = *scenes.entry((object.name.clone(), idx)).or_insert_with(|| {
             set.scenes.push(scene(object, rest));
             set.scenes.len() - 1
         });
-        set.tracks.push(track(&trajectory, rest, scene, joints)?);
+        let motion = trajectory.motion.with_rates(|_| ());
+        let motion = motion.map(|one| one.expressed_in(&rest.table_from_object()));
+        set.tracks
+            .push(track(&trajectory.sequence, scene, motion, joints)?);
     }
     Ok(set)
 }
@@ -101,23 +108,6 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
     }
 }
 
-/// Returns the object's resting orientation whose up direction is nearest to the recorded one.
-fn nearest_rest(
-    object: &Object,
-    recorded: &RestingPose,
-) -> Result<(usize, RestingPose), TrainError> {
-    let agreement = |rest: &RestingPose| rest.up_in_object.dot(&recorded.up_in_object);
-    object
-        .rests
-        .iter()
-        .map(|orientation| orientation.rest)
-        .enumerate()
-        .max_by(|(_, a), (_, b)| agreement(a).total_cmp(&agreement(b)))
-        .ok_or_else(|| TrainError::NoRests {
-            object: object.name.clone(),
-        })
-}
-
 fn scene(object: &Object, rest: RestingPose) -> RestingObject {
     RestingObject {
         object: object.name.clone(),
@@ -130,16 +120,15 @@ fn scene(object: &Object, rest: RestingPose) -> RestingObject {
     }
 }
 
-fn track(
-    trajectory: &Trajectory,
-    rest: RestingPose,
+/// Returns a motion above the table of its scene as one to learn from, unless it cannot be followed.
+pub(crate) fn track(
+    name: &str,
     scene: usize,
+    motion: Result<Motion<spatial::Table, ()>, MotionError>,
     joints: &[String],
 ) -> Result<TrainingMotion, TrainError> {
-    let table_from_object = rest.table_from_object();
-    let motion = trajectory.motion.with_rates(|_| ());
-    let motion = motion.and_then(|one| one.expressed_in(&table_from_object).reordered(joints));
-    let sequence = || trajectory.sequence.clone();
+    let motion = motion.and_then(|one| one.reordered(joints));
+    let sequence = || name.to_owned();
     Ok(TrainingMotion {
         name: sequence(),
         scene,

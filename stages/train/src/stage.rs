@@ -82,18 +82,10 @@ impl Output for Train {
     const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
-        let known: Vec<String> = scope
-            .partitions(Object::NAME)
-            .iter()
-            .map(|object| object.key.to_string())
-            .collect();
-        for object in config.objects.iter().chain(&config.unseen_objects) {
-            if !known.contains(object) {
-                return Err(TrainError::UnknownObject {
-                    object: object.clone(),
-                    known,
-                });
-            }
+        for names in [&config.objects, &config.unseen_objects] {
+            scope
+                .chosen(Object::NAME, names)
+                .map_err(TrainError::UnknownObject)?;
         }
         let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();

@@ -9,13 +9,8 @@ use motion::MotionError;
 #[non_exhaustive]
 pub enum TransferError {
     /// A name in the configuration is no object.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// There are no demonstrations.
     #[error("there are no trajectories")]
     NoTrajectories,
@@ -43,19 +38,10 @@ pub enum TransferError {
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for TransferError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for TransferError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::DifferentHands { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }

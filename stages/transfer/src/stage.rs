@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use dataflow::{
     Code, Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    Sum, Unit, UnknownPartition,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::Motion;
@@ -72,7 +72,9 @@ impl Output for Transfer {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, TransferError> {
-        let chosen = scope.chosen(Object::NAME, &config.objects)?;
+        let chosen = scope
+            .chosen(Object::NAME, &config.objects)
+            .map_err(TransferError::UnknownObject)?;
         let chosen = chosen.into_iter().map(|object| object.key.as_str());
         let trajectories = scope.partitions(Trajectory::NAME);
         let unit = |object: &str| {
@@ -123,9 +125,11 @@ impl Output for Transfer {
             });
         }
         let object = objects.iter().find(|object| object.name == name);
-        let object = object.ok_or_else(|| TransferError::UnknownObject {
-            object: name.to_owned(),
-            known: objects.iter().map(|known| known.name.clone()).collect(),
+        let object = object.ok_or_else(|| {
+            TransferError::UnknownObject(UnknownPartition {
+                name: name.to_owned(),
+                known: objects.iter().map(|known| known.name.clone()).collect(),
+            })
         })?;
         let motions = match config.from {
             TransferSource::Mean => means(object, &trajectories)?,

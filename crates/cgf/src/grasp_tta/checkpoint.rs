@@ -1,16 +1,17 @@
 //! The networks' two files.
 
-use std::{
-    fs::{self, File},
-    io::Write,
-    path::Path,
-};
+use std::path::Path;
 
 use schemas::grasp_networks::VERSION;
 use serde::{Deserialize, Serialize};
 
 use super::{GraspEpoch, GraspNetworkConfig, GraspNetworks, GraspTrainingConfig, networks};
-use crate::{CgfError, Normalization, hand_numbers::PALM_WIDTH, weights::Weights};
+use crate::{
+    CgfError, Normalization,
+    files::{self, read},
+    hand_numbers::PALM_WIDTH,
+    weights::Weights,
+};
 
 /// Everything about the networks but their weights.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -45,10 +46,7 @@ impl GraspNetworks {
     ///
     /// Fails if they cannot be written.
     pub fn save(&self, weights: &Path, description: &Path) -> Result<(), CgfError> {
-        write(weights, &self.weights.to_bytes()?)?;
-        let mut json = serde_json::to_vec_pretty(&self.description)?;
-        json.push(b'\n');
-        write(description, &json)
+        files::save(&self.weights, weights, &self.description, description)
     }
 
     /// Reads the two files, for a hand with these joints.
@@ -72,34 +70,9 @@ impl GraspNetworks {
         }
         description.network.check()?;
         let outputs = PALM_WIDTH + joints.len();
-        let Normalization { mean, scale } = &description.normalization;
-        if mean.len() != outputs || scale.len() != outputs {
-            return Err(CgfError::Tensor {
-                name: "normalization".to_owned(),
-                found: format!("{} and {} numbers", mean.len(), scale.len()),
-                expected: format!("{outputs} numbers each"),
-            });
-        }
+        description.normalization.check(outputs)?;
         let weights = Weights::from_bytes(&read(weights)?)?;
         weights.check_like(&networks::initialize(&description.network, outputs, 0))?;
         Self::new(description, weights)
     }
-}
-
-fn write(path: &Path, bytes: &[u8]) -> Result<(), CgfError> {
-    File::create(path)
-        .and_then(|mut file| file.write_all(bytes))
-        .map_err(|source| CgfError::Io {
-            action: "write",
-            path: path.to_owned(),
-            source,
-        })
-}
-
-fn read(path: &Path) -> Result<Vec<u8>, CgfError> {
-    fs::read(path).map_err(|source| CgfError::Io {
-        action: "read",
-        path: path.to_owned(),
-        source,
-    })
 }

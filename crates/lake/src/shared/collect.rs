@@ -11,7 +11,7 @@ use std::{
 };
 
 use dataflow::{Digest, RecordOutcome};
-use depot::{Content, DepotError, Entry, Link, PutMode};
+use depot::{Content, DepotError, Entry, Link, PutMode, WRITING};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
@@ -114,7 +114,7 @@ impl Shared {
                 garbage.keys.push(entry.key);
             }
         }
-        for prefix in [keys::DIFFERING, keys::WRITING, keys::MESSAGES, keys::LOGS] {
+        for prefix in [keys::DIFFERING, WRITING, keys::MESSAGES, keys::LOGS] {
             let left = link.list(prefix)?.into_iter().filter(is_old);
             let n_before = garbage.keys.len();
             garbage.keys.extend(left.map(|entry| entry.key));

@@ -28,8 +28,6 @@ pub(crate) const RUNS: &str = "runs";
 pub(crate) const DIFFERING: &str = "differing";
 pub(crate) const MESSAGES: &str = "messages";
 pub(crate) const LOGS: &str = "logs";
-/// Files that are being written to a folder.
-pub(crate) const WRITING: &str = "writing";
 
 pub(crate) fn blob(digest: &Digest) -> String {
     let name = digest.to_hex();

@@ -77,18 +77,11 @@ impl Chain {
 /// Returns where a joint's positions differ by more than turns: all of its limits, or one turn in the
 /// middle of them.
 fn range(joint: &Joint) -> [f64; 2] {
-    let middle = middle(joint);
+    let middle = joint.middle();
     match joint.kind {
         JointKind::Prismatic => [joint.lower, joint.upper],
         JointKind::Continuous => [-PI, PI],
         JointKind::Revolute => [joint.lower.max(middle - PI), joint.upper.min(middle + PI)],
-    }
-}
-
-fn middle(joint: &Joint) -> f64 {
-    match joint.kind {
-        JointKind::Continuous => 0.0,
-        JointKind::Revolute | JointKind::Prismatic => 0.5 * (joint.lower + joint.upper),
     }
 }
 
@@ -97,7 +90,7 @@ fn centered(joint: &Joint, q: f64) -> f64 {
     match joint.kind {
         JointKind::Prismatic => q,
         JointKind::Revolute | JointKind::Continuous => {
-            q - TAU * ((q - middle(joint)) / TAU).round()
+            q - TAU * ((q - joint.middle()) / TAU).round()
         }
     }
 }

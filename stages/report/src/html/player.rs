@@ -1,6 +1,7 @@
 //! The player with its list of motions.
 
-use super::escaped;
+use charts::escaped;
+
 use crate::{Gathered, Motion, numbers::words};
 
 /// The player with its list of motions.

@@ -1,6 +1,6 @@
 //! The stage from the outside: what it makes, skips and refuses.
 
-use std::{collections::BTreeMap, error::Error, io::Write, path::PathBuf};
+use std::{collections::BTreeMap, error::Error, fs, io::Write, path::PathBuf};
 
 use dataflow::{Advise, Artifact, Partition};
 use schemas::{

@@ -68,12 +68,10 @@ impl Output for SamplingReport {
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
         let meshes = robot_meshes::sources(&config.hand)?;
-        let fields = scope.partitions(FieldInfo::NAME);
         let trajectories = scope.partitions(Trajectory::NAME);
         let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
             let object = candidates.key.as_str();
             // An object without a field is planned without, and skipped.
-            let field = fields.iter().find(|field| field.key == *object);
             let shown = trajectories
                 .iter()
                 .filter(|trajectory| trajectory.label("object") == Some(object));
@@ -81,7 +79,7 @@ impl Output for SamplingReport {
                 .with_label("object", object)
                 .reading(Candidates::NAME, [object])
                 .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading(FieldInfo::NAME, field.map(|field| field.key.as_str()))
+                .reading_own(FieldInfo::NAME, scope)
                 .reading(
                     Trajectory::NAME,
                     shown.map(|trajectory| trajectory.key.as_str()),

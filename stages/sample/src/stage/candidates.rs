@@ -1,7 +1,7 @@
 //! The motions of one object.
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Outcome, Partition, Scope, Unit};
+use dataflow::{Artifact, Context, Inputs, Outcome, Partition, Scope, Unit, UnknownPartition};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -24,12 +24,13 @@ use crate::{
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
     let objects = scope.partitions(Object::NAME);
-    let chosen = scope.chosen(Object::NAME, &config.objects)?;
+    let chosen = scope
+        .chosen(Object::NAME, &config.objects)
+        .map_err(SampleError::UnknownObject)?;
     let checkpoint = scope
         .partitions(checkpoint::NAME)
         .iter()
         .map(|model| &model.key);
-    let fields = scope.partitions(FieldInfo::NAME);
     let reads_hand = config.redraws() || config.recorded_per_object > 0;
     let meshes = if reads_hand {
         robot_meshes::sources(&config.hand)?
@@ -50,8 +51,7 @@ pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, S
             };
             let unit = if config.redraws() {
                 // An object without a field is planned without, and not chosen for.
-                let field = fields.iter().find(|field| field.key == *object);
-                unit.reading(FieldInfo::NAME, field.map(|field| &field.key))
+                unit.reading_own(FieldInfo::NAME, scope)
             } else {
                 unit
             };
@@ -90,13 +90,12 @@ pub(super) fn make(
     let (own, others): (Vec<&Object>, Vec<&Object>) = seen
         .iter()
         .partition(|object| seen.len() == 1 || object.name == cx.partition().as_str());
-    let object = own
-        .first()
-        .copied()
-        .ok_or_else(|| SampleError::UnknownObject {
-            object: cx.partition().to_string(),
+    let object = own.first().copied().ok_or_else(|| {
+        SampleError::UnknownObject(UnknownPartition {
+            name: cx.partition().to_string(),
             known: seen.iter().map(|object| object.name.clone()).collect(),
-        })?;
+        })
+    })?;
     let other = match config.shape {
         SeenShape::Own => None,
         SeenShape::Other => {
