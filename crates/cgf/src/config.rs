@@ -9,7 +9,7 @@ use candle_core::Device;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, hand_state::PALM_WIDTH};
+use crate::{CgfError, InvalidOption, hand_state::PALM_WIDTH};
 
 /// Fewest surface points that still show an object's shape.
 const MIN_POINTS: usize = 32;
@@ -428,7 +428,7 @@ impl NetworkConfig {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let why = "time and memory grow with the number of points";
         check("points", self.points, MIN_POINTS..=MAX_POINTS, why)?;
         let why = "the encoder's input grows with the number of steps";
@@ -445,7 +445,7 @@ impl NetworkConfig {
             let is_width = |width: &usize| (1..=MAX_WIDTH).contains(width);
             if !(1..=MAX_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
                 let expected = format!("1 to {MAX_LAYERS} widths from 1 to {MAX_WIDTH}: {why}");
-                return Err(CgfError::Config {
+                return Err(InvalidOption {
                     key,
                     value: format!("{widths:?}"),
                     expected,
@@ -460,7 +460,7 @@ impl NetworkConfig {
             .into_iter()
             .max_by_key(|(_, widths)| widths.iter().max());
         let (key, widths) = widest.unwrap_or(("decoder_widths", &self.decoder_widths));
-        Err(CgfError::Config {
+        Err(InvalidOption {
             key,
             value: format!("{widths:?}"),
             expected: format!(
@@ -501,7 +501,7 @@ impl TrainingConfig {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let per_epoch = "the training curve has a row for each epoch";
         check("epochs", self.epochs, 1..=MAX_EPOCHS, per_epoch)?;
         let epochs = "it is a number of epochs";
@@ -548,7 +548,7 @@ impl TrainingConfig {
     /// # Errors
     ///
     /// Fails if it cannot.
-    pub fn check_memory(&self, network: &NetworkConfig) -> Result<(), CgfError> {
+    pub fn check_memory(&self, network: &NetworkConfig) -> Result<(), InvalidOption> {
         let sum = |widths: &[usize]| widths.iter().copied().fold(0, usize::saturating_add);
         let times = self.grasp_steps.saturating_add(self.random_times);
         let of_motion = [
@@ -564,7 +564,7 @@ impl TrainingConfig {
             return Ok(());
         }
         let most = (MAX_ACTIVATIONS / of_motion.max(1)).max(1);
-        Err(CgfError::Config {
+        Err(InvalidOption {
             key: "batch",
             value: self.batch.to_string(),
             expected: format!(
@@ -593,12 +593,12 @@ pub(crate) fn check<N: PartialOrd + Copy + Debug + Display>(
     value: N,
     bounds: RangeInclusive<N>,
     why: &str,
-) -> Result<(), CgfError> {
+) -> Result<(), InvalidOption> {
     if bounds.contains(&value) {
         return Ok(());
     }
     let (least, most) = bounds.into_inner();
-    Err(CgfError::Config {
+    Err(InvalidOption {
         key,
         value: format!("{value:?}"),
         expected: format!("from {least} to {most}: {why}"),

@@ -3,7 +3,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, config::check};
+use crate::{InvalidOption, config::check};
 
 /// Most points of an object: each is compared with every point of the hand.
 const MAX_POINTS: usize = 100_000;
@@ -161,7 +161,7 @@ impl GraspNetworkConfig {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let why = "each is compared with every point of the hand";
         check("points", self.points, 32..=MAX_POINTS, why)?;
         let why = "the number of weights grows with the square of a width";
@@ -175,7 +175,7 @@ impl GraspNetworkConfig {
         ] {
             let is_width = |width: &usize| (1..=MAX_WIDTH).contains(width);
             if !(least..=MAX_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
-                return Err(CgfError::Config {
+                return Err(InvalidOption {
                     key,
                     value: format!("{widths:?}"),
                     expected: format!(
@@ -194,7 +194,7 @@ impl GraspTrainingConfig {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let why = "each passes over all grasps";
         check("epochs", self.epochs, 1..=MAX_EPOCHS, why)?;
         check("contact_epochs", self.contact_epochs, 1..=MAX_EPOCHS, why)?;
@@ -220,7 +220,7 @@ impl AdaptationConfig {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let why = "each compares hand and object";
         check("steps", self.steps, 0..=MAX_STEPS, why)?;
         let why = "a step of a meter leaves the object";
@@ -236,7 +236,7 @@ impl TermWeights {
     /// # Errors
     ///
     /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), CgfError> {
+    pub fn check(&self) -> Result<(), InvalidOption> {
         let why = "larger losses lose precision in a sum";
         for (key, weight) in [
             ("contact", self.contact),
