@@ -188,7 +188,8 @@ impl Lab {
         let of_all = self.path("graph.toml");
         fs::rename(path, &of_all).unwrap();
         let mut run = Command::new(env::current_exe().unwrap());
-        run.env(AS_PROGRAM, "1").arg("run").arg(of_all);
+        run.env(AS_PROGRAM, "1").env_remove("PIPELINE_DEPOT");
+        run.arg("run").arg(of_all);
         run.arg("--lake").arg(self.path(lake));
         run.stdout(Stdio::null()).stderr(Stdio::piped());
         run

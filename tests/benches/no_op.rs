@@ -176,6 +176,7 @@ fn bundled_sample() {
         let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
         program
             .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .env_remove("PIPELINE_DEPOT")
             .args([command, "pipelines/cgf.toml"]);
         program
     };
@@ -192,7 +193,7 @@ fn bundled_sample() {
 
 fn own_program() -> Command {
     let mut program = Command::new(env::current_exe().unwrap());
-    program.env(AS_PROGRAM, "1");
+    program.env(AS_PROGRAM, "1").env_remove("PIPELINE_DEPOT");
     program
 }
 

@@ -59,6 +59,7 @@ fn main() -> Result<ExitCode, Box<dyn Error>> {
     })?;
     let (query_s, n_lines) = fastest(|| {
         let asked = Command::new(env!("CARGO_BIN_EXE_pipeline"))
+            .env_remove("PIPELINE_DEPOT")
             .args(["query", SQL, "--format", "csv", "--lake"])
             .arg(lake.path())
             .stderr(Stdio::inherit())

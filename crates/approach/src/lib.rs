@@ -36,6 +36,6 @@ pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;
 pub use start::{Start, grasping_hands, grasps};
 pub use units::units;
-pub use virtual_contacts::{VirtualContact, virtual_contacts};
+pub use virtual_contacts::virtual_contacts;
 pub use way::Way;
 pub use wrenches::Measure;

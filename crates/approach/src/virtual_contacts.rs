@@ -1,7 +1,7 @@
 //! Where a hand should touch: points on the inner sides of its links.
 
 use nalgebra::{Point3, Vector3};
-use robot::{Link, RobotModel, spheres::clusters};
+use robot::{Link, RobotModel, SurfacePoint, spheres::clusters};
 use spatial::{Palm, Pose};
 
 use crate::HandBody;
@@ -9,21 +9,10 @@ use crate::HandBody;
 /// Length below which a link has no direction, in meters.
 const SHORT_M: f64 = 1e-3;
 
-/// A point that should touch.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct VirtualContact {
-    /// The link, by its number among the model's.
-    pub link: usize,
-    /// On its surface, in its frame, in meters.
-    pub at_in_link: Point3<f64>,
-    /// Unit normal, outward, in the link's frame.
-    pub normal_in_link: Vector3<f64>,
-}
-
-/// Returns the virtual contacts of a hand: on each link that a flexion joint moves one in the middle of its inner side,
-/// on each fingertip one between inner side and end, on the palm four; and one more on each last link, so that the
-/// distal parts count for two.
-pub fn virtual_contacts(body: &HandBody) -> Vec<VirtualContact> {
+/// Returns the virtual contacts of a hand, the points that should touch: on each link that a flexion joint moves one in
+/// the middle of its inner side, on each fingertip one between inner side and end, on the palm four; and one more on
+/// each last link, so that the distal parts count for two.
+pub fn virtual_contacts(body: &HandBody) -> Vec<SurfacePoint> {
     let model = body.model();
     let reach = Reach::new(model);
     let mut contacts = palm_contacts(body, &reach);
@@ -96,18 +85,18 @@ impl Reach {
     }
 
     /// Returns the contact on the side of a link that a normal points to, at the foot of a point.
-    fn on(&self, link: usize, above: Vector3<f64>, normal: Vector3<f64>) -> VirtualContact {
+    fn on(&self, link: usize, above: Vector3<f64>, normal: Vector3<f64>) -> SurfacePoint {
         let off_m = self.along(link, &normal) - above.dot(&normal);
-        VirtualContact {
+        SurfacePoint {
             link,
-            at_in_link: Point3::from(above + normal * off_m),
+            point_in_link: Point3::from(above + normal * off_m),
             normal_in_link: normal,
         }
     }
 }
 
 /// Returns four contacts on the side of the palm that grasps, a quarter of its size from its middle.
-fn palm_contacts(body: &HandBody, reach: &Reach) -> Vec<VirtualContact> {
+fn palm_contacts(body: &HandBody, reach: &Reach) -> Vec<SurfacePoint> {
     let axes = body.axes();
     let Some(palm) = body.model().hand_layout().map(|layout| layout.palm) else {
         return Vec::new();
@@ -142,7 +131,7 @@ mod tests {
         assert_eq!(contacts.len(), 3 * 4 + 3 + 4);
         let of = |name: &str| {
             let link = body.model().link(name).unwrap();
-            let found: Vec<&VirtualContact> = contacts
+            let found: Vec<&SurfacePoint> = contacts
                 .iter()
                 .filter(|contact| contact.link == link)
                 .collect();
@@ -153,20 +142,23 @@ mod tests {
             (proximal.normal_in_link - Vector3::x()).norm() < 1e-6,
             "{proximal:?}"
         );
-        let at = proximal.at_in_link - Point3::new(0.0098, 0.0, 0.027);
+        let at = proximal.point_in_link - Point3::new(0.0098, 0.0, 0.027);
         assert!(at.norm() < 5e-4, "{proximal:?}");
         let tip = of("link_3.0_tip")[0];
         let slanted = Vector3::new(1.0, 0.0, 1.0).normalize();
         assert!((tip.normal_in_link - slanted).norm() < 1e-6, "{tip:?}");
         assert!(
-            (tip.at_in_link.coords - slanted * 0.012).norm() < 5e-4,
+            (tip.point_in_link.coords - slanted * 0.012).norm() < 5e-4,
             "{tip:?}"
         );
         let palm = of("base_link");
         assert_eq!(palm.len(), 4);
         for contact in palm {
             // The palm's box ends at x = -9.3 + 20.4 mm; the approach is within some degrees of x.
-            assert!((contact.at_in_link.x - 0.0111).abs() < 0.012, "{contact:?}");
+            assert!(
+                (contact.point_in_link.x - 0.0111).abs() < 0.012,
+                "{contact:?}"
+            );
             assert!(contact.normal_in_link.x > 0.98, "{contact:?}");
         }
     }

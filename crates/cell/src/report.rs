@@ -42,7 +42,7 @@ pub struct UncheckedReport(Report);
 /// What a cell measured at one moment.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
-    /// Seconds since the start of the motion.
+    /// Seconds since the goal's first row was due; negative on the way to it.
     pub time_s: f64,
     /// Pose of the palm.
     pub table_from_palm: Pose<Table, Palm>,

@@ -308,14 +308,14 @@ impl<T: Number> Decoder<T> {
     }
 }
 
-fn check_width(key: &'static str, found: usize, expected: usize) -> Result<(), CgfError> {
+fn check_width(what: &'static str, found: usize, expected: usize) -> Result<(), CgfError> {
     if found == expected {
         return Ok(());
     }
-    Err(CgfError::Config {
-        key,
-        value: format!("{found} numbers"),
-        expected: "as many numbers as the network was made for".to_owned(),
+    Err(CgfError::WrongWidth {
+        what,
+        expected,
+        found,
     })
 }
 

@@ -80,14 +80,17 @@ pub enum CgfError {
         link: String,
     },
     /// A value of the configuration cannot be used.
-    #[error("`{key}` is {value}, expected {expected}")]
-    Config {
-        /// The key.
-        key: &'static str,
-        /// Its value.
-        value: String,
-        /// What would be valid, and why.
-        expected: String,
+    #[error(transparent)]
+    Config(#[from] InvalidOption),
+    /// The decoder was given numbers of another network.
+    #[error("`{what}` has {found} numbers, the network takes {expected}")]
+    WrongWidth {
+        /// What the numbers are.
+        what: &'static str,
+        /// How many the network takes.
+        expected: usize,
+        /// How many there are.
+        found: usize,
     },
     /// The loss is no longer a number.
     #[error("training diverged in epoch {epoch}: the loss is {loss}")]
@@ -148,4 +151,28 @@ pub enum CgfError {
     /// The tensor library failed.
     #[error("a tensor operation failed")]
     Tensors(#[from] candle_core::Error),
+}
+
+/// An option whose value cannot be used.
+#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
+#[error("`{key}` is {value}, expected {expected}")]
+pub struct InvalidOption {
+    /// Its key.
+    pub key: &'static str,
+    /// Its value.
+    pub value: String,
+    /// What would be valid, and why.
+    pub expected: String,
+}
+
+impl From<InvalidOption> for (&'static str, String) {
+    /// Returns the key, and what is wrong, to be read after the key.
+    fn from(option: InvalidOption) -> Self {
+        let InvalidOption {
+            key,
+            value,
+            expected,
+        } = option;
+        (key, format!("is {value}, and must be {expected}"))
+    }
 }

@@ -27,6 +27,6 @@ pub use self::{
     config::{AdaptationConfig, GraspNetworkConfig, GraspTrainingConfig, TermWeights},
     loss::GraspTerms,
     networks::GraspNetworks,
-    surface::{HandPoint, HandSurface},
+    surface::HandSurface,
     training::{DemonstratedGrasp, GraspEpoch, GraspOptions, GraspSet, train_grasps},
 };

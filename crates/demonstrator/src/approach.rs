@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use geometry::SurfacePoint;
+use geometry::NearestPoint;
 use nalgebra::{Point3, Rotation3, UnitQuaternion, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -21,7 +21,7 @@ pub(crate) struct Approach {
     /// From the hand to the object, object frame, unit.
     pub(crate) toward: Vector3<f64>,
     /// Where each finger's pad should touch; `None` where the object does not reach.
-    pub(crate) targets: [Option<SurfacePoint>; FINGERS],
+    pub(crate) targets: [Option<NearestPoint>; FINGERS],
     /// The hand's pose from which the fit starts.
     pub(crate) object_from_hand: Pose<Object, Hand>,
     /// The posture from which the fit starts.
@@ -80,7 +80,7 @@ pub(crate) fn draw(
     if !GRASPABLE_M.contains(&width) {
         return None;
     }
-    let facing = |at: &SurfacePoint, way: &Vector3<f64>| at.normal.dot(way);
+    let facing = |at: &NearestPoint, way: &Vector3<f64>| at.normal.dot(way);
     if facing(&thumb, &-across) < 0.75
         || facing(&middle, &across) < 0.75
         || facing(&index, &across) < 0.6
@@ -88,7 +88,7 @@ pub(crate) fn draw(
         return None;
     }
     let usable =
-        |at: &SurfacePoint| facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06;
+        |at: &NearestPoint| facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06;
     let fourth = finger(3).filter(usable);
     let little = finger(4).filter(usable);
     let targets = [Some(thumb), Some(index), Some(middle), fourth, little];

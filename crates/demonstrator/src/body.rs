@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use geometry::{SurfaceDistance, SurfacePoint, TriMesh, mass_properties, stable_rests};
+use geometry::{NearestPoint, SurfaceDistance, TriMesh, mass_properties, stable_rests};
 use nalgebra::{Point3, Unit, Vector3};
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -111,7 +111,7 @@ impl Body {
         from: &Point3<f64>,
         along: &Vector3<f64>,
         reach_m: f64,
-    ) -> Option<SurfacePoint> {
+    ) -> Option<NearestPoint> {
         let mut way = 0.0;
         for _ in 0..60 {
             let nearest = self.surface.signed_distance(&(from + along * way));

@@ -1,7 +1,7 @@
 //! Fitting a hand to a way of taking an object: damped least squares over the wrist's pose and the
 //! joints.
 
-use geometry::SurfacePoint;
+use geometry::NearestPoint;
 use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3};
 use spatial::{Object, Pose, RestingPose};
 
@@ -219,12 +219,12 @@ fn assemble(
 
 /// Returns the nearest surface point, or the target's plane where the pad is on the other side of a
 /// thin wall than its target.
-fn same_side(nearest: SurfacePoint, target: &SurfacePoint, pad: &Point3<f64>) -> SurfacePoint {
+fn same_side(nearest: NearestPoint, target: &NearestPoint, pad: &Point3<f64>) -> NearestPoint {
     if nearest.normal.dot(&target.normal) > 0.0 {
         return nearest;
     }
     let distance_m = (pad - target.point).dot(&target.normal);
-    SurfacePoint {
+    NearestPoint {
         distance_m,
         ..*target
     }

@@ -1,4 +1,4 @@
-//! Motions as one table of comma-separated values, a row for each moment.
+//! Motions as one table of comma-separated values, a row for each step.
 
 use crate::{
     Episode, Export, FormatError,
@@ -29,22 +29,22 @@ pub fn to_csv(episodes: &[Episode]) -> Result<Export, FormatError> {
     let encode = FormatError::encode(FILE);
     writer.write_record(&header).map_err(&encode)?;
     for episode in episodes {
-        for (step, moment) in episode.moments().enumerate() {
+        for (idx, step) in episode.steps().enumerate() {
             let outcome = episode.outcome().unwrap_or_default();
             let mut row = [episode.name(), episode.object(), outcome]
                 .map(str::to_owned)
                 .to_vec();
-            row.push(step.to_string());
+            row.push(idx.to_string());
             let poses = [
-                moment.table_from_palm.to_array(),
-                moment.table_from_object.to_array(),
+                step.table_from_palm.to_array(),
+                step.table_from_object.to_array(),
             ];
-            let numbers = [moment.time_s]
+            let numbers = [step.time_s]
                 .into_iter()
                 .chain(poses.concat())
-                .chain(moment.q);
+                .chain(step.q);
             row.extend(numbers.map(|number| number.to_string()));
-            match moment.q_command {
+            match step.q_command {
                 Some(command) => row.extend(command.iter().map(f64::to_string)),
                 None => row.extend(joints.iter().map(|_| String::new())),
             }
@@ -66,7 +66,7 @@ pub fn to_csv(episodes: &[Episode]) -> Result<Export, FormatError> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::episode::tests::{episode, moment};
+    use crate::episode::tests::{episode, step};
 
     #[test]
     fn reads_back_bit_for_bit_under_names_with_units() {
@@ -86,7 +86,7 @@ mod tests {
             ("b,\"c\"", "held", "")
         );
         for (row, time_s) in rows.iter().zip(times.into_iter().cycle()) {
-            let was = moment(time_s);
+            let was = step(time_s);
             let number = |name: &str| row[at(name)].parse::<f64>().unwrap();
             assert_eq!(number("time_s"), time_s);
             assert_eq!(number("palm_z_m"), was.table_from_palm.to_array()[2]);

@@ -13,7 +13,7 @@ use nalgebra::{Quaternion, UnitQuaternion};
 use spatial::{Palm, Pose, Table};
 
 use crate::{
-    Episode, Export, FormatError, Moment,
+    Episode, EpisodeStep, Export, FormatError,
     dexgraspbench::pickle::{Value, npy},
     episode::check_together,
 };
@@ -134,9 +134,9 @@ fn allegro_order(episode: &Episode) -> Result<Vec<usize>, FormatError> {
 }
 
 /// The hand as the evaluator has it: position and quaternion of its root, then joint positions.
-fn qpos(moment: &Moment, order: &[usize]) -> Vec<f64> {
-    let mut numbers = wxyz(&root(&moment.table_from_palm));
-    numbers.extend(order.iter().map(|&place| moment.q[place]));
+fn qpos(step: &EpisodeStep, order: &[usize]) -> Vec<f64> {
+    let mut numbers = wxyz(&root(&step.table_from_palm));
+    numbers.extend(order.iter().map(|&place| step.q[place]));
     numbers
 }
 
@@ -169,8 +169,8 @@ mod tests {
         names.map(joint).collect()
     }
 
-    fn moment(time_s: f64, q: Vec<f64>) -> Moment {
-        Moment {
+    fn step(time_s: f64, q: Vec<f64>) -> EpisodeStep {
+        EpisodeStep {
             time_s,
             table_from_palm: Pose::from_parts(
                 [0.1, 0.2, 0.3 - 0.1 * time_s],
@@ -189,14 +189,14 @@ mod tests {
     fn joints_are_found_by_name() {
         let joints = allegro((0..16).rev());
         let q: Vec<f64> = (0..16).rev().map(f64::from).collect();
-        let episode = Episode::new("a", "o", &joints, &[moment(0.0, q.clone())]).unwrap();
+        let episode = Episode::new("a", "o", &joints, &[step(0.0, q.clone())]).unwrap();
         let order = allegro_order(&episode).unwrap();
         let numbers = qpos(&episode.at(0.0), &order);
         let expected: Vec<f64> = (0..16).map(f64::from).collect();
         assert_eq!(numbers[7..], expected);
         for joints in [allegro(0..15), allegro(1..17)] {
             let q = vec![0.0; joints.len()];
-            let other = Episode::new("a", "o", &joints, &[moment(0.0, q)]).unwrap();
+            let other = Episode::new("a", "o", &joints, &[step(0.0, q)]).unwrap();
             assert!(matches!(
                 allegro_order(&other),
                 Err(FormatError::NotAllegro { .. })
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn the_palm_stands_where_it_stood_once_the_evaluator_has_turned_it() {
-        let palm = moment(0.0, Vec::new()).table_from_palm;
+        let palm = step(0.0, Vec::new()).table_from_palm;
         let turn = UnitQuaternion::from_quaternion(Quaternion::from([1.0, 0.0, 1.0, 0.0]));
         let again = *root(&palm) * nalgebra::Isometry3::from_parts([0.0; 3].into(), turn);
         let point = Point3::new(0.01, -0.02, 0.03);
@@ -216,8 +216,8 @@ mod tests {
     #[test]
     fn times_out_of_order_and_objects_without_shape_are_refused() {
         let joints = allegro(0..16);
-        let moments = vec![moment(0.0, vec![0.0; 16]), moment(1.0, vec![0.1; 16])];
-        let episode = [Episode::new("a", "o", &joints, &moments).unwrap()];
+        let steps = vec![step(0.0, vec![0.0; 16]), step(1.0, vec![0.1; 16])];
+        let episode = [Episode::new("a", "o", &joints, &steps).unwrap()];
         let of_hand = |pregrasp, grasp, hand| {
             let times = GraspTimes { pregrasp, grasp };
             to_dexgraspbench(&episode, &BTreeMap::new(), times, "objects", hand)

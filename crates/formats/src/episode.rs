@@ -35,10 +35,10 @@ pub struct Joint {
     pub unit: Unit,
 }
 
-/// A moment of a motion.
+/// One step of an episode: hand and object at a time.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Moment {
-    /// Seconds; the first moment's may be any.
+pub struct EpisodeStep {
+    /// Seconds; the first step's may be any.
     pub time_s: f64,
     /// Pose of the palm.
     pub table_from_palm: Pose<Table, Palm>,
@@ -65,22 +65,22 @@ pub struct Episode {
 }
 
 impl Episode {
-    /// Creates an episode from its moments in time order.
+    /// Creates an episode from its steps in time order.
     ///
     /// # Errors
     ///
-    /// Fails if there is no moment, times do not increase, a number is not finite, a moment has more or
-    /// fewer positions than there are joints, or some moments alone have commands.
+    /// Fails if there is no step, times do not increase, a number is not finite, a step has more or
+    /// fewer positions than there are joints, or some steps alone have commands.
     pub fn new(
         name: &str,
         object: &str,
         joints: &[Joint],
-        moments: &[Moment],
+        steps: &[EpisodeStep],
     ) -> Result<Self, FormatError> {
-        let first_s = moments.first().map_or(0.0, |moment| moment.time_s);
-        let step = |moment: &Moment, q: &[f64]| Step {
-            time_s: moment.time_s - first_s,
-            frame_from_palm: moment.table_from_palm,
+        let first_s = steps.first().map_or(0.0, |step| step.time_s);
+        let motion_step = |step: &EpisodeStep, q: &[f64]| Step {
+            time_s: step.time_s - first_s,
+            frame_from_palm: step.table_from_palm,
             q_rad: q.to_vec(),
             rates: (),
         };
@@ -91,20 +91,20 @@ impl Episode {
                 source,
             })
         };
-        let hand = moments.iter().map(|moment| step(moment, &moment.q));
-        let commands = moments.iter().filter_map(|moment| {
-            let q = moment.q_command.as_ref()?;
-            Some(step(moment, q))
+        let hand = steps.iter().map(|step| motion_step(step, &step.q));
+        let commands = steps.iter().filter_map(|step| {
+            let q = step.q_command.as_ref()?;
+            Some(motion_step(step, q))
         });
         let commands: Vec<_> = commands.collect();
-        if !commands.is_empty() && commands.len() < moments.len() {
+        if !commands.is_empty() && commands.len() < steps.len() {
             return Err(FormatError::Commands {
                 name: name.to_owned(),
             });
         }
-        let objects = moments.iter().map(|moment| Step {
-            frame_from_palm: moment.table_from_object.reinterpret(),
-            ..step(moment, &[])
+        let objects = steps.iter().map(|step| Step {
+            frame_from_palm: step.table_from_object.reinterpret(),
+            ..motion_step(step, &[])
         });
         Ok(Self {
             hand: motion(hand.collect(), &names)?,
@@ -144,7 +144,7 @@ impl Episode {
         self.outcome.as_deref()
     }
 
-    /// Returns the hand's joints, in the order of the moments' positions.
+    /// Returns the hand's joints, in the order of the steps' positions.
     pub fn joints(&self) -> &[Joint] {
         &self.joints
     }
@@ -159,12 +159,12 @@ impl Episode {
         self.command.is_some()
     }
 
-    /// Returns the moments, with their times in seconds since the first.
-    pub fn moments(&self) -> impl Iterator<Item = Moment> {
+    /// Returns the steps, with their times in seconds since the first.
+    pub fn steps(&self) -> impl Iterator<Item = EpisodeStep> {
         let steps = self.hand.steps().iter().zip(self.object_poses.steps());
         steps.enumerate().map(|(idx, (hand, object))| {
             let command = self.command.as_ref().map(|motion| &motion.steps()[idx]);
-            Moment {
+            EpisodeStep {
                 time_s: hand.time_s,
                 table_from_palm: hand.frame_from_palm,
                 table_from_object: object.frame_from_palm.reinterpret(),
@@ -174,12 +174,12 @@ impl Episode {
         })
     }
 
-    /// Returns the moment at a time in seconds since the first: between two moments, positions linear and
+    /// Returns the step at a time in seconds since the first: between two steps, positions linear and
     /// rotations on the shortest arc; after the last, that of the last.
-    pub fn at(&self, time_s: f64) -> Moment {
+    pub fn at(&self, time_s: f64) -> EpisodeStep {
         let hand = self.hand.at(time_s);
         let object = self.object_poses.at(time_s);
-        Moment {
+        EpisodeStep {
             time_s,
             table_from_palm: hand.frame_from_palm,
             table_from_object: object.frame_from_palm.reinterpret(),
@@ -188,8 +188,8 @@ impl Episode {
         }
     }
 
-    /// Returns the moment after a fraction in 0..=1 of the duration.
-    pub(crate) fn at_fraction(&self, fraction: f64) -> Moment {
+    /// Returns the step after a fraction in 0..=1 of the duration.
+    pub(crate) fn at_fraction(&self, fraction: f64) -> EpisodeStep {
         self.at(self.duration_s() * fraction)
     }
 }
@@ -246,10 +246,10 @@ pub(crate) mod tests {
 
     use super::*;
 
-    /// A moment of a hand with two joints that turns and comes down on a still object.
-    pub(crate) fn moment(time_s: f64) -> Moment {
+    /// A step of a hand with two joints that turns and comes down on a still object.
+    pub(crate) fn step(time_s: f64) -> EpisodeStep {
         let turn = UnitQuaternion::from_scaled_axis(Vector3::new(0.1, -0.4, 0.3) * time_s);
-        Moment {
+        EpisodeStep {
             time_s,
             table_from_palm: Pose::from_parts([0.1, -0.02, 0.3 - 0.1 * time_s], turn),
             table_from_object: Pose::from_parts([0.0, 0.0, 0.05], UnitQuaternion::identity()),
@@ -266,33 +266,33 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn episode(name: &str, times_s: &[f64]) -> Episode {
-        let moments = times_s.iter().map(|&time_s| moment(time_s));
-        Episode::new(name, "025_mug", &joints(), &moments.collect::<Vec<_>>()).unwrap()
+        let steps = times_s.iter().map(|&time_s| step(time_s));
+        Episode::new(name, "025_mug", &joints(), &steps.collect::<Vec<_>>()).unwrap()
     }
 
     #[test]
     fn times_count_from_the_first_moment() {
         let late = episode("a", &[5.0, 6.0]);
-        let times: Vec<f64> = late.moments().map(|moment| moment.time_s).collect();
+        let times: Vec<f64> = late.steps().map(|step| step.time_s).collect();
         assert_eq!(times, [0.0, 1.0]);
-        assert_eq!(late.at(0.0).q, moment(5.0).q);
+        assert_eq!(late.at(0.0).q, step(5.0).q);
     }
 
     #[test]
     fn refuses_what_is_no_motion() {
         let refused =
-            |moments: Vec<Moment>| Episode::new("a", "o", &joints(), &moments).unwrap_err();
+            |steps: Vec<EpisodeStep>| Episode::new("a", "o", &joints(), &steps).unwrap_err();
         assert!(matches!(refused(vec![]), FormatError::Motion { .. }));
         assert!(matches!(
-            refused(vec![moment(1.0), moment(1.0)]),
+            refused(vec![step(1.0), step(1.0)]),
             FormatError::Motion { .. }
         ));
-        let commanded = Moment {
+        let commanded = EpisodeStep {
             q_command: Some(vec![0.0, 0.0]),
-            ..moment(1.0)
+            ..step(1.0)
         };
         assert!(matches!(
-            refused(vec![moment(0.0), commanded]),
+            refused(vec![step(0.0), commanded]),
             FormatError::Commands { .. }
         ));
     }
@@ -302,11 +302,11 @@ pub(crate) mod tests {
         let one = episode("a", &[0.0, 1.0]);
         let twice = check_together(&[one.clone(), one.clone()]).unwrap_err();
         assert!(matches!(twice, FormatError::Twice { .. }));
-        let moments = vec![Moment {
+        let steps = vec![EpisodeStep {
             q: vec![0.0],
-            ..moment(0.0)
+            ..step(0.0)
         }];
-        let other = Episode::new("b", "o", &joints()[..1], &moments).unwrap();
+        let other = Episode::new("b", "o", &joints()[..1], &steps).unwrap();
         let mixed = check_together(&[one, other]).unwrap_err();
         assert!(matches!(mixed, FormatError::Joints { .. }));
         assert!(matches!(

@@ -10,7 +10,7 @@ pub enum FormatError {
     /// There is nothing to export.
     #[error("there is no motion to export")]
     Empty,
-    /// A motion's moments are not a motion.
+    /// A motion's steps are not a motion.
     #[error("`{name}` is not a motion")]
     Motion {
         /// The motion.
@@ -18,8 +18,8 @@ pub enum FormatError {
         /// What is wrong.
         source: MotionError,
     },
-    /// Some moments of a motion have a commanded position, and others none.
-    #[error("`{name}` has commands at some moments only")]
+    /// Some steps of a motion have a commanded position, and others none.
+    #[error("`{name}` has commands at some steps only")]
     Commands {
         /// The motion.
         name: String,

@@ -10,7 +10,7 @@ mod tables;
 use std::collections::BTreeMap;
 
 use crate::{
-    Episode, Export, FormatError, Moment,
+    Episode, EpisodeStep, Export, FormatError,
     episode::{check_together, joint_names, pose_names, without_commands},
     lerobot::stats::Stats,
 };
@@ -43,7 +43,7 @@ struct Recorded<'a> {
 type Feature = (&'static str, Vec<String>, fn(&Frame) -> &[f32]);
 
 /// Writes motions as a dataset with `fps` frames a second, interpolated linearly; the last frame is at or
-/// after the motion's end, and has its last moment. `robot_type` names the hand.
+/// after the motion's end, and has its last step. `robot_type` names the hand.
 ///
 /// # Errors
 ///
@@ -59,21 +59,21 @@ pub fn to_lerobot(episodes: &[Episode], fps: u32, robot_type: &str) -> Result<Ex
         (ACTION, names, |frame| &frame.action),
     ];
     let mut tasks: BTreeMap<String, usize> = BTreeMap::new();
-    let moments = episodes.iter().map(|episode| resampled(episode, fps));
-    let moments: Vec<Vec<Moment>> = moments.collect();
+    let steps = episodes.iter().map(|episode| resampled(episode, fps));
+    let steps: Vec<Vec<EpisodeStep>> = steps.collect();
     let recorded: Vec<Recorded<'_>> = episodes
         .iter()
-        .zip(&moments)
-        .map(|(episode, moments)| {
+        .zip(&steps)
+        .map(|(episode, steps)| {
             let next = tasks.len();
             Recorded {
                 episode,
                 task: *tasks.entry(task(episode.object())).or_insert(next),
-                frames: frames(moments),
+                frames: frames(steps),
             }
         })
         .collect();
-    let lost = lost(episodes, &moments, fps)?;
+    let lost = lost(episodes, &steps, fps)?;
     let mut export = Export::default();
     export.put(
         "meta/info.json",
@@ -105,27 +105,19 @@ fn task(object: &str) -> String {
     format!("grasp {object}")
 }
 
-/// Returns the frames of moments.
-fn frames(moments: &[Moment]) -> Vec<Frame> {
-    let palms = continuous(
-        moments
-            .iter()
-            .map(|moment| moment.table_from_palm.to_array()),
-    );
-    let objects = continuous(
-        moments
-            .iter()
-            .map(|moment| moment.table_from_object.to_array()),
-    );
+/// Returns the frames of steps.
+fn frames(steps: &[EpisodeStep]) -> Vec<Frame> {
+    let palms = continuous(steps.iter().map(|step| step.table_from_palm.to_array()));
+    let objects = continuous(steps.iter().map(|step| step.table_from_object.to_array()));
     let hand = |palm: &[f64; 7], q: &[f64]| singles(palm.iter().chain(q).copied());
-    (0..moments.len())
+    (0..steps.len())
         .map(|idx| {
-            let next = (idx + 1).min(moments.len() - 1);
-            let command = moments[idx].q_command.as_ref();
+            let next = (idx + 1).min(steps.len() - 1);
+            let command = steps[idx].q_command.as_ref();
             Frame {
-                state: hand(&palms[idx], &moments[idx].q),
+                state: hand(&palms[idx], &steps[idx].q),
                 environment: singles(objects[idx]),
-                action: hand(&palms[next], command.unwrap_or(&moments[next].q)),
+                action: hand(&palms[next], command.unwrap_or(&steps[next].q)),
             }
         })
         .collect()
@@ -147,19 +139,19 @@ fn continuous(poses: impl Iterator<Item = [f64; 7]>) -> Vec<[f64; 7]> {
     smooth
 }
 
-/// The moments at the frames' times.
-fn resampled(episode: &Episode, fps: u32) -> Vec<Moment> {
+/// The steps at the frames' times.
+fn resampled(episode: &Episode, fps: u32) -> Vec<EpisodeStep> {
     let fps = f64::from(fps);
     let intervals = (episode.duration_s() * fps - INTERVAL_ROUNDING)
         .ceil()
         .max(0.0);
-    let mut moments = Vec::new();
+    let mut steps = Vec::new();
     let mut frame = 0.0;
     while frame <= intervals {
-        moments.push(episode.at(frame / fps));
+        steps.push(episode.at(frame / fps));
         frame += 1.0;
     }
-    moments
+    steps
 }
 
 /// Converts numbers to the precision of the format.
@@ -171,7 +163,7 @@ fn singles(numbers: impl IntoIterator<Item = f64>) -> Vec<f32> {
 /// Says what the dataset does not hold.
 fn lost(
     episodes: &[Episode],
-    resampled: &[Vec<Moment>],
+    resampled: &[Vec<EpisodeStep>],
     fps: u32,
 ) -> Result<Vec<String>, FormatError> {
     let (palm_m, joint) = resampling_error(episodes, resampled)?;
@@ -196,12 +188,12 @@ fn lost(
 /// The farthest that palm (in meters) and joints are from their motions when frames are interpolated.
 fn resampling_error(
     episodes: &[Episode],
-    resampled: &[Vec<Moment>],
+    resampled: &[Vec<EpisodeStep>],
 ) -> Result<(f64, f64), FormatError> {
     let mut worst = (0.0_f64, 0.0_f64);
-    for (episode, moments) in episodes.iter().zip(resampled) {
-        let again = Episode::new(episode.name(), episode.object(), episode.joints(), moments)?;
-        for was in episode.moments() {
+    for (episode, steps) in episodes.iter().zip(resampled) {
+        let again = Episode::new(episode.name(), episode.object(), episode.joints(), steps)?;
+        for was in episode.steps() {
             let is = again.at(was.time_s);
             let apart =
                 was.table_from_palm.translation.vector - is.table_from_palm.translation.vector;
@@ -219,14 +211,14 @@ mod tests {
     use spatial::Pose;
 
     use super::*;
-    use crate::episode::tests::{episode, joints, moment};
+    use crate::episode::tests::{episode, joints, step};
 
     #[test]
     fn frames_are_uniform_and_the_last_has_the_grasp() {
         let short = episode("a", &[0.0, 0.31, 1.02]);
         let frames = frames(&resampled(&short, 10));
         assert_eq!(frames.len(), 12);
-        let last = moment(1.02);
+        let last = step(1.02);
         let last = last.table_from_palm.to_array().into_iter().chain(last.q);
         assert_eq!(frames[11].state, singles(last));
         assert_eq!(frames[11].action, frames[11].state);
@@ -250,30 +242,30 @@ mod tests {
 
     #[test]
     fn actions_are_commands_where_there_are_any() {
-        let moments = [0.0, 0.5, 1.0].map(|time_s| Moment {
+        let steps = [0.0, 0.5, 1.0].map(|time_s| EpisodeStep {
             q_command: Some(vec![time_s + 1.0, 0.25]),
-            ..moment(time_s)
+            ..step(time_s)
         });
-        let commanded = Episode::new("a", "o", &joints(), &moments).unwrap();
-        let moments = resampled(&commanded, 2);
-        let frames = frames(&moments);
+        let commanded = Episode::new("a", "o", &joints(), &steps).unwrap();
+        let steps = resampled(&commanded, 2);
+        let frames = frames(&steps);
         assert_eq!(frames[1].action[7..], [1.5, 0.25]);
         assert_eq!(frames[1].action[..7], frames[2].state[..7]);
-        let lost = lost(&[commanded], &[moments], 2).unwrap();
+        let lost = lost(&[commanded], &[steps], 2).unwrap();
         assert!(!lost.iter().any(|fact| fact.starts_with("commands")));
     }
 
     #[test]
     fn quaternions_do_not_jump_when_a_hand_turns_all_the_way_round() {
-        let moments = (0..=20).map(|k| {
+        let steps = (0..=20).map(|k| {
             let turn = UnitQuaternion::from_axis_angle(&Vector3::z_axis(), 0.4 * f64::from(k));
-            Moment {
+            EpisodeStep {
                 table_from_palm: Pose::from_parts([0.0; 3], turn),
-                ..moment(0.1 * f64::from(k))
+                ..step(0.1 * f64::from(k))
             }
         });
-        let moments: Vec<Moment> = moments.collect();
-        let turning = Episode::new("a", "o", &joints(), &moments).unwrap();
+        let steps: Vec<EpisodeStep> = steps.collect();
+        let turning = Episode::new("a", "o", &joints(), &steps).unwrap();
         let frames = frames(&resampled(&turning, 20));
         for pair in frames.windows(2) {
             let dot: f32 = (3..7).map(|k| pair[0].state[k] * pair[1].state[k]).sum();
@@ -285,15 +277,15 @@ mod tests {
     #[test]
     fn loss_by_resampling_is_measured() {
         let joint = |fps| {
-            let corner = [0.0, 0.13, 0.26].map(|time_s: f64| Moment {
+            let corner = [0.0, 0.13, 0.26].map(|time_s: f64| EpisodeStep {
                 q: vec![(time_s - 0.13).abs(), 0.0],
-                ..moment(0.0)
+                ..step(0.0)
             });
-            let moments = corner.into_iter().zip([0.0, 0.13, 0.26]);
-            let moments = moments.map(|(moment, time_s)| Moment { time_s, ..moment });
-            let corner = Episode::new("a", "o", &joints(), &moments.collect::<Vec<_>>()).unwrap();
-            let moments = resampled(&corner, fps);
-            resampling_error(&[corner], &[moments]).unwrap().1
+            let steps = corner.into_iter().zip([0.0, 0.13, 0.26]);
+            let steps = steps.map(|(step, time_s)| EpisodeStep { time_s, ..step });
+            let corner = Episode::new("a", "o", &joints(), &steps.collect::<Vec<_>>()).unwrap();
+            let steps = resampled(&corner, fps);
+            resampling_error(&[corner], &[steps]).unwrap().1
         };
         // The corner at 0.13 s is cut by the line from 0.13 at 0 s to 0.07 at 0.2 s.
         assert!((joint(5) - 0.091).abs() < 1e-9, "{}", joint(5));

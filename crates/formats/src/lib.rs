@@ -1,11 +1,11 @@
 //! Motions in the formats of other labs: LeRobot datasets, DexGraspBench grasps, CSV.
 //!
 //! ```
-//! use formats::{Episode, Joint, Moment, Unit};
+//! use formats::{Episode, Joint, EpisodeStep, Unit};
 //! use nalgebra::UnitQuaternion;
 //! use spatial::Pose;
 //!
-//! let moment = |time_s: f64| Moment {
+//! let step = |time_s: f64| EpisodeStep {
 //!     time_s,
 //!     table_from_palm: Pose::from_parts([0.0, 0.0, 0.3 - 0.1 * time_s], UnitQuaternion::identity()),
 //!     table_from_object: Pose::identity(),
@@ -13,7 +13,7 @@
 //!     q_command: None,
 //! };
 //! let joints = [Joint { name: "knuckle".to_owned(), unit: Unit::Radian }];
-//! let episode = Episode::new("025_mug-00000", "025_mug", &joints, &[moment(0.0), moment(1.0)])?;
+//! let episode = Episode::new("025_mug-00000", "025_mug", &joints, &[step(0.0), step(1.0)])?;
 //! let export = formats::to_lerobot(&[episode], 30, "a_hand")?;
 //! assert!(export.files.contains_key("meta/info.json"));
 //! assert!(!export.lost.is_empty());
@@ -36,7 +36,7 @@ mod lerobot;
 
 pub use csv::to_csv;
 pub use dexgraspbench::{BenchObject, GraspTimes, to_dexgraspbench};
-pub use episode::{Episode, Joint, Moment, Unit};
+pub use episode::{Episode, EpisodeStep, Joint, Unit};
 pub use error::FormatError;
 pub use export::Export;
 pub use lerobot::to_lerobot;

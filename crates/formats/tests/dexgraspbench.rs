@@ -8,7 +8,7 @@ mod motions;
 
 use std::{collections::BTreeMap, path::Path, process::Command};
 
-use formats::{BenchObject, Episode, Export, GraspTimes, Moment, to_dexgraspbench};
+use formats::{BenchObject, Episode, EpisodeStep, Export, GraspTimes, to_dexgraspbench};
 use geometry::TriMesh;
 use motions::{ask, assert_near, episodes, joints, python, write};
 use nalgebra::{Isometry3, Quaternion, UnitQuaternion, Vector3};
@@ -52,9 +52,9 @@ fn wxyz<A, B>(pose: &Pose<A, B>) -> Vec<f64> {
 
 /// The hand as the evaluator's, by its own words: joints in the order of their numbers; its root such that the
 /// palm, turned in it by the quaternion (w 0, x 1, y 0, z 1), stands where ours stands.
-fn qpos(moment: &Moment) -> Vec<f64> {
+fn qpos(step: &EpisodeStep) -> Vec<f64> {
     let palm = UnitQuaternion::from_quaternion(Quaternion::new(0.0, 1.0, 0.0, 1.0));
-    let root = *moment.table_from_palm * Isometry3::from_parts([0.0; 3].into(), palm).inverse();
+    let root = *step.table_from_palm * Isometry3::from_parts([0.0; 3].into(), palm).inverse();
     let mut numbers = wxyz(&Pose::<spatial::Table, spatial::Palm>::new(root));
     let mut by_number: Vec<(usize, f64)> = joints()
         .iter()
@@ -64,7 +64,7 @@ fn qpos(moment: &Moment) -> Vec<f64> {
                 .parse()
                 .unwrap()
         })
-        .zip(moment.q.iter().copied())
+        .zip(step.q.iter().copied())
         .collect();
     by_number.sort_by_key(|(number, _)| *number);
     numbers.extend(by_number.into_iter().map(|(_, q)| q));
@@ -115,7 +115,7 @@ fn touch(name: &str, aside_m: f64) -> Episode {
             "joint_12.0" => 0.3,
             _ => 0.0,
         };
-        Moment {
+        EpisodeStep {
             time_s,
             table_from_palm: Pose::from_parts([0.075 + aside_m, 0.0, 0.18], palm),
             table_from_object: Pose::from_parts([0.0, 0.0, 0.05], UnitQuaternion::identity()),
@@ -123,8 +123,8 @@ fn touch(name: &str, aside_m: f64) -> Episode {
             q_command: None,
         }
     };
-    let moments = [(0.0, 0.0), (0.6, 0.1), (0.85, 0.28), (1.0, 0.32)].map(closing);
-    Episode::new(name, "025_mug", &joints(), &moments).unwrap()
+    let steps = [(0.0, 0.0), (0.6, 0.1), (0.85, 0.28), (1.0, 0.32)].map(closing);
+    Episode::new(name, "025_mug", &joints(), &steps).unwrap()
 }
 
 #[test]

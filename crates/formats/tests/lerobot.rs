@@ -9,7 +9,7 @@ use arrow_array::{
     Array, BooleanArray, FixedSizeListArray, Float32Array, Int64Array, ListArray, RecordBatch,
     StringArray, cast::AsArray, types::Float32Type,
 };
-use formats::{Export, Moment, to_lerobot};
+use formats::{EpisodeStep, Export, to_lerobot};
 use motions::{ask, assert_near, episodes, joints, python, write};
 use parquet::arrow::arrow_reader::ParquetRecordBatchReaderBuilder;
 use serde_json::Value;
@@ -18,8 +18,8 @@ const FPS: u32 = 40;
 const DATA: &str = "data/chunk-000/file-000.parquet";
 const EPISODES: &str = "meta/episodes/chunk-000/file-000.parquet";
 
-/// The frames' moments: those of each motion at each 40th of a second, to the first at or after its end.
-fn expected() -> Vec<Vec<Moment>> {
+/// The frames' steps: those of each motion at each 40th of a second, to the first at or after its end.
+fn expected() -> Vec<Vec<EpisodeStep>> {
     let frames = |episode: &formats::Episode| {
         let n = (episode.duration_s() * f64::from(FPS)).ceil();
         let mut times = (0_u32..).map(f64::from).take_while(|&frame| frame <= n);
@@ -55,14 +55,14 @@ fn column<'a, A: Array + 'static>(batch: &'a RecordBatch, name: &str) -> &'a A {
         .unwrap()
 }
 
-fn state(moment: &Moment) -> Vec<f64> {
-    [moment.table_from_palm.to_array().to_vec(), moment.q.clone()].concat()
+fn state(step: &EpisodeStep) -> Vec<f64> {
+    [step.table_from_palm.to_array().to_vec(), step.q.clone()].concat()
 }
 
 /// The action of a frame: the next one's palm, the command of this one or the next one's joints.
-fn action(moments: &[Moment], idx: usize) -> Vec<f64> {
-    let next = moments.get(idx + 1).unwrap_or(&moments[idx]);
-    let joints = moments[idx].q_command.as_ref().unwrap_or(&next.q);
+fn action(steps: &[EpisodeStep], idx: usize) -> Vec<f64> {
+    let next = steps.get(idx + 1).unwrap_or(&steps[idx]);
+    let joints = steps[idx].q_command.as_ref().unwrap_or(&next.q);
     [next.table_from_palm.to_array().to_vec(), joints.clone()].concat()
 }
 
@@ -77,21 +77,21 @@ fn parquet_has_the_frames_that_were_exported() {
         serde_json::json!(row.values().iter().copied().collect::<Vec<f32>>())
     };
     let mut row = 0;
-    for (episode, moments) in expected().iter().enumerate() {
-        for (frame, moment) in moments.iter().enumerate() {
-            assert_near(&numbers("observation.state", row), state(moment));
-            let object = moment.table_from_object.to_array();
+    for (episode, steps) in expected().iter().enumerate() {
+        for (frame, step) in steps.iter().enumerate() {
+            assert_near(&numbers("observation.state", row), state(step));
+            let object = step.table_from_object.to_array();
             assert_near(&numbers("observation.environment_state", row), object);
-            assert_near(&numbers("action", row), action(moments, frame));
+            assert_near(&numbers("action", row), action(steps, frame));
             let time_s = f64::from(column::<Float32Array>(&data, "timestamp").value(row));
-            assert!((time_s - moment.time_s).abs() < 1e-6);
+            assert!((time_s - step.time_s).abs() < 1e-6);
             let number =
                 |name| usize::try_from(column::<Int64Array>(&data, name).value(row)).unwrap();
             assert_eq!(number("frame_index"), frame);
             assert_eq!((number("episode_index"), number("index")), (episode, row));
             assert_eq!(number("task_index"), usize::from(episode == 2));
             let done = column::<BooleanArray>(&data, "next.done").value(row);
-            assert_eq!(done, frame + 1 == moments.len());
+            assert_eq!(done, frame + 1 == steps.len());
             row += 1;
         }
     }
@@ -103,7 +103,7 @@ fn metadata_says_where_frames_are_and_what_numbers_mean() {
     let export = export();
     let lengths: Vec<i64> = expected()
         .iter()
-        .map(|moments| i64::try_from(moments.len()).unwrap())
+        .map(|steps| i64::try_from(steps.len()).unwrap())
         .collect();
     let about = &batches(&export, EPISODES, "episodes")[0];
     let number = |name| column::<Int64Array>(about, name).values().to_vec();
@@ -144,7 +144,7 @@ fn metadata_says_where_frames_are_and_what_numbers_mean() {
     let lowest = expected()
         .iter()
         .flatten()
-        .map(|moment| moment.q[0])
+        .map(|step| step.q[0])
         .fold(9.0, f64::min);
     let found = statistics["observation.state"]["min"][7].as_f64().unwrap();
     assert!((found - lowest).abs() < 1e-6);
@@ -170,16 +170,16 @@ fn lerobot_loads_what_was_exported() {
         (&FPS.into(), &3.into())
     );
     let mut frames = frames.iter();
-    for (episode, moments) in expected.iter().enumerate() {
-        for (frame, (moment, loaded)) in moments.iter().zip(frames.by_ref()).enumerate() {
-            assert_near(&loaded["observation.state"], state(moment));
-            assert_near(&loaded["action"], action(moments, frame));
+    for (episode, steps) in expected.iter().enumerate() {
+        for (frame, (step, loaded)) in steps.iter().zip(frames.by_ref()).enumerate() {
+            assert_near(&loaded["observation.state"], state(step));
+            assert_near(&loaded["action"], action(steps, frame));
             assert_near(
                 &loaded["observation.environment_state"],
-                moment.table_from_object.to_array(),
+                step.table_from_object.to_array(),
             );
             let time_s = loaded["timestamp"].as_f64().unwrap();
-            assert!((time_s - moment.time_s).abs() < 1e-6);
+            assert!((time_s - step.time_s).abs() < 1e-6);
             assert_eq!(loaded["episode_index"], episode);
             let task = if episode == 2 {
                 "grasp 004_sugar_box"

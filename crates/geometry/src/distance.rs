@@ -16,7 +16,7 @@ use crate::{
 
 /// The nearest point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct SurfacePoint {
+pub struct NearestPoint {
     /// Distance in meters, negative inside.
     pub distance_m: f64,
     /// The nearest point, in meters.
@@ -120,13 +120,13 @@ impl SurfaceDistance {
 
     /// Returns the nearest surface point, with the distance negative inside; infinitely far above
     /// the point itself if the mesh has no area.
-    pub fn signed_distance(&self, point: &Point3<f64>) -> SurfacePoint {
+    pub fn signed_distance(&self, point: &Point3<f64>) -> NearestPoint {
         let nearest = self.tree.as_ref().and_then(|tree| {
             let (_, (idx, _)) = tree.project_local_point_and_get_location(single(point), false);
             self.faces.get(idx as usize)
         });
         let Some(face) = nearest else {
-            return SurfacePoint {
+            return NearestPoint {
                 distance_m: f64::INFINITY,
                 point: *point,
                 normal: Vector3::z(),
@@ -151,7 +151,7 @@ impl SurfaceDistance {
             }
         };
         let distance = offset.norm();
-        SurfacePoint {
+        NearestPoint {
             distance_m: if inside { -distance } else { distance },
             point: on_surface,
             normal,

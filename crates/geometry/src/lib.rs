@@ -33,7 +33,7 @@ mod stl;
 mod table;
 mod winding;
 
-pub use distance::{SurfaceDistance, SurfacePoint};
+pub use distance::{NearestPoint, SurfaceDistance};
 pub use error::GeometryError;
 pub use field::DistanceField;
 pub use mass::{MassProperties, mass_properties};

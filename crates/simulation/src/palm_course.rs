@@ -42,37 +42,37 @@ impl PalmCourse {
         for command in [&script.start].into_iter().chain(driven) {
             course.push(coordinates(&start, command, course.last()));
         }
-        let course: Vec<&[f64]> = course.iter().map(<[f64; DIMENSIONS]>::as_slice).collect();
-        let desired = Desired::of_course(&course, scene);
+        let positions: Vec<&[f64]> = course.iter().map(<[f64; DIMENSIONS]>::as_slice).collect();
+        let desired = Desired::of_course(&positions, scene);
         let inertia = hand.free_mass_matrix(&script.start.hand.q_rad)?;
         let inertia_kg_m2 = (3..DIMENSIONS)
             .map(|axis| inertia[(axis, axis)])
             .sum::<f64>()
             / 3.0;
-        let axes = drives(drive, hand.mass_kg(), inertia_kg_m2);
+        let axes = axis_drives(drive, hand.mass_kg(), inertia_kg_m2);
 
         let (step_s, per_control) = (scene.time_step_s, scene.steps_per_control as usize);
-        let mut states = course.first().map_or([[0.0; 2]; DIMENSIONS], |first| {
+        let mut axis_states = course.first().map_or([[0.0; 2]; DIMENSIONS], |first| {
             std::array::from_fn(|axis| [first[axis], 0.0])
         });
         let steps_n = (course.len() - 1) * per_control;
         let mut poses = Vec::with_capacity(steps_n);
         for step in 0..steps_n {
             let within_s = (step % per_control) as f64 * step_s;
-            let Some(desired) = desired.during(step / per_control, within_s, step_s) else {
+            let Some(setpoint) = desired.during(step / per_control, within_s, step_s) else {
                 break;
             };
-            for (axis, (state, drive)) in states.iter_mut().zip(&axes).enumerate() {
-                let ahead = desired.acceleration.as_ref().map_or(0.0, |a| a[axis]);
-                *state = drive.moved(
+            for (axis, (state, drive)) in axis_states.iter_mut().zip(&axes).enumerate() {
+                let feedforward = setpoint.acceleration.as_ref();
+                *state = drive.integrate(
                     *state,
-                    desired.q[axis],
-                    desired.velocity[axis],
-                    ahead,
+                    setpoint.q[axis],
+                    setpoint.velocity[axis],
+                    feedforward.map_or(0.0, |acceleration| acceleration[axis]),
                     step_s,
                 );
             }
-            poses.push(pose(&start, &states.map(|[position, _]| position)));
+            poses.push(pose(&start, &axis_states.map(|[position, _]| position)));
         }
         Ok(Self {
             poses,
@@ -111,8 +111,8 @@ fn coordinates(
 }
 
 /// Reverses [`coordinates`].
-fn pose(start: &Pose<Object, Palm>, at: &[f64; DIMENSIONS]) -> Pose<Object, Palm> {
-    let &[x, y, z, turn_x, turn_y, turn_z] = at;
+fn pose(start: &Pose<Object, Palm>, coordinates: &[f64; DIMENSIONS]) -> Pose<Object, Palm> {
+    let &[x, y, z, turn_x, turn_y, turn_z] = coordinates;
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(turn_x, turn_y, turn_z));
     Pose::from_parts([x, y, z], start.rotation * turn)
 }
@@ -126,34 +126,46 @@ struct AxisDrive {
     inertia: f64,
 }
 
-fn drives(drive: &PalmDriveConfig, mass_kg: f64, inertia_kg_m2: f64) -> [AxisDrive; DIMENSIONS] {
-    let along = AxisDrive {
+/// Returns the drives of all coordinates.
+fn axis_drives(
+    drive: &PalmDriveConfig,
+    mass_kg: f64,
+    inertia_kg_m2: f64,
+) -> [AxisDrive; DIMENSIONS] {
+    let translation = AxisDrive {
         stiffness: drive.stiffness_n_per_m,
         damping: drive.damping_ns_per_m,
         limit: drive.force_limit_n,
         inertia: mass_kg,
     };
-    let about = AxisDrive {
+    let rotation = AxisDrive {
         stiffness: drive.stiffness_nm_per_rad,
         damping: drive.damping_nms_per_rad,
         limit: drive.torque_limit_nm,
         inertia: inertia_kg_m2,
     };
-    [along, along, along, about, about, about]
+    [
+        translation,
+        translation,
+        translation,
+        rotation,
+        rotation,
+        rotation,
+    ]
 }
 
 impl AxisDrive {
     /// Returns position and velocity one physics step later, by implicit Euler: the effort is that at the step's end,
-    /// within its limit.
-    fn moved(
+    /// within its limit, with the desired acceleration as feedforward.
+    fn integrate(
         &self,
         [position, velocity]: [f64; 2],
-        desired: f64,
+        desired_position: f64,
         desired_velocity: f64,
         desired_acceleration: f64,
         step_s: f64,
     ) -> [f64; 2] {
-        let effort = self.stiffness * (desired - position)
+        let effort = self.stiffness * (desired_position - position)
             + self.damping * desired_velocity
             + self.inertia * desired_acceleration;
         let opposing = self.damping + self.stiffness * step_s;
@@ -229,9 +241,9 @@ mod tests {
     fn lag(controller: ControllerKind) -> [f64; 2] {
         let (course, script) = course(controller, PalmDriveConfig::default());
         let step = 30;
-        let at = course.pose((step + 1) * course.steps_per_control - 1, step);
+        let reached = course.pose((step + 1) * course.steps_per_control - 1, step);
         let commanded = script.commands[step].hand.frame_from_palm;
-        let behind = at.unwrap().inverse() * commanded;
+        let behind = reached.unwrap().inverse() * commanded;
         [behind.translation.vector.norm(), behind.rotation.angle()]
     }
 
@@ -241,19 +253,28 @@ mod tests {
         // A command is that of the end of its control step, and so half a step early.
         let early_s = testing::scene().control_step_s() / 2.0;
         let time_s = drive.damping_ns_per_m / drive.stiffness_n_per_m - early_s;
-        let [along, about] = lag(ControllerKind::Pd);
+        let [translation_m, rotation_rad] = lag(ControllerKind::Pd);
         let expected = time_s * SPEED_M_PER_S;
-        assert!((along / expected - 1.0).abs() < 0.2, "{along} m");
-        assert!((about / time_s - 1.0).abs() < 0.2, "{about} rad");
+        assert!(
+            (translation_m / expected - 1.0).abs() < 0.2,
+            "{translation_m} m"
+        );
+        assert!(
+            (rotation_rad / time_s - 1.0).abs() < 0.2,
+            "{rotation_rad} rad"
+        );
         let held = lag(ControllerKind::PdVelocity);
-        assert!(2.0 * held[0] < along && 2.0 * held[1] < about, "{held:?}");
+        assert!(
+            2.0 * held[0] < translation_m && 2.0 * held[1] < rotation_rad,
+            "{held:?}"
+        );
         for controller in [
             ControllerKind::PdVelocityInterpolated,
             ControllerKind::PdFeedforward,
         ] {
             let behind = lag(controller);
             assert!(
-                50.0 * behind[0] < along && 50.0 * behind[1] < about,
+                50.0 * behind[0] < translation_m && 50.0 * behind[1] < rotation_rad,
                 "{behind:?}"
             );
         }
@@ -273,12 +294,14 @@ mod tests {
         let step_s = testing::scene().time_step_s;
         let mut most = [0.0_f64; 2];
         for three in course.poses.windows(3) {
-            let along = |idx: usize| three[idx].translation.vector.x;
-            let about = |idx: usize| three[idx].rotation.scaled_axis().z;
-            let change =
-                |at: &dyn Fn(usize) -> f64| (at(2) - 2.0 * at(1) + at(0)).abs() / step_s.powi(2);
-            most[0] = most[0].max(hand.mass_kg() * change(&along));
-            most[1] = most[1].max(inertia_kg_m2 * change(&about));
+            let acceleration = |coordinate: fn(&Pose<Object, Palm>) -> f64| {
+                let [a, b, c] = [&three[0], &three[1], &three[2]].map(coordinate);
+                (c - 2.0 * b + a).abs() / step_s.powi(2)
+            };
+            let translation = acceleration(|pose| pose.translation.vector.x);
+            let rotation = acceleration(|pose| pose.rotation.scaled_axis().z);
+            most[0] = most[0].max(hand.mass_kg() * translation);
+            most[1] = most[1].max(inertia_kg_m2 * rotation);
         }
         assert!((most[0] / 0.3 - 1.0).abs() < 1e-3, "{} N", most[0]);
         assert!((most[1] / 1e-4 - 1.0).abs() < 1e-3, "{} Nm", most[1]);

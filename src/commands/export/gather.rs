@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{NodeName, UnitRef};
-use formats::{BenchObject, Episode, FormatError, Joint, Moment, Unit};
+use formats::{BenchObject, Episode, EpisodeStep, FormatError, Joint, Unit};
 use geometry::TriMesh;
 use lake::{Lake, Run, table};
 use robot::{JointKind, RobotModel};
@@ -141,7 +141,7 @@ impl Gathered {
             let trajectory: Trajectory = table::read(&artifact)?;
             let table_from_object = trajectory.rest.table_from_object();
             let steps = trajectory.motion.steps().iter();
-            let moments = steps.map(|step| Moment {
+            let steps = steps.map(|step| EpisodeStep {
                 time_s: step.time_s,
                 table_from_palm: table_from_object * step.frame_from_palm,
                 table_from_object,
@@ -153,7 +153,7 @@ impl Gathered {
                 &trajectory.sequence,
                 &trajectory.object,
                 &joints,
-                &moments.collect::<Vec<_>>(),
+                &steps.collect::<Vec<_>>(),
             );
             self.episodes
                 .push(episode.map_err(CommandError::with_hint(FormatError::hint))?);
@@ -309,7 +309,7 @@ fn candidates_of(
 /// A candidate's motion about its object, which lies still.
 fn drawn(candidate: &Candidate, object: &str, joints: &[Joint]) -> Result<Episode, CommandError> {
     let steps = candidate.motion.steps().iter();
-    let moments = steps.map(|step| Moment {
+    let steps = steps.map(|step| EpisodeStep {
         time_s: step.time_s,
         table_from_palm: candidate.table_from_object * step.frame_from_palm,
         table_from_object: candidate.table_from_object,
@@ -320,7 +320,7 @@ fn drawn(candidate: &Candidate, object: &str, joints: &[Joint]) -> Result<Episod
         &candidate.candidate_id,
         object,
         joints,
-        &moments.collect::<Vec<_>>(),
+        &steps.collect::<Vec<_>>(),
     )
     .map_err(CommandError::with_hint(FormatError::hint))
 }

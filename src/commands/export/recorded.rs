@@ -1,7 +1,7 @@
 //! A motion as it was measured, from its recording.
 
 use dataflow::Artifact;
-use formats::{Episode, FormatError, Moment};
+use formats::{Episode, EpisodeStep, FormatError};
 use lake::recording;
 use robot::RobotModel;
 use stage_report::RecordedMotion;
@@ -38,9 +38,9 @@ pub(super) fn episode(
             "name the hand of the recording with `--hand`",
         )
     })?;
-    let moments = motion.moments.into_iter().map(|moment| {
+    let steps = motion.moments.into_iter().map(|moment| {
         let root_from_links = motion.robot.link_poses(|joint| moment.q[joint]);
-        Moment {
+        EpisodeStep {
             time_s: moment.time_s,
             table_from_palm: (moment.table_from_root * root_from_links[palm]).reinterpret(),
             table_from_object: moment.table_from_object,
@@ -49,7 +49,7 @@ pub(super) fn episode(
         }
     });
     let joints = joints(&motion.robot.joint_names(), &motion.robot);
-    let episode = Episode::new(candidate, object, &joints, &moments.collect::<Vec<_>>());
+    let episode = Episode::new(candidate, object, &joints, &steps.collect::<Vec<_>>());
     Ok(Some(
         episode.map_err(CommandError::with_hint(FormatError::hint))?,
     ))

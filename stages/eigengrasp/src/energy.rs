@@ -1,8 +1,9 @@
 //! The contact energy: how far virtual contacts are from an object, and how little they face it.
 
-use approach::{Placed, VirtualContact};
+use approach::Placed;
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
+use robot::SurfacePoint;
 
 /// What a contact that faces away from the object costs, in millimeters, over twice that cost.
 const ANGLE_MM: f64 = 50.0;
@@ -13,11 +14,11 @@ const ANGLE_MM: f64 = 50.0;
 pub(crate) fn contact_energy(
     environment: &Environment,
     placed: &Placed,
-    contacts: &[VirtualContact],
+    contacts: &[SurfacePoint],
 ) -> f64 {
     let costs = contacts.iter().map(|contact| {
         let object_from_link = placed.object_from_link(contact.link);
-        let at = object_from_link * contact.at_in_link;
+        let at = object_from_link * contact.point_in_link;
         let normal = object_from_link.rotation * contact.normal_in_link;
         contact_cost(environment, &at, &normal)
     });
@@ -73,9 +74,9 @@ mod tests {
         };
         let placed = body.placed(&hand).unwrap();
         let link = body.model().link("base_link").unwrap();
-        let contact = |at: [f64; 3], normal: [f64; 3]| VirtualContact {
+        let contact = |at: [f64; 3], normal: [f64; 3]| SurfacePoint {
             link,
-            at_in_link: Point3::from(at),
+            point_in_link: Point3::from(at),
             normal_in_link: Vector3::from(normal),
         };
         let contacts = [

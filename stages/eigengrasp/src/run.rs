@@ -1,10 +1,11 @@
 //! One run: annealing from a random state, its best states finished.
 
-use approach::{ApproachError, HandBody, VirtualContact};
+use approach::{ApproachError, HandBody};
 use motion::HandState;
 use nalgebra::Point3;
 use posture::Environment;
 use rand_chacha::ChaCha8Rng;
+use robot::SurfacePoint;
 use spatial::Object;
 
 use crate::{
@@ -38,7 +39,7 @@ pub(crate) struct Run<'a> {
     pub(crate) config: &'a EigengraspConfig,
     pub(crate) body: &'a HandBody,
     pub(crate) basis: &'a Basis,
-    pub(crate) contacts: &'a [VirtualContact],
+    pub(crate) contacts: &'a [SurfacePoint],
     pub(crate) environment: &'a Environment,
     pub(crate) center_in_object: Point3<f64>,
     /// Length by which torques are divided, in meters.

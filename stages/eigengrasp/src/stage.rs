@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start, VirtualContact, grasps, virtual_contacts};
+use approach::{Grasp, HandBody, Lies, Reach, Start, grasps, virtual_contacts};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -15,6 +15,7 @@ use posture::Environment;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
+use robot::SurfacePoint;
 use schemas::{
     Table,
     candidates::Candidates,
@@ -179,7 +180,7 @@ struct Annealer<'a> {
     config: &'a EigengraspConfig,
     body: &'a HandBody,
     basis: &'a Basis,
-    contacts: Vec<VirtualContact>,
+    contacts: Vec<SurfacePoint>,
     field: Arc<DistanceField>,
     lies: Lies,
     object: &'a Object,

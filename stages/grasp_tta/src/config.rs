@@ -3,10 +3,7 @@
 use std::path::PathBuf;
 
 use approach::ApproachConfig;
-use cgf::{
-    CgfError,
-    grasp_tta::{AdaptationConfig, GraspNetworkConfig, GraspTrainingConfig, TermWeights},
-};
+use cgf::grasp_tta::{AdaptationConfig, GraspNetworkConfig, GraspTrainingConfig, TermWeights};
 use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -91,18 +88,7 @@ impl GraspTtaConfig {
             ("terms", self.terms.check()),
             ("adaptation", self.adaptation.check()),
         ] {
-            match checked {
-                Ok(()) => {}
-                Err(CgfError::Config {
-                    key,
-                    value,
-                    expected,
-                }) => {
-                    let problem = format!("is {value}, and must be {expected}");
-                    faults.note(&format!("{table}.{key}"), problem);
-                }
-                Err(other) => faults.note(table, other.to_string()),
-            }
+            faults.of_table(table, checked.err().into_iter().collect());
         }
         faults.of_table("approach", self.approach.faults());
         faults.found()

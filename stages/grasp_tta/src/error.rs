@@ -19,6 +19,12 @@ pub enum GraspTtaError {
         /// Number of trajectories.
         found: usize,
     },
+    /// A trajectory's maker did not label it with its object.
+    #[error("trajectory `{sequence}` has no label `object`")]
+    NoObject {
+        /// The trajectory's sequence.
+        sequence: String,
+    },
     /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{object}`")]
     UnknownObject {
@@ -58,6 +64,9 @@ impl Advise for GraspTtaError {
         match self {
             Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
             Self::NoTrajectories { .. } => Some("check `unseen_objects`".to_owned()),
+            Self::NoObject { .. } => {
+                Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::NoSurface => {
                 Some("give every link of the URDF that may touch a `collision`".to_owned())
             }

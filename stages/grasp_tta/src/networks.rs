@@ -1,15 +1,13 @@
 //! The artifact `grasp_networks`: one unit that gathers the grasps of all trajectories.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use approach::{HandBody, Start, grasping_hands};
 use cgf::{
     RestingObject,
     grasp_tta::{DemonstratedGrasp, GraspNetworks, GraspOptions, GraspSet, train_grasps},
 };
-use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Partition, Scope, Sum, Unit,
-};
+use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use hand_files::HandFiles;
 use lake::ReadInputs;
 use motion::HandState;
@@ -71,19 +69,25 @@ impl Output for LearnedNetworks {
         // Names that are no objects are errors.
         scope.chosen(Object::NAME, unseen)?;
         let all = scope.partitions(Trajectory::NAME);
-        let object = |trajectory: &Partition| trajectory.label("object").map(str::to_owned);
-        let learned = all.iter().filter_map(|trajectory| {
-            let object = object(trajectory).filter(|name| !unseen.contains(name))?;
-            Some((trajectory.key.as_str(), object))
-        });
-        let (keys, objects): (Vec<&str>, Vec<String>) = learned.unzip();
+        let mut keys = Vec::new();
+        let mut objects = BTreeSet::new();
+        for trajectory in all {
+            let object = trajectory
+                .label("object")
+                .ok_or_else(|| GraspTtaError::NoObject {
+                    sequence: trajectory.key.to_string(),
+                })?;
+            if !unseen.iter().any(|name| name == object) {
+                keys.push(&trajectory.key);
+                objects.insert(object);
+            }
+        }
         if keys.is_empty() {
             return Err(GraspTtaError::NoTrajectories { found: all.len() });
         }
-        let objects = scope.partitions(Object::NAME).iter().filter_map(|known| {
-            let key = known.key.as_str();
-            objects.iter().any(|object| object == key).then_some(key)
-        });
+        let known = scope.partitions(Object::NAME).iter();
+        let known = known.map(|object| object.key.as_str());
+        let objects = known.filter(|key| objects.contains(key));
         let unit = Unit::new(MODEL)
             .reading(Trajectory::NAME, keys)
             .only_files(Trajectory::NAME, [lake::table::FILE])

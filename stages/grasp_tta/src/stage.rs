@@ -43,13 +43,14 @@ mod tests {
     };
 
     use dataflow::{Advise, Artifact, Context, Outcome, Output, Partition, Scope};
+    use motion::HandState;
     use schemas::{
         candidates::{Candidates, ObjectSplit, Origin},
         grasp_networks,
     };
 
     use super::*;
-    use crate::{GraspTtaMetrics, fixture};
+    use crate::{Finish, GraspTtaMetrics, fixture};
 
     /// Runs a unit into a folder of its own.
     fn made<O: Output<Stage = GraspTta>>(
@@ -107,6 +108,36 @@ mod tests {
     }
 
     #[test]
+    fn closed_fingers_bend_from_the_adapted_grasp_until_they_touch_or_stop() {
+        let adapted = fixture::config();
+        let closed = GraspTtaConfig {
+            finish: Finish::Closed,
+            ..adapted.clone()
+        };
+        let [(weights, adapted, _), (same_weights, closed, _)] =
+            [adapted, closed].map(|config| run(&config, 3));
+        assert!(weights == same_weights, "other weights");
+        let body = fixture::body();
+        let environment = fixture::BOX.environment();
+        for (before, after) in adapted.candidates.iter().zip(&closed.candidates) {
+            let [before, after] = [before, after].map(|one| one.motion.grasp());
+            assert_eq!(before.frame_from_palm, after.frame_from_palm);
+            let joints = before.q_rad.iter().zip(&after.q_rad).enumerate();
+            for (joint, (before, after)) in joints {
+                let bends = body.flexion().contains(&joint);
+                assert!(after >= before, "{joint}: {before} {after}");
+                assert!(bends || after == before, "{joint}: {before} {after}");
+            }
+            assert_ne!(before.q_rad, after.q_rad);
+            let hand = HandState {
+                frame_from_palm: after.frame_from_palm,
+                q_rad: after.q_rad.clone(),
+            };
+            assert_eq!(body.closed(&environment, &hand).unwrap(), hand);
+        }
+    }
+
+    #[test]
     fn networks_and_grasps_are_those_of_the_seed_on_any_number_of_threads() {
         let config = fixture::config();
         let on_one = rayon::ThreadPoolBuilder::new().num_threads(1);
@@ -147,6 +178,11 @@ mod tests {
     }
 
     fn scope() -> Scope {
+        scope_with(&[("a", Some("box")), ("b", Some("can")), ("c", Some("can"))])
+    }
+
+    /// Returns a scope of box and can, with trajectories of these names and labels.
+    fn scope_with(trajectories: &[(&str, Option<&str>)]) -> Scope {
         let partition = |key: &str, object: Option<&str>| {
             let object = object.map(|name| ("object".to_owned(), name.to_owned()));
             Partition::new(key.parse().unwrap(), object.into_iter().collect())
@@ -158,9 +194,10 @@ mod tests {
             ),
             (
                 Trajectory::NAME.to_owned(),
-                [("a", "box"), ("b", "can"), ("c", "can")]
-                    .map(|(key, object)| partition(key, Some(object)))
-                    .into(),
+                trajectories
+                    .iter()
+                    .map(|&(key, object)| partition(key, object))
+                    .collect(),
             ),
             (
                 grasp_networks::NAME.to_owned(),
@@ -191,6 +228,14 @@ mod tests {
         assert_eq!(units[0].reads[grasp_networks::NAME], ["grasp_tta"]);
         let nothing = AdaptedCandidates::units(&of(&[]), &Scope::default()).unwrap_err();
         assert_eq!(nothing.lacks(), Some("objects"));
+    }
+
+    #[test]
+    fn a_trajectory_without_an_object_is_refused_by_name() {
+        let scope = scope_with(&[("a", Some("box")), ("b", None)]);
+        let refused = LearnedNetworks::units(&fixture::config(), &scope).unwrap_err();
+        assert!(refused.to_string().contains("`b`"), "{refused}");
+        assert!(refused.hint().unwrap().contains("--fresh"));
     }
 
     #[test]

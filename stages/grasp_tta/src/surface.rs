@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use approach::{HandBody, virtual_contacts};
-use cgf::grasp_tta::{HandPoint, HandSurface};
-use robot::surface_points;
+use cgf::grasp_tta::HandSurface;
+use robot::{SurfacePoint, surface_points};
 
 use crate::GraspTtaError;
 
@@ -20,21 +20,21 @@ const FACING: f64 = std::f64::consts::FRAC_1_SQRT_2;
 /// Fails if the hand has no collision shape.
 pub(crate) fn hand_surface(body: &HandBody, n: usize) -> Result<HandSurface, GraspTtaError> {
     let contacts = virtual_contacts(body);
-    let points = surface_points(body.model(), n).into_iter().map(|point| {
-        let mut of_link = contacts.iter().filter(|contact| contact.link == point.link);
-        let faces = |normal| point.normal_in_link.dot(normal) >= FACING;
-        HandPoint {
-            link: point.link,
-            point_in_link: point.point_in_link,
-            normal_in_link: point.normal_in_link,
-            is_prior: of_link.any(|contact| faces(&contact.normal_in_link)),
-        }
-    });
-    let points: Vec<HandPoint> = points.collect();
+    let points = surface_points(body.model(), n);
     if points.is_empty() {
         return Err(GraspTtaError::NoSurface);
     }
-    Ok(HandSurface::new(Arc::new(body.model().clone()), points))
+    let is_prior = |point: &SurfacePoint| {
+        let mut of_link = contacts.iter().filter(|contact| contact.link == point.link);
+        of_link.any(|contact| point.normal_in_link.dot(&contact.normal_in_link) >= FACING)
+    };
+    let prior = (0..points.len()).filter(|&idx| is_prior(&points[idx]));
+    let prior = prior.collect();
+    Ok(HandSurface::new(
+        Arc::new(body.model().clone()),
+        points,
+        prior,
+    ))
 }
 
 #[cfg(test)]
@@ -48,10 +48,11 @@ mod tests {
         let surface = hand_surface(&body, 800).unwrap();
         let of = |name: &str, is_prior: bool| {
             let link = body.model().link(name).unwrap();
-            let of_link = surface.points().iter().filter(|point| point.link == link);
-            let found: Vec<HandPoint> = of_link
-                .filter(|point| point.is_prior == is_prior)
-                .copied()
+            let all = surface.points().iter().enumerate();
+            let found: Vec<SurfacePoint> = all
+                .filter(|(_, point)| point.link == link)
+                .filter(|(idx, _)| surface.prior().contains(idx) == is_prior)
+                .map(|(_, point)| *point)
                 .collect();
             assert!(!found.is_empty(), "{name} {is_prior}");
             found

@@ -22,17 +22,15 @@ use crate::{
     error::{IngestError, RecordingError},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, read},
+    reader::{About, Listed, Reader, read, read_yaml},
     recording::{Observation, Recording, StillObject, TableSource},
     selection::Cameras,
     stage::Agreement,
-    yaml::{self, Meta},
+    yaml::Meta,
 };
 
 /// Largest accepted `pose.npz`: 100 images and 4 objects are 30 kB.
 const MAX_POSES_BYTES: u64 = 16 << 20;
-/// Largest accepted YAML file: the real ones have less than 2 kB.
-const MAX_YAML_BYTES: u64 = 1 << 20;
 /// Maximum number of accepted images of a recording: six minutes at 30 Hz, where the real ones have 72.
 const MAX_IMAGES: u64 = 10_800;
 /// Maximum number of accepted objects of a scene: as many as are numbered.
@@ -300,11 +298,4 @@ fn about(meta: &Meta, files: &SequenceFiles<'_>) -> Result<About, RecordingError
         )));
     }
     layout::about(&files.subject, meta).ok_or_else(|| value(format!("object {number} has no name")))
-}
-
-fn read_yaml<T: serde::de::DeserializeOwned>(file: &SourceFile) -> Result<T, RecordingError> {
-    yaml::parse(&read(file, MAX_YAML_BYTES)?).map_err(|source| RecordingError::Yaml {
-        file: file.name.clone(),
-        source,
-    })
 }

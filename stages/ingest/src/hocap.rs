@@ -23,7 +23,7 @@ use spatial::{Camera, Pose, World};
 
 pub(crate) use self::files::MESH;
 use self::{
-    files::{Extrinsics, Meta, SequenceFiles},
+    files::{Meta, SequenceFiles},
     poses::Poses,
 };
 use crate::{
@@ -32,15 +32,13 @@ use crate::{
     error::{IngestError, RecordingError},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, read},
+    reader::{About, Listed, Reader, read_yaml},
     recording::{Keypoints, Observation, Recording, StillObject, TableSource, Tag},
     selection::Cameras,
     stage::Agreement,
-    yaml,
+    yaml::Extrinsics,
 };
 
-/// Largest accepted YAML file: the toolkit's examples have less than 2 kB.
-const MAX_YAML_BYTES: u64 = 1 << 20;
 /// Largest accepted `poses_o.npy`: a thousand images of four objects in f4 are 112 kB.
 const MAX_POSES_BYTES: u64 = 16 << 20;
 /// Maximum number of accepted images of a recording: six minutes at 30 Hz.
@@ -351,27 +349,12 @@ impl Calibration {
         let file = files.extrinsics.ok_or_else(|| RecordingError::Missing {
             file: meta.extrinsics_name(),
         })?;
-        let value = |what: String| RecordingError::Value {
-            what,
-            file: file.name.clone(),
-        };
-        let parsed: Extrinsics =
-            yaml::parse(&read(file, MAX_YAML_BYTES)?).map_err(|source| RecordingError::Yaml {
-                file: file.name.clone(),
-                source,
-            })?;
+        let extrinsics: Extrinsics = read_yaml(file)?;
         // The master camera's frame is only passed through, and so has no name of its own.
-        let in_master = |name: &str| {
-            let rows = parsed.extrinsics.get(name);
-            let rows = rows.ok_or_else(|| value(format!("no pose of `{name}`")))?;
-            let pose = yaml::pose::<Camera, World>(rows);
-            pose.ok_or_else(|| value(format!("`{name}` is not a rotation and a translation")))
-        };
-        let tag = in_master(TAG)?;
+        let tag: Pose<Camera, World> = extrinsics.pose(TAG, file)?;
         let cameras = meta.realsense.serials.iter().map(|serial| {
-            let world_from_camera =
-                tag.inverse() * in_master(serial)?.reinterpret::<Camera, Camera>();
-            Ok((serial.clone(), world_from_camera))
+            let master_from_camera: Pose<Camera, Camera> = extrinsics.pose(serial, file)?;
+            Ok((serial.clone(), tag.inverse() * master_from_camera))
         });
         let world_from_cameras = cameras.collect::<Result<Vec<_>, RecordingError>>()?;
         let sum: Vector3<f64> = world_from_cameras

@@ -54,17 +54,20 @@ impl LabelNames {
         name.starts_with(self.0.as_bytes()) && name.ends_with(Self::END.as_bytes())
     }
 
-    /// Lists the label files that are there in the folders of some of a recording's cameras.
+    /// Lists the files from which a recording is read: of its folder `own`, each with its largest accepted size in
+    /// bytes, those beside it, and the labels in the folders of some of its cameras; as far as they are there.
     ///
     /// # Errors
     ///
-    /// Fails if a folder cannot be listed, or if something else than a file lies in a label's place.
-    pub(crate) fn of_cameras(
+    /// Fails if a camera's folder cannot be listed, or if something else than such a file lies in a file's place.
+    pub(crate) fn files(
         self,
         listed: &Listed,
+        own: [(&str, u64); 2],
         cameras: Cameras,
     ) -> Result<Vec<SourceFile>, RecordingError> {
-        let mut files = Vec::new();
+        let own = own.map(|(name, limit)| (listed.file(name), limit));
+        let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
         let serials = listed.cameras.iter().enumerate();
         let mut taken = BTreeSet::new();
         for (_, serial) in serials.filter(|&(number, _)| cameras.holds(number)) {
@@ -164,14 +167,8 @@ impl LabelReader {
         n_objects: usize,
         grasped: usize,
     ) -> Result<Labels, RecordingError> {
-        let len = self.fill(file)?;
-        let bytes = self.file.get(..len).unwrap_or_default();
-        let npz = |source| RecordingError::Npz {
-            file: file.name.clone(),
-            source,
-        };
-        let mut arrays = Arrays::open_with(bytes, &mut self.unpacker).map_err(npz)?;
-        let numbers = &mut self.numbers;
+        let (mut arrays, numbers) = self.open(file)?;
+        let npz = |source| damaged(file, source);
         let keypoints_in_camera = keypoints(&mut arrays, numbers).map_err(npz)?;
         let camera_from_object = match pose_rows(&mut arrays, numbers, n_objects, grasped) {
             Ok(Some(rows)) => Some(yaml::pose(&rows).ok_or_else(|| RecordingError::Value {
@@ -199,14 +196,8 @@ impl LabelReader {
         n_objects: usize,
         grasped: usize,
     ) -> Result<HandLabels, RecordingError> {
-        let len = self.fill(file)?;
-        let bytes = self.file.get(..len).unwrap_or_default();
-        let npz = |source| RecordingError::Npz {
-            file: file.name.clone(),
-            source,
-        };
-        let mut arrays = Arrays::open_with(bytes, &mut self.unpacker).map_err(npz)?;
-        let numbers = &mut self.numbers;
+        let (mut arrays, numbers) = self.open(file)?;
+        let npz = |source| damaged(file, source);
         let shape = [2, KEYPOINTS as u64, AXES as u64];
         arrays
             .numbers_into("hand_joints_3d", &shape, numbers)
@@ -231,6 +222,15 @@ impl LabelReader {
             hands,
             camera_from_object: rows.and_then(yaml::pose),
         })
+    }
+
+    /// Opens a label file; returns its arrays, and the buffer for the numbers of one.
+    fn open(&mut self, file: &SourceFile) -> Result<(Arrays<'_>, &mut Vec<f64>), RecordingError> {
+        let len = self.fill(file)?;
+        let bytes = self.file.get(..len).unwrap_or_default();
+        let arrays = Arrays::open_with(bytes, &mut self.unpacker);
+        let arrays = arrays.map_err(|source| damaged(file, source))?;
+        Ok((arrays, &mut self.numbers))
     }
 
     /// Reads the file's bytes into the buffer and returns how many they are.
@@ -267,6 +267,13 @@ impl LabelReader {
                 return Ok(len);
             }
         }
+    }
+}
+
+fn damaged(file: &SourceFile, source: NpzError) -> RecordingError {
+    RecordingError::Npz {
+        file: file.name.clone(),
+        source,
     }
 }
 

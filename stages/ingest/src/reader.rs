@@ -11,6 +11,7 @@ use std::{
 
 use dataflow::SourceFile;
 use schemas::demonstrations::Side;
+use serde::de::DeserializeOwned;
 
 use crate::{
     config::{Format, IngestConfig},
@@ -22,6 +23,7 @@ use crate::{
     recording::Recording,
     selection::Cameras,
     tracks::Tracks,
+    yaml,
 };
 
 /// Reads one layout of datasets.
@@ -144,6 +146,8 @@ pub(crate) fn those_there(
     Ok(there)
 }
 
+/// Largest accepted YAML file: real ones have less than 2 kB.
+pub(crate) const MAX_YAML_BYTES: u64 = 1 << 20;
 /// Largest accepted mesh file: the dataset's own have 1 MB.
 pub(crate) const MAX_MESH_BYTES: u64 = 256 << 20;
 /// Where the datasets' meshes lie.
@@ -195,6 +199,22 @@ pub(crate) fn read(file: &SourceFile, limit: u64) -> Result<Vec<u8>, RecordingEr
         .read_to_end(&mut bytes)
         .map_err(unreadable)?;
     Ok(bytes)
+}
+
+/// Reads a YAML file.
+pub(crate) fn read_yaml<T: DeserializeOwned>(file: &SourceFile) -> Result<T, RecordingError> {
+    parse_yaml(&file.name, &read(file, MAX_YAML_BYTES)?)
+}
+
+/// Parses the bytes of a YAML file of this name.
+pub(crate) fn parse_yaml<T: DeserializeOwned>(
+    file: &str,
+    bytes: &[u8],
+) -> Result<T, RecordingError> {
+    yaml::parse(bytes).map_err(|source| RecordingError::Yaml {
+        file: file.to_owned(),
+        source,
+    })
 }
 
 #[cfg(test)]

@@ -261,10 +261,7 @@ fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), Recordin
 
 /// Parses `track.yml`, named so in messages.
 fn description(name: &str, bytes: &[u8]) -> Result<Description, RecordingError> {
-    let description: Description = yaml::parse(bytes).map_err(|source| RecordingError::Yaml {
-        file: name.to_owned(),
-        source,
-    })?;
+    let description: Description = reader::parse_yaml(name, bytes)?;
     if !description.names_an_object() {
         return Err(RecordingError::Value {
             what: format!(

@@ -6,10 +6,13 @@
 
 use std::collections::BTreeMap;
 
+use dataflow::SourceFile;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
 use schemas::demonstrations::Side;
 use serde::{Deserialize, de::DeserializeOwned};
 use spatial::Pose;
+
+use crate::error::RecordingError;
 
 /// Largest accepted difference of a stored rotation matrix from an orthonormal one: poses estimated
 /// from video have been published with 0.0074.
@@ -66,11 +69,33 @@ impl Meta {
     }
 }
 
-/// `extrinsics.yml`: where the cameras and the table's tag are.
+/// The calibration: where the cameras and the tags are.
 #[derive(Debug, Deserialize)]
 pub(crate) struct Extrinsics {
-    /// The world's pose of each camera, and of `apriltag`: `[R|t]`, row by row, in meters.
+    /// The pose of each camera and tag, `[R|t]`, row by row, in meters: of `DexYCB` in the world, of `HO-Cap` in the
+    /// master camera's frame.
     pub(crate) extrinsics: BTreeMap<String, [f64; 12]>,
+}
+
+impl Extrinsics {
+    /// Returns the pose of a camera or a tag.
+    ///
+    /// # Errors
+    ///
+    /// Fails with the name of the file that it was read from if it is not there, or is not a rotation and translation.
+    pub(crate) fn pose<To, From>(
+        &self,
+        name: &str,
+        file: &SourceFile,
+    ) -> Result<Pose<To, From>, RecordingError> {
+        let value = |what: String| RecordingError::Value {
+            what,
+            file: file.name.clone(),
+        };
+        let rows = self.extrinsics.get(name);
+        let rows = rows.ok_or_else(|| value(format!("no pose of `{name}`")))?;
+        pose(rows).ok_or_else(|| value(format!("`{name}` is not a rotation and a translation")))
+    }
 }
 
 /// `mano.yml`: the shape of a person's hand.

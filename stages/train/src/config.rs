@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cgf::{CgfError, NetworkConfig, TrainingConfig};
+use cgf::{NetworkConfig, TrainingConfig};
 use dataflow::{OptionFault, OptionFaults};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -72,18 +72,7 @@ impl TrainConfig {
             ("training", training),
             ("training", memory),
         ] {
-            match checked {
-                Ok(()) => {}
-                Err(CgfError::Config {
-                    key,
-                    value,
-                    expected,
-                }) => {
-                    let problem = format!("is {value}, and must be {expected}");
-                    faults.note(&format!("{table}.{key}"), problem);
-                }
-                Err(other) => faults.note(table, other.to_string()),
-            }
+            faults.of_table(table, checked.err().into_iter().collect());
         }
         faults.found()
     }

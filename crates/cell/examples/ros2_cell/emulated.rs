@@ -7,7 +7,7 @@ use std::{
     collections::VecDeque,
     str::FromStr,
     sync::{
-        Arc, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicBool, Ordering},
     },
     thread::{self, JoinHandle},
@@ -24,7 +24,10 @@ use schemas::ros2::{
     motion::{header, joint_state, pose},
 };
 
-use crate::config::{Config, Controller};
+use crate::{
+    config::{Config, Controller},
+    measurements::lock,
+};
 
 /// Period of a controller's update, in nanoseconds.
 const STEP_NS: i64 = 4_000_000;
@@ -380,9 +383,4 @@ fn seconds(time_ns: i64) -> f64 {
 
 fn nanoseconds_of(stamp: Time) -> i64 {
     i64::from(stamp.sec) * 1_000_000_000 + i64::from(stamp.nanosec)
-}
-
-/// Locks even after a panic in another thread: guarded values are replaced whole.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
-    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

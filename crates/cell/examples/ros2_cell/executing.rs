@@ -115,12 +115,13 @@ impl<'a> Executing<'a> {
         }
     }
 
-    /// Records a sample if one is due; returns why the motion must be aborted, if it must.
+    /// Shows a sample if one is due, and records it if it is of the goal; returns why the motion must be aborted, if
+    /// it must.
     fn watch(&mut self, now_s: f64, motion: &mut MonitoredMotion<'_>) -> Option<Abort> {
         let due_s = self
             .samples
             .last()
-            .map_or(0.0, |last| last.time_s + SAMPLE_S);
+            .map_or(self.path.begin_s, |last| last.time_s + SAMPLE_S);
         if now_s < due_s {
             return motion.abort();
         }
@@ -128,8 +129,9 @@ impl<'a> Executing<'a> {
             return motion.abort();
         };
         let abort = motion.see(&sample);
-        // A robot that braked on its way to the first row never began the goal.
+        // The way to the first row is none of the goal's, and a robot that braked on it never began the goal.
         if let Ok(sample) = sample.in_order(&self.to_path)
+            && now_s >= 0.0
             && self.path.is_on_the_goal()
         {
             self.samples.push(sample);

@@ -221,6 +221,6 @@ fn pose_of(message: &PoseStamped) -> Option<Pose<Table, Object>> {
 }
 
 /// Locks even after a panic in another thread: guarded values are replaced whole.
-fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+pub(crate) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -30,7 +30,6 @@ pub struct MonitoredMotion<'a> {
     /// Time of the next published sample, in seconds of the motion: for motions faster than the
     /// clock.
     due_s: f64,
-    has_begun: bool,
 }
 
 impl<'a> MonitoredMotion<'a> {
@@ -42,7 +41,6 @@ impl<'a> MonitoredMotion<'a> {
             received: job.received,
             pacer: Pacer::default(),
             due_s: 0.0,
-            has_begun: false,
         }
     }
 
@@ -66,10 +64,9 @@ impl<'a> MonitoredMotion<'a> {
     /// Publishes a measurement, its joints in the order of the machine's description; returns why
     /// the motion must be aborted now, if it must.
     pub fn see(&mut self, sample: &Sample) -> Option<Abort> {
-        if self.has_begun {
+        if sample.time_s > 0.0 {
             self.shared.faults.die(Fault::DieInMotion);
         }
-        self.has_begun = true;
         self.shared.stream.measure(self.goal_id, sample);
         if !self.shared.real_time && sample.time_s > self.due_s - ROUNDING_S {
             self.shared.stream.publish();

@@ -1,6 +1,6 @@
 //! Motions that nothing disturbs, and goals that are refused.
 
-use std::thread;
+use std::{sync::mpsc, thread};
 
 use cell::{Goal, PalmTrajectory, RejectionCode};
 use schemas::executions::Outcome;
@@ -24,19 +24,27 @@ fn joints_follow_the_goal_and_a_lifted_object_is_a_success() {
     assert!(told.real_time && told.palm.is_none());
     let goal = goal(&lab, 1);
     let (id, lift_s) = (goal.encode().goal_id, 1.4);
+    let (watching, watched) = mpsc::channel();
     let report = thread::scope(|scope| {
         // The object is in the hand once it has closed.
         scope.spawn(|| {
-            let mut grasped_m = None;
+            let (mut grasped_m, mut is_approach_seen) = (None, false);
             lab.watch(|state| {
+                let _told = watching.send(());
                 let palm_m = state.sample.table_from_palm.translation.z;
+                is_approach_seen |= state.goal_id == id && state.sample.time_s < 0.0;
                 if state.goal_id == id && state.sample.time_s >= 1.0 {
                     let from_m = *grasped_m.get_or_insert(palm_m);
                     emulated.put_object(OBJECT_Z_M + palm_m - from_m);
                 }
                 state.goal_id == id && state.sample.time_s > lift_s + 0.8
             });
+            assert!(
+                is_approach_seen,
+                "nothing moved on the way to the first row"
+            );
         });
+        watched.recv().unwrap();
         execute(&client, &goal)
     });
     assert_eq!(report.outcome, Outcome::Succeeded, "{}", report.message);

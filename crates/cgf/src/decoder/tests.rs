@@ -342,13 +342,13 @@ fn codes_of_another_width_and_broken_rotations_are_refused() {
     let err = decoder
         .decode(&feature(), &[vec![0.0; 5]], &[0.0])
         .unwrap_err();
-    assert!(err.to_string().contains("`latent` is 5 numbers"), "{err}");
+    assert!(err.to_string().contains("`latent` has 5 numbers"), "{err}");
     let narrow = ObjectFeature {
         values: vec![0.0; 3],
         ..feature()
     };
     let err = decoder.decode(&narrow, &latents(1), &[0.0]).unwrap_err();
-    assert!(err.to_string().contains("`feature` is 3 numbers"), "{err}");
+    assert!(err.to_string().contains("`feature` has 3 numbers"), "{err}");
     let err = decoder
         .decode(&feature(), &[vec![f64::NAN; 12]], &[0.0])
         .unwrap_err();

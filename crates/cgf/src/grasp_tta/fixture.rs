@@ -6,7 +6,7 @@ use nalgebra::{Point3, Unit, Vector3};
 use robot::{RobotModel, surface_points};
 use spatial::RestingPose;
 
-use super::{HandPoint, HandSurface, nearest::Cloud};
+use super::{HandSurface, nearest::Cloud};
 use crate::{RestingObject, precision::narrow, random::Random};
 
 /// A palm without a shape, a ball on a hinge, and another on a slide.
@@ -25,14 +25,9 @@ const HALF_M: f64 = 0.03;
 /// Returns 200 points on both balls, half of them the prior's.
 pub(crate) fn surface() -> HandSurface {
     let hand = Arc::new(RobotModel::from_urdf(HAND).unwrap());
-    let points = surface_points(&hand, 200).into_iter();
-    let points = points.enumerate().map(|(idx, point)| HandPoint {
-        link: point.link,
-        point_in_link: point.point_in_link,
-        normal_in_link: point.normal_in_link,
-        is_prior: idx % 2 == 0,
-    });
-    HandSurface::new(hand, points.collect())
+    let points = surface_points(&hand, 200);
+    let prior = (0..points.len()).step_by(2).collect();
+    HandSurface::new(hand, points, prior)
 }
 
 /// Returns the cube, its points in random order.

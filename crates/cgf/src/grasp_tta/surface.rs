@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use nalgebra::{Point3, Vector3};
-use robot::RobotModel;
+use nalgebra::Vector3;
+use robot::{RobotModel, SurfacePoint};
 
 use crate::{
     hand_numbers::PALM_WIDTH,
@@ -11,25 +11,12 @@ use crate::{
     precision::narrow,
 };
 
-/// A point on a hand's surface.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct HandPoint {
-    /// The link, by its number among the model's.
-    pub link: usize,
-    /// In the link's frame, in meters.
-    pub point_in_link: Point3<f64>,
-    /// Outward unit normal, in the link's frame.
-    pub normal_in_link: Vector3<f64>,
-    /// Whether hands of its kind touch with it: the hand prior.
-    pub is_prior: bool,
-}
-
 /// A hand and points spread over its surface.
 #[derive(Debug, Clone)]
 pub struct HandSurface {
     pub(crate) hand: Arc<RobotModel>,
-    points: Vec<HandPoint>,
-    /// Which of the points are the prior's.
+    points: Vec<SurfacePoint>,
+    /// The points that hands of its kind touch with, the hand prior, by number.
     prior: Vec<usize>,
 }
 
@@ -43,29 +30,36 @@ pub(crate) struct PlacedSurface<'a> {
 }
 
 impl HandSurface {
-    /// Takes points of a hand's links.
+    /// Takes points of a hand's links, and which of them, by number, are the hand prior.
     ///
     /// # Panics
     ///
-    /// Panics if a point is of a link that the hand does not have.
-    pub fn new(hand: Arc<RobotModel>, points: Vec<HandPoint>) -> Self {
+    /// Panics if a point is of a link that the hand does not have, or the prior has a point that is not there.
+    pub fn new(hand: Arc<RobotModel>, points: Vec<SurfacePoint>, prior: Vec<usize>) -> Self {
         let links_n = hand.links().len();
         assert!(
             points.iter().all(|point| point.link < links_n),
             "a point of a link that is not the hand's"
         );
-        let all = points.iter().enumerate();
-        let prior = all.filter(|(_, point)| point.is_prior);
+        assert!(
+            prior.iter().all(|&idx| idx < points.len()),
+            "a point of the prior that is not the hand's"
+        );
         Self {
-            prior: prior.map(|(idx, _)| idx).collect(),
             hand,
             points,
+            prior,
         }
     }
 
     /// Returns the points.
-    pub fn points(&self) -> &[HandPoint] {
+    pub fn points(&self) -> &[SurfacePoint] {
         &self.points
+    }
+
+    /// Returns the points that hands of its kind touch with, by number.
+    pub fn prior(&self) -> &[usize] {
+        &self.prior
     }
 
     /// Returns the number of points.

@@ -8,7 +8,7 @@ use std::{
     process::Command,
 };
 
-use formats::{Episode, Export, Joint, Moment, Unit};
+use formats::{Episode, EpisodeStep, Export, Joint, Unit};
 use nalgebra::{UnitQuaternion, Vector3};
 use spatial::Pose;
 
@@ -23,9 +23,9 @@ pub(crate) fn joints() -> Vec<Joint> {
 }
 
 /// The hand and the object of motion `seed` at a time.
-pub(crate) fn moment(seed: u32, time_s: f64) -> Moment {
+pub(crate) fn step(seed: u32, time_s: f64) -> EpisodeStep {
     let wave = |k: f64| (k + f64::from(seed) + 1.7 * time_s).sin();
-    Moment {
+    EpisodeStep {
         time_s,
         table_from_palm: Pose::from_parts(
             [0.2 * wave(0.0), 0.2 * wave(1.0), 0.3 - 0.1 * wave(2.0)],
@@ -46,13 +46,13 @@ pub(crate) fn moment(seed: u32, time_s: f64) -> Moment {
 pub(crate) fn episodes() -> Vec<Episode> {
     let episode = |seed: u32| {
         let times = (0..20).map(|step| 0.05 * f64::from(step) + 0.002 * f64::from(step % 3));
-        let moments = times.map(|time_s| Moment {
-            q_command: (seed % 2 == 1).then(|| moment(seed + 10, time_s).q),
-            ..moment(seed, time_s)
+        let steps = times.map(|time_s| EpisodeStep {
+            q_command: (seed % 2 == 1).then(|| step(seed + 10, time_s).q),
+            ..step(seed, time_s)
         });
         let object = if seed < 2 { "025_mug" } else { "004_sugar_box" };
         let name = format!("{object}-{seed:05}");
-        let episode = Episode::new(&name, object, &joints(), &moments.collect::<Vec<_>>()).unwrap();
+        let episode = Episode::new(&name, object, &joints(), &steps.collect::<Vec<_>>()).unwrap();
         episode.with_outcome(if seed == 0 { "slipped" } else { "held" })
     };
     (0..3).map(episode).collect()

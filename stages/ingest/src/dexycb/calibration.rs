@@ -4,11 +4,12 @@ use dataflow::SourceFile;
 use nalgebra::{Point3, Vector3};
 use spatial::{Camera, Pose, World};
 
-use super::{layout::SequenceFiles, read_yaml};
+use super::layout::SequenceFiles;
 use crate::{
     error::RecordingError,
+    reader::read_yaml,
     recording::Tag,
-    yaml::{self, Extrinsics, Meta},
+    yaml::{Extrinsics, Meta},
 };
 
 /// The tag on the table, among the cameras of `extrinsics.yml`.
@@ -45,12 +46,7 @@ impl<'a> Calibration<'a> {
         &self,
         serial: &str,
     ) -> Result<Pose<World, Camera>, RecordingError> {
-        let rows = self
-            .extrinsics
-            .extrinsics
-            .get(serial)
-            .ok_or_else(|| self.value(format!("no pose of `{serial}`")))?;
-        self.pose(serial, rows)
+        self.extrinsics.pose(serial, self.file)
     }
 
     /// Returns the tag's pose, if there is a tag.
@@ -59,8 +55,9 @@ impl<'a> Calibration<'a> {
     ///
     /// Fails if it is not a rotation and translation.
     pub(super) fn world_from_tag(&self) -> Result<Option<Pose<World, Tag>>, RecordingError> {
-        let rows = self.extrinsics.extrinsics.get(TAG);
-        rows.map(|rows| self.pose(TAG, rows)).transpose()
+        let has_tag = self.extrinsics.extrinsics.contains_key(TAG);
+        let tag = has_tag.then(|| self.extrinsics.pose(TAG, self.file));
+        tag.transpose()
     }
 
     /// Returns the middle of these cameras, which look down on the table; `None` without cameras.
@@ -78,21 +75,5 @@ impl<'a> Calibration<'a> {
         }
         let middle = Point3::from(sum / serials.len().max(1) as f64);
         Ok((!serials.is_empty()).then_some(middle))
-    }
-
-    fn pose<From>(
-        &self,
-        name: &str,
-        rows: &[f64; 12],
-    ) -> Result<Pose<World, From>, RecordingError> {
-        yaml::pose(rows)
-            .ok_or_else(|| self.value(format!("`{name}` is not a rotation and a translation")))
-    }
-
-    fn value(&self, what: String) -> RecordingError {
-        RecordingError::Value {
-            what,
-            file: self.file.name.clone(),
-        }
     }
 }

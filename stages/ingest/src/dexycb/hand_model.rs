@@ -3,13 +3,13 @@
 use dataflow::SourceFile;
 use schemas::demonstrations::Side;
 
-use super::{layout::SequenceFiles, read_yaml};
+use super::layout::SequenceFiles;
 use crate::{
     config::Landmarks,
     error::RecordingError,
     mano::ManoModel,
     npz::Arrays,
-    reader::read,
+    reader::{read, read_yaml},
     recording::{Keypoints, Recording},
     yaml::{HandShape, Meta},
 };

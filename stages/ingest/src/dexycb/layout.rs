@@ -7,7 +7,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use dataflow::SourceFile;
 
-use super::{DexYcb, MAX_POSES_BYTES, MAX_YAML_BYTES};
+use super::{DexYcb, MAX_POSES_BYTES};
 use crate::{
     config::TableRule,
     dexycb::{
@@ -17,7 +17,7 @@ use crate::{
     error::{IngestError, RecordingError},
     folders::{RecordingFolder, plain, recordings, root_near},
     labels::LabelNames,
-    reader::{About, Listed, glance, those_there},
+    reader::{About, Listed, MAX_YAML_BYTES, glance},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
     ycb,
@@ -111,10 +111,7 @@ pub(super) fn files_of(
     cameras: Cameras,
 ) -> Result<Vec<SourceFile>, RecordingError> {
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];
-    let own = own.map(|(name, limit)| (listed.file(name), limit));
-    let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
-    files.extend(LABELS.of_cameras(listed, cameras)?);
-    Ok(files)
+    LABELS.files(listed, own, cameras)
 }
 
 /// Returns what a recording is about; `None` where `meta.yml` names what there is not.

@@ -13,16 +13,15 @@ use schemas::demonstrations::Side;
 use serde::Deserialize;
 
 use super::{
-    MAX_CAMERAS, MAX_IMAGES, MAX_OBJECTS, MAX_POSES_BYTES, MAX_YAML_BYTES,
+    MAX_CAMERAS, MAX_IMAGES, MAX_OBJECTS, MAX_POSES_BYTES,
     poses::{self, Poses, PosesError},
 };
 use crate::{
     error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
     labels::LabelNames,
-    reader::{About, Listed, glance, read, those_there},
+    reader::{About, Listed, MAX_YAML_BYTES, glance, parse_yaml, read},
     selection::Cameras,
-    yaml,
 };
 
 /// Says what is in a recording.
@@ -61,14 +60,6 @@ pub(super) struct Cams {
     pub(super) serials: Vec<String>,
 }
 
-/// The calibration: where the cameras and the tags are.
-#[derive(Debug, Deserialize)]
-pub(super) struct Extrinsics {
-    /// The pose of each camera, and of `tag_0` and `tag_1`, in the master camera's frame: `[R|t]`, row by row, in
-    /// meters.
-    pub(super) extrinsics: BTreeMap<String, [f64; 12]>,
-}
-
 fn extrinsics() -> String {
     EXTRINSICS.to_owned()
 }
@@ -100,10 +91,7 @@ impl Meta {
 
     /// Parses the bytes of a file.
     pub(super) fn parse(file: &str, bytes: &[u8]) -> Result<Self, RecordingError> {
-        let meta: Self = yaml::parse(bytes).map_err(|source| RecordingError::Yaml {
-            file: file.to_owned(),
-            source,
-        })?;
+        let meta: Self = parse_yaml(file, bytes)?;
         match meta.fault() {
             Some(what) => Err(RecordingError::Value {
                 what,
@@ -201,10 +189,7 @@ pub(super) fn files_of(
     cameras: Cameras,
 ) -> Result<Vec<SourceFile>, RecordingError> {
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];
-    let own = own.map(|(name, limit)| (listed.file(name), limit));
-    let mut files = those_there(own.into_iter().chain(listed.beside.iter().cloned()))?;
-    files.extend(LABELS.of_cameras(listed, cameras)?);
-    Ok(files)
+    LABELS.files(listed, own, cameras)
 }
 
 /// The files of one recording by what they are, from the names that [`files_of`] gave them.
