@@ -1,4 +1,4 @@
-//! How deep a hand is in the object and in the table, as a loss with its gradient.
+//! Penetration depth of a hand in the object and in the table, as a loss with its gradient.
 
 use std::sync::Arc;
 
@@ -22,7 +22,7 @@ use crate::{
 /// Factor on the size of a cluster of spheres that allows for the interpolation's slope above 1.
 const SLACK: f64 = 1.1;
 
-/// What a hand can be in, seen from the frame in which its numbers are.
+/// Object and table that a hand can penetrate, posed relative to the frame of its numbers.
 #[derive(Debug, Clone)]
 pub(crate) struct PenetrationScene {
     /// Distances to the object's surface.
@@ -51,8 +51,8 @@ pub(crate) struct Body {
     clusters: Vec<SphereCluster>,
 }
 
-/// How deep a link is: the depth of its deepest sphere, that sphere's center in the palm frame, and the
-/// direction in which it is less deep, in the frame in which the row is.
+/// Penetration of a link: the depth of its deepest sphere, that sphere's center in the palm frame, and
+/// the direction out of the object or table, in the frame of the row.
 #[derive(Debug, Clone, Copy)]
 struct Deepest {
     depth_m: f64,
@@ -170,7 +170,7 @@ fn search(
     }
 }
 
-/// A function of rows whose values and gradients are known where it is asked.
+/// A function of rows whose values and gradients are already computed for these rows.
 pub(crate) struct Known {
     pub(crate) values: Vec<f32>,
     /// One row of so many numbers for each value.

@@ -1,4 +1,4 @@
-//! How well a grasp resists any wrench.
+//! Quality of a grasp: its resistance to any wrench.
 
 use approach::Touch;
 use nalgebra::{Point3, Unit, Vector3, Vector6};

@@ -1,4 +1,4 @@
-//! What the tests share: a box on a table and a hand that grasps it.
+//! Fixtures of the tests: a box on a table and a hand that grasps it.
 
 use std::fs;
 
@@ -33,7 +33,7 @@ pub(crate) fn hand() -> (Hand, HandBody) {
     (Hand::new(model, &table).unwrap(), body)
 }
 
-/// Returns how the box's contacts are measured.
+/// Returns the parameters of the box's contacts.
 pub(crate) fn measure() -> Measure {
     Measure {
         center_in_object: Point3::origin(),

@@ -10,7 +10,7 @@ use crate::{
     table::{Cell, DataTable, Section},
 };
 
-/// How it looks.
+/// Style sheet.
 const STYLE: &str = include_str!("page/page.css");
 /// Reads and draws `.glb` files.
 const PLAYER: &str = include_str!("page/player.js");
@@ -146,7 +146,7 @@ fn of_cell(cell: &Cell) -> String {
     }
 }
 
-/// Text with what stands between backticks as code.
+/// Returns text with the parts between backticks as code.
 fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
     parts
@@ -160,7 +160,7 @@ fn with_code(text: &str) -> String {
         .collect()
 }
 
-/// Text that HTML takes as text, in elements and in quoted attributes.
+/// Returns text escaped for HTML elements and quoted attributes.
 pub(super) fn escaped(text: &str) -> String {
     let mut escaped = String::with_capacity(text.len());
     for character in text.chars() {

@@ -31,7 +31,7 @@ use crate::{
 /// Plans a way around object and table to the grasp of each motion, by RRT-Connect.
 pub struct Rrt;
 
-/// What the candidates say planned them.
+/// Generator named in the candidates.
 const GENERATOR: &str = "rrt";
 
 dataflow::metrics! {
@@ -51,7 +51,7 @@ dataflow::metrics! {
         nodes: Sum,
         /// Processor time of the planning in seconds.
         cpu_s: Sum,
-        /// Deepest that a step on a path is in object or table, in meters.
+        /// Greatest depth of a step on a path in object or table, in meters.
         path_depth_m: Max,
     }
 }
@@ -194,7 +194,7 @@ fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
         },
         latent: given.latent.clone(),
         table_from_object: given.table_from_object,
-        // Both ends are within the limits, and so is what lies between them.
+        // Both ends are within the limits, and so is everything between them.
         limit_excess_rad: 0.0,
         depth_m: plan.depth_m,
         residual_m2: 0.0,

@@ -1,4 +1,4 @@
-//! Fixed points on a hand's surface, and where a hand's numbers put them.
+//! Fixed points on a hand's surface, and their positions for a hand's numbers.
 
 use std::sync::Arc;
 
@@ -29,11 +29,11 @@ pub struct HandPoint {
 pub struct HandSurface {
     pub(crate) hand: Arc<RobotModel>,
     points: Vec<HandPoint>,
-    /// Which of the points are the prior's.
+    /// Indices of the prior's points.
     prior: Vec<usize>,
 }
 
-/// A hand's surface where its numbers put it.
+/// A hand's surface at the pose that its numbers give.
 pub(crate) struct PlacedSurface<'a> {
     surface: &'a HandSurface,
     posed: Posed<'a>,
