@@ -1,5 +1,5 @@
-//! What the benches share: a Python that fails says so in its own words, and a limit that is missed by more
-//! than noise is told by the exit code.
+//! Tests of the tools that the benches share: a Python that fails is reported in its own words, and a limit that is
+//! missed by more than noise sets the exit code.
 
 #[path = "benches/limits.rs"]
 mod limits;

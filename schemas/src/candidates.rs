@@ -28,7 +28,7 @@ pub struct Candidate {
     pub candidate_id: String,
     /// Its generator, e.g. `cgf`.
     pub generator: String,
-    /// Where it comes from.
+    /// Source of the motion.
     pub source: DrawSource,
     /// The latent code it came from; empty if there is none.
     pub latent: Vec<f64>,
@@ -37,7 +37,7 @@ pub struct Candidate {
     /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
     /// if none.
     pub limit_excess_rad: f64,
-    /// Deepest that the hand was in object or table when it was drawn, in meters; 0 if not measured.
+    /// Greatest depth of the hand in object or table as drawn, in meters; 0 if not measured.
     pub depth_m: f64,
     /// Residual of the refinement, in m²; 0 if not refined.
     pub residual_m2: f64,
@@ -80,13 +80,13 @@ impl Candidate {
 /// A draw of a motion that was not kept.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RefusedDraw {
-    /// Where it comes from.
+    /// Source of the draw.
     pub source: DrawSource,
     /// Pose of the object on the table.
     pub table_from_object: Pose<spatial::Table, Object>,
     /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
     pub limit_excess_rad: f64,
-    /// Deepest that the hand was in object or table, in meters.
+    /// Greatest depth of the hand in object or table, in meters.
     pub depth_m: f64,
     /// Residual of the refinement, in m²; 0 if not refined.
     pub residual_m2: f64,
@@ -106,7 +106,7 @@ pub struct Candidates {
 }
 
 columns! {
-    /// Where a motion comes from.
+    /// Source of a motion.
     #[derive(Debug, Clone, PartialEq, Eq)]
     pub struct DrawSource {
         draw_n: u32 => "which draw of its motion it is, from 1; 1 of generators that do not draw",
@@ -132,7 +132,7 @@ impl DrawSource {
 }
 
 words! {
-    /// What a motion comes from.
+    /// Kind of source of a motion.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Origin: "origin" {
         /// A latent code from the standard normal distribution.

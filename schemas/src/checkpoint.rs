@@ -8,7 +8,7 @@
 pub const VERSION: &str = "checkpoint/3";
 /// Name of the artifact.
 pub const NAME: &str = "checkpoint";
-/// What one partition stands for.
+/// Kind of item that one partition holds.
 pub const PARTITION: &str = "model";
 
 /// File names of the weights and of their description.

@@ -46,7 +46,7 @@ pub enum SchemaError {
     /// There are too few or too many rows.
     #[error("table has {found} rows, expected {expected}")]
     Rows {
-        /// What was expected.
+        /// Expected number of rows, in words.
         expected: &'static str,
         /// Rows found.
         found: usize,
@@ -56,7 +56,7 @@ pub enum SchemaError {
     Invalid {
         /// The column's name.
         column: String,
-        /// What is wrong with it.
+        /// The broken rule.
         message: String,
     },
     /// A value is not a valid pose.
@@ -72,7 +72,7 @@ pub enum SchemaError {
     Motion {
         /// The candidate, or the trajectory's sequence.
         name: String,
-        /// What is wrong with them.
+        /// The cause.
         source: MotionError,
     },
     /// The columns do not make a batch.

@@ -32,7 +32,7 @@ pub type Executions = Vec<Execution>;
 table! {"executions", 3, per "object", rows: Execution}
 
 words! {
-    /// How an execution ended.
+    /// Outcome of an execution.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Outcome: "outcome" {
         /// The object was lifted and held.

@@ -1,4 +1,4 @@
-//! `grasp_networks`: what grasp synthesis with test-time adaptation learned, one partition.
+//! `grasp_networks`: trained networks of grasp synthesis with test-time adaptation, one partition.
 //!
 //! Two files: weights (safetensors, `f32`) of the generator of grasps and of the contact network, and everything needed
 //! to use them (JSON: widths, normalization, joint names, training curves). `crates/cgf` reads and writes both.
@@ -7,7 +7,7 @@
 pub const VERSION: &str = "grasp_networks/1";
 /// Name of the artifact.
 pub const NAME: &str = "grasp_networks";
-/// What one partition stands for.
+/// Kind of item that one partition holds.
 pub const PARTITION: &str = "model";
 
 /// The weights.

@@ -14,7 +14,7 @@ columns! {
     pub struct Rollout {
         candidate_id: String => "the motion",
         generator: String => "what drew it",
-        /// Where the candidate comes from.
+        /// Source of the candidate.
         source: DrawSource,
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
@@ -59,7 +59,7 @@ pub type Rollouts = Vec<Rollout>;
 table! {"rollouts", 6, per "object", rows: Rollout}
 
 words! {
-    /// How a rollout ended; success is first.
+    /// Outcome of a rollout; success is first.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum Verdict: "verdict" {
         /// Lifted and held to the end.

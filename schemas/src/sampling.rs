@@ -9,7 +9,7 @@ use crate::{
     table::table,
 };
 
-/// How far outside its limits a joint may be drawn, in radians, to count as within them:
+/// Greatest joint limit excess of a draw, in radians, that counts as within the limits:
 /// demonstrations often lie on a limit, and draws scatter to both sides of it.
 pub const LIMIT_TOLERANCE_RAD: f64 = 0.05;
 

@@ -12,7 +12,7 @@ use crate::SchemaError;
 pub trait Table: Sized {
     /// Name of the artifact, e.g. `candidates`.
     const NAME: &'static str;
-    /// What one partition stands for, e.g. `object`: the name of the Hive partition column.
+    /// Kind of item that one partition holds, e.g. `object`: the name of the Hive partition column.
     const PARTITION: &'static str;
     /// Name and version of its columns, e.g. `candidates/3`; readers refuse every other version.
     const VERSION: &'static str;
@@ -35,8 +35,8 @@ pub trait Table: Sized {
     fn from_batch(key: &str, batch: &RecordBatch) -> Result<Self, SchemaError>;
 }
 
-/// Declares a table with a name, a version and what one partition stands for. A partition holds rows, or
-/// one row, with the columns of `columns!`.
+/// Declares a table with a name, a version and the kind of item that one partition holds. A partition has rows, or one
+/// row, with the columns of `columns!`.
 macro_rules! table {
     ($name:literal, $version:literal, per $partition:literal, rows: $row:ty) => {
         table! {@impl $name, $version, $partition, $row, Vec<$row>, |table| table, |reader| reader.rows()}

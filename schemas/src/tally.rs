@@ -1,4 +1,4 @@
-//! Numbers of motions by how they ended, and the share that succeeded.
+//! Numbers of motions by outcome, and the success rate.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use crate::{
     columns::{Reader, Row, Writer},
 };
 
-/// How a motion can end.
+/// Possible outcomes of a motion.
 pub trait OutcomeClass: Copy + Ord + 'static {
     /// All of them, in the order of their columns; success is first.
     const ALL: &'static [Self];
@@ -16,19 +16,19 @@ pub trait OutcomeClass: Copy + Ord + 'static {
     /// Meaning of the rate's column.
     const RATE: &'static str;
 
-    /// Returns the word of this ending; its column is called `WORD_n`.
+    /// Returns the word of this outcome; its column is called `WORD_n`.
     fn word(self) -> &'static str;
 
-    /// Returns the meaning of this ending's column.
+    /// Returns the meaning of this outcome's column.
     fn about(self) -> String;
 
-    /// Whether the total has the motions that ended so.
+    /// Whether the total counts motions with this outcome.
     fn is_trial(self) -> bool {
         true
     }
 }
 
-/// Numbers of motions by how they ended.
+/// Numbers of motions by outcome.
 ///
 /// # Examples
 ///
@@ -43,7 +43,7 @@ pub trait OutcomeClass: Copy + Ord + 'static {
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally<E>(BTreeMap<E, i64>);
 
-/// Adds up the numbers of each ending.
+/// Adds up the numbers of each outcome.
 impl<E: OutcomeClass> FromIterator<(E, i64)> for Tally<E> {
     fn from_iter<I: IntoIterator<Item = (E, i64)>>(endings: I) -> Self {
         let mut counts: BTreeMap<E, i64> = E::ALL.iter().map(|&ending| (ending, 0)).collect();
@@ -55,12 +55,12 @@ impl<E: OutcomeClass> FromIterator<(E, i64)> for Tally<E> {
 }
 
 impl<E: OutcomeClass> Tally<E> {
-    /// Returns every ending with its number of motions.
+    /// Returns every outcome with its number of motions.
     pub fn iter(&self) -> impl Iterator<Item = (E, i64)> {
         self.0.iter().map(|(&ending, &n)| (ending, n))
     }
 
-    /// Returns the number of motions that ended so.
+    /// Returns the number of motions with this outcome.
     pub fn count(&self, ending: E) -> i64 {
         self.0.get(&ending).copied().unwrap_or(0)
     }
@@ -104,7 +104,7 @@ impl<E: OutcomeClass> Tally<E> {
     }
 }
 
-/// The total, the successes, the rate with its interval, and the number of each other ending.
+/// The total, the successes, the rate with its interval, and the number of each other outcome.
 impl<E: OutcomeClass> Row for Tally<E> {
     fn write(rows: &[&Self], to: &mut Writer) {
         let totals: Vec<i64> = rows.iter().map(|row| row.total_count()).collect();

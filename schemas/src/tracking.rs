@@ -1,10 +1,10 @@
-//! `tracking`: how well the trajectories of each object follow their demonstrations, one partition
-//! and one row per object.
+//! `tracking`: tracking quality of each object's trajectories against their demonstrations, one
+//! partition and one row per object.
 
 use crate::{columns::columns, table::table};
 
 columns! {
-    /// How well the trajectories of one object follow their demonstrations.
+    /// Tracking quality of one object's trajectories against their demonstrations.
     #[derive(Debug, Clone, PartialEq)]
     pub struct TrackingSummary {
         trajectories_n: i64 => "trajectories",

@@ -1,8 +1,7 @@
-//! How well verdicts agree with those of `MuJoCo`: all candidates of a lake, accepted or not, screened
-//! again here and carried out there with the same shapes, masses, limits, friction and script; and what
-//! both cost, one thread each, object by object in turns: here with what is refused and ended early,
-//! there to the end. Here they are screened at a quarter of the physics time step too: the verdicts that
-//! change are those that hang on it.
+//! Agreement of verdicts with those of `MuJoCo`: all candidates of a lake, accepted or not, screened again here and
+//! carried out there with the same shapes, masses, limits, friction and script; and the cost of both, one thread each,
+//! object by object in turns: here with refusals and early ends, there to the end. Here they are screened at a quarter
+//! of the physics time step too: the verdicts that change are those that depend on it.
 //!
 //! Agreement is Cohen's kappa of held or not (J. Cohen, "A coefficient of agreement for nominal scales",
 //! 1960): 1 if all verdicts are equal, 0 if no more are than by chance. McNemar's test says whether one
@@ -12,7 +11,7 @@
 //! `objects` in each and the newest `candidates` of the stage `PIPELINE_STAGE`, `refine` where it is not set,
 //! are taken, and the options are those of `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions
 //! that are not refined. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set.
-//! What is missing is skipped.
+//! Anything missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -43,11 +42,11 @@ use statistics::mcnemar;
 const MIN_KAPPA: [f64; 2] = [0.80, 0.75];
 /// Least share of the accepted motions that hold there too, of all and of unseen objects.
 const MIN_SHARE: [f64; 2] = [0.90, 0.85];
-/// Most that the shares that hold of one object differ by.
+/// Greatest difference, for one object, between the shares that hold here and there.
 const MAX_RATE_DIFFERENCE: f64 = 0.25;
 /// Both engines are deterministic: equal lakes give equal shares.
 const NOISE: f64 = 0.0;
-/// By how much the physics time step is divided where verdicts are screened once more.
+/// Divisor of the physics time step where verdicts are screened once more.
 const FINER: u32 = 4;
 /// The peer with friction that does not creep.
 const PEER: Engine = Engine {
@@ -57,8 +56,8 @@ const PEER: Engine = Engine {
     noslip: 5,
     steps: 1,
 };
-/// The peer, the peer at half the step as the bound of any agreement with it, the peer with its regularized
-/// friction, in which what is held creeps, and its own defaults.
+/// The peer, the peer at half the step as the bound of any agreement with it, the peer with its regularized friction,
+/// in which held objects creep, and its own defaults.
 const ENGINES: [(&str, Engine); 4] = [
     ("no creep", PEER),
     ("half steps", Engine { steps: 2, ..PEER }),
@@ -191,21 +190,21 @@ fn main() -> ExitCode {
     limits.end()
 }
 
-/// Candidates of an object, and what became of them.
+/// Candidates of an object, and their outcomes.
 #[derive(Default)]
 struct Counts {
     candidates: usize,
     held: usize,
     /// Of those, by engine.
     there: [usize; ENGINES.len()],
-    /// Why they do not hold with the first engine.
+    /// Those that do not hold with the first engine, by reason.
     reasons: BTreeMap<String, usize>,
     /// Held with the first engine, and not here.
     only_there: usize,
-    /// Held with the second engine, here or not, and how often the first two differ.
+    /// Held with the second engine, here or not, and number of differences between the first two.
     held_by_second: usize,
     peers_differ: usize,
-    /// Held here at a quarter of the step, and how often that differs.
+    /// Held here at a quarter of the step, and number of differences from the full step.
     held_finer: usize,
     differ_finer: usize,
     /// Physics steps of a candidate to the end.
@@ -247,7 +246,7 @@ impl Counts {
         self.there[0] + self.only_there
     }
 
-    /// Returns how far apart the shares are that hold here and with the first engine.
+    /// Returns the difference between the shares that hold here and with the first engine.
     fn rate_difference(&self) -> f64 {
         let shares = [self.held, self.held_there()].map(|n| n as f64 / self.candidates as f64);
         (shares[0] - shares[1]).abs()
@@ -382,7 +381,7 @@ fn finer(
     holds.collect()
 }
 
-/// Returns how many hold in both.
+/// Returns the number of candidates that hold in both.
 fn both(one: &[bool], other: &[bool]) -> usize {
     one.iter().zip(other).filter(|(a, b)| **a && **b).count()
 }

@@ -1,9 +1,9 @@
-//! How soon a simulated cell moves after a goal, and how evenly it tells its hand what to do at 333 Hz,
-//! against the same loop with no zenoh in it.
+//! Latency of a simulated cell after a goal, and jitter of its hand commands at 333 Hz, against the same loop with no
+//! zenoh in it.
 //!
-//! `cargo bench --bench cell` sends the same motion of the bundled hand as a new goal, again and again, to a
-//! cell in real time that somebody watches, and then has it carried out by the same physics at the same
-//! times in this process alone. Lateness is that of each step of the loop behind its time.
+//! `cargo bench --bench cell` sends the same motion of the bundled hand as a new goal, again and again, to a cell in
+//! real time with a subscriber, and then has it carried out by the same physics at the same times in this process
+//! alone. Lateness is that of each step of the loop behind its time.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -67,7 +67,7 @@ struct Measured {
     late_us: Vec<f64>,
 }
 
-/// Sends goals to a cell that is watched.
+/// Sends goals to a cell with a subscriber.
 fn over_zenoh(object: &ObjectShape) -> Measured {
     let cell = SimulatedCell::start(config(), URDF).unwrap();
     cell.put_object("can", object.clone());
@@ -84,7 +84,7 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
         late_us: Vec::new(),
     };
     let robot = RobotModel::from_urdf(URDF).unwrap();
-    // Who the cell is, is asked once.
+    // The cell's capabilities are requested once.
     client.capabilities(SOON).unwrap();
     for attempt in 0..GOALS {
         let sent = Instant::now();
@@ -108,7 +108,7 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
     measured
 }
 
-/// Carries the same goals out with nobody there.
+/// Carries the same goals out in this process alone.
 fn alone(object: &ObjectShape) -> Vec<f64> {
     let mut late_us = Vec::new();
     for attempt in 0..GOALS {

@@ -1,9 +1,9 @@
-//! What a run costs the machine that drives it while a scheduler's jobs make its units: memory, processor
-//! time, requests to the depot and queries, for 1,000, 10,000 and 100,000 units.
+//! Cost of a run on the machine that drives it while a scheduler's jobs make its units: memory, processor time,
+//! requests to the depot and queries, for 1,000, 10,000 and 100,000 units.
 //!
-//! `cargo bench --bench cluster`, with `TMPDIR=/dev/shm` where that has 3 GB free. The scheduler is one
-//! of a hundred nodes that run nothing: the results were made before, and what a worker would leave in
-//! the depot (orders read, results, ends) this bench puts there, a few thousand units a second.
+//! `cargo bench --bench cluster`, with `TMPDIR=/dev/shm` where that has 3 GB free. The scheduler is one of a hundred
+//! nodes that run nothing: the results were made before, and this bench puts a worker's files (orders read, results,
+//! ends) into the depot, a few thousand units a second.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -28,7 +28,7 @@ use limits::Limits;
 use serde_json::Value;
 use tempfile::TempDir;
 
-/// Set where this program is to be the program, not the bench.
+/// Variable with which this program is the pipeline's program, not the bench.
 const AS_PROGRAM: &str = "OWN_STAGES_AS_PROGRAM";
 
 /// Numbers of units.
@@ -47,10 +47,10 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// Time that a unit is said to have taken: jobs are as small as they get.
 const UNIT_TIME: Duration = Duration::from_secs(46);
 
-/// How much more a unit may cost among ten times as many.
+/// Greatest growth of the cost per unit, as a factor, with ten times as many units.
 const MAX_TIMES_MORE: f64 = 1.3;
 
-/// By how much processor time differs from run to run.
+/// Relative difference of processor time from run to run.
 const NOISE: f64 = 0.2;
 
 fn main() -> ExitCode {
@@ -109,7 +109,7 @@ fn main() -> ExitCode {
     limits.end()
 }
 
-/// What a run cost.
+/// Cost of a run.
 struct Cost {
     n_jobs: usize,
     n_arrays: usize,
@@ -201,7 +201,7 @@ impl Lab {
         let depot = self.path("depot");
         let mut made = self.run("inputs", "first");
         ended(made.env("PIPELINE_DEPOT", &depot).spawn().unwrap());
-        // What could not be sent within the patience of a run.
+        // Results that the run could not send within its patience.
         let mut push = Command::new(env::current_exe().unwrap());
         push.env(AS_PROGRAM, "1").env("PIPELINE_DEPOT", &depot);
         push.arg("push").arg("--lake").arg(self.path("first"));
@@ -275,7 +275,7 @@ fn ended(program: Child) {
     assert!(output.status.success(), "{said}");
 }
 
-/// What a process has taken so far.
+/// Resources that a process has used so far.
 struct Usage {
     memory_b: f64,
     cpu_s: f64,
@@ -376,7 +376,7 @@ impl<'a> Cluster<'a> {
 }
 
 impl Lab {
-    /// Leaves in the depot what a worker leaves that makes the orders of a job; returns their number.
+    /// Leaves in the depot the files of a worker that makes the orders of a job; returns their number.
     fn leave_results(&self, array: &str, idx: usize) -> usize {
         let messages = self.path("depot/messages");
         let put = |path: PathBuf, bytes: &[u8]| {

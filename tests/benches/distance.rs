@@ -1,4 +1,4 @@
-//! How far two shapes are from each other: `robot::distance_bounds` beside `parry3d`, pair by pair in one run.
+//! Distance between two shapes: `robot::distance_bounds` beside `parry3d`, pair by pair in one run.
 //!
 //! Clearance of an arm asks for a distance that is certainly not overestimated, so that it can skip as
 //! far along the motion as nothing can come closer. `robot::distance_bounds` returns such a bound, `parry3d` a
@@ -30,7 +30,7 @@ const ROUNDS: usize = 5;
 /// Beyond this, in meters, a distance is not a matter of rounding.
 const ROUNDING_M: f64 = 1e-6;
 
-/// A shape of a hand's or an arm's link, for both, and where it is.
+/// A shape of a hand's or an arm's link, for both, with its pose.
 struct Placed {
     world_from_shape: spatial::Pose<World, Shape>,
     shape: Shape,

@@ -1,5 +1,5 @@
-//! How fast and in how little memory `ingest` reads label files, beside a bare read of the same
-//! bytes and beside `numpy`.
+//! Speed and memory of `ingest` reading label files, beside a bare read of the same bytes and
+//! beside `numpy`.
 //!
 //! `cargo bench --bench labels` makes 200 recordings of 72 images by 8 cameras, in `DexYCB`'s layout
 //! without its images, in a temporary folder (115,200 files, 0.6 GB). Everything runs on one thread
@@ -26,17 +26,17 @@ use recordings::{GRASPED, N_OBJECTS};
 use stage_ingest::{Demonstrations, Ingest, IngestConfig, read::LabelReader};
 use tempfile::TempDir;
 
-/// How many times faster than `numpy` the reader has to be.
+/// Least speedup of the reader over `numpy`.
 const MIN_TIMES_FASTER: f64 = 20.0;
 /// Most memory that the process may ever hold, in MiB.
 const MAX_MIB: f64 = 1024.0;
 /// Files that `numpy` reads; more would change nothing but the time that it takes.
 const N_FOR_NUMPY: usize = 8000;
-/// Times that each way is measured, one way after another; the fastest counts, since what disturbs
-/// only slows.
+/// Times that each way is measured, one way after another; the fastest counts, since disturbances
+/// only slow.
 const N_ROUNDS: usize = 3;
 
-/// By how much the fastest of the rounds differs from run to run, with other programs beside.
+/// Relative difference of the fastest of the rounds from run to run, with other programs beside.
 const NOISE: f64 = 0.15;
 
 fn main() -> ExitCode {
@@ -128,7 +128,7 @@ fn run_stage(config: &IngestConfig, units: &[Unit], artifacts: &Path) {
     }
 }
 
-/// Returns how many microseconds `numpy` takes for one file, or why that cannot be said.
+/// Returns the microseconds that `numpy` takes for one file, or the reason why they are unknown.
 fn numpy_us(labels: &[&SourceFile]) -> Result<f64, String> {
     let mut script = Script::start(&python::name(), "labels/numpy_reads.py", &[], 1)?;
     let step = labels.len().div_ceil(N_FOR_NUMPY);

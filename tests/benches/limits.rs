@@ -1,13 +1,13 @@
-//! What a bench must keep: printed beside what was found, and told by the exit code.
+//! Limits of a bench: printed beside the figures, and reported by the exit code.
 
 use std::{
     ops::{Bound, RangeBounds},
     process::ExitCode,
 };
 
-/// The limits of a bench, and how many of them are missed.
+/// The limits of a bench, and the number of those missed.
 pub(crate) struct Limits {
-    /// By what share figures of equal programs differ from run to run.
+    /// Relative difference of figures of equal programs from run to run.
     noise: f64,
     n_missed: usize,
 }
@@ -18,7 +18,7 @@ impl Limits {
         Self { noise, n_missed: 0 }
     }
 
-    /// Says within what a figure must be: `least..` or `..=most`.
+    /// Requires a figure to be within limits: `least..` or `..=most`.
     #[expect(clippy::print_stdout, reason = "a bench prints what it measured")]
     pub(crate) fn keep(&mut self, what: &str, found: f64, within: impl RangeBounds<f64>) {
         // NaN is within no limits.

@@ -1,4 +1,4 @@
-//! How long a run takes that finds everything up to date: the whole process, from start to exit.
+//! Duration of a run that finds everything up to date: the whole process, from start to exit.
 //!
 //! `cargo bench --bench no_op` makes graphs of five mapped stages in a temporary folder (2.2 GB) and
 //! compares the program's time with that of a bare stat, and of a bare stat and hash, of the same
@@ -24,7 +24,7 @@ use std::{
 use limits::Limits;
 use tempfile::TempDir;
 
-/// Set where this program is to be the program, not the bench.
+/// Variable with which this program is the pipeline's program, not the bench.
 const AS_PROGRAM: &str = "OWN_STAGES_AS_PROGRAM";
 
 /// Times that each command is run.
@@ -34,10 +34,10 @@ const N_TIMES: usize = 20;
 const LIMIT_MS: f64 = 50.0;
 const GOAL_MS: f64 = 20.0;
 
-/// How much longer ten times the partitions may take.
+/// Greatest growth of the time, as a factor, with ten times the partitions.
 const MAX_TIMES_LONGER: f64 = 12.0;
 
-/// By how much the least of the times differs from run to run, with other programs beside.
+/// Relative difference of the least of the times from run to run, with other programs beside.
 const NOISE: f64 = 0.2;
 
 fn main() -> ExitCode {
@@ -70,7 +70,7 @@ fn main() -> ExitCode {
     row("plan of the same", &times(|| graph.plan()));
     println!("{:<44} {GOAL_MS:>7.1} ms", "  aimed at");
     let mut limits = Limits::with_noise(NOISE);
-    // What runs beside only adds to a time.
+    // Other programs only add to a time.
     limits.keep("run, least, ms", least(&run), ..=LIMIT_MS);
     drop(graph);
 
@@ -133,7 +133,7 @@ impl Graph {
         let mut file = File::create(graph.folder.path().join("graph.toml")).unwrap();
         file.write_all(text.as_bytes()).unwrap();
         succeed(graph.command("run"));
-        // What was written just now is not trusted by its time alone; soon it is.
+        // A file written just now is not trusted by its time alone; soon it is.
         thread::sleep(Duration::from_secs(3));
         graph.run();
         let again = succeed(graph.command("run"));

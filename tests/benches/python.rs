@@ -9,9 +9,9 @@ use std::{
     thread::{self, JoinHandle},
 };
 
-/// What the scripts need, with the versions that were measured.
+/// Requirements of the scripts, with the versions that were measured.
 const REQUIREMENTS: &str = "tests/benches/requirements.txt";
-/// Lines of what a script says about itself that are kept.
+/// Number of lines kept of a script's stderr.
 const KEPT: usize = 20;
 
 /// Returns the Python that runs scripts.
@@ -19,14 +19,14 @@ pub(crate) fn name() -> PathBuf {
     env::var_os("PIPELINE_PYTHON").map_or_else(|| "python3".into(), PathBuf::from)
 }
 
-/// A script that runs: each line that it is told is answered with one.
+/// A running script: each line of input is answered with one.
 pub(crate) struct Script {
     name: String,
     program: PathBuf,
     process: Child,
     input: Option<ChildStdin>,
     output: BufReader<ChildStdout>,
-    /// Takes the last lines of what it says about itself.
+    /// Takes the last lines of its stderr.
     said: Option<JoinHandle<VecDeque<String>>>,
 }
 
@@ -79,14 +79,14 @@ impl Script {
         })
     }
 
-    /// Tells the script a line and returns the one with which it answers.
+    /// Sends the script a line and returns its answer.
     ///
     /// # Errors
     ///
     /// Says why there is no answer, where, and what to do.
     pub(crate) fn ask(&mut self, line: &str) -> Result<String, String> {
         if let Some(input) = &mut self.input {
-            // Whether it could be told shows in the answer.
+            // The answer shows whether it was sent.
             let _it_may_have_ended = writeln!(input, "{line}").and_then(|()| input.flush());
         }
         let mut answer = String::new();
@@ -141,7 +141,7 @@ impl Drop for Script {
     }
 }
 
-/// Reads to the end and keeps the last lines that say something.
+/// Reads to the end and keeps the last lines that are not empty.
 fn last_lines(lines: impl BufRead) -> VecDeque<String> {
     let mut kept = VecDeque::new();
     for line in lines.lines().map_while(Result::ok) {

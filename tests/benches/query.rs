@@ -1,4 +1,4 @@
-//! How long a question about a large table takes: 1 M rollouts in 1,000 partitions.
+//! Duration of a query over a large table: 1 M rollouts in 1,000 partitions.
 //!
 //! The whole process is timed, from its start to the printed answer, beside a bare read of the same
 //! files. `cargo bench --bench query`; `ROLLOUTS=10000` takes another number of rows.
@@ -41,7 +41,7 @@ const BOUND_S: f64 = 1.0;
 /// Times that each is measured; the fastest counts.
 const TIMES: usize = 5;
 
-/// By how much the fastest of the times differs from run to run, with other programs beside.
+/// Relative difference of the fastest of the times from run to run, with other programs beside.
 const NOISE: f64 = 0.2;
 
 const SQL: &str = "select object, avg(cast(success as double)) from rollouts group by object";
@@ -174,7 +174,7 @@ fn rollout(object: &str, row: usize) -> Rollout {
     }
 }
 
-/// Returns the shortest of a few times in seconds, and what came out of it.
+/// Returns the shortest of a few times in seconds, and the result.
 fn fastest<T>(work: impl Fn() -> Result<T, Box<dyn Error>>) -> Result<(f64, T), Box<dyn Error>> {
     let mut fastest: Option<(f64, T)> = None;
     for _ in 0..TIMES {

@@ -1,5 +1,5 @@
-//! How fast the retargeting solver is and how good its answers are, beside `dex_retargeting` and
-//! beside the same algorithm, SLSQP, without Python.
+//! Speed and accuracy of the retargeting solver, beside `dex_retargeting` and beside the same
+//! algorithm, SLSQP, without Python.
 //!
 //! `PIPELINE_PEER_DATA` names the folder of the three recorded problems, `HAND_position.npz`;
 //! `PIPELINE_REAL_DATA` the folder with the hands' URDFs in `urdf`; `PIPELINE_PYTHON` the Python that
@@ -35,7 +35,8 @@ const CHUNK: usize = 27;
 const REPEATS: usize = 5;
 /// λ of the paper's objective, which does not state it.
 const LAMBDA: f64 = 0.04;
-/// By how much a ratio of medians differs from run to run: by a third with what else runs.
+/// Relative difference of a ratio of medians from run to run: by a third with other programs
+/// beside.
 const NOISE: f64 = 0.35;
 
 fn main() -> ExitCode {
@@ -53,7 +54,7 @@ fn main() -> ExitCode {
     limits.end()
 }
 
-/// One way to retarget: what it found and what it took.
+/// One way to retarget: its answers and its times.
 #[derive(Default)]
 struct Lane {
     us: Vec<f64>,
@@ -61,7 +62,7 @@ struct Lane {
     path: Vec<Posture>,
 }
 
-/// Runs all ways over the frames, chunk by chunk in turn, and prints what they took and found.
+/// Runs all ways over the frames, chunk by chunk in turn, and prints their times and answers.
 fn race(problem: &Problem, least: f64, limits: &mut Limits) {
     let mut peer = Peer::start(problem);
     let n = problem.targets.len();
@@ -209,7 +210,7 @@ fn report(
     );
 }
 
-/// What our side found on some frames.
+/// Our solver's results on some frames.
 struct Found {
     us: Vec<f64>,
     path: Vec<Posture>,

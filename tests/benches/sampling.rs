@@ -1,5 +1,5 @@
-//! How fast motions are sampled at the released model's size, with and without their exact rates, beside
-//! PyTorch: as the released code does it and as well as one can.
+//! Speed of sampling motions at the released model's size, with and without their exact rates, beside PyTorch: as the
+//! released code does it and as well as one can.
 //!
 //! `PIPELINE_PYTHON` names a Python that has `torch`, `python3` where it is not set; without it PyTorch
 //! is skipped. All run on one thread, in turns of a few hundred motions; times are CPU times.
@@ -45,7 +45,7 @@ const MIN_BESIDE_RELEASED: f64 = 40.0;
 const MIN_BESIDE_BATCHED: f64 = 1.5;
 const MIN_BESIDE_FACTORED: f64 = 2.0;
 const MAX_FOR_RATES: f64 = 3.0;
-/// By how much a ratio of two sums of turns differs from run to run, with other programs beside.
+/// Relative difference of a ratio of two sums of turns from run to run, with other programs beside.
 const NOISE: f64 = 0.1;
 
 fn main() -> ExitCode {
@@ -140,7 +140,7 @@ fn main() -> ExitCode {
     limits.end()
 }
 
-/// One way to sample: what it took for how many motions.
+/// One way to sample: its times, and the number of motions.
 struct Lane<'a> {
     name: &'static str,
     run: Box<dyn Fn(usize) -> f64 + 'a>,
@@ -246,7 +246,7 @@ impl Ours {
         })
     }
 
-    /// Returns the CPU seconds of the object's feature and of what is done with it.
+    /// Returns the CPU seconds of the object's feature and of the work with it.
     fn timed(&self, pool: &ThreadPool, work: impl Fn(&ObjectFeature) + Sync) -> f64 {
         pool.install(|| {
             let before = cpu_time::thread_s();

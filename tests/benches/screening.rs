@@ -1,4 +1,4 @@
-//! What screening 1,000 candidates of one object costs, beside `MuJoCo` stepping the same rollouts to
+//! Cost of screening 1,000 candidates of one object, beside `MuJoCo` stepping the same rollouts to
 //! their end: the same hand, object, script and friction, one thread each, in turns of ten.
 //!
 //! `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set; without it
@@ -34,12 +34,13 @@ const TURN: usize = 10;
 /// Candidates and rounds with which threads are compared.
 const THREADED: usize = 300;
 const ROUNDS: usize = 4;
-/// Times as much CPU that `MuJoCo` takes per candidate, and as fast two threads are as one, at least.
+/// Least ratio of CPU time per candidate of `MuJoCo` to this screen, and least speedup of two
+/// threads.
 const MIN_BESIDE_MUJOCO: f64 = 1.0;
 const MIN_OF_TWO_THREADS: f64 = 1.8;
-/// By how much a ratio of CPU times differs from run to run, with other programs beside.
+/// Relative difference of a ratio of CPU times from run to run, with other programs beside.
 const NOISE: f64 = 0.1;
-/// The cheapest that it has.
+/// The cheapest engine that `MuJoCo` has.
 const ENGINE: Engine = Engine {
     cone: "pyramidal",
     impratio: 1.0,
@@ -161,7 +162,7 @@ fn main() -> ExitCode {
     limits.end()
 }
 
-/// Prints how often each verdict was given.
+/// Prints the number of each verdict.
 fn count<T: Display + Ord>(who: &str, verdicts: impl Iterator<Item = T>) {
     let mut counts: BTreeMap<T, usize> = BTreeMap::new();
     for verdict in verdicts {
@@ -171,7 +172,7 @@ fn count<T: Display + Ord>(who: &str, verdicts: impl Iterator<Item = T>) {
     println!("{who:8} {}", counts.join(", "));
 }
 
-/// Prints how much faster two threads are than one, in turns.
+/// Prints the speedup of two threads over one, in turns.
 fn threads(
     settled: &SettledScene,
     protocol: &Protocol,

@@ -1,6 +1,6 @@
-//! Whether what is not simulated ever changes a verdict: the same motions with every shortcut of
-//! `screen.scene.shortcuts` and with none, and what they spare; where
-//! `PIPELINE_SHORTCUTS_EACH` is set, also with each one alone.
+//! Whether shortcuts of the simulation ever change a verdict: the same motions with every shortcut of
+//! `screen.scene.shortcuts` and with none, and the work that they spare; where `PIPELINE_SHORTCUTS_EACH` is set, also
+//! with each one alone.
 //!
 //! 400 scripted grasps of each of seven bodies; and, where `PIPELINE_LAKE` names a lake, the newest
 //! `objects` in it and the newest `candidates` of the stage `PIPELINE_STAGE` (`refine`), with the options of
@@ -57,7 +57,7 @@ const SETS: [(&str, Shortcuts); 5] = [
     ),
 ];
 
-/// What became of the motions of an object with one set of shortcuts.
+/// Outcomes of the motions of an object with one set of shortcuts.
 #[derive(Default)]
 struct Counts {
     rollouts: usize,

@@ -1,5 +1,5 @@
-//! What a training step costs at the paper's size, 32 clouds of 2000 points and 25 time samples,
-//! beside PyTorch of the released model and beside candle's own operations.
+//! Cost of a training step at the paper's size, 32 clouds of 2000 points and 25 time samples, beside PyTorch of the
+//! released model and beside candle's own operations.
 //!
 //! Every contender is a process of its own on two threads, asked for one step after the other in turn;
 //! between its steps it waits for its input. `PIPELINE_PYTHON` names the Python that has `torch`,
@@ -45,7 +45,7 @@ const HAND: &str = concat!(
 /// Times that the released model in PyTorch takes longer, at least; and most memory, in MB.
 const MIN_TIMES: f64 = 5.0;
 const MAX_MB: f64 = 400.0;
-/// By how much a ratio of medians differs from run to run, with other programs beside.
+/// Relative difference of a ratio of medians from run to run, with other programs beside.
 const NOISE: f64 = 0.15;
 
 fn main() -> ExitCode {

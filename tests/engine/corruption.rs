@@ -17,11 +17,11 @@ use crate::place::{
     write_unnoticed,
 };
 
-/// What is shown is the same files as the blobs, or copies that the next run replaces; nothing else
-/// depends on the rest.
+/// Paths that are not damaged. Published files are the same files as the blobs, or copies that the
+/// next run replaces; nothing else depends on the rest.
 const NOT_KEPT: [&str; 6] = ["tables", "files", "every", "views.sql", "staging", "locks"];
 
-/// What happened to a file.
+/// Kind of damage to a file.
 #[derive(Debug, Clone, Copy)]
 enum What {
     Flip,
@@ -66,7 +66,7 @@ impl Damage {
         write_unnoticed(&self.path, &self.before);
     }
 
-    /// What was done to which file.
+    /// Returns the damage and the file's path.
     fn name(&self, lake: &Path) -> String {
         let name = self.path.strip_prefix(lake).unwrap();
         format!("{:?} {}", self.what, name.display())
@@ -147,7 +147,7 @@ fn a_run_that_needs_a_damaged_file_makes_it_again() {
     let mut rng = chances("damage before use");
     let mut place = Place::new("");
     for time in 0..number("PIPELINE_FLIPS", 40) {
-        // Each time a value is new to the lake, so that what the first stage made is read.
+        // Each time a value is new to the lake, so that the first stage's output is read.
         let add = 10 + time % 240;
         if add == 10 {
             place = place_with_a_lake();

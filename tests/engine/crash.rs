@@ -21,7 +21,7 @@ use crate::{
 /// Time for random moments in the default suite; `PIPELINE_KILLS` asks for a number of them.
 const TIME: Duration = Duration::from_secs(15);
 
-/// What runs of the chain are made of: threads, or a process for each unit.
+/// Flags of the runs of the chain: threads, or a process for each unit.
 const THREADS: &[&str] = &[];
 const PROCESSES: &[&str] = &["--processes"];
 
@@ -166,7 +166,7 @@ fn check_tables(lake: &Path) {
     }
 }
 
-/// What a plan takes for finished: stage and partition.
+/// Returns the units that are cached according to a plan, by stage and partition.
 fn cached(place: &Place, lake: &Path) -> BTreeSet<(String, String)> {
     let plan = well(place.command_in(lake, "plan", &["--format", "json"]));
     let plan: Value = serde_json::from_str(&stdout(&plan)).unwrap();

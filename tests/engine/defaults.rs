@@ -16,7 +16,7 @@ struct Number<const DEFAULT: u8>;
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 struct NumberConfig<const DEFAULT: u8> {
-    /// What is written.
+    /// The number to write.
     #[serde(default = "default::<DEFAULT>")]
     number: u8,
 }

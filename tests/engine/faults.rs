@@ -53,7 +53,7 @@ const SHOWN: [&str; 4] = ["tables", "files", "reports", "every"];
 /// Caches: without one the next run only takes longer.
 const CACHES: [&str; 3] = ["newest", "seen.cache", "sources.json"];
 
-/// What happened to a file.
+/// Kind of fault of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum What {
     Deleted,
@@ -215,7 +215,7 @@ fn is_lost(lake: &Path, path: &Path, what: What) -> bool {
     if name.starts_with("units") {
         return !is_needed(lake, path);
     }
-    // What is linked elsewhere is put back, unless its bytes are changed in place.
+    // A file that is linked elsewhere is put back, unless its bytes are changed in place.
     let is_in_place = matches!(what, What::Emptied | What::Flipped);
     let is_only_one = fs::metadata(path).unwrap().nlink() == 1;
     (is_in_place || is_only_one) && is_old_blob(lake, path)
@@ -265,7 +265,7 @@ fn answers(place: &Place) -> Vec<String> {
         .collect()
 }
 
-/// Everything that people see, by path below the lake.
+/// Returns every published file, by path below the lake.
 fn shown(lake: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut shown = BTreeMap::new();
     for path in SHOWN

@@ -65,7 +65,7 @@ fn a_full_disk_is_an_error_and_harms_nothing() {
     let place = place();
     let expected = place.undisturbed(&[]);
     fs::create_dir(place.lake()).unwrap();
-    // What was written until the disk was full is copied out of the namespace.
+    // The files written until the disk was full are copied out of the namespace.
     let script = r#"
         mount -t tmpfs -o size=5m tmpfs "$LAKE"
         code=0; "$PROGRAM" run "$FILE" --lake "$LAKE" || code=$?
@@ -99,7 +99,7 @@ fn next_run_removes_leftovers_of_a_dead_process() {
     }
 }
 
-/// What lies in the staging folder of a lake.
+/// Lists the staging folder of a lake.
 fn leftovers(lake: &Path) -> Vec<String> {
     let entries = fs::read_dir(lake.join("staging")).unwrap();
     let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());

@@ -15,7 +15,7 @@ use std::{
 use crate::elsewhere::ACTS;
 use crate::place::{CHAIN, LONG, Place, files_below, free_port, read, stderr, stdout};
 
-/// What no file and no line may contain.
+/// Secret that no file and no line may contain.
 const SECRET: &str = "a-secret-that-nobody-may-see";
 const DEPOT: &str = "s3://lab/results/ours";
 
@@ -25,7 +25,7 @@ struct Server {
     port: u16,
 }
 
-/// What goes wrong with a request that would create a file, the first one for its key.
+/// Failure of a request that would create a file, the first one for its key.
 #[derive(Debug, Clone, Copy)]
 enum Trouble {
     /// The file is stored, and the answer lost.

@@ -167,7 +167,7 @@ impl Place {
         text.lines().map(execution).collect()
     }
 
-    /// How often each kind of stage worked since this was last asked for.
+    /// Returns the number of units that each kind of stage made since the last call.
     pub(crate) fn take_counts(&self) -> BTreeMap<String, usize> {
         let mut counts = BTreeMap::new();
         for execution in self.take_log() {
@@ -195,7 +195,7 @@ impl Place {
         published(&self.lake())
     }
 
-    /// What the pipeline publishes in a lake where nothing ever went wrong.
+    /// Returns the artifacts that the pipeline publishes in a lake without faults.
     pub(crate) fn undisturbed(&self, arguments: &[&str]) -> BTreeMap<String, String> {
         let lake = TempDir::new_in(self.folder.path()).unwrap();
         let mut command = self.command_in(lake.path(), "run", arguments);
@@ -339,10 +339,10 @@ impl Drop for Running {
     }
 }
 
-/// What runs did, which differs from lake to lake as its runs do.
+/// Tables of the history of runs, which differs from lake to lake.
 const HISTORY: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
 
-/// Digests of every artifact that a lake shows to people, by path.
+/// Digests of every published artifact of a lake, by path.
 pub(crate) fn published(lake: &Path) -> BTreeMap<String, String> {
     let mut digests = BTreeMap::new();
     for path in files_below(lake) {

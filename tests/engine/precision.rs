@@ -44,7 +44,7 @@ fn counts(expected: &[(&str, usize)]) -> BTreeMap<String, usize> {
     counts.map(|&(kind, n)| (kind.to_owned(), n)).collect()
 }
 
-/// How many units of each output the plan puts in each state.
+/// Returns the number of units of each output in each state of the plan.
 fn planned(place: &Place) -> BTreeMap<String, BTreeMap<String, usize>> {
     let plan = stdout(&well(place.command("plan", &["--format", "json"])));
     let plan: Value = serde_json::from_str(&plan).unwrap();
@@ -135,6 +135,6 @@ fn a_change_of_code_reaches_the_kind_and_what_comes_out_differently() {
     let below = counts(&[("map", 15), ("gather", 1)]);
     assert_eq!(run_with("split=2,map=2"), below);
     assert_eq!(run_with("split=2,map=2,group=2"), counts(&[]));
-    // What was made before is still there.
+    // Earlier results are still there.
     assert_eq!(run_with(""), counts(&[]));
 }

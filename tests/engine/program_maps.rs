@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 /// The stage `map` as a program.
 pub(crate) const MAP_PROGRAM: &str = include_str!("../own_stages/map.sh");
 
-/// What the maps of a pipeline are.
+/// Kind of the maps of a pipeline.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Maps {
     /// Stages.
@@ -55,7 +55,8 @@ impl Maps {
     }
 }
 
-/// Returns what the table of a program that maps has beside its kind, its inputs and its options.
+/// Returns the keys of the table of a program that maps, beside its kind, its inputs and its
+/// options.
 pub(crate) fn program_table(script: &Path) -> String {
     let script = script.display();
     format!("command = [\"sh\", \"{script}\"]\nmakes = \"parts\"\neach = \"parts\"\n")

@@ -19,12 +19,12 @@ count = 6
 
 const DAY: Duration = Duration::from_hours(24);
 
-/// The steps that were computed since this was last asked for.
+/// Returns the steps computed since the last call.
 fn take_steps(place: &Place) -> Vec<String> {
     place.take_log().into_iter().map(|made| made.kind).collect()
 }
 
-/// What lies in the lake for interrupted units, by folder and file.
+/// Lists the saved state of interrupted units in the lake, by folder and file.
 fn left(place: &Place) -> Vec<String> {
     let folder = place.lake().join("resume");
     let mut left = Vec::new();

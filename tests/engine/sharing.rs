@@ -19,7 +19,7 @@ use crate::place::{
     well, write_unnoticed,
 };
 
-/// What a run may lose to a depot that is down, beside what it takes alone.
+/// Longest delay of a run by a depot that is down, beyond the time that it takes alone.
 const LOST: Duration = Duration::from_secs(5);
 
 /// The pipeline with another value, for which the inputs of `second` are read.
@@ -121,7 +121,7 @@ fn a_second_machine_makes_nothing_and_fetches_what_is_asked_for() {
     tables.retain(|path, _| is_shown(path));
     assert_same(&second.published(), &tables, "what people look at");
     well(second.bare(&second.lake(), "verify"));
-    // What a new unit reads, and no more: the data of `first`.
+    // The inputs of a new unit, and no more: the data of `first`.
     let [_, n_fetched, _, _] = shared(&lab.run(&second, &OTHER));
     assert_eq!(n_fetched, 12);
     let made = second.take_counts();
@@ -167,7 +167,7 @@ fn results_from_before_are_pushed() {
     lab.assert_whole(&second);
 }
 
-/// The rows of a query over the depot, without a header, and what was said.
+/// The rows of a query over the depot, without a header, and the command's output.
 fn rows(lab: &Lab, machine: &Place, sql: &str) -> (Vec<String>, Output) {
     let answer = lab.ask(machine, "query", &["--depot", "--format", "csv", sql]);
     assert_eq!(answer.status.code(), Some(0), "{}", stderr(&answer));
@@ -203,7 +203,7 @@ fn tables_of_all_machines_are_queried_and_only_they_are_fetched() {
     assert_eq!((n_fetched, n_sent), (24, 0), "its tables, and no data");
     let (_, again) = rows(&lab, &asking, newest);
     assert_eq!(shared(&again)[1], 0, "they are here now");
-    // What was fetched before is checked again.
+    // Fetched files are checked again.
     let blobs = files_below(&asking.lake().join("blobs"));
     let mut bytes = read(&blobs[0]);
     bytes[10] ^= 1;
@@ -371,7 +371,7 @@ const DOWN: [(&str, Break); 4] = [
         put(&depot.join("units"), b"not a folder");
     }),
     ("black hole", |depot| {
-        // Whoever opens a pipe waits for somebody who writes to it.
+        // Opening a pipe blocks until another process writes to it.
         let mut pipes = files_below(&depot.join("blobs"));
         pipes.push(depot.join("format"));
         for pipe in pipes {
@@ -432,7 +432,7 @@ fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
             .count();
         assert_eq!(n_warnings, 1, "{name}: {said}");
         assert_same(&all_shown(&second), &second.undisturbed(&[]), name);
-        // What was made again here is shown although it once was in the depot.
+        // Results made again here are shown although they once were in the depot.
         let _gone = fs::remove_dir_all(lab.depot());
         let _gone = fs::remove_file(lab.depot());
         fs::create_dir(lab.depot()).unwrap();
@@ -441,7 +441,7 @@ fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
     }
 }
 
-/// What a lake shows once nothing is left in a depot, without which everything is made again.
+/// Returns the published artifacts after a run without the depot, which makes again everything that was left there.
 fn all_shown(machine: &Place) -> BTreeMap<String, String> {
     machine.run_well(&[]);
     machine.published()
@@ -534,7 +534,7 @@ fn what_the_depot_has_lost_is_made_again() {
         &second.undisturbed(&OTHER),
         &said,
     );
-    // What is made again is there again.
+    // Results made again are there again.
     lab.run(&first, &OTHER);
     let third = machine();
     lab.run(&third, &OTHER);
@@ -622,7 +622,7 @@ fn gc_of_a_depot_keeps_the_newest_runs_and_whatever_is_young() {
     let n_before = lab.keys("").len();
     let said = collect(&["--dry-run"]);
     assert_eq!(lab.keys("").len(), n_before, "a dry run removes nothing");
-    // What another machine makes meanwhile and had in the old run as well stays.
+    // Results that another machine makes meanwhile, and that the old run had as well, stay.
     second.input("held", b"a held one");
     for partition in 0..12 {
         second.let_go(&crate::place::name(partition));
@@ -652,7 +652,7 @@ fn clocks_that_differ_by_an_hour_make_no_difference() {
     for change in [late, early] {
         let lab = Lab::new();
         let [first, second, third] = [(); 3].map(|()| machine());
-        // What is stored now is an hour old, or will be stored in an hour, for every other machine.
+        // Files stored now are an hour old, or will be stored in an hour, for every other machine.
         lab.run(&first, &[]);
         set_times(&lab.depot(), |time| change(time, hour));
         lab.run(&second, &OTHER);

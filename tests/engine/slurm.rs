@@ -1,5 +1,5 @@
-//! Units made by the jobs of Slurm itself, some of whose processes are killed. `PIPELINE_KILLS` sets how
-//! often each is killed; without it the daemons are killed once, early.
+//! Units made by the jobs of Slurm itself, some of whose processes are killed. `PIPELINE_KILLS` sets the number of
+//! times that each is killed; without it the daemons are killed once, early.
 
 use std::{
     fs,
@@ -55,13 +55,13 @@ enum Part {
     Controller,
     /// The daemons of both nodes, which are started again.
     Nodes,
-    /// What looks after a job on its node.
+    /// The step daemon of a job on its node.
     Step,
-    /// What makes the units of a job.
+    /// The worker that makes the units of a job.
     Worker,
 }
 
-/// When it is killed, after the submission.
+/// Time of the kill, after the submission.
 #[derive(Clone, Copy, Debug)]
 enum Moment {
     /// Within 2 s.

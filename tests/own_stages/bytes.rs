@@ -19,7 +19,7 @@ pub(crate) const DATA: &str = "data.bin";
 /// Bytes held in memory at a time, however long a file is.
 const CHUNK: usize = 64 * 1024;
 
-/// What happens to each byte.
+/// Change of each byte.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Change {
     /// Added to it, beyond 255 from 0 again.
@@ -28,7 +28,7 @@ pub(crate) struct Change {
     pub(crate) modulo: u8,
 }
 
-/// What is said about the bytes of one partition.
+/// Name, number and sum of the bytes of one partition.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Tally {
     pub(crate) name: String,
@@ -107,7 +107,7 @@ pub(crate) fn tally(artifact: &Artifact) -> Result<Tally, OwnError> {
     go_through(artifact.key.as_str(), data(artifact)?, |_| Ok(()))
 }
 
-/// Returns where the bytes of an artifact lie.
+/// Returns the path of the bytes of an artifact.
 pub(crate) fn data(artifact: &Artifact) -> Result<&Path, OwnError> {
     Ok(artifact.path(DATA)?)
 }

@@ -6,7 +6,7 @@ use dataflow::{Context, Output, Stage};
 
 use super::OwnError;
 
-/// How often a held unit looks whether it may go on.
+/// Interval between checks whether a held unit may continue.
 const LOOK_EVERY: Duration = Duration::from_millis(2);
 
 /// Notes that a unit is being made, then holds it for as long as a test asks for.

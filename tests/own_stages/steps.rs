@@ -23,7 +23,7 @@ pub(crate) struct StepsConfig {
     count: u64,
 }
 
-/// How far the steps are.
+/// Progress through the steps.
 #[derive(Debug, Default, Deserialize, Serialize)]
 struct State {
     done: u64,
@@ -31,7 +31,7 @@ struct State {
 }
 
 impl State {
-    /// Reads how far an earlier attempt came.
+    /// Reads the progress of an earlier attempt.
     fn read(path: &Path) -> Result<Self, OwnError> {
         match fs::read(path) {
             Ok(bytes) => serde_json::from_slice(&bytes)

@@ -1,5 +1,5 @@
-//! What `pipelines/baseline.toml` promises: beside each motion that is drawn the straight line between its
-//! ends, both through the same physics, and one table that compares them.
+//! Claims of `pipelines/baseline.toml`: beside each motion that is drawn the straight line between its ends, both
+//! through the same physics, and one table that compares them.
 
 use std::{collections::BTreeMap, fs, process::Command};
 

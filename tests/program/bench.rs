@@ -129,7 +129,8 @@ impl Bench {
         ran
     }
 
-    /// How many units of each output the newest run made, outputs without any left out.
+    /// Returns the number of units of each output that the newest run made, outputs without any
+    /// left out.
     pub(crate) fn made_by_newest_run(&self) -> BTreeMap<String, usize> {
         let runs = self.runs();
         let outputs = runs.last().unwrap()["outputs"].as_array().unwrap();
@@ -141,7 +142,7 @@ impl Bench {
         counts.filter(|&(_, n_made)| n_made > 0).collect()
     }
 
-    /// What `pipeline runs` lists.
+    /// Returns the runs that `pipeline runs` lists.
     pub(crate) fn runs(&self) -> Vec<Value> {
         let output = self.ask(&["runs", "--format", "json"]);
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -160,13 +161,13 @@ impl Bench {
             .unwrap()
     }
 
-    /// Digests of the artifacts that the lake shows to people, by path.
+    /// Digests of the published artifacts of the lake, by path.
     pub(crate) fn published(&self) -> BTreeMap<String, String> {
         let mut digests = BTreeMap::new();
         for folder in ["tables", "files", "reports"] {
             digest_folder(&self.lake().join(folder), folder, &mut digests);
         }
-        // What runs did, and when, is not an artifact.
+        // The history of runs is not an artifact.
         digests.retain(|path, _| !path.contains("/run="));
         digests
     }

@@ -18,19 +18,19 @@ use crate::{
     papers::Papers,
 };
 
-/// How everybody shows who they are.
+/// Way in which all programs authenticate.
 const WAY: &str = "certificates";
 
 /// A lake with everything made but the executions.
 pub(crate) struct Lab {
     pub(crate) bench: Bench,
-    /// Where the cell or its router listens, now and after it was started again.
+    /// Address of the cell or its router, the same after a restart.
     pub(crate) endpoint: String,
     /// Whether the cell connects to a router there.
     behind: Behind,
-    /// Who everybody says that they are, where they have to.
+    /// Credentials of all programs, where they need them.
     papers: Option<Papers>,
-    /// What cells said of goals that are over.
+    /// Reports of cells on finished goals.
     pub(crate) over: Vec<String>,
 }
 
@@ -57,7 +57,7 @@ impl Lab {
         Self::of(Behind::Router)
     }
 
-    /// As [`Lab::behind_a_router`], over TLS, where everybody shows a certificate.
+    /// As [`Lab::behind_a_router`], over TLS, where every program shows a certificate.
     pub(crate) fn on_a_network() -> Self {
         let mut lab = Self::of(Behind::Router);
         lab.endpoint = lab.endpoint.replace("tcp/127.0.0.1", "tls/localhost");
@@ -110,7 +110,7 @@ impl Lab {
         self.serve(program, lake, arguments)
     }
 
-    /// Starts a cell with a journal of its own in the lake, which is refused, and returns what it says.
+    /// Starts a cell with a journal of its own in the lake, which is refused, and returns its output.
     pub(crate) fn refused_cell(&self, journal: &str) -> String {
         let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
         program
@@ -139,7 +139,7 @@ impl Lab {
         self.start(program)
     }
 
-    /// Has a program say who it is, where it has to.
+    /// Gives a program its credentials, where it needs them.
     fn introduce(&self, program: &mut Command, who: &str) {
         if let Some(papers) = &self.papers {
             program.arg("--access").arg(papers.file(WAY, who));
@@ -216,7 +216,7 @@ impl Lab {
         self.over.extend(over.map(str::to_owned));
     }
 
-    /// Makes sure that no goal was over twice, and returns how many motions came out in which way.
+    /// Makes sure that no goal was over twice, and returns the number of motions by outcome.
     pub(crate) fn outcomes(&self) -> BTreeMap<String, u64> {
         let mut ids: Vec<&str> = self
             .over
@@ -252,7 +252,7 @@ impl Lab {
         }
     }
 
-    /// How many goals the cell has taken.
+    /// Returns the number of goals that the cell has taken.
     pub(crate) fn taken(&self) -> usize {
         let files = fs::read_dir(self.journal()).unwrap().flatten();
         files
@@ -291,7 +291,7 @@ impl Served {
 
     /// Ends the process and returns its output.
     pub(crate) fn end(mut self) -> String {
-        // What it says about the last goal may be under way.
+        // Its report on the last goal may be under way.
         thread::sleep(Duration::from_millis(200));
         self.kill();
         let mut said = String::new();

@@ -23,7 +23,7 @@ pub(crate) fn finished() -> &'static Bench {
     })
 }
 
-/// What a command prints that comes out well.
+/// Returns the output of a command that succeeds.
 pub(crate) fn done(bench: &Bench, command: &str, arguments: &[&str]) -> String {
     let output = bench.command(command, arguments).output().unwrap();
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -105,7 +105,7 @@ fn only_runs_one_stage_and_refuses_missing_inputs() {
             "retarget.trajectories"
         ]
     );
-    // What follows is not touched, and the stage itself is up to date.
+    // Later stages are not touched, and the stage itself is up to date.
     let plan = done(&bench, "plan", &["--only", "retarget"]);
     assert_eq!(plan, "cached   everything; nothing to run\n");
     let both = bench.run(&["--only", "retarget", "--until", "train"]);

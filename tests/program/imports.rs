@@ -82,7 +82,7 @@ fn sequences(root: &Path) -> Vec<Sequence> {
     found
 }
 
-/// How the name of an object begins, by its number in the dataset.
+/// Returns the prefix of an object's name, by its number in the dataset.
 fn ycb(number: usize) -> &'static str {
     [
         "002", "003", "004", "005", "006", "007", "008", "009", "010", "011", "019", "021", "024",
@@ -141,7 +141,7 @@ impl Sequence {
             .collect()
     }
 
-    /// What the first camera labels in an image, in its own frame; all −1 if there is nothing.
+    /// Returns a camera's label of the hand in an image, in the camera's frame; all −1 if there is nothing.
     fn hand(&self, serial: &str, image: usize) -> Option<Vec<f64>> {
         let file = self
             .folder

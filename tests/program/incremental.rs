@@ -87,7 +87,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
             "cached", "cached", "cached", "cached", "cached", "cached", "run"
         ]
     );
-    // What shows the training, and what is drawn from it.
+    // The stages that show the training, and those that draw from it.
     assert_eq!([7, 8, 9, 10, 11].map(states), ["pending"; 5]);
 
     bench.run_well(&change);
@@ -141,7 +141,7 @@ fn an_option_reruns_only_what_it_decides() {
     bench.run_well(&[&only[..], &[fewer[0], "--set", fewer[1]]].concat());
     let expected = counts(&[("ingest.objects", 1), ("ingest.shapes", 1)]);
     assert_eq!(bench.made_by_newest_run(), expected);
-    // What was read of one object is not read again for two; what was left out is another unit now.
+    // The recordings of one object are not read again for two; those left out are another unit now.
     run(&bench, "ingest.objects=[\"024_bowl\", \"025_mug\"]");
     let made = bench.made_by_newest_run();
     assert_eq!(made["ingest.shapes"], 1);
@@ -166,7 +166,7 @@ fn equal_bytes_stop_the_rerun() {
     );
 }
 
-/// What `plan` says with these arguments.
+/// Returns the output of `plan` with these arguments.
 fn planned(bench: &Bench, arguments: &[&str]) -> String {
     let plan = bench.command("plan", arguments).output().unwrap();
     assert_eq!(plan.status.code(), Some(0), "{}", stderr(&plan));
@@ -222,7 +222,7 @@ fn the_parsed_hand_decides_and_not_its_bytes() {
     });
     assert_eq!(bench.published(), shown);
 
-    // A joint that turns farther is another hand: what reads it says so.
+    // A joint that turns farther is another hand: the units that read it say so.
     let farther = urdf.replacen("upper=\"", "upper=\"1", 1);
     put(&folder.join("farther.urdf"), &farther);
     let text = plan("farther.urdf", "ours.toml");
@@ -292,7 +292,7 @@ fn a_damaged_artifact_is_noticed_before_use_and_made_again() {
     )]
     permissions.set_readonly(false);
     fs::set_permissions(&path, permissions).unwrap();
-    // The shown file and the blob are one, so this damages what the next stage reads.
+    // The shown file and the blob are one, so this damages the next stage's input.
     overwrite(&path, &bytes);
     let plan = bench.command("plan", &["--until", "train"]);
     let plan = stdout(&{ plan }.output().unwrap());

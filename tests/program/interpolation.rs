@@ -81,7 +81,7 @@ fn hand(pose: &Value, q_rad: &[f64]) -> Hand {
     }
 }
 
-/// How far two motions are apart: the mean over equal parts of their time.
+/// Returns the distance between two motions: the mean over equal parts of their time.
 fn apart(a: &[Hand], b: &[Hand]) -> f64 {
     const PARTS: usize = 20;
     let at = |motion: &[Hand], part: usize| (part * (motion.len() - 1) + PARTS / 2) / PARTS;
@@ -162,7 +162,7 @@ fn motions_go_from_one_demonstration_to_another_side_by_side() {
     check_recording(&bench, &rows, &motions);
 }
 
-/// Compares what a viewer is shown with the motions: each above a table of its own, in a row.
+/// Compares the recording for viewers with the motions: each above a table of its own, in a row.
 fn check_recording(bench: &Bench, rows: &[Value], motions: &[Vec<Hand>]) {
     let path = "files/interpolation/sample/candidates/006_mustard_bottle/motions.mcap";
     let contents = lake::recording::read(&bench.lake().join(path)).unwrap();

@@ -32,7 +32,7 @@ const MODULES: [&str; 3] = ["mujoco", "numpy", "pyarrow"];
 const COMPARED: usize = 5;
 /// Greatest difference of a commanded position, in meters, radians and parts of a quaternion.
 const COMMANDED: f64 = 1e-9;
-/// Greatest difference of where the object comes to rest: each engine lets it fall half a millimeter and settle. Most
+/// Greatest difference of the object's position at rest: each engine lets it fall half a millimeter and settle. Most
 /// differ by less than 0.05 mm and 1 mrad; a bottle that rocks on its bottom by 15 mrad.
 const START_M: f64 = 5e-4;
 const START_RAD: f64 = 2e-2;
@@ -184,8 +184,8 @@ fn script_start_and_limits_are_those_of_the_screen_step_by_step() {
     }
 }
 
-/// How many commands before the last one the command is to which the lift of this one is relative: 0 for the
-/// commands before the lift, which are compared as they are.
+/// Returns the number of commands after the one that a command's lift is relative to. A command before the lift is
+/// relative to itself, and is compared as it is.
 fn lift_back(setpoints: &[simulation::Setpoint], idx: usize) -> usize {
     let is_carried = |at: usize| matches!(setpoints[at].phase, Phase::Lift | Phase::Hold);
     let before = (0..setpoints.len()).rfind(|&at| !is_carried(at)).unwrap();
@@ -280,7 +280,7 @@ fn verdicts_on_recorded_grasps_agree() {
             job.path().join("out/part.parquet"),
         )]),
     };
-    // What the program writes lacks the schema's name, which the stage adds.
+    // The program's table lacks the schema's name, which the stage adds.
     let rows = lake::table::read_batch(&made).unwrap();
     let text = |name: &str| -> Vec<String> {
         let column = rows.column_by_name(name).unwrap();

@@ -12,7 +12,7 @@ use crate::{
     commands::pipeline,
 };
 
-/// What the fingers are made of.
+/// Collision shapes of the links.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Made {
     /// STL and OBJ files, found by relative paths and by a package's name, one of them in millimeters.
@@ -28,7 +28,7 @@ const PALM: Part = ("palm", [0.0, 0.0, 0.045], [0.026, 0.084, 0.09]);
 const PROXIMAL: Part = ("proximal", [0.0, 0.0, 0.021], [0.014, 0.016, 0.042]);
 const DISTAL: Part = ("distal", [0.0, 0.0, 0.02], [0.013, 0.015, 0.04]);
 
-/// Links that move by one motor each, where they begin, and the name of the finger.
+/// Links that move by one motor each: the name of the finger, and its origin.
 const FINGERS: [(&str, [f64; 3]); 4] = [
     ("index", [0.0, 0.033, 0.095]),
     ("middle", [0.0, 0.011, 0.1]),
@@ -219,7 +219,7 @@ fn run(bench: &Bench, file: &str, settings: &[String]) -> std::process::Output {
     program.output().unwrap()
 }
 
-/// Which share of the demonstrations that a hand repeats holds.
+/// Returns the share of the demonstrations repeated by a hand that hold.
 fn replayed(hand: &Hand, bench: &Bench) -> f64 {
     let ran = run(
         bench,
@@ -230,7 +230,7 @@ fn replayed(hand: &Hand, bench: &Bench) -> f64 {
     rate(bench, "demonstration")
 }
 
-/// Which share of a generator's newest motions holds.
+/// Returns the share of a generator's newest motions that hold.
 fn rate(bench: &Bench, generator: &str) -> f64 {
     let sql = format!("select success from rollouts where generator = '{generator}'");
     let asked = bench.ask(&["query", &sql, "--format", "json"]);

@@ -20,7 +20,7 @@ use crate::bench::{Bench, stderr, stdout};
 
 /// Largest page of the bundled sample, in bytes.
 const MAX_PAGE_BYTES: u64 = 8_000_000;
-/// How far the player may show a link or the object from where the recording has it.
+/// Greatest difference of a link or the object in the player from the recording, in meters and radians.
 const TOLERANCE: (f64, f64) = (1e-3, 0.5 * std::f64::consts::PI / 180.0);
 
 /// Answers of a query, as JSON.
@@ -89,7 +89,7 @@ pub(crate) fn check(lab: &Path) {
     in_browser(lab, &page, &rates);
 }
 
-/// Clicks through the page, and compares what it says and shows with the lake.
+/// Clicks through the page, and compares its text and its player with the lake.
 fn in_browser(lab: &Path, page: &Path, rates: &[Value]) {
     let variables = ["PIPELINE_NODE_MODULES", "PIPELINE_CHROMIUM"];
     let [Some(modules), Some(chromium)] = variables.map(measured_data::named_by) else {
@@ -182,7 +182,7 @@ fn in_browser(lab: &Path, page: &Path, rates: &[Value]) {
     }
 }
 
-/// The page's text has the figures that queries have.
+/// The page's text has the figures of queries.
 fn reads_as_asked(lab: &Path, found: &Value, rates: &[Value]) {
     let objects = found["objects"].as_array().unwrap();
     for (row, expected) in objects.iter().zip(rates) {

@@ -120,7 +120,7 @@ fn every_recipe_is_run() {
     assert!(PAGE.contains(dispatcher) && PathBuf::from(dispatcher).is_file());
 }
 
-/// What `pipeline stages program` prints: the stage and its program.
+/// The output of `pipeline stages program`: the stage and its program.
 #[test]
 fn the_printed_program_works_as_it_stands() {
     let Some(python) = python(&["pyarrow"]) else {

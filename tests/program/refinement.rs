@@ -1,4 +1,4 @@
-//! What `pipelines/refinement_parts.toml` promises: the same motions as drawn and refined, through the same physics.
+//! Claims of `pipelines/refinement_parts.toml`: the same motions as drawn and refined, through the same physics.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

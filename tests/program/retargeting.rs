@@ -112,7 +112,7 @@ fn a_hand_with_a_table_of_another_is_refused() {
     }
 }
 
-/// What is claimed for the defaults, on all right-handed sequences.
+/// The claims for the defaults, on all right-handed sequences.
 #[test]
 fn real_recordings_are_followed_within_limits() {
     let Some(root) = measured_data::folder("dexycb-right") else {

@@ -168,7 +168,7 @@ impl Lab {
         run
     }
 
-    /// How many goals the cell has taken, of all attempts.
+    /// Returns the number of goals that the cell has taken, of all attempts.
     fn taken(&self) -> usize {
         let files = fs::read_dir(self.bench.lake().join("ros2"))
             .unwrap()
@@ -177,8 +177,8 @@ impl Lab {
         endings.flatten().filter(|ending| ending == "goal").count()
     }
 
-    /// Runs to the end, and makes sure that each goal moved the robot at most once, and that what is
-    /// reported of them is what happened: no object ever rose.
+    /// Runs to the end, and makes sure that each goal moved the robot at most once, and that the reports of them are
+    /// true: no object ever rose.
     fn dispatch_to_the_end(&self, unknown_n: u64) {
         let ran = self.dispatch().output().unwrap();
         assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));

@@ -13,7 +13,7 @@ use crate::{
     cell_lab::{Lab, all_of},
 };
 
-/// What a shell says of a program that was interrupted.
+/// Exit code that a shell gives an interrupted program.
 const INTERRUPTED: Option<i32> = Some(130);
 
 fn signal(process: &Child, name: &str) {
@@ -133,7 +133,7 @@ fn an_unanswered_cancellation_names_its_cell_and_warns() {
         let most = if twice { 4 } else { 15 };
         assert!(waited < Duration::from_secs(most), "{waited:?}: {said}");
         cell.signal("-CONT");
-        // Told of no heartbeat, it breaks the motion off.
+        // Without heartbeats, it aborts the motion.
         thread::sleep(Duration::from_secs(2));
     }
 }

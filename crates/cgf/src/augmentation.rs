@@ -9,15 +9,15 @@ const RELEASED: usize = 10;
 /// The stream of random numbers from which those come.
 const STREAM: u64 = 2;
 
-/// How the motions of a training are turned, each together with its object.
+/// Rotations for data augmentation: each motion is turned together with its object.
 pub(crate) struct Rotations {
     augmentation: Augmentation,
-    /// By motion, for [`Augmentation::Released`]: no rotation, then ten that stay.
+    /// By motion, for [`Augmentation::Released`]: the identity, then ten fixed rotations.
     fixed: Vec<Vec<UnitQuaternion<f64>>>,
 }
 
 impl Rotations {
-    /// Draws what stays during a training of `n_tracks` motions.
+    /// Draws the rotations that stay fixed during a training of `n_tracks` motions.
     pub(crate) fn new(augmentation: Augmentation, n_tracks: usize, seed: u64) -> Self {
         let mut random = Random::new(seed, STREAM);
         let mut of_track = || {
@@ -40,7 +40,7 @@ impl Rotations {
         self.augmentation != Augmentation::None
     }
 
-    /// Returns how often an epoch comes to every motion.
+    /// Returns the number of times that an epoch visits every motion.
     pub(crate) fn repeats(&self) -> usize {
         match self.augmentation {
             Augmentation::Released => 1 + RELEASED,
@@ -48,13 +48,13 @@ impl Rotations {
         }
     }
 
-    /// Returns the rotation of a motion that stays, for a repeat below [`Rotations::repeats`]; none if
-    /// rotations are drawn anew.
+    /// Returns the fixed rotation of a motion for a repeat below [`Rotations::repeats`]; `None` if
+    /// rotations are redrawn at every step.
     pub(crate) fn fixed(&self, track: usize, repeat: usize) -> Option<UnitQuaternion<f64>> {
         self.fixed.get(track)?.get(repeat).copied()
     }
 
-    /// Draws a rotation anew; no rotation where they are not.
+    /// Draws a rotation; the identity if rotations are fixed or absent.
     pub(crate) fn draw(&self, random: &mut Random) -> UnitQuaternion<f64> {
         match self.augmentation {
             Augmentation::None | Augmentation::Released => UnitQuaternion::identity(),

@@ -1,4 +1,4 @@
-//! What one step of the optimizer sees, made of motions and the objects they reach for.
+//! Batches of one optimizer step, from motions and the objects that they reach for.
 
 use std::{collections::BTreeMap, sync::Arc};
 
@@ -33,11 +33,11 @@ pub(crate) struct SeenTrack {
     pub(crate) track: TrainingMotion<NetworkFrame>,
     /// Times that are drawn once, if times are.
     fixed_times: Vec<f64>,
-    /// What the hand can be in, if the set says where it is.
+    /// Distance field of the object and pose of the table, if the set has the object's field.
     surroundings: Option<PenetrationScene>,
 }
 
-/// How batches are made.
+/// Builder of batches.
 pub(crate) struct Batches<'a> {
     pub(crate) network: &'a NetworkConfig,
     pub(crate) training: &'a TrainingConfig,
@@ -47,7 +47,7 @@ pub(crate) struct Batches<'a> {
     pub(crate) rotations: Rotations,
 }
 
-/// What one step of the optimizer sees.
+/// Inputs and targets of one optimizer step.
 pub(crate) struct Batch {
     /// Number of motions.
     pub(crate) size: usize,
@@ -56,9 +56,9 @@ pub(crate) struct Batch {
     /// The object clouds, one for each view of the batch, and their surfaces.
     pub(crate) clouds: Arc<Clouds>,
     pub(crate) surfaces: Vec<Vec<Point3<f64>>>,
-    /// Which of them each motion has.
+    /// Index of each motion's view, by motion.
     pub(crate) views: Vec<u32>,
-    /// What each motion's hand can be in, if the set says where it is.
+    /// Distance field of the object and pose of the table, by motion; empty if the set has no fields.
     pub(crate) surroundings: Vec<PenetrationScene>,
     /// `(batch, encoder steps, encoder inputs)`, in the network's units.
     pub(crate) motions: Vec<f32>,
@@ -130,7 +130,7 @@ impl Batches<'_> {
     /// of its repeats it is.
     pub(crate) fn to_learn(&self, items: &[(usize, usize)], random: &mut Random) -> Batch {
         let mut batch = self.empty();
-        // Rotations that are drawn anew are shared by the motions of an object, and so is its cloud.
+        // Redrawn rotations are shared by the motions of an object, and so is its cloud.
         let mut shared: BTreeMap<usize, (usize, UnitQuaternion<f64>)> = BTreeMap::new();
         for &(idx, repeat) in items {
             let seen = &self.seen.tracks[idx];
@@ -263,7 +263,7 @@ pub(crate) fn encoder_times(
     }
 }
 
-/// Returns what the encoder sees of a motion at `times`, in the network's units.
+/// Returns the encoder's inputs for a motion at `times`, in the network's units.
 pub(crate) fn encoder_motion(
     network: &NetworkConfig,
     track: &TrainingMotion<NetworkFrame>,

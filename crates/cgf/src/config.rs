@@ -61,10 +61,10 @@ pub struct NetworkConfig {
     /// Frame in which the network sees object and hand: once refined, motions of "resting" hold unseen
     /// objects 27 points more often than those of the paper's "object"
     pub frame: InputFrame,
-    /// Which steps of a motion the encoder sees: with equal ones the motion's length does not matter;
-    /// released code: "recorded"
+    /// Steps of a motion that the encoder sees: with equally spaced ones the motion's length does not
+    /// matter; released code: "recorded"
     pub encoder_times: EncoderTimes,
-    /// How the palm's rotation is encoded: columns are continuous; released code: "`axis_angle`"
+    /// Encoding of the palm's rotation: columns are continuous; released code: "`axis_angle`"
     pub encoder_rotation: EncoderRotation,
     /// Bound on the variance of the posterior: no wider than the prior, so that one motion cannot ruin
     /// a training; paper: "free"
@@ -85,7 +85,7 @@ pub enum InputFrame {
     Object,
 }
 
-/// Which steps of a motion the encoder sees.
+/// Steps of a motion that the encoder sees.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderTimes {
@@ -96,7 +96,7 @@ pub enum EncoderTimes {
     Recorded,
 }
 
-/// How the palm's rotation is encoded.
+/// Encoding of the palm's rotation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum EncoderRotation {
@@ -142,7 +142,7 @@ pub enum Activation {
     Silu,
 }
 
-/// How a network is trained.
+/// Training options of the network.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrainingConfig {
@@ -167,7 +167,7 @@ pub struct TrainingConfig {
     /// Norm to which gradients are clipped; absent: never, as in the paper
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub max_gradient_norm: Option<f64>,
-    /// How the learning rate falls: to zero at the last epoch; paper: "halving"
+    /// Decay of the learning rate: to zero at the last epoch; paper: "halving"
     #[serde(default)]
     pub schedule: Schedule,
     /// Epochs after which `schedule = "halving"` halves the learning rate, the paper's
@@ -185,12 +185,12 @@ pub struct TrainingConfig {
     /// code: 20
     #[serde(default = "defaults::random_times")]
     pub random_times: usize,
-    /// Where these further times lie: anywhere, so that the motion is a function of time; released
-    /// code: "recorded"
+    /// Distribution of these further times: continuous, so that the motion is a function of time;
+    /// released code: "recorded"
     #[serde(default)]
     pub times: Times,
-    /// How often the noise of a latent code is drawn: once for a motion, as in sampling; released
-    /// code: "`per_time`"
+    /// Draws of a latent code's noise: one for each motion, as in sampling; released code:
+    /// "`per_time`"
     #[serde(default)]
     pub latent_noise: LatentNoise,
     /// Initialization of the weights: layers preserve the variance of their inputs; released code:
@@ -209,8 +209,8 @@ pub struct TrainingConfig {
     /// half is trained with the statistics of sampling; paper: 1
     #[serde(default = "defaults::fixed_statistics_after")]
     pub fixed_statistics_after: f64,
-    /// How squared errors are reduced: weights do not depend on the number of times and links; paper:
-    /// "sum"
+    /// Reduction of squared errors: with the mean, weights do not depend on the number of times and
+    /// links; paper: "sum"
     #[serde(default)]
     pub reduction: Reduction,
     /// Weight of the outputs' squared errors, in the units of `outputs`: the reference for the others;
@@ -268,7 +268,7 @@ pub enum TrainingDevice {
     Metal,
 }
 
-/// How the learning rate falls over the epochs.
+/// Decay of the learning rate over the epochs.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Schedule {
@@ -279,7 +279,7 @@ pub enum Schedule {
     Cosine,
 }
 
-/// How object and hand are rotated together about the object's origin.
+/// Rotation of object and hand together about the object's origin.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Augmentation {
@@ -320,7 +320,7 @@ pub enum Contact {
     Demonstrated,
 }
 
-/// Where the further times of a motion lie.
+/// Distribution of the further times of a motion.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Times {
@@ -332,7 +332,7 @@ pub enum Times {
     Recorded,
 }
 
-/// How often the noise of a latent code is drawn.
+/// Draws of a latent code's noise.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum LatentNoise {
@@ -354,7 +354,7 @@ pub enum Initialization {
     Torch,
 }
 
-/// How squared errors are reduced over times, outputs, links and fingertips; over motions it is always
+/// Reduction of squared errors over times, outputs, links and fingertips; over motions it is always
 /// the mean.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
@@ -470,7 +470,7 @@ impl NetworkConfig {
         })
     }
 
-    /// Returns about how many weights the network has; those of a hand's joints are not counted.
+    /// Returns the approximate number of weights; those of a hand's joints are not counted.
     fn weight_count(&self) -> usize {
         let layers = |inputs: usize, widths: &[usize]| {
             let below = std::iter::once(&inputs).chain(widths);
@@ -587,7 +587,7 @@ impl TrainingConfig {
     }
 }
 
-/// Refuses a value that is not within its bounds, and says why they are where they are.
+/// Refuses a value outside its bounds; the error gives the reason for the bounds.
 pub(crate) fn check<N: PartialOrd + Copy + Debug + Display>(
     key: &'static str,
     value: N,

@@ -1,4 +1,4 @@
-//! How a training went.
+//! Learning curve: losses by epoch.
 
 use schemas::training::Split;
 use serde::{Deserialize, Serialize};

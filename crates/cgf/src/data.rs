@@ -1,4 +1,4 @@
-//! What the network learns from: motions above a table, and the objects that lie on it.
+//! Training data: motions above a table, and the objects that lie on it.
 
 use motion::{HandState, Motion};
 use nalgebra::{Point3, UnitQuaternion};
@@ -7,12 +7,12 @@ use spatial::{Object, Pose, RestingPose, Table};
 
 use crate::{CgfError, config::InputFrame, precision::narrow, random::Random};
 
-/// An object as it lies: its surface above the table.
+/// An object in its resting pose: its surface above the table.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RestingObject {
     /// The object's name.
     pub object: String,
-    /// How it lies.
+    /// Its resting pose.
     pub rest: RestingPose,
     /// Points on its surface, in the object frame, in meters, in random order.
     pub points_in_object: Vec<Point3<f64>>,
@@ -27,7 +27,7 @@ pub(crate) enum NetworkFrame {}
 pub(crate) struct View {
     /// The object's name.
     pub(crate) object: String,
-    /// Where the network's frame is.
+    /// Pose of the network's frame, in the table and in the object.
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
     pub(crate) object_from_network: Pose<Object, NetworkFrame>,
     /// Points on the surface, in meters.
@@ -35,7 +35,7 @@ pub(crate) struct View {
 }
 
 impl View {
-    /// Looks at an object as it lies.
+    /// Returns the view of an object in its resting pose.
     pub(crate) fn of(scene: &RestingObject, frame: InputFrame) -> Result<Self, CgfError> {
         const MIN_POINTS: usize = 32;
         let table_from_object = *scene.rest.table_from_object();
@@ -85,7 +85,7 @@ impl View {
 pub struct TrainingMotion<F = Table> {
     /// The recording's name.
     pub name: String,
-    /// Which scene it was recorded in.
+    /// Index of the scene in which it was recorded.
     pub scene: usize,
     /// Whether it is learned from.
     pub split: Split,

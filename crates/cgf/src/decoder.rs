@@ -2,8 +2,8 @@
 //! exact derivatives in time (section III-B of the paper).
 //!
 //! The first layer is linear in time, so that its parts of the latent code and of the object are
-//! computed once per motion. Every other layer is a product with sixteen rows at a time, from which what
-//! an activation has set to zero in all of them is left out: with `ReLU` about half; bias and activation
+//! computed once per motion. Every other layer is a product with sixteen rows at a time, without the
+//! channels that an activation has set to zero in all of them: with `ReLU` about half; bias and activation
 //! follow in one pass. For derivatives the rows [x, x′, x″] go through the layers together:
 //! a matrix takes all three alike, the bias belongs to the values alone, and the activation follows
 //! the chain rule (forward propagation of a truncated Taylor series: A. Griewank and A. Walther,
@@ -50,10 +50,10 @@ pub(crate) struct Decoder<T> {
     first_bias: Vec<T>,
     /// The layers after it.
     layers: Vec<Layer<T>>,
-    /// What takes the last layer's products to meters, matrix entries and radians.
+    /// Scale and offset from the last layer's products to meters, matrix entries and radians.
     scale: Vec<f64>,
     shift: Vec<f64>,
-    /// Takes these to where the joints are.
+    /// Map from these numbers to joint positions.
     limits: Limits,
 }
 
@@ -219,7 +219,7 @@ impl<T: Number> Decoder<T> {
         Ok(motions.into_iter().flatten().collect())
     }
 
-    /// Returns what the first layer knows of the object, with its bias.
+    /// Returns the object's contribution to the first layer, with its bias.
     fn object(&self, feature: &[f32]) -> Result<Vec<T>, CgfError> {
         let width = self.first_bias.len();
         check_width("feature", feature.len(), self.by_feature.len() / width)?;
@@ -229,7 +229,7 @@ impl<T: Number> Decoder<T> {
         Ok(object)
     }
 
-    /// Returns what the first layer knows of each motion, sixteen side by side.
+    /// Returns the part of the first layer that is constant in time, for sixteen motions side by side.
     fn known(&self, object: &[T], latents: &[Vec<f64>]) -> Result<Vec<Row<T>>, CgfError> {
         for latent in latents {
             check_width("latent", latent.len(), self.by_latent.inputs())?;

@@ -27,7 +27,7 @@ pub enum CgfError {
     NotFinite {
         /// The trajectory or object.
         name: String,
-        /// Which of its numbers.
+        /// Name of the number that is not finite.
         what: &'static str,
     },
     /// A trajectory has another number of joint positions than the hand has joints.
@@ -64,7 +64,7 @@ pub enum CgfError {
         /// The link's name.
         link: String,
     },
-    /// The hand is to be kept out of an object about whose surface nothing is known.
+    /// Penetration is penalized for an object without a distance field.
     #[error("object `{object}` has no distance field, which `penetration_weight` needs")]
     NoDistances {
         /// The object's name.
@@ -76,7 +76,7 @@ pub enum CgfError {
         spheres::MAX_SPHERES
     )]
     LargeShapes {
-        /// Name of the link with whose shapes they come to be so.
+        /// Name of the link at which they became too large.
         link: String,
     },
     /// A value of the configuration cannot be used.
@@ -103,7 +103,7 @@ pub enum CgfError {
     /// A file of the checkpoint cannot be read or written.
     #[error("cannot {action} the checkpoint `{}`", path.display())]
     Io {
-        /// What was tried, e.g. `read`.
+        /// Operation that failed, e.g. `read`.
         action: &'static str,
         /// Where.
         path: PathBuf,
@@ -124,20 +124,20 @@ pub enum CgfError {
         /// The version found.
         found: String,
     },
-    /// The checkpoint does not say how a demonstration's object lay.
+    /// The checkpoint lacks the resting pose of a demonstration's object.
     #[error("the checkpoint's demonstration `{demonstration}` has no direction against gravity")]
     RestingPose {
         /// The demonstration's name.
         demonstration: String,
     },
-    /// The checkpoint's weights do not have the shapes that its description says.
+    /// The shapes of the checkpoint's weights differ from its description.
     #[error("the checkpoint's tensor `{name}` is {found}, expected {expected}")]
     Tensor {
         /// The tensor's name.
         name: String,
-        /// What it is.
+        /// Description of the tensor found.
         found: String,
-        /// What it should be.
+        /// Description of the tensor expected.
         expected: String,
     },
     /// The checkpoint belongs to another hand.

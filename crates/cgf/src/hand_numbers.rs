@@ -26,7 +26,7 @@ pub(crate) fn with_axis_angle<F>(hand: &HandState<F>) -> Vec<f64> {
     root.chain(&hand.q_rad).copied().collect()
 }
 
-/// Reads what [`of`] returns, with any two columns that are not parallel; `None` otherwise.
+/// Reads the numbers of [`of`], with any two columns that are not parallel; `None` otherwise.
 pub(crate) fn to_hand<F>(numbers: &[f64]) -> Option<HandState<F>> {
     let (&[x, y, z, a, b, c, d, e, f], q) = numbers.split_first_chunk::<PALM_WIDTH>()?;
     let rotation = rotation_from_rot6d([a, b, c, d, e, f])?;
@@ -39,10 +39,10 @@ pub(crate) fn to_hand<F>(numbers: &[f64]) -> Option<HandState<F>> {
 /// Takes numbers in meters, matrix entries and radians to the network's units and back.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Normalization {
-    /// What is subtracted, per output.
+    /// Mean that is subtracted, per output.
     pub mean: Vec<f64>,
-    /// What is then divided by, per output: one number for the translation, one for the rotation, one
-    /// for the joints, so that errors of one kind keep their proportions.
+    /// Scale that the difference is divided by, per output: one number for the translation, one for
+    /// the rotation, one for the joints, so that errors of one kind keep their proportions.
     pub scale: Vec<f64>,
 }
 
@@ -93,7 +93,7 @@ impl Normalization {
             .collect()
     }
 
-    /// Brings what [`with_axis_angle`] returns to the network's units; the rotation stays in
+    /// Converts the numbers of [`with_axis_angle`] to the network's units; the rotation stays in
     /// radians.
     pub(crate) fn normalize_axis_angle(&self, numbers: &[f64]) -> Vec<f32> {
         // The axis has three numbers where the columns have six.

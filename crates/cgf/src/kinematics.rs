@@ -1,4 +1,4 @@
-//! Where a hand's links are, as one operation with an analytic gradient.
+//! Forward kinematics of a hand as one operation with an analytic gradient.
 
 use std::sync::Arc;
 
@@ -10,9 +10,9 @@ use spatial::{Palm, Pose};
 
 use crate::{hand_numbers::PALM_WIDTH, precision::narrow};
 
-/// Takes `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
-/// joint positions; meters and radians) to where all links are, in the frame in which translation and
-/// rotation are given: `(rows, 3 links)` or `(rows, 9 links)`, as [`LinkParts`] says.
+/// Maps `(rows, 9 + dof)` (translation, two columns of a rotation before they are made orthonormal,
+/// joint positions; meters and radians) to the poses of all links, in the frame in which translation
+/// and rotation are given: `(rows, 3 links)` or `(rows, 9 links)`, as [`LinkParts`] says.
 ///
 /// The origins are the J of the paper's joint loss.
 #[derive(Debug, Clone)]
@@ -21,7 +21,7 @@ pub(crate) struct LinkPoses {
     parts: LinkParts,
 }
 
-/// What is asked of every link.
+/// Parts of a link's pose to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum LinkParts {
     /// Its origin, in meters.
@@ -57,7 +57,7 @@ impl LinkPoses {
             let point = hand.seen(&link.translation.vector);
             let rotation = rotation * link.rotation.to_rotation_matrix();
             let columns = rotation.fixed_columns::<2>(0);
-            // As many of these as are asked for.
+            // As many of these as requested.
             for (number, x) in pose.iter_mut().zip(point.iter().chain(columns.iter())) {
                 *number = narrow(*x);
             }
@@ -86,7 +86,7 @@ impl LinkPoses {
     }
 }
 
-/// A hand where a row of numbers puts it.
+/// A hand at the pose that a row of numbers gives.
 pub(crate) struct Posed<'a> {
     hand: &'a RobotModel,
     frame: PalmRotation,

@@ -1,4 +1,4 @@
-//! Where a hand's joints can be, and outputs that are nowhere else.
+//! Joint ranges of a hand, and network outputs that stay within them.
 
 use candle_core::{DType, Tensor};
 use robot::Joint;
@@ -8,13 +8,13 @@ use crate::{
     CgfError, config::JointOutputs, hand_numbers::PALM_WIDTH, network::constant, precision::narrow,
 };
 
-/// Where a joint can be.
+/// Range of a joint's positions.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct JointRange {
-    /// Least position in radians (meters if prismatic); none if it turns on and on.
+    /// Least position in radians (meters if prismatic); `None` if unlimited.
     pub lower: Option<f64>,
-    /// Greatest position in radians (meters if prismatic); none if it turns on and on.
+    /// Greatest position in radians (meters if prismatic); `None` if unlimited.
     pub upper: Option<f64>,
 }
 
@@ -58,7 +58,7 @@ impl Limits {
         }
     }
 
-    /// Takes the numbers of a hand, in meters, matrix entries and radians, to where it is.
+    /// Maps the joints' numbers among a hand's (meters, matrix entries, radians) to positions.
     pub(crate) fn apply(&self, numbers: &mut [f64]) {
         for (x, range) in numbers.iter_mut().skip(PALM_WIDTH).zip(&self.ranges) {
             if let Some((middle, half)) = range {

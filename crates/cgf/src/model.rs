@@ -41,23 +41,23 @@ pub struct Description {
     pub epoch: usize,
     /// Names of the hand's joints, in the order of the outputs after the first nine.
     pub joints: Vec<String>,
-    /// Where each of them can be.
+    /// Position range of each of them.
     pub joint_ranges: Vec<JointRange>,
     /// Widths and shapes.
     pub network: NetworkConfig,
-    /// How it was trained.
+    /// Training options.
     pub training: TrainingConfig,
     /// Seed of weights and noise.
     pub seed: u64,
     /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
     pub normalization: Normalization,
-    /// What the motions became that it was trained on or that were kept back.
+    /// Encoded motions: those that it was trained on and the held-out ones.
     pub demonstrations: Vec<EncodedDemonstration>,
-    /// All epochs.
+    /// Learning curve: losses of all epochs.
     pub training_curve: Vec<Epoch>,
 }
 
-/// What a motion of the training set became.
+/// Latent code and reconstruction error of a motion of the training set.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EncodedDemonstration {
@@ -67,15 +67,15 @@ pub struct EncodedDemonstration {
     pub object: String,
     /// Whether the network was trained on it.
     pub split: Split,
-    /// How the object lay: unit vector against gravity, object frame.
+    /// Resting orientation of the object: unit vector against gravity, object frame.
     pub rest_up: [f64; 3],
-    /// How the object lay: height of its origin above the table, in meters.
+    /// Resting height of the object: its origin above the table, in meters.
     pub rest_height_m: f64,
     /// Mean of its latent code.
     pub latent_mean: Vec<f64>,
     /// Standard deviation of its latent code.
     pub latent_deviation: Vec<f64>,
-    /// How far the motion of the mean code is from it at the grasp.
+    /// Reconstruction error at the grasp: the motion decoded from the mean code against the original.
     pub grasp_error: HandDistance,
 }
 
@@ -91,11 +91,11 @@ pub struct HandDistance {
     pub joints_rad: f64,
 }
 
-/// What the network knows of an object as it lies.
+/// The network's feature of an object in its resting pose.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectFeature {
     pub(crate) values: Vec<f32>,
-    /// Where the frame is in which the network speaks of this object.
+    /// Pose of the frame in which the network's outputs for this object are.
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
 }
 
@@ -132,7 +132,7 @@ impl Cgf {
         &self.weights
     }
 
-    /// Computes what the network knows of an object as it lies.
+    /// Computes the network's feature of an object in its resting pose.
     ///
     /// # Errors
     ///
@@ -166,7 +166,7 @@ impl Cgf {
         self.decoder.decode(feature, latents, times)
     }
 
-    /// Decodes as [`Cgf::decode`], with how fast the hand moves: exact first and second derivatives
+    /// Decodes as [`Cgf::decode`], with velocity and acceleration: exact first and second derivatives
     /// with respect to t, by forward propagation through the network and the map from its outputs to a
     /// rotation. With `activation = "relu"` the outputs' second derivatives are zero almost everywhere.
     ///
@@ -228,7 +228,7 @@ impl Cgf {
         }
     }
 
-    /// Stores what the motions of the training set became.
+    /// Encodes the motions of the training set and stores the results.
     pub(crate) fn learn_posteriors(&mut self, set: &TrainingSet) -> Result<(), CgfError> {
         let features = set
             .scenes
@@ -354,7 +354,7 @@ impl EncodedDemonstration {
         (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
     }
 
-    /// Returns how the object lay.
+    /// Returns the object's resting pose.
     pub fn rest(&self) -> RestingPose {
         RestingPose {
             up_in_object: nalgebra::Unit::new_normalize(Vector3::from(self.rest_up)),
@@ -364,7 +364,7 @@ impl EncodedDemonstration {
 }
 
 impl HandDistance {
-    /// Measures how far two grasps of one hand are apart.
+    /// Returns the distance between two grasps of one hand.
     pub fn between(a: &HandState<Table>, b: &HandState<Table>) -> Self {
         let (pose_a, pose_b) = (a.frame_from_palm, b.frame_from_palm);
         let squares: f64 = a

@@ -1,4 +1,4 @@
-//! How deep a hand is in the object and in the table, as a loss with its gradient.
+//! Penetration depth of a hand in the object and in the table, as a loss with its gradient.
 
 use std::sync::Arc;
 
@@ -48,8 +48,8 @@ pub(crate) struct Body {
     clusters: Vec<SphereCluster>,
 }
 
-/// How deep a link is: the depth of its deepest sphere, that sphere's center in the palm frame, and the
-/// direction in which it is less deep, in the frame in which the row is.
+/// Penetration of a link: the depth of its deepest sphere, that sphere's center in the palm frame, and
+/// the direction out of the object or table, in the frame of the row.
 #[derive(Debug, Clone, Copy)]
 struct Deepest {
     depth_m: f64,
@@ -167,7 +167,7 @@ fn search(
     }
 }
 
-/// A function of rows whose values and gradients are known where it is asked.
+/// A function of rows whose values and gradients are already computed for these rows.
 pub(crate) struct Known {
     pub(crate) values: Vec<f32>,
     /// One row of so many numbers for each value.

@@ -3,7 +3,7 @@
 //!
 //! Every layer is a matrix per point and batch normalization (Ioffe and Szegedy 2015, algorithm 1);
 //! all but the last end in `max(x, 0)`, and the last in the maximum over the points of a cloud.
-//! What makes it fast, and leaves it exact:
+//! Reasons for its speed, all of them exact:
 //!
 //! - A layer's statistics over all points follow from the mean and the covariance of the layer below,
 //!   because it is linear: they are known before the layer itself is computed, and the last one, the
@@ -36,7 +36,7 @@ use crate::{
 /// Added to variances before their root is taken.
 const EPSILON: f64 = 1e-5;
 
-/// Which means and variances normalize the layers.
+/// Source of the means and variances that normalize the layers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Statistics {
     /// Those of the points at hand.
@@ -63,7 +63,7 @@ struct Layer {
     weight: Vec<f32>,
     gain: Vec<f32>,
     shift: Vec<f32>,
-    /// What it normalizes with where statistics are stored.
+    /// Its stored statistics, for [`Statistics::Stored`].
     stored: Normalized,
 }
 
@@ -73,7 +73,7 @@ pub(crate) struct PointNet {
     layers: Vec<Layer>,
 }
 
-/// What one layer normalizes with.
+/// Statistics that normalize one layer: mean and variance per output.
 #[derive(Debug, Clone)]
 struct Normalized {
     mean: Vec<f64>,
@@ -87,7 +87,7 @@ struct Affine {
     offset: Vec<f32>,
 }
 
-/// What a forward pass leaves for the backward pass.
+/// Intermediate results of a forward pass that the backward pass needs.
 pub(crate) struct Pass {
     statistics: Statistics,
     clouds: Vec<Cloud>,
@@ -249,8 +249,8 @@ struct Ladder<'a> {
     layers: &'a [Layer],
     /// Each layer's matrix but the first's.
     packed: Vec<Packed>,
-    /// The last layer's matrix, rows of negative gain turned over: what is largest after
-    /// normalization is largest in its products.
+    /// The last layer's matrix, rows of negative gain turned over: the largest value
+    /// after normalization is the largest of its products.
     signed: Columns,
     /// As far as they are known.
     normalized: Vec<Normalized>,
@@ -297,7 +297,7 @@ impl Pass {
 
     /// Mean and unbiased variance of each layer, by the arrays' names.
     fn measured(&self) -> Measured {
-        // What is stored is unbiased, what is normalized with is not.
+        // The stored variance is unbiased, the one for normalization is not.
         let n = self.points as f64;
         let unbias = n / (n - 1.0).max(1.0);
         let narrowed = |values: &[f64], factor: f64| -> Vec<f32> {

@@ -1,4 +1,4 @@
-//! A training's state between two epochs, as bytes, so that it can go on where it was stopped.
+//! A training's state between two epochs, as bytes, so that it can resume.
 
 use std::collections::HashMap;
 
@@ -11,7 +11,7 @@ use crate::{
 
 /// Version of the form.
 const VERSION: &str = "training-state/1";
-/// Key of what is not a tensor, in the safetensors header.
+/// Key of the metadata in the safetensors header.
 const ABOUT: &str = "about";
 /// Prefixes of the tensors' names.
 const WEIGHTS: &str = "weights/";
@@ -19,7 +19,7 @@ const FIRST_MOMENTS: &str = "first_moments/";
 const SECOND_MOMENTS: &str = "second_moments/";
 const BEST: &str = "best/";
 
-/// What is not a tensor.
+/// Metadata: the state besides the tensors.
 #[derive(Serialize, Deserialize)]
 struct About {
     version: String,
@@ -29,7 +29,7 @@ struct About {
 }
 
 impl Trainer<'_> {
-    /// Returns the bytes from which [`Trainer::restore`] goes on: a safetensors file.
+    /// Returns the bytes from which [`Trainer::restore`] resumes: a safetensors file.
     ///
     /// # Errors
     ///
@@ -53,8 +53,8 @@ impl Trainer<'_> {
         arrays.to_bytes_about(Some(about))
     }
 
-    /// Goes on where [`Trainer::state`] of a training with equal arguments was taken; the result is the
-    /// one of a training that was never stopped.
+    /// Resumes from the [`Trainer::state`] of a training with equal arguments; the result is that of an
+    /// uninterrupted training.
     ///
     /// # Errors
     ///
@@ -88,7 +88,7 @@ impl Trainer<'_> {
         self.adam.restore(about.adam_step, moments, &weights)?;
         self.weights = weights;
         self.best = best;
-        // The last epoch that is done says which statistics it left.
+        // The last completed epoch determines the statistics in use.
         let fixed = about.curve.len().checked_sub(1);
         self.statistics = if fixed.is_some_and(|epoch| self.is_fixed_in(epoch)) {
             Statistics::Stored

@@ -44,7 +44,7 @@ pub struct Losses {
     pub penetration: f32,
 }
 
-/// What is made small.
+/// Training objective: the weighted sum of the losses.
 pub(crate) struct Objective<'a> {
     pub(crate) hand: &'a Arc<RobotModel>,
     pub(crate) network: &'a NetworkConfig,
@@ -53,9 +53,9 @@ pub(crate) struct Objective<'a> {
     pub(crate) tips: Vec<usize>,
     /// The room that the hand takes up, if it is kept out of object and table.
     pub(crate) body: Option<Body>,
-    /// Takes the decoder's numbers to where the joints are.
+    /// Map from the decoder's numbers to joint positions.
     pub(crate) limits: Limits,
-    /// Where it is computed.
+    /// Device on which it is computed.
     pub(crate) device: Device,
 }
 
@@ -66,8 +66,8 @@ pub(crate) type Gradients = BTreeMap<String, Vec<f32>>;
 type Surfaces<'b> = Vec<&'b [Point3<f64>]>;
 
 impl Objective<'_> {
-    /// Computes a batch's losses and, if they are finite, their gradients, and what the point network
-    /// measured.
+    /// Computes a batch's losses and, if they are finite, their gradients, and the statistics that the
+    /// point network measured.
     pub(crate) fn gradients(
         &self,
         weights: &Weights,
@@ -286,7 +286,8 @@ impl Objective<'_> {
         Ok((decoded, within))
     }
 
-    /// Measures how deep hands are in object and table: the weighted mean over rows and links, in m².
+    /// Computes the penetration loss of hands in object and table: the weighted mean of squared depths
+    /// over rows and links, in m².
     fn penetration(
         &self,
         physical: &Tensor,
@@ -323,7 +324,7 @@ impl Objective<'_> {
     }
 }
 
-/// Where links are: `(rows, 3 links)` and `(rows, 6 links)`.
+/// Poses of the links: origins `(rows, 3 links)` and rotation columns `(rows, 6 links)`.
 struct LinkTensors {
     origins: Tensor,
     columns: Option<Tensor>,

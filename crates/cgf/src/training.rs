@@ -29,15 +29,15 @@ use crate::{
 const MOMENTUM: f32 = 0.1;
 /// Times the first epoch's loss at which training has diverged.
 const DIVERGED: f32 = 100.0;
-/// Streams of random numbers: what is drawn before the first epoch, and the first epoch's own. That
-/// each epoch has its own is what lets a training go on where it was stopped.
+/// Streams of random numbers: one for the draws before the first epoch, and that of the first epoch.
+/// Each epoch has its own, so that a training can resume.
 const BEFORE: u64 = 1;
 const FIRST_EPOCH: u64 = 1 << 32;
 
 /// Motions and the scenes in which they were recorded.
 #[derive(Debug, Clone, PartialEq)]
 pub struct TrainingSet {
-    /// Objects as they lay.
+    /// Objects in their resting poses.
     pub scenes: Vec<RestingObject>,
     /// The motions, those that are learned from and those that are kept back.
     pub tracks: Vec<TrainingMotion>,
@@ -46,7 +46,7 @@ pub struct TrainingSet {
     pub distances: BTreeMap<String, Arc<DistanceField>>,
 }
 
-/// What came out of a training.
+/// Result of a training.
 #[derive(Debug, Clone)]
 pub struct Trained {
     /// After the epoch with the least loss on held-out motions; the last one if none is held out.
@@ -75,7 +75,7 @@ pub(crate) struct Best {
     pub(crate) weights: Weights,
 }
 
-/// Trains a grasping function; `progress` hears of every epoch.
+/// Trains a grasping function; `progress` is called after every epoch.
 ///
 /// Equal arguments give equal weights on any number of threads.
 ///
@@ -377,7 +377,7 @@ impl<'a> Trainer<'a> {
     }
 }
 
-/// Where each joint of a hand can be.
+/// Returns the position range of each joint of a hand.
 pub(crate) fn ranges(hand: &RobotModel) -> Vec<JointRange> {
     hand.joints().iter().map(JointRange::of).collect()
 }

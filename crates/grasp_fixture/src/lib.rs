@@ -1,6 +1,6 @@
 //! The Allegro hand, a box on a table and demonstrations of grasping it, for tests of generators of grasps.
 //!
-//! Everything is in meters, radians and seconds; whatever goes wrong panics, as in a test.
+//! Everything is in meters, radians and seconds; every failure panics, as in a test.
 
 #![expect(
     clippy::disallowed_methods,
@@ -62,7 +62,7 @@ const MARGIN_M: f64 = 0.025;
 /// Points on the box.
 const POINTS_N: usize = 200;
 
-/// What a stage reads, by the names of artifacts.
+/// Inputs of a stage, by the names of artifacts.
 pub type Artifacts = BTreeMap<String, Vec<Artifact>>;
 
 /// Returns the hand.
@@ -84,13 +84,13 @@ impl StandingBox {
         TriMesh::cuboid(-high, high)
     }
 
-    /// Returns its distances.
+    /// Returns its distance field.
     pub fn field(self) -> DistanceField {
         let field = DistanceField::new(&self.mesh(), SPACING_M, MARGIN_M);
         field.expect("it is small").expect("it is closed")
     }
 
-    /// Returns how it lies.
+    /// Returns its resting pose.
     pub fn rest(self) -> RestingPose {
         RestingPose {
             up_in_object: Vector3::z_axis(),
@@ -151,7 +151,7 @@ impl StandingBox {
         }
     }
 
-    /// Writes it and these trajectories as artifacts into a folder, without its distances if so asked.
+    /// Writes it and these trajectories as artifacts into a folder, with its distance field if `with_field`.
     pub fn artifacts(
         self,
         root: &Path,

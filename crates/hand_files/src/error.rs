@@ -26,7 +26,7 @@ pub enum HandFileError {
     Hand {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem with it.
         source: PostureError,
     },
     /// The hand table cannot be used.
@@ -34,7 +34,7 @@ pub enum HandFileError {
     HandTable {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem with it.
         source: PostureError,
     },
 }

@@ -7,7 +7,7 @@ use spatial::{Object, Pose, Table};
 #[path = "../../motion/tests/motion/swings.rs"]
 pub(crate) mod swings;
 
-/// Steps of a motion, and how its object lies.
+/// Steps of a motion, and the pose of its object on the table.
 #[derive(Debug, Clone)]
 pub(crate) struct Drawn {
     pub(crate) joints: Vec<String>,
@@ -21,7 +21,7 @@ impl Drawn {
     }
 }
 
-/// How a hand grasps of which nothing is known.
+/// Returns the grasp protocol of a hand without options of its own.
 pub(crate) fn protocol() -> Protocol {
     serde_json::from_str(include_str!("../tests/grasp.json")).unwrap()
 }

@@ -13,13 +13,13 @@ pub(crate) struct System<'a> {
     pub(crate) layout: &'a Layout,
     /// Second derivatives, as [`Layout`] says.
     pub(crate) hessian: &'a [f64],
-    /// Minus the slopes, less what the held unknowns' steps make of them.
+    /// Minus the slopes, less the contributions of the held unknowns' steps.
     pub(crate) right: &'a [f64],
     /// Added to the diagonal.
     pub(crate) damping: &'a [f64],
     /// 1 for free unknowns, 0 for held ones.
     pub(crate) free: &'a [f64],
-    /// What every pivot must exceed.
+    /// Exclusive lower bound on every pivot.
     pub(crate) least_pivot: f64,
 }
 

@@ -1,10 +1,10 @@
-//! How a hand closes on an object: how open it is over time, and which fingertips touch at the grasp.
+//! Closing of a hand on an object: its openness over time, and the contacts of its fingertips at the grasp.
 
 /// A fingertip counts as touching in full up to the contact distance and not at all at this multiple of it, so that
 /// contacts come and go smoothly.
 const CONTACT_FADE: f64 = 1.5;
 
-/// Returns how open the hand is, from 0 at the grasp to 1 where it begins to close, without a kink.
+/// Returns the openness of the hand, from 0 at the grasp to 1 where it begins to close, without a kink.
 ///
 /// `remaining` is the time left until the grasp and `closing` the time for which the hand closes, in the same unit.
 pub fn openness(remaining: f64, closing: f64) -> f64 {
@@ -15,8 +15,8 @@ pub fn openness(remaining: f64, closing: f64) -> f64 {
     x * x * (3.0 - 2.0 * x)
 }
 
-/// Returns how much a fingertip at a distance from the surface counts as touching it, from 1 to 0; a contact distance
-/// of 0 means that none does.
+/// Returns the contact weight of a fingertip at a distance from the surface, from 1 (touches it) to 0; a contact
+/// distance of 0 means that no fingertip touches.
 pub fn contact_share(distance_m: f64, contact_distance_m: f64) -> f64 {
     if contact_distance_m <= 0.0 {
         return 0.0;

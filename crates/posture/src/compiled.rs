@@ -1,4 +1,4 @@
-//! A hand prepared for the solver: the bodies that move and what each unknown moves.
+//! A hand prepared for the solver: the moving bodies and the unknowns that move them.
 
 use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use robot::{JointKind, Link, RobotModel};
@@ -6,7 +6,7 @@ use spatial::Pose;
 
 use crate::{SolverError, layout::Layout, posture::Posture};
 
-/// How the root link moves.
+/// Motion of the root link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Root {
     /// Not at all.
@@ -29,7 +29,7 @@ pub struct CompiledHand {
     pub(crate) bodies: Vec<Body>,
     /// The points attached to bodies, as they were given.
     pub(crate) points: Vec<BodyPoint>,
-    /// Which row of the normal equations belongs to what.
+    /// Layout of the unknowns in the normal equations.
     pub(crate) layout: Layout,
     /// Limits in the order of the joints' unknowns.
     pub(crate) lower: Vec<f64>,

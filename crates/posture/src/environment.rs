@@ -12,7 +12,7 @@ pub struct Environment {
     rest: RestingPose,
 }
 
-/// How far a point is from the object.
+/// Signed distance of a point from the object, with its gradient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SignedDistance {
     /// Signed distance in meters, negative inside.
@@ -28,12 +28,12 @@ impl Environment {
         Self { field, rest }
     }
 
-    /// Returns how the object lies.
+    /// Returns the object's resting pose.
     pub fn rest(&self) -> RestingPose {
         self.rest
     }
 
-    /// Returns how far a point is from the object's surface.
+    /// Returns the signed distance of a point from the object's surface.
     pub fn signed_distance(&self, point_in_object: &Point3<f64>) -> SignedDistance {
         let (distance_m, gradient_in_object) = self.field.distance(point_in_object);
         SignedDistance {

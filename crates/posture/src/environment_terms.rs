@@ -1,4 +1,4 @@
-//! What the object and the table ask of the hand.
+//! Cost terms of the object and the table: collisions and contacts.
 
 use nalgebra::Point3;
 use robot::spheres::SLACK;
@@ -13,14 +13,14 @@ pub struct EnvironmentTerms<'a> {
     pub hand: &'a Hand,
     /// The object and the table.
     pub environment: &'a Environment,
-    /// How links keep out of them.
+    /// Penalty on collisions with them.
     pub collision_penalty: CollisionPenalty,
-    /// What should be at a distance from the surface.
+    /// Points that should be at a distance from the object's surface.
     pub contacts: Vec<ContactTarget>,
 }
 
-/// How links keep out of the object and the table; a weight multiplies a depth before it is squared, and 0
-/// disables its term.
+/// Penalty on collisions with the object and the table; a weight multiplies a depth before it is
+/// squared, and 0 disables its term.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CollisionPenalty {
     /// Weight of a depth inside the object's clearance.
@@ -86,7 +86,7 @@ impl Terms for EnvironmentTerms<'_> {
 }
 
 impl EnvironmentTerms<'_> {
-    /// Returns how far a point is from the table.
+    /// Returns the signed distance of a point from the table.
     fn table_gap(&self, point: &Point3<f64>) -> SignedDistance {
         SignedDistance {
             distance_m: self.environment.height_m(point),

@@ -8,10 +8,10 @@ use crate::SolverError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PostureError {
-    /// The robot is not what is needed.
+    /// The robot model is unsuitable.
     #[error(transparent)]
     Robot(#[from] RobotError),
-    /// Nothing of the robot moves.
+    /// The robot has no moving joint.
     #[error("the robot has no joint that moves")]
     NoJoint,
     /// A joint's name cannot be written in a list with commas.
@@ -29,7 +29,7 @@ pub enum PostureError {
     /// The text is not a hand table.
     #[error("cannot parse the hand table: {problem}")]
     InvalidHandTable {
-        /// Where and what is wrong.
+        /// The problem and its place in the text.
         problem: String,
     },
     /// A value of a hand table is invalid.
@@ -37,13 +37,13 @@ pub enum PostureError {
     InvalidHandTableValue {
         /// The key.
         key: String,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
 }
 
 impl PostureError {
-    /// Returns what to do about it, if that is clear.
+    /// Returns a remedy, if one is known.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Robot(err) => err.hint(),

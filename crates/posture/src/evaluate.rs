@@ -21,7 +21,7 @@ pub(crate) struct State {
     pub(crate) q: Vec<f64>,
 }
 
-/// Where a body is: its orientation, and its origin relative to the root's, along the object's axes.
+/// Pose of a body: its orientation, and its origin relative to the root's, along the object's axes.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct BodyPose {
     pub(crate) rotation: Matrix3<f64>,
@@ -29,7 +29,7 @@ pub(crate) struct BodyPose {
 }
 
 impl BodyPose {
-    /// Returns how the body moves with its joint.
+    /// Returns the body's twist per unit of its joint's motion.
     #[inline]
     pub(crate) fn twist(&self, is_prismatic: bool) -> SpatialVector {
         let [_, _, axis] = columns(&self.rotation);
@@ -46,7 +46,7 @@ impl BodyPose {
     }
 }
 
-/// A targeted point's say in the cost.
+/// Contribution of a targeted point to the cost.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Pull {
     pub(crate) body: usize,
@@ -64,7 +64,7 @@ pub(crate) struct Evaluation<'a> {
     pub(crate) hand: &'a CompiledHand,
     pub(crate) frames: Vec<BodyPose>,
     pub(crate) root: RootPose,
-    /// The joints' positions where the bodies are; not numbers before they are placed.
+    /// Joint positions at which the bodies are placed; NaN before the first placement.
     pub(crate) q: Vec<f64>,
     /// Each body's own position, filled up so that sines are computed in whole groups.
     pub(crate) positions: Vec<f64>,
@@ -73,7 +73,7 @@ pub(crate) struct Evaluation<'a> {
     pub(crate) pulls: Vec<Pull>,
     pub(crate) residuals: Vec<Residual>,
     pub(crate) moments: Vec<Moments>,
-    /// Whose memory holds each body's moments; [`NOBODY`]'s where there are none.
+    /// Index of the body whose memory holds each body's moments; [`NOBODY`] where there are none.
     pub(crate) carriers: Vec<usize>,
     pub(crate) twists: Vec<SpatialVector>,
     /// Forces and moments alone.
@@ -93,8 +93,8 @@ pub struct Posed<'a> {
 }
 
 impl Posed<'_> {
-    /// Returns where an attached point is in the object's frame, in meters; `None` if there is none of this
-    /// number.
+    /// Returns the position of an attached point in the object's frame, in meters; `None` if there is
+    /// none of this number.
     #[inline]
     pub fn point(&self, point: usize) -> Option<Point3<f64>> {
         let point = self.hand.points.get(point)?;
@@ -132,7 +132,7 @@ impl<'a> Evaluation<'a> {
         }
     }
 
-    /// Returns the hand where it was last placed.
+    /// Returns the hand at its last placed posture.
     pub(crate) fn posed(&self) -> Posed<'_> {
         Posed {
             hand: self.hand,
@@ -191,7 +191,7 @@ impl<'a> Evaluation<'a> {
         }
     }
 
-    /// Notes what the targets and the points' smoothness say, and returns their cost.
+    /// Records the contributions of the targets and of the points' smoothness, and returns their cost.
     fn pull(&mut self, task: &Task<'_>) -> f64 {
         self.pulls.clear();
         let mut cost = 0.0;
@@ -257,7 +257,7 @@ impl<'a> Evaluation<'a> {
         cost
     }
 
-    /// Returns how far the root moved along and turned, in the coordinates of its unknowns.
+    /// Returns the translation and the turn of the root, in the coordinates of its unknowns.
     pub(crate) fn root_motion(
         &self,
         root: &RootPose,

@@ -1,4 +1,4 @@
-//! What the tests share: the Allegro hand and a box on a table.
+//! Shared test fixtures: the Allegro hand and a box on a table.
 
 use geometry::{DistanceField, TriMesh};
 use nalgebra::{Point3, Vector3};

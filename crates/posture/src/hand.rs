@@ -24,7 +24,7 @@ pub struct Hand {
     pub points: Vec<HandPoint>,
     /// Those of them that are on the palm, by index.
     pub palm_points: Vec<usize>,
-    /// Where the points are in the root link's frame when every joint is at the middle of its range.
+    /// Positions of the points in the root link's frame with every joint at the middle of its range.
     in_palm: Vec<Point3<f64>>,
     /// Radii of the spheres that must stay out of things, in meters, link by link.
     pub radii_m: Vec<f64>,
@@ -46,7 +46,7 @@ pub struct HandPoint {
 /// Neighboring spheres of one link, and a sphere about them all.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Cluster {
-    /// Which spheres.
+    /// Indices of the spheres.
     pub spheres: Range<usize>,
     /// Radius of the sphere about them, in meters.
     pub radius_m: f64,
@@ -78,7 +78,7 @@ impl Hand {
     /// # Errors
     ///
     /// Fails if the robot lacks a link that is named, or has more joints than the solver was made
-    /// for, and if a keypoint is none.
+    /// for, or if a keypoint is unknown.
     pub fn new(model: RobotModel, table: &HandTable) -> Result<Self, PostureError> {
         let (mut points, mut places) = (Vec::new(), Vec::new());
         let mut palm_points = Vec::new();

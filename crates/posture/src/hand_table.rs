@@ -1,4 +1,4 @@
-//! A hand table: which landmark each point of the robot follows, as TOML.
+//! A hand table: the landmark that each point of the robot follows, as TOML.
 
 use std::str::FromStr;
 
@@ -15,7 +15,7 @@ const HEAVIEST: f64 = 1e6;
 /// meters.
 const MAX_DISTANCE_M: f64 = 10.0;
 
-/// Which landmarks the points of a robot hand follow.
+/// Landmarks that the points of a robot hand follow.
 ///
 /// ```
 /// let table: posture::HandTable = r#"
@@ -53,7 +53,7 @@ pub struct FollowedPoint {
     #[serde(default)]
     pub offset_m: [f64; 3],
     /// Weight of the distance between the point and the landmark; it multiplies the distance before
-    /// it is squared. A point of weight 0 on the palm says where a fixed wrist is, and no more.
+    /// it is squared. A point of weight 0 on the palm only gives the place of a fixed wrist.
     pub weight: f64,
     /// Marks a fingertip and gives the radius of the sphere about the point, in meters.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -102,7 +102,7 @@ impl FromStr for HandTable {
 }
 
 impl HandTable {
-    /// Checks what types cannot say.
+    /// Checks the constraints that types cannot express.
     fn check(&self) -> Result<(), PostureError> {
         let bad = |key: String, problem: String| {
             Err(PostureError::InvalidHandTableValue { key, problem })

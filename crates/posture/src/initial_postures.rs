@@ -1,4 +1,4 @@
-//! Where to search from when nothing is known, and how not to stay in a poor minimum.
+//! Starting postures of a search without an initial guess, and restarts that leave poor minima.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::Pose;
@@ -10,21 +10,21 @@ use crate::{
     task::{NoTerms, Task, Terms},
 };
 
-/// How far between the ends of its reach each joint stands in the starts tried: in the middle, as in
-/// the paper, an open and a closed hand.
+/// Positions of all joints in the starts tried, as shares of their reach: in the middle, as in the
+/// paper, an open and a closed hand.
 const BENDS: [f64; 3] = [0.5, 0.25, 0.75];
 /// Reach of a joint without limits about 0 in the starts tried, in radians; that of a joint with one
 /// limit begins there.
 const REACH_RAD: f64 = 1.0;
 
-/// How far toward its other limit a joint is set to search from there.
+/// Start of a joint in a restart, as a share of the way from the limit that it ended at to the other.
 const FAR_SIDE: f64 = 0.8;
 /// Share of the cost below which another minimum replaces the one that follows the motion.
 const WORTH_A_JUMP: f64 = 0.995;
 
 impl Solver<'_> {
-    /// Returns postures from which to search when nothing is known: all joints at three bends, with
-    /// the root laid so that the points come nearest to their targets.
+    /// Returns starting postures for a search without an initial guess: all joints at three bends,
+    /// with the root laid so that the points come nearest to their targets.
     ///
     /// # Errors
     ///
@@ -76,7 +76,7 @@ impl Solver<'_> {
     }
 
     /// Searches from a posture like [`Solver::minimize`], and then from the other side of each
-    /// finger that ended at a limit; keeps what is better.
+    /// finger that ended at a limit; keeps the better result.
     ///
     /// Two neighboring joints reach nearly the same place bent either way, as an elbow does. A search
     /// that follows a motion can be left with the worse bend, and then has a joint at its limit.
@@ -102,7 +102,7 @@ impl Solver<'_> {
                 let (joint, lower, upper) =
                     (layout.joints[slot], hand.lower[slot], hand.upper[slot]);
                 let q = posture.q[joint];
-                // A locked joint has no other side, and one that is free that way no end of it.
+                // A locked joint has no other side, and an unlimited one no end.
                 let range = upper - lower;
                 if (q <= lower || q >= upper) && range > 0.0 && range.is_finite() {
                     let near = if q <= lower { lower } else { upper };

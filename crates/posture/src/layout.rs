@@ -1,4 +1,4 @@
-//! Which unknowns depend on one another, and where each pair stands in the normal equations.
+//! Dependencies between unknowns, and the place of each pair in the normal equations.
 
 use crate::{
     SolverError,
@@ -44,9 +44,9 @@ pub(crate) struct Layout {
 pub(crate) struct Pair {
     /// The upper body.
     pub(crate) above: usize,
-    /// Where the pair's second derivative is added.
+    /// Index at which the pair's second derivative is added.
     pub(crate) place: usize,
-    /// With which factor: the multipliers of mimicking joints, twice if both are one unknown.
+    /// Factor on it: the multipliers of mimicking joints, twice if both are one unknown.
     pub(crate) factor: f64,
 }
 
@@ -114,7 +114,7 @@ impl Layout {
         Some((finger, unknown - self.fingers[finger].0))
     }
 
-    /// Returns where the second derivative by two unknowns stands; `None` if it is always 0.
+    /// Returns the index of the second derivative by two unknowns; `None` if it is always 0.
     fn place(&self, a: usize, b: usize) -> Option<usize> {
         match (self.finger(a), self.finger(b)) {
             (None, None) => Some(a.max(b) * self.stride + a.min(b)),

@@ -20,7 +20,7 @@ const MIN_DAMPING: f64 = 1e-4;
 const MAX_DAMPING: f64 = 1e10;
 /// Share of the predicted decrease that a step must bring.
 const MIN_SHARE: f64 = 1e-4;
-/// How near to 1 the share must be for the expansion to be reused.
+/// Maximum difference of the share from 1 for the expansion to be reused.
 const SHARE_TOLERANCE: f64 = 0.3;
 
 /// When to stop.
@@ -58,7 +58,7 @@ pub enum RootMotion {
     Fixed,
 }
 
-/// How a search ended.
+/// Result of a search.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct SearchOutcome {
     /// The cost at the posture found.
@@ -71,7 +71,7 @@ pub struct SearchOutcome {
     pub converged: bool,
 }
 
-/// A minimizer with its memory, which it uses anew at each call.
+/// A minimizer with its memory, which it reuses at each call.
 #[derive(Debug)]
 pub struct Solver<'a> {
     pub(crate) evaluation: Evaluation<'a>,
@@ -115,8 +115,8 @@ impl<'a> Solver<'a> {
         self.evaluation.hand
     }
 
-    /// Returns the hand where it was last placed: by [`Solver::place`] or, after a search, where
-    /// the last trial was.
+    /// Returns the hand at its last placed posture: that of [`Solver::place`] or, after a search,
+    /// of the last trial.
     pub fn posed(&self) -> Posed<'_> {
         self.evaluation.posed()
     }
@@ -259,7 +259,7 @@ impl<'a> Solver<'a> {
                         damping = 0.0;
                     }
                 }
-                // Near the end the Hessian hardly changes, and the one at hand tells.
+                // Near the end the Hessian hardly changes, and the current one suffices.
                 let is_near = order == Order::Exact
                     && damping == 0.0
                     && (share - 1.0).abs() < SHARE_TOLERANCE;

@@ -1,11 +1,11 @@
-//! Where a hand is and how its joints stand.
+//! Posture of a hand: the pose of its root and its joint positions.
 
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Object, Palm, Pose};
 
 use crate::trig::{LANES, sin_cos};
 
-/// Where the hand's root is and how its joints stand.
+/// Pose of the hand's root and its joint positions.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Posture {
     /// Pose of the root link in the object's frame.
@@ -99,7 +99,7 @@ impl RootPose {
         )
     }
 
-    /// Returns where the root's origin is in the object's frame, in meters.
+    /// Returns the position of the root's origin in the object's frame, in meters.
     pub fn translation(&self) -> Vector3<f64> {
         self.translation
     }

@@ -10,11 +10,11 @@ use crate::{FollowedPoint, HandTable};
 /// 1971).
 const PERSON_M: f64 = 0.187;
 /// Share of the difference of a hand's length from a person's by which the person's is scaled: objects
-/// stay as large as they are, so that a longer hand bends around them what a person does not. Of five
+/// stay as large as they are, so that a longer hand bends more around them than a person's. Of five
 /// published hands, 0.95 to 1.35 times as long as a person's, landmarks of grasps were followed nearest
 /// at scales from 0.85 to 1.05.
 const OF_LENGTH: f64 = 0.25;
-/// How much the middles of fingers and the wrist count beside the tips.
+/// Weight of the middles of fingers and of the wrist, relative to the tips.
 const BESIDE_TIPS: f64 = 0.3;
 /// The fingers beside the thumb, in their order across the palm.
 const FINGERS: [&str; 4] = ["index", "middle", "ring", "little"];

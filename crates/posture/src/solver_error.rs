@@ -29,7 +29,7 @@ pub enum SolverError {
     /// A list has the wrong length.
     #[error("{found} {what}, expected {expected}")]
     WrongLength {
-        /// What is listed.
+        /// Name of the items in the list.
         what: &'static str,
         /// Length found.
         found: usize,
@@ -39,7 +39,7 @@ pub enum SolverError {
     /// A number is NaN or infinite, or a weight is negative.
     #[error("{what} is not a usable number")]
     BadNumber {
-        /// Which number.
+        /// Name of the number.
         what: String,
     },
 }

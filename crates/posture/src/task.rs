@@ -1,4 +1,4 @@
-//! What is minimized: a sum of terms over points and joints.
+//! The cost to minimize: a sum of terms over points and joints.
 
 use nalgebra::{Point3, Vector3};
 
@@ -12,28 +12,28 @@ use crate::{evaluate::Posed, posture::Posture};
 /// is over the residuals that a [`Terms`] hands in.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
-    /// Where points should be.
+    /// Target positions of the points.
     pub targets: &'a [Target],
-    /// How a point's distance to its target counts.
+    /// Loss of a point's distance to its target.
     pub loss: Loss,
-    /// What ties this step to the one solved before; `None` for the first.
+    /// Smoothness terms, relative to the step solved before; `None` for the first.
     pub smoothness: Option<Smoothness<'a>>,
     /// Regularization of otherwise unconstrained joints.
     pub prior: Option<PosturePrior<'a>>,
 }
 
-/// Where a point should be.
+/// Target position of a point.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Target {
     /// The point, as numbered when the hand was compiled.
     pub point: usize,
-    /// Where it should be, in the object frame, in meters.
+    /// Its target position in the object frame, in meters.
     pub point_in_object: Point3<f64>,
     /// The factor `w` of its loss.
     pub weight: f64,
 }
 
-/// How a point's distance to its target counts.
+/// Loss of a point's distance to its target.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Loss {
     /// The squared distance (Ye et al., 2023, §III-A), in m².
@@ -41,15 +41,15 @@ pub enum Loss {
     /// Per axis, `d²/2β` up to `β` and `|d| − β/2` beyond (Girshick, "Fast R-CNN", 2015, §2.3;
     /// dex-retargeting takes it with 0.02 m), in m.
     SmoothL1 {
-        /// Where the parabola ends, in meters.
+        /// Distance at which the parabola ends, in meters.
         beta_m: f64,
     },
 }
 
-/// What ties a step to the one solved before.
+/// Smoothness terms of a step, relative to the one solved before.
 #[derive(Debug, Clone, Copy)]
 pub struct Smoothness<'a> {
-    /// Where the targeted points were, in the order of the targets.
+    /// Positions of the targeted points at that step, in the order of the targets.
     pub points: &'a [Point3<f64>],
     /// The factor `s` of their squared motion: the paper's λ.
     pub point_weight: f64,
@@ -84,16 +84,16 @@ pub struct Residual {
     pub weight: f64,
 }
 
-/// Terms that depend on what is around the hand.
+/// Terms that depend on the hand's environment.
 pub trait Terms {
     /// Adds the residuals at a posture to `residuals`, which comes empty.
     ///
-    /// It is asked once for each posture that is tried. The residuals must depend on the posture
+    /// It is called once for each posture that is tried. The residuals must depend on the posture
     /// alone and be continuous; a residual that would be 0 may be left out.
     fn residuals(&mut self, hand: &Posed<'_>, residuals: &mut Vec<Residual>);
 }
 
-/// Nothing is around the hand.
+/// No terms: an empty environment.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct NoTerms;
 

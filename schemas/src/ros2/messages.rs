@@ -41,7 +41,7 @@ pub struct Duration {
 }
 fields!(Duration { sec, nanosec });
 
-/// `std_msgs/Header`: when and in which frame.
+/// `std_msgs/Header`: time and frame.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Header {
     /// Time of the data.
@@ -116,7 +116,7 @@ fields!(Pose {
 /// `geometry_msgs/PoseStamped`: a pose at a time, in the header's frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct PoseStamped {
-    /// When and in which frame.
+    /// Time and frame.
     pub header: Header,
     /// The pose.
     pub pose: Pose,
@@ -139,7 +139,7 @@ fields!(Transform {
 /// `geometry_msgs/TransformStamped`: the pose of a child frame in the header's frame.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct TransformStamped {
-    /// When, and the parent frame.
+    /// Time, and the parent frame.
     pub header: Header,
     /// The child frame.
     pub child_frame_id: String,
@@ -163,7 +163,7 @@ fields!(TfMessage { transforms });
 /// `sensor_msgs/JointState`; each list is empty or as long as `name`.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointState {
-    /// When.
+    /// Time.
     pub header: Header,
     /// The joints' names.
     pub name: Vec<String>,
@@ -193,7 +193,7 @@ pub struct JointTrajectoryPoint {
     pub accelerations: Vec<f64>,
     /// Torques in newton meters, forces in newtons if prismatic.
     pub effort: Vec<f64>,
-    /// When the point is to be reached, counted from the start.
+    /// Time at which the point is to be reached, counted from the start.
     pub time_from_start: Duration,
 }
 fields!(JointTrajectoryPoint {
@@ -207,7 +207,7 @@ fields!(JointTrajectoryPoint {
 /// `trajectory_msgs/JointTrajectory`: commands for joints over time.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct JointTrajectory {
-    /// When it starts.
+    /// Start time.
     pub header: Header,
     /// The joints' names.
     pub joint_names: Vec<String>,
@@ -245,7 +245,7 @@ fields!(ColorRgba { r, g, b, a });
 /// `sensor_msgs/CompressedImage`; markers carry one, always empty here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct CompressedImage {
-    /// When and in which frame.
+    /// Time and frame.
     pub header: Header,
     /// E.g. `png`.
     pub format: String,
@@ -281,7 +281,7 @@ fields!(MeshFile { filename, data });
 /// `visualization_msgs/Marker`: a shape to draw.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Marker {
-    /// When and in which frame.
+    /// Time and frame.
     pub header: Header,
     /// With `id` the marker's name.
     pub ns: String,
@@ -289,7 +289,7 @@ pub struct Marker {
     pub id: i32,
     /// The shape: [`Marker::SPHERE_LIST`] or [`Marker::TRIANGLE_LIST`].
     pub r#type: i32,
-    /// What to do: 0 adds or replaces.
+    /// Action: 0 adds or replaces.
     pub action: i32,
     /// Pose in the header's frame.
     pub pose: Pose,
@@ -297,7 +297,7 @@ pub struct Marker {
     pub scale: Vector3,
     /// Color of the whole.
     pub color: ColorRgba,
-    /// How long to draw it; zero means forever.
+    /// Duration of the display; zero means forever.
     pub lifetime: Duration,
     /// Whether it moves with its frame after the stamp.
     pub frame_locked: bool,

@@ -1,4 +1,4 @@
-//! One filled partition of every table: what the tests write, read and break.
+//! One filled partition of every table, which the tests write, read and break.
 
 use std::fmt::Debug;
 
@@ -25,13 +25,13 @@ use schemas::{
 };
 use spatial::{Pose, RestingPose, Twist};
 
-/// What is done with a table of each kind.
+/// An operation on a table of each kind.
 pub(crate) trait EachTable {
-    /// Goes on with the partition `key`.
+    /// Applies the operation to the partition `key`.
     fn table<T: Table + PartialEq + Debug>(&self, key: &str, table: &T);
 }
 
-/// Goes through the filled tables.
+/// Applies an operation to every filled table.
 pub(crate) fn each(tables: &impl EachTable) {
     tables.table("005_tomato_soup_can", &object());
     tables.table("a", &demonstration());

@@ -1,4 +1,4 @@
-//! What is written reads back equal; what breaks a schema is refused; a changed column is a new version.
+//! Tables read back equal; a violation of a schema is refused; a changed column is a new version.
 
 mod filled;
 mod snapshots;
@@ -55,7 +55,7 @@ fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
         err.to_string(),
         "column `refused`: every draw of `can-1` is refused"
     );
-    // A generator without training says nothing of the object.
+    // Without training, objects have no split.
     let mut untrained = candidates;
     for candidate in &mut untrained.candidates {
         candidate.source = DrawSource {
@@ -83,7 +83,7 @@ fn successes_add_up() {
     assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
     assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
 
-    // Counts that do not add up are another's.
+    // Counts that do not add up are refused.
     let batch = rows.to_batch().unwrap();
     let idx = batch.schema().index_of("candidates_n").unwrap();
     let mut columns = batch.columns().to_vec();

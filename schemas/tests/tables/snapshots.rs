@@ -10,7 +10,7 @@ use schemas::Table;
 
 use crate::filled::{self, EachTable};
 
-/// What to do when the columns differ from those of the version.
+/// Instruction shown when the columns differ from those of the version.
 const HINT: &str = "columns differ from those of this version: raise the VERSION of the table, then keep \
                     the snapshot of the new one with `INSTA_UPDATE=unseen cargo test -p schemas`";
 
@@ -33,7 +33,7 @@ fn a_changed_column_is_a_new_version() {
     filled::each(&Compared);
 }
 
-/// The columns as a Markdown table, after the names of what else the file says.
+/// Returns the columns as a Markdown table, after the keys of the file's metadata.
 fn columns(schema: &Schema) -> String {
     let notes: BTreeSet<&str> = schema.metadata().keys().map(String::as_str).collect();
     let notes = notes.into_iter().collect::<Vec<_>>().join(", ");

@@ -19,8 +19,8 @@ pub(crate) struct Speeds {
     pub(crate) joint: f64,
 }
 
-/// What the numbers of an action stand for: the speed of the palm along each of the object's axes and about it, and
-/// that of each joint's command.
+/// Meaning of an action's numbers: the speed of the palm along each of the object's axes and about it, and that of each
+/// joint's command.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Actions {
     /// Speed of the palm's origin for a number of 1, in m/s.
@@ -48,7 +48,7 @@ impl Actions {
         }
     }
 
-    /// Returns how many numbers an action has.
+    /// Returns the length of an action.
     pub(crate) fn len(&self) -> usize {
         PALM + self.joints.len()
     }

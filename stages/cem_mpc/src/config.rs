@@ -25,7 +25,7 @@ pub struct CemMpcConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: which points are fingertips.
+    /// The hand table, which marks the fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Objects for which motions are made, by name; empty: all
@@ -87,7 +87,8 @@ pub struct CemMpcConfig {
     pub tip_tolerance_m: f64,
     /// The physical scene, that of the screen.
     pub scene: SceneConfig,
-    /// How a motion is executed, as in the screen: control ends after the control steps of `reach_s`, 40 by default.
+    /// Protocol of a motion's execution, as in the screen: control ends after the control steps of `reach_s`, 40 by
+    /// default.
     pub protocol: Protocol,
 }
 
@@ -113,7 +114,7 @@ impl CemMpcConfig {
         (steps.round() as usize).max(1)
     }
 
-    /// Returns what is wrong with the options beyond their types.
+    /// Returns the faults of the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let why = "each takes some ten seconds";

@@ -16,7 +16,7 @@ use crate::{
     tips::{Fingertips, distance_m, mean_distance_m},
 };
 
-/// What all motions of a hand share.
+/// Context that all motions of a hand share.
 pub(crate) struct Controller<'a> {
     pub(crate) config: &'a CemMpcConfig,
     pub(crate) hand: &'a RobotModel,
@@ -26,7 +26,7 @@ pub(crate) struct Controller<'a> {
     pub(crate) steps_n: usize,
 }
 
-/// A commanded motion, and what it cost.
+/// A commanded motion, and its cost.
 #[derive(Debug, Clone)]
 pub(crate) struct Controlled {
     /// The commands in the object's frame, with the hand's joints, on the clock of the motion that was given.
@@ -37,20 +37,20 @@ pub(crate) struct Controlled {
     pub(crate) executed_n: u64,
     /// Whether the fingertips came to the grasp's.
     pub(crate) reached: bool,
-    /// Where it began.
+    /// Distances from the grasp, and cost, at the start.
     pub(crate) first: Standing,
-    /// Where it ended, with the last command held to the end of the motion.
+    /// The same at the end, with the last command held to the end of the motion.
     pub(crate) last: Standing,
 }
 
-/// How far a hand and an object are from the grasp.
+/// Distances of a hand and an object from the grasp, and their cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Standing {
     /// Cost of a control step that ends here.
     pub(crate) cost: f64,
     /// Mean distance of the fingertips from the grasp's, in meters.
     pub(crate) tip_error_m: f64,
-    /// How far the object was moved, in meters.
+    /// Displacement of the object, in meters.
     pub(crate) object_moved_m: f64,
 }
 
@@ -129,7 +129,7 @@ impl Controller<'_> {
                 *number *= config.memory;
             }
         }
-        // What was commanded last is held to the end of the motion.
+        // The last command is held to the end of the motion.
         let last_command = commands[commands.len() - 1].clone();
         while commands.len() <= self.steps_n {
             if scene.advance(&mut episode, &last_command).is_ok() {
@@ -171,7 +171,7 @@ impl Controller<'_> {
         (cost, steps_n)
     }
 
-    /// Returns how far a state is from the goal.
+    /// Returns the distances of a state from the goal, and their cost.
     fn standing(&self, goal: &Goal, state: &EpisodeState) -> Standing {
         let tips = self
             .tips
@@ -189,7 +189,7 @@ impl Controller<'_> {
 }
 
 impl CemMpcConfig {
-    /// Returns how draws become actions.
+    /// Returns the parameters of the cross-entropy method.
     fn method(&self) -> CrossEntropy {
         CrossEntropy {
             population: self.population,
@@ -286,8 +286,8 @@ mod tests {
         motion.differentiated().unwrap()
     }
 
-    /// Controls it at a part of the budget; returns what came of it, and after the screen's reach the fingertips' mean
-    /// distance from the grasp's and how far the object was moved, in meters.
+    /// Controls it at a part of the budget; returns the controlled motion, and after the screen's reach the fingertips'
+    /// mean distance from the grasp and the displacement of the object, in meters.
     fn control(seed: u64) -> (Controlled, [f64; 2]) {
         let mut config = config::fixture();
         config.population = 30;

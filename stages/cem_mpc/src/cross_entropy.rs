@@ -3,12 +3,12 @@
 use rand::Rng;
 use rand_distr::{Distribution, StandardNormal};
 
-/// How draws become a mean.
+/// Parameters of the cross-entropy method.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct CrossEntropy {
     /// Draws of one iteration.
     pub(crate) population: usize,
-    /// How many of them, the best ones, make the next mean and deviation.
+    /// Number of best draws that make the next mean and deviation.
     pub(crate) elites: usize,
     /// Iterations.
     pub(crate) iterations: usize,

@@ -25,7 +25,7 @@ pub enum CemMpcError {
         object: String,
         /// The hand's URDF.
         path: PathBuf,
-        /// How their joints differ from the hand's.
+        /// Difference of their joints from the hand's.
         source: JointMismatch,
     },
     /// The hand's URDF cannot be used, or lacks a link that its table names.
@@ -33,7 +33,7 @@ pub enum CemMpcError {
     Hand {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The cause.
         source: RobotError,
     },
     /// The hand table marks no fingertip.
@@ -47,7 +47,7 @@ pub enum CemMpcError {
     Simulation {
         /// The hand's URDF.
         path: PathBuf,
-        /// What is wrong.
+        /// The cause.
         source: SimulationError,
     },
     /// The hand cannot be loaded from its files.

@@ -30,7 +30,7 @@ use crate::{
 /// Moves the hand to the grasp of each motion by model predictive control with the cross-entropy method.
 pub struct CemMpc;
 
-/// What the candidates say controlled them.
+/// Generator named in the candidates.
 const GENERATOR: &str = "cem_mpc";
 
 dataflow::metrics! {
@@ -52,7 +52,7 @@ dataflow::metrics! {
         first_tip_error_m: Mean,
         /// The same at the end.
         last_tip_error_m: Mean,
-        /// How far the object was moved, in meters.
+        /// Mean displacement of the object, in meters.
         object_moved_m: Mean,
         /// Processor time of searches and execution in seconds.
         cpu_s: Sum,

@@ -1,4 +1,4 @@
-//! Where the fingertips are.
+//! Positions of the fingertips.
 
 use nalgebra::Point3;
 use posture::HandTable;
@@ -35,7 +35,7 @@ impl Fingertips {
         self.tips.is_empty()
     }
 
-    /// Returns where the tips of a hand are, in the frame of the table, in meters; `q` has one position per joint.
+    /// Returns the positions of a hand's tips, in the frame of the table, in meters; `q` has one position per joint.
     pub(crate) fn places(
         &self,
         hand: &RobotModel,

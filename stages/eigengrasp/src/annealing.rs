@@ -1,4 +1,4 @@
-//! `GraspIt`'s simulated annealing: its temperature, its jumps and when it accepts.
+//! `GraspIt`'s simulated annealing: temperature, jumps and acceptance.
 
 use rand::Rng;
 use rand_chacha::ChaCha8Rng;
@@ -8,13 +8,13 @@ use rand_chacha::ChaCha8Rng;
 pub(crate) struct Schedule {
     /// Temperature at step 0.
     pub(crate) initial: f64,
-    /// How fast it falls.
+    /// Cooling rate: `c` of [`Schedule::temperature`].
     pub(crate) cooling: f64,
-    /// The root of the step's number to which it falls exponentially.
+    /// Dimensions: `d` of [`Schedule::temperature`].
     pub(crate) dimensions: f64,
     /// Number of the first step.
     pub(crate) first_step: usize,
-    /// What a difference of energies is multiplied by before it is compared with the temperature.
+    /// Factor on a difference of energies before it is compared with the temperature.
     pub(crate) energy_factor: f64,
 }
 
@@ -35,7 +35,7 @@ impl Schedule {
         self.initial * (-self.cooling * k.powf(1.0 / self.dimensions)).exp()
     }
 
-    /// Returns how probably a state replaces another: 1 if it is better.
+    /// Returns the probability with which a state replaces another: 1 if it is better.
     pub(crate) fn acceptance(&self, temperature: f64, energy: f64, new_energy: f64) -> f64 {
         if new_energy <= energy {
             return 1.0;

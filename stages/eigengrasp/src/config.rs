@@ -52,7 +52,7 @@ pub struct EigengraspConfig {
     /// Greatest amplitude of an eigengrasp, either way, in standard deviations of the grasps it comes from (1)
     #[serde(default = "defaults::max_amplitude")]
     pub max_amplitude: f64,
-    /// How far a kept hand backs off before it advances until it touches (m)
+    /// Distance by which a kept hand backs off before it advances until it touches (m)
     #[serde(default = "defaults::back_off_m")]
     pub back_off_m: f64,
     /// Friction coefficient of the contacts by which grasps are ranked: that of `force_closure`
@@ -64,7 +64,7 @@ pub struct EigengraspConfig {
 }
 
 impl EigengraspConfig {
-    /// Returns what is wrong with the options beyond their types.
+    /// Returns the faults of the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let why = "each is finished, ranked and simulated";

@@ -1,11 +1,11 @@
-//! The contact energy: how far virtual contacts are from an object, and how little they face it.
+//! The contact energy: distances of virtual contacts from an object, and angles by which they turn away from it.
 
 use approach::Placed;
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
 use robot::SurfacePoint;
 
-/// What a contact that faces away from the object costs, in millimeters, over twice that cost.
+/// Half the cost of a contact that faces away from the object, in millimeters.
 const ANGLE_MM: f64 = 50.0;
 
 /// Returns the contact energy of a placed hand, in millimeters: the mean over its virtual contacts of the distance to
@@ -25,7 +25,7 @@ pub(crate) fn contact_energy(
     costs.sum::<f64>() / contacts.len().max(1) as f64
 }
 
-/// Returns what one contact costs, in millimeters.
+/// Returns the cost of one contact, in millimeters.
 fn contact_cost(environment: &Environment, at: &Point3<f64>, normal: &Vector3<f64>) -> f64 {
     let distance = environment.signed_distance(at);
     let outward = distance.gradient_in_object;

@@ -1,4 +1,4 @@
-//! What the tests share: a box on a table, a hand that grasps it, and a space of eigengrasps.
+//! Fixtures of the tests: a box on a table, a hand that grasps it, and a space of eigengrasps.
 
 use approach::HandBody;
 use grasp_fixture::{FLEXION, StandingBox, URDF};

@@ -6,7 +6,7 @@ use nalgebra::Vector6;
 
 /// Dimensions of a wrench.
 const N: usize = 6;
-/// How far points are moved at random so that no seven lie on one facet, relative to wrenches about 1 long.
+/// Size of the random displacements after which no seven points lie on one facet, relative to wrenches about 1 long.
 const JOGGLE: f64 = 1e-7;
 /// Distance below which a point is not outside a facet.
 const NEAR: f64 = 1e-9;

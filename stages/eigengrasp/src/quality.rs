@@ -1,4 +1,4 @@
-//! How well a grasp resists any wrench.
+//! Quality of a grasp: its resistance to any wrench.
 
 use approach::{Measure, Touch};
 use nalgebra::{Point3, Vector6};

@@ -21,17 +21,17 @@ use crate::{
 const MAX_DRAWS: usize = 10;
 /// Draws of a first state until one collides with nothing.
 const MAX_STARTS: usize = 10_000;
-/// Deepest that a legal hand is in object or table, in meters: what the grid of distances is exact to.
+/// Greatest depth of a legal hand in object or table, in meters: the accuracy of the grid of distances.
 const LEGAL_DEPTH_M: f64 = 2e-4;
-/// Farthest that two states are one grasp: their palms, in meters and radians.
+/// Greatest distance between the palms of two states that count as one grasp, in meters and radians.
 const SAME_M: f64 = 0.015;
 const SAME_RAD: f64 = 0.3;
-/// How far a kept hand may advance until it touches, in meters.
+/// Greatest advance of a kept hand until it touches, in meters.
 const MAX_ADVANCE_M: f64 = 0.06;
-/// Steps by which fingers open, in radians, and how many: a quarter turn in all.
+/// Step by which fingers open, in radians, and number of steps: a quarter turn in all.
 const OPENING_RAD: f64 = 0.1;
 const OPENINGS: usize = 16;
-/// Gap up to which a link touches, in meters: what the last step of a closing finger leaves.
+/// Gap up to which a link touches, in meters: the one that the last step of a closing finger leaves.
 const TOUCH_M: f64 = 1e-3;
 
 /// Anneals grasps of an object that lies in one way.
@@ -61,11 +61,11 @@ pub(crate) struct Finished {
     pub(crate) energy_mm: f64,
     /// The wrench that it withstands in the worst direction; 0 without force closure.
     pub(crate) epsilon: f64,
-    /// Deepest that a link is in object or table, in meters.
+    /// Greatest depth of a link in object or table, in meters.
     pub(crate) depth_m: f64,
 }
 
-/// What a run made, and spent.
+/// Grasps of a run, and the work spent on them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct Made {
     pub(crate) grasps: Vec<Finished>,

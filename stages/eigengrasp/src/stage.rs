@@ -34,7 +34,7 @@ use crate::{
 /// Anneals grasps in the space of eigengrasps, and reaches for them.
 pub struct Eigengrasp;
 
-/// What the candidates say made them.
+/// Generator named in the candidates.
 const GENERATOR: &str = "eigengrasp";
 /// Stream of random numbers of the starts, which no run's number reaches.
 const STARTS_STREAM: u64 = u64::MAX;
@@ -188,7 +188,7 @@ struct Annealer<'a> {
 }
 
 impl Annealer<'_> {
-    /// Returns the best finished grasps of all runs, each with how the object lies, and what was spent.
+    /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
     fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made), EigengraspError> {
         let runs: Vec<(RestingPose, Made)> = (0..self.config.runs)
             .into_par_iter()

@@ -1,4 +1,4 @@
-//! What is annealed: the palm's pose about an object and the amplitudes of eigengrasps.
+//! Annealed variables: the palm's pose about an object and the amplitudes of eigengrasps.
 
 use std::f64::consts::PI;
 

@@ -8,13 +8,13 @@ use crate::min_weight::MinWeight;
 
 /// Distance over which a surface's normal is averaged, and differences of wrenches are taken, in meters.
 const NEAR_M: f64 = 0.003;
-/// What the metric lacks where it is not defined: more than random palms lack.
+/// Shortfall of the metric where it is not defined: more than that of random palms.
 const UNDEFINED: f64 = 10.0;
 
 /// A point of contact.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Contact {
-    /// Where, in meters.
+    /// Position, in meters.
     pub(crate) at_m: Point3<f64>,
     /// Outward unit normal of the surface.
     pub(crate) normal: Vector3<f64>,
@@ -32,14 +32,14 @@ pub(crate) struct GraspTerms<'a> {
     pub(crate) surroundings: EnvironmentTerms<'a>,
     pub(crate) tips: &'a [Tip],
     pub(crate) measure: Measure,
-    /// Weight of what the metric lacks, in meters.
+    /// Weight of the metric's shortfall, in meters.
     pub(crate) weight_m: f64,
-    /// How often the metric was evaluated.
+    /// Number of evaluations of the metric.
     pub(crate) evaluations: u64,
 }
 
 impl Terms for GraspTerms<'_> {
-    /// A residual has one point, so what the metric lacks is there n times: its weight is divided by √n, so that the
+    /// A residual has one point, so the metric's shortfall is there n times: its weight is divided by √n, so that the
     /// squares add up to its square, and the directions are multiplied by n, so that the gradients do.
     fn residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<Residual>) {
         self.surroundings.residuals(posed, residuals);
@@ -89,7 +89,7 @@ impl GraspTerms<'_> {
         MinWeight::of(&all)
     }
 
-    /// Returns how the metric changes with a tip's place: its wrenches by differences, the metric by theirs.
+    /// Returns the gradient of the metric by a tip's place: its wrenches by differences, the metric by theirs.
     pub(crate) fn gradient(
         &self,
         metric: &MinWeight,
@@ -125,7 +125,7 @@ impl GraspTerms<'_> {
     }
 }
 
-/// Returns where a tip at a place touches; `None` deep inside the object, where there is no normal.
+/// Returns the contact of a tip at a place; `None` deep inside the object, where there is no normal.
 pub(crate) fn contact(
     environment: &Environment,
     at: &Point3<f64>,

@@ -19,7 +19,7 @@ pub enum ForceClosureError {
     /// The hand table has too few fingertips for force closure.
     #[error("the hand table marks {found} fingertips, and three are the least that hold an object")]
     FewTips {
-        /// How many it marks.
+        /// Number of fingertips that it marks.
         found: usize,
     },
     /// The hand cannot be loaded from its files.

@@ -1,4 +1,4 @@
-//! What the tests share: a box on a table and a hand that grasps it.
+//! Fixtures of the tests: a box on a table and a hand that grasps it.
 
 use std::fs;
 

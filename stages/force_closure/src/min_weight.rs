@@ -4,12 +4,12 @@ use nalgebra::Vector6;
 
 use crate::simplex;
 
-/// How well wrenches balance.
+/// The min-weight metric of wrenches, with its gradients.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct MinWeight {
     /// The metric times the number of wrenches: 1 at most, more than 0 in force closure.
     pub(crate) normalized: f64,
-    /// How fast [`MinWeight::normalized`] grows with each wrench.
+    /// Gradient of [`MinWeight::normalized`] with respect to each wrench.
     gradients: Vec<Vector6<f64>>,
 }
 

@@ -14,10 +14,10 @@ use crate::{
     contacts::{GraspTerms, Tip},
 };
 
-/// Rounds of a search, each with this share of the metric's weight: the penalties gain on it until what is left of
-/// them is below the tolerances.
+/// Rounds of a search, each with this share of the metric's weight: the penalties gain on it until the violations are
+/// below the tolerances.
 const ROUNDS: [f64; 3] = [1.0, 0.3, 0.1];
-/// Most palms drawn until one is in nobody's way.
+/// Most palms drawn until one is not blocked.
 const MAX_PALMS: usize = 1000;
 
 /// A grasp that was found.
@@ -27,21 +27,21 @@ pub(crate) struct Found {
     /// The metric times the number of wrenches; `None` if a tip is where the object has no surface, or nothing was
     /// searched.
     pub(crate) min_weight: Option<f64>,
-    /// Farthest that a fingertip is from the surface, in meters.
+    /// Greatest distance of a fingertip from the surface, in meters.
     pub(crate) gap_m: f64,
-    /// Deepest that a link is in object or table, in meters.
+    /// Greatest depth of a link in object or table, in meters.
     pub(crate) depth_m: f64,
-    /// Weighted squares of gaps and depths, and of what the metric lacks to its least value, in m².
+    /// Weighted squares of gaps and depths, and of the metric's shortfall from its least value, in m².
     pub(crate) residual_m2: f64,
-    /// Whether it is a grasp as it should be.
+    /// Whether the grasp is feasible: within the tolerances, and the metric large enough.
     pub(crate) is_feasible: bool,
     pub(crate) work: Work,
 }
 
-/// What was spent.
+/// Work spent.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(crate) struct Work {
-    /// Palms drawn, those in whose way something was among them.
+    /// Palms drawn, blocked ones included.
     pub(crate) palms: u64,
     /// Searches begun.
     pub(crate) searches: u64,
@@ -91,7 +91,7 @@ impl Search<'_> {
         Ok(best.map(|found| Found { work, ..found }))
     }
 
-    /// Draws a palm that nothing is in the way of, and closes its fingers.
+    /// Draws a palm that is not blocked, and closes its fingers.
     fn start(
         &self,
         rng: &mut ChaCha8Rng,
@@ -112,7 +112,7 @@ impl Search<'_> {
         Ok(None)
     }
 
-    /// Moves a hand to where its fingertips touch and the metric is greatest nearby.
+    /// Moves a hand until its fingertips touch and the metric is greatest nearby.
     fn searched(
         &self,
         solver: &mut Solver<'_>,
@@ -143,7 +143,7 @@ impl Search<'_> {
         })
     }
 
-    /// Measures a grasp by what it should be.
+    /// Measures a grasp against its requirements.
     fn measured(
         &self,
         solver: &mut Solver<'_>,

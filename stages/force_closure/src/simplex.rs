@@ -8,7 +8,7 @@ const ZERO: f64 = 1e-10;
 pub(crate) struct Solution {
     /// Values of the variables.
     pub(crate) x: Vec<f64>,
-    /// The equations' multipliers: how fast the maximum grows with each right side.
+    /// The equations' multipliers: growth of the maximum with each right side.
     pub(crate) dual: Vec<f64>,
     /// The maximum.
     pub(crate) value: f64,
@@ -17,9 +17,9 @@ pub(crate) struct Solution {
 /// The tableau: rows of equations in terms of a basis, each with its right side last.
 struct Tableau {
     rows: Vec<Vec<f64>>,
-    /// Reduced costs: what the objective gains per unit of each variable.
+    /// Reduced costs: gain of the objective per unit of each variable.
     gains: Vec<f64>,
-    /// Which variable each row gives.
+    /// Basic variable of each row.
     basis: Vec<usize>,
     /// Variables of the program; artificial ones follow.
     n: usize,

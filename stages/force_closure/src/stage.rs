@@ -32,7 +32,7 @@ use crate::{
 /// Searches fingertip grasps with the greatest min-weight metric, and reaches for them.
 pub struct ForceClosure;
 
-/// What the candidates say made them: searched grasps, and random palms.
+/// Generators named in the candidates: searched grasps, and random palms.
 const GENERATORS: [&str; 2] = ["force_closure", "random_palm"];
 /// Fewest fingertips that can hold an object in force closure.
 const FEWEST_TIPS: usize = 3;
@@ -228,7 +228,7 @@ impl Maker<'_> {
     }
 }
 
-/// Returns how contacts of an object are measured: torques about its center of mass, over the mean distance of its
+/// Returns the parameters of the contacts of an object: torques about its center of mass, over the mean distance of its
 /// surface from there.
 fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
     let center_in_object = Point3::from(object.center_of_mass_m);

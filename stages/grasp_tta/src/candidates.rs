@@ -29,7 +29,7 @@ use crate::{Finish, GraspTta, GraspTtaConfig, GraspTtaError, surface::hand_surfa
 /// The artifact `candidates`.
 pub struct AdaptedCandidates;
 
-/// What the candidates say made them.
+/// Generator named in the candidates.
 const GENERATOR: &str = "grasp_tta";
 
 dataflow::metrics! {

@@ -38,13 +38,13 @@ pub struct GraspTtaConfig {
     /// Shapes of the networks
     #[serde(default)]
     pub network: GraspNetworkConfig,
-    /// How they are trained
+    /// Training of the networks
     #[serde(default)]
     pub training: GraspTrainingConfig,
     /// Weights of the terms of a grasp's loss
     #[serde(default)]
     pub terms: TermWeights,
-    /// How a grasp is adapted
+    /// Test-time adaptation of a grasp
     #[serde(default)]
     pub adaptation: AdaptationConfig,
     /// Whether fingers close on the object after the adaptation: they do not, as published
@@ -55,7 +55,7 @@ pub struct GraspTtaConfig {
     pub approach: ApproachConfig,
 }
 
-/// What is done to a grasp after the adaptation.
+/// Last step of a grasp, after the adaptation.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -68,7 +68,7 @@ pub enum Finish {
 }
 
 impl GraspTtaConfig {
-    /// Returns what is wrong with the options beyond their types.
+    /// Returns the faults of the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let why = "each is adapted and simulated";

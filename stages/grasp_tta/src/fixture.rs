@@ -1,4 +1,4 @@
-//! What the tests share: a box on a table and a hand that grasps it.
+//! Fixtures of the tests: a box on a table and a hand that grasps it.
 
 use std::path::Path;
 
@@ -29,7 +29,7 @@ pub(crate) fn body() -> HandBody {
     HandBody::new(grasp_fixture::hand(), &FLEXION, GRASP_Q.to_vec()).unwrap()
 }
 
-/// Writes what the stage reads: three grasps, about the box's vertical.
+/// Writes the stage's inputs: three grasps, about the box's vertical.
 pub(crate) fn artifacts(root: &Path, with_field: bool) -> Artifacts {
     let trajectories = [("a", 0.0), ("b", 0.1), ("c", -0.1)];
     let trajectories = trajectories.map(|(name, angle_rad)| BOX.reached(name, &GRASP_Q, angle_rad));

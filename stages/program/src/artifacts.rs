@@ -23,7 +23,7 @@ pub struct Known {
     pub artifact: &'static str,
     /// Name and version of its schema.
     pub schema: &'static str,
-    /// What one partition stands for.
+    /// Kind of item that one partition holds.
     pub partition: &'static str,
     /// Files that it must have beside its table.
     pub files: &'static [&'static str],
@@ -38,7 +38,7 @@ pub(crate) struct KnownTable {
     pub(crate) schema: fn() -> Schema,
     /// Checks the rows of a partition by the artifact's own rules, and returns them as they are stored.
     pub(crate) checked: fn(&str, &RecordBatch) -> Result<RecordBatch, SchemaError>,
-    /// Checks the rows against what the unit read.
+    /// Checks the rows against the unit's inputs.
     pub(crate) against: fn(&Inputs, &str, &RecordBatch) -> Result<(), Broken>,
 }
 

@@ -41,7 +41,7 @@ pub struct ProgramConfig {
     /// Columns of a table of its own, by name.
     #[serde(default)]
     pub columns: BTreeMap<String, ColumnConfig>,
-    /// What one partition of a table of its own stands for, e.g. `object`: the column of its key.
+    /// Kind of item that one partition of a table of its own holds, e.g. `object`: the column of its key.
     #[serde(default = "defaults::partition")]
     pub partition: String,
     /// `INPUT.COLUMN`: a table of its own has one row for each row of this input, with the same values in the
@@ -51,12 +51,12 @@ pub struct ProgramConfig {
     /// The input of which each partition becomes one; without it, all partitions of all inputs become one.
     #[serde(default)]
     pub each: Option<String>,
-    /// What it reads of the other inputs, by name, with `each`: the partition of the `same` key (the default),
-    /// `all`, as `label:NAME` the one whose key is this label of the partition, or as `where:NAME` every one
+    /// Partitions of the other inputs that it reads, by name, with `each`: the partition of the `same` key (the
+    /// default), `all`, as `label:NAME` the one whose key is this label of the partition, or as `where:NAME` every one
     /// whose label of this name is the key of the partition.
     #[serde(default)]
     pub read: BTreeMap<String, String>,
-    /// Names of several partitions that are made of one: each has a run of its own, told its name.
+    /// Names of several partitions that are made of one: each has a run of its own, which gets its name.
     #[serde(default)]
     pub fan_out: Vec<String>,
     /// Values for the program; a change of one reruns it.
@@ -83,7 +83,7 @@ pub struct ColumnConfig {
     /// Unit of its numbers, e.g. `m`.
     #[serde(default)]
     pub unit: Option<String>,
-    /// What it means.
+    /// Its meaning.
     #[serde(default)]
     pub about: String,
 }
@@ -107,7 +107,7 @@ pub enum ColumnType {
     Integers,
 }
 
-/// What a unit reads of an input.
+/// Partitions of an input that a unit reads.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Read<'a> {
     /// The partition of the same key.
@@ -121,7 +121,7 @@ pub(crate) enum Read<'a> {
 }
 
 impl ProgramConfig {
-    /// Returns what a unit reads of an input.
+    /// Returns the partitions of an input that a unit reads.
     pub(crate) fn read_of(&self, input: &str) -> Read<'_> {
         match (&self.each, self.read.get(input)) {
             (None, _) => Read::All,
@@ -135,8 +135,8 @@ impl ProgramConfig {
         self.one_row_per.as_deref()?.split_once('.')
     }
 
-    /// Returns what is wrong with the options beyond their types; `known` are the artifacts of this project
-    /// that a program can make.
+    /// Returns the faults of the options beyond their types; `known` are the artifacts of this project that a program
+    /// can make.
     pub(crate) fn faults(&self, known: &[Known]) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         if self.command.first().is_none_or(String::is_empty) {
@@ -266,7 +266,7 @@ impl ProgramConfig {
         }
     }
 
-    /// Returns what is wrong with the options that name inputs.
+    /// Returns the faults of the options that name inputs.
     pub(crate) fn wired_faults(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let mut check = |key: &str, input: &str| {

@@ -63,7 +63,7 @@ pub enum ProgramError {
     Failed {
         /// The command.
         command: String,
-        /// How it ended, e.g. `ended with exit code 1`.
+        /// Its end in words, e.g. `ended with exit code 1`.
         ended: String,
         /// The end of what it printed.
         last_lines: String,
@@ -80,13 +80,13 @@ pub enum ProgramError {
     Killed {
         /// The command.
         command: String,
-        /// What it did, e.g. `did not end within 60 s`.
+        /// The violation, e.g. `did not end within 60 s`.
         problem: String,
         /// The end of what it printed.
         last_lines: String,
         /// Its whole log.
         log: PathBuf,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
     /// It broke a rule of its folder.
@@ -94,16 +94,16 @@ pub enum ProgramError {
     Folder {
         /// The command.
         command: String,
-        /// What it did, e.g. `changed its input`.
+        /// The violation, e.g. `changed its input`.
         problem: String,
         /// The end of what it printed.
         last_lines: String,
         /// Its whole log.
         log: PathBuf,
-        /// What to do.
+        /// Advice to the user.
         advice: &'static str,
     },
-    /// What it wrote is not the artifact.
+    /// Its output is not the artifact.
     #[error("`{command}` wrote `out/{file}`, which is not `{schema}`")]
     Table {
         /// The command.
@@ -144,7 +144,7 @@ pub enum ProgramError {
     Interrupted,
 }
 
-/// Why a table is not what was asked for.
+/// Why a table is not the requested one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Broken {
@@ -257,7 +257,7 @@ pub enum Broken {
 }
 
 impl Broken {
-    /// Returns what to do about it.
+    /// Returns advice to the user.
     fn hint(&self) -> String {
         match self {
             Self::NoColumn { .. } | Self::UnknownColumn { .. } | Self::WrongType { .. } | Self::Arrow(_) => "write it with the columns of `template.parquet`, an empty table beside `job.json`: \

@@ -1,4 +1,4 @@
-//! The folder of a unit: what the program gets, and the check of what it left.
+//! The folder of a unit: the program's inputs, and the check of its outputs.
 
 use std::{
     fs::{self, File, Permissions},
@@ -19,7 +19,7 @@ use crate::{
     job::{Job, JobFiles, JobInput},
 };
 
-/// Where the program works, inside the unit's own folder.
+/// Working folder of the program, inside the unit's own folder.
 const FOLDER: &str = "job";
 /// The description of the job.
 const JOB: &str = "job.json";
@@ -29,7 +29,7 @@ const TEMPLATE: &str = "template.parquet";
 const IN: &str = "in";
 /// The program's own files.
 const OWN_FILES: &str = "files";
-/// What the program makes.
+/// Outputs of the program.
 const OUT: &str = "out";
 /// For temporary files.
 pub(crate) const TMP: &str = "tmp";
@@ -48,7 +48,7 @@ struct Given {
     stamp: [i64; 4],
 }
 
-/// What a program did to its folder that it may not do.
+/// Violation of the folder's rules by a program.
 pub(crate) struct Offense {
     pub(crate) problem: String,
     pub(crate) advice: &'static str,
@@ -141,7 +141,7 @@ impl JobFolder {
         &self.path
     }
 
-    /// Copies a file into the folder, read-only: what is done to the copy does nothing to the lake.
+    /// Copies a file into the folder, read-only: changes of the copy do not reach the lake.
     fn give(&mut self, from: &Path, at: &str) -> Result<(), ProgramError> {
         let path = self.path.join(at);
         if let Some(folder) = path.parent() {
@@ -166,7 +166,7 @@ impl JobFolder {
         fs::rename(tmp.join(lake::table::FILE), &at).map_err(ProgramError::at(&at))
     }
 
-    /// Returns what the program did to its folder that it may not do, if anything.
+    /// Returns the program's violation of the folder's rules, if there is one.
     pub(crate) fn offense(&self) -> Result<Option<Offense>, ProgramError> {
         const KNOWN: [&str; 6] = [IN, OWN_FILES, OUT, TMP, JOB, TEMPLATE];
         for entry in fs::read_dir(&self.path).map_err(ProgramError::at(&self.path))? {
@@ -218,7 +218,7 @@ impl JobFolder {
         Ok(None)
     }
 
-    /// Lists what the program made: the regular files in `out`, by name.
+    /// Lists the program's outputs: the regular files in `out`, by name.
     pub(crate) fn made(&self) -> Result<Result<Vec<(String, PathBuf)>, Offense>, ProgramError> {
         let out = self.path.join(OUT);
         let mut made = Vec::new();

@@ -1,4 +1,4 @@
-//! `job.json`: what a program is told.
+//! `job.json`: description of a job for a program.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use crate::{artifacts::Known, config::ProgramConfig, own_table};
 /// Paths of files by name, relative to the folder.
 pub(crate) type JobFiles = BTreeMap<String, String>;
 
-/// What a program is told.
+/// Description of a job for a program.
 #[derive(Debug, Serialize)]
 pub(crate) struct Job {
     /// Key of the partition to make.
@@ -25,7 +25,7 @@ pub(crate) struct Job {
     pub(crate) files: JobFiles,
     /// The partitions of each input.
     pub(crate) inputs: BTreeMap<String, Vec<JobInput>>,
-    /// What to make.
+    /// The output to make.
     pub(crate) output: JobOutput,
 }
 
@@ -34,13 +34,13 @@ pub(crate) struct Job {
 pub(crate) struct JobInput {
     /// Its key.
     pub(crate) partition: String,
-    /// What its maker said about it.
+    /// Its labels, from the stage that made it.
     pub(crate) labels: Labels,
     /// Its files.
     pub(crate) files: JobFiles,
 }
 
-/// What to make.
+/// Description of the output to make.
 #[derive(Debug, Serialize)]
 pub(crate) struct JobOutput {
     /// The artifact.
@@ -49,14 +49,14 @@ pub(crate) struct JobOutput {
     schema: String,
     /// An empty table with its columns, if it is a table.
     pub(crate) template: Option<String>,
-    /// Where its table goes.
+    /// Path to which its table is written.
     pub(crate) table: Option<String>,
     /// Files that it must have beside its table, in `out`.
     files: &'static [&'static str],
 }
 
 impl Job {
-    /// Says what to make, without inputs yet.
+    /// Describes the output to make, without inputs yet.
     pub(crate) fn new(
         config: &ProgramConfig,
         known: Option<&Known>,

@@ -1,4 +1,4 @@
-//! What a program may print, and lines of progress among it.
+//! Limits on a program's output, and lines of progress in it.
 
 use std::{
     io::{BufRead, BufReader, Read},
@@ -19,14 +19,14 @@ const PROGRESS: &str = "progress ";
 /// Least time between two reports of progress.
 const PROGRESS_EVERY: Duration = Duration::from_millis(50);
 
-/// What happened in a unit's processes.
+/// An event in a unit's processes.
 #[derive(Debug)]
 pub(crate) enum Happened {
     /// A share of the work is done, with a message.
     Progress(f64, String),
     /// One of its outputs has closed.
     Closed,
-    /// It printed more than it may: what, and what to do.
+    /// It printed more than it may: the problem, and advice to the user.
     Flooded(String, &'static str),
     /// The program's first process has ended.
     Ended(std::io::Result<std::process::ExitStatus>),

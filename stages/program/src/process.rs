@@ -19,11 +19,11 @@ use crate::{
     processes::{Processes, VARIABLE},
 };
 
-/// How often memory is measured.
+/// Interval between measurements of memory.
 const MEASURE_EVERY: Duration = Duration::from_millis(200);
 /// Time in which processes that the program started may end after it.
 const GRACE: Duration = Duration::from_secs(2);
-/// How often it is asked whether they have.
+/// Interval between checks whether these have ended.
 const ASK_EVERY: Duration = Duration::from_millis(10);
 /// Outputs of a program: stdout and stderr.
 const OUTPUTS: usize = 2;
@@ -62,13 +62,13 @@ pub fn stop_all() {
     }
 }
 
-/// How a program that broke no limit ended.
+/// End of a program that broke no limit.
 pub(crate) struct Ended {
     pub(crate) status: ExitStatus,
 }
 
 impl Ended {
-    /// Returns how it ended in words, e.g. `ended with exit code 1`.
+    /// Returns the end in words, e.g. `ended with exit code 1`.
     pub(crate) fn words(&self) -> String {
         match (self.status.code(), self.status.signal()) {
             (Some(code), _) => format!("ended with exit code {code}"),
@@ -136,7 +136,7 @@ impl Drop for Started {
     }
 }
 
-/// Runs the command in a folder; `progress` is told what it says about its progress.
+/// Runs the command in a folder; `progress` receives its reports of progress.
 pub(crate) fn run(
     config: &ProgramConfig,
     command: &[PathBuf],
@@ -179,7 +179,7 @@ pub(crate) fn run(
             status: status.map_err(ProgramError::at(folder))?,
         })
     });
-    // Kills what is left.
+    // Kills the remaining processes.
     drop(watch);
     let ended = ended?;
     if running().stopped {
@@ -212,7 +212,7 @@ struct Watch<'a> {
     progress: &'a dyn Fn(f64, &str),
     started: Started,
     events: mpsc::Receiver<Happened>,
-    /// How many of its outputs have closed.
+    /// Number of its outputs that have closed.
     n_closed: usize,
 }
 
@@ -228,7 +228,7 @@ impl Watch<'_> {
         }
     }
 
-    /// Takes what has happened; returns the program's end.
+    /// Handles an event; returns the program's end.
     fn take(&mut self, happened: Happened) -> Result<Option<io::Result<ExitStatus>>, ProgramError> {
         match happened {
             Happened::Progress(share, message) => (self.progress)(share, &message),

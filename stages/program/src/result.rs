@@ -1,4 +1,4 @@
-//! What a program wrote, checked and stored in the form of this program.
+//! Output of a program, checked and stored in the form of this program.
 
 use std::{collections::BTreeMap, path::Path};
 
@@ -62,8 +62,8 @@ pub(crate) fn checked(
     Ok(batch)
 }
 
-/// Checks that the columns that follow from others, such as `success` from `reason`, are those that follow: what is
-/// stored is computed anew. Numbers may differ by rounding.
+/// Checks that the columns that follow from others, such as `success` from `reason`, are those that follow: the stored
+/// ones are computed anew. Numbers may differ by rounding.
 fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), Broken> {
     for field in stored.schema_ref().fields() {
         let exact = matches!(
@@ -93,8 +93,8 @@ fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), Brok
     Ok(())
 }
 
-/// Checks that there is one rollout for each candidate that the unit reads, in their order, and that it says the
-/// same about where the candidate comes from.
+/// Checks that there is one rollout for each candidate that the unit reads, in their order, and that it states the
+/// candidate's own source.
 pub(crate) fn one_rollout_per_candidate(
     inputs: &Inputs,
     key: &str,
@@ -167,7 +167,7 @@ pub(crate) fn one_rollout_per_candidate(
     Ok(())
 }
 
-/// Returns how many rollouts of a table hold, if it is one of rollouts.
+/// Returns the number of rollouts that hold, if the table is one of rollouts.
 pub(crate) fn accepted_n(key: &str, batch: &RecordBatch) -> Option<usize> {
     let rollouts: Vec<Rollout> = Rollouts::from_batch(key, batch).ok()?;
     let verdicts = rollouts.iter().map(|rollout| rollout.verdict);

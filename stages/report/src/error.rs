@@ -20,7 +20,7 @@ pub enum ReportError {
     Recording {
         /// Its file's name.
         name: String,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// A motion cannot be shown.
@@ -28,7 +28,7 @@ pub enum ReportError {
     Motion {
         /// The motion.
         name: String,
-        /// What is wrong.
+        /// The cause.
         source: GlbError,
     },
     /// A recording is of a motion that its table does not have.

@@ -1,4 +1,4 @@
-//! What a page tells of the pipeline, beyond the tables that it reads.
+//! Facts of the pipeline for a page, beyond the tables that it reads.
 
 use std::collections::BTreeMap;
 
@@ -8,13 +8,13 @@ use serde_json::{Map, Value};
 
 use crate::ReportError;
 
-/// What a page tells of the pipeline, beyond the tables that it reads.
+/// Facts of the pipeline for a page, beyond the tables that it reads.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Facts {
     /// The pipeline.
     pub run: RunFacts,
-    /// What inputs left out: by input, the number of items of each reason.
+    /// Number of items left out, by input and reason.
     pub left_out: BTreeMap<String, BTreeMap<String, usize>>,
 }
 
@@ -31,7 +31,7 @@ impl Facts {
         }
     }
 
-    /// Returns the facts of a recorded run, with what inputs left out.
+    /// Returns the facts of a recorded run, with the items that its inputs left out.
     pub fn recorded(run: RunFacts, left_out: &BTreeMap<String, Vec<SkippedItem>>) -> Self {
         let left_out = left_out.iter();
         let left_out = left_out.map(|(input, items)| (input.clone(), reasons(items)));

@@ -1,4 +1,4 @@
-//! From recordings to executions: what there was at each step, and what was lost and why.
+//! The funnel from recordings to executions: number and losses of each step, with reasons.
 
 use std::collections::BTreeMap;
 
@@ -22,11 +22,11 @@ const REASONS: usize = 6;
 pub(crate) struct Step {
     pub(crate) name: &'static str,
     pub(crate) n: i64,
-    /// What of the step before is not in it, by reason; where a step makes more of less, nothing is lost.
+    /// Losses from the step before, by reason; empty where a step makes more of less.
     pub(crate) lost: Vec<(String, i64)>,
 }
 
-/// Returns the steps of which anything is known, in their order.
+/// Returns the steps with known numbers, in their order.
 pub(crate) fn steps(gathered: &Gathered) -> Vec<Step> {
     let mut steps = Vec::new();
     let left_out = |input: &str| -> Vec<(String, i64)> {

@@ -1,4 +1,4 @@
-//! What a page shows, read from the artifacts of a run.
+//! Content of a page, read from the artifacts of a run.
 
 use std::collections::BTreeMap;
 
@@ -25,10 +25,10 @@ use crate::{
     recorded::RecordedMotion,
 };
 
-/// What a page shows.
+/// Content of a page.
 #[derive(Debug, Clone, Default)]
 pub struct Gathered {
-    /// What it tells of the pipeline.
+    /// Facts of the pipeline.
     pub facts: Facts,
     /// Number of demonstrations, if they were read.
     pub demonstrations_n: Option<usize>,
@@ -52,7 +52,7 @@ pub struct Gathered {
     pub robustness_steps_n: i64,
     /// Executions by object, if a cell was asked.
     pub executions: BTreeMap<String, Vec<Execution>>,
-    /// Motions to look at.
+    /// Motions in the player.
     pub motions: Vec<Motion>,
     /// Number of rollouts with a recording.
     pub recorded_n: usize,
@@ -72,7 +72,7 @@ pub struct Draws {
 }
 
 impl Gathered {
-    /// Reads what a page shows; `hand` is the hand's URDF, written plainly, and its model with the shapes of its
+    /// Reads the content of a page; `hand` is the hand's URDF, written plainly, and its model with the shapes of its
     /// meshes: without it, hands of recordings have no meshes.
     ///
     /// # Errors
@@ -187,7 +187,7 @@ impl Gathered {
         Ok(())
     }
 
-    /// Where a recording is published, relative to the page: both are below the lake.
+    /// Returns the path of a published recording relative to the page: both are below the lake.
     fn link(&self, object: &str, file: &str) -> Option<String> {
         let (stage, artifact) = self.facts.run.wired.get(Rollouts::NAME)?.split_once('.')?;
         let pipeline = &self.facts.run.pipeline;

@@ -12,7 +12,7 @@ use crate::{
     table::{Cell, DataTable, Section},
 };
 
-/// How it looks.
+/// Style sheet.
 const STYLE: &str = include_str!("page/page.css");
 /// Reads and draws `.glb` files.
 const PLAYER: &str = include_str!("page/player.js");
@@ -148,7 +148,7 @@ fn of_cell(cell: &Cell) -> String {
     }
 }
 
-/// Text with what stands between backticks as code.
+/// Returns text with the parts between backticks as code.
 fn with_code(text: &str) -> String {
     let parts = text.split('`').enumerate();
     parts

@@ -1,10 +1,10 @@
-//! Which recorded rollouts a page shows.
+//! Choice of the recorded rollouts on a page.
 
 use std::collections::BTreeSet;
 
 use schemas::rollouts::{Rollout, Verdict};
 
-/// How a motion stands among others.
+/// Class of a motion by its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Standing {
     /// It held.
@@ -50,13 +50,13 @@ pub struct Motion {
     pub id: String,
     /// Its object.
     pub object: String,
-    /// What drew it.
+    /// Its generator.
     pub generator: String,
-    /// Where its latent code or motion comes from.
+    /// Origin of its latent code or motion.
     pub origin: String,
     /// The verdict's word.
     pub verdict: String,
-    /// How it stands among others.
+    /// Its class.
     pub standing: Standing,
     /// Rise of the object at the end, in meters.
     pub lift_m: f64,

@@ -1,4 +1,4 @@
-//! How motions were judged, in words.
+//! The screening protocol in words.
 
 use schemas::{Table, rates::SuccessRates, rollouts::Rollouts};
 use serde_json::Value;

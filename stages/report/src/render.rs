@@ -11,7 +11,7 @@ use crate::{
 /// The files of a report, by name: `index.html`, `report.md` and the tables as CSV.
 pub type Rendered = BTreeMap<String, Vec<u8>>;
 
-/// What stands first.
+/// Head of a report.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Head {
     pub(crate) title: String,

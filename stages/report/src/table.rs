@@ -5,7 +5,7 @@
 pub(crate) struct DataTable {
     /// Its file's name without the ending, and its anchor.
     pub(crate) id: &'static str,
-    /// What it shows.
+    /// Description of its content.
     pub(crate) caption: String,
     pub(crate) columns: Vec<Column>,
     pub(crate) rows: Vec<Vec<Cell>>,
@@ -27,18 +27,18 @@ pub(crate) enum Cell {
     Text(String),
     /// A name by which motions can be shown: an object, or a reason for failing.
     Link {
-        /// What is filtered by it: `object` or `verdict`.
+        /// Filter to set: `object` or `verdict`.
         filter: &'static str,
         /// The value to filter by.
         value: String,
-        /// As it is read.
+        /// The text shown.
         shown: String,
     },
-    /// A number, and how it is read.
+    /// A number, and its text.
     Number(f64, String),
     /// A number of another protocol than the page's, or nothing to compare: with the reason.
     Marked(String, String),
-    /// There is none.
+    /// No value.
     Missing,
 }
 
@@ -84,7 +84,7 @@ impl Cell {
         ))
     }
 
-    /// The cell as it is read.
+    /// Returns the cell's text.
     pub(crate) fn shown(&self) -> &str {
         match self {
             Self::Text(text) | Self::Number(_, text) | Self::Marked(text, _) => text,
@@ -93,7 +93,7 @@ impl Cell {
         }
     }
 
-    /// Whether it stands to the right.
+    /// Whether the cell is aligned right.
     pub(crate) fn is_number(&self) -> bool {
         matches!(self, Self::Number(..) | Self::Missing)
     }
@@ -107,7 +107,7 @@ pub(crate) struct Section {
     pub(crate) title: &'static str,
     /// Text, a sentence or some each.
     pub(crate) paragraphs: Vec<String>,
-    /// Charts as SVG, each with what it shows in words.
+    /// Charts as SVG, each with its description.
     pub(crate) charts: Vec<(String, String)>,
     pub(crate) tables: Vec<DataTable>,
 }

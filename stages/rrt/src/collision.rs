@@ -27,7 +27,7 @@ impl Obstacles<'_> {
             .is_none()
     }
 
-    /// Returns how deep the hand is in object or table, in meters; 0 where it is not.
+    /// Returns the depth of the hand in object or table, in meters; 0 if it is in neither.
     pub(crate) fn depth_m(&self, at: &Configuration) -> f64 {
         let mut deepest_m = 0.0_f64;
         let nothing = self.first_depth(at, |depth| {
@@ -37,7 +37,7 @@ impl Obstacles<'_> {
         nothing.unwrap_or(deepest_m)
     }
 
-    /// Returns what `found` returns first of the depths of the spheres that may be in object or table.
+    /// Returns the first result of `found` over the depths of the spheres that may be in object or table.
     fn first_depth(
         &self,
         at: &Configuration,

@@ -30,7 +30,7 @@ pub struct RrtConfig {
     /// URDF of the robot hand; its root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: the points that stay near where they are at the grasp when the hand opens.
+    /// The hand table: its points stay near their positions at the grasp when the hand opens.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Number of nodes of both trees together at which a search ends without a path (10 000): the paper's.
@@ -64,7 +64,7 @@ pub struct RrtConfig {
     /// screened hand may start so deep.
     #[serde(default = "defaults::tolerated_depth_m")]
     pub tolerated_depth_m: f64,
-    /// How far beyond start and grasp the palm may be, along each axis of the object, in meters (0.2): room to go
+    /// Margin of the palm's region beyond start and grasp, along each axis of the object, in meters (0.2): room to go
     /// around an object of a hand's size.
     #[serde(default = "defaults::margin_m")]
     pub margin_m: f64,
@@ -92,7 +92,7 @@ impl RrtConfig {
         }
     }
 
-    /// Returns how the trees grow.
+    /// Returns the parameters of the trees' growth.
     pub(crate) fn growth(&self) -> Growth {
         Growth {
             metric: self.metric(),
@@ -104,7 +104,7 @@ impl RrtConfig {
         }
     }
 
-    /// Returns what is wrong with the options beyond their types.
+    /// Returns the faults of the options beyond their types.
     pub(crate) fn faults(&self) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let why = "a tree has a root, and the nearest of all nodes is searched for each target";

@@ -7,7 +7,7 @@ use crate::{
     tree::Tree,
 };
 
-/// How two trees grow.
+/// Parameters of the growth of two trees.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Growth {
     /// Distances and their weights.
@@ -24,7 +24,7 @@ pub(crate) struct Growth {
     pub(crate) max_checks: u64,
 }
 
-/// What a configuration is checked against, with a count.
+/// Collision check of configurations, with a count.
 pub(crate) struct Checked<'a> {
     free: &'a dyn Fn(&Configuration) -> bool,
     /// Configurations checked.

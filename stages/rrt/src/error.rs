@@ -21,7 +21,7 @@ pub enum RrtError {
         object: String,
         /// The hand's URDF.
         path: PathBuf,
-        /// How their joints differ from the hand's.
+        /// Difference of their joints from the hand's.
         source: JointMismatch,
     },
     /// The hand's collision shapes cannot be filled with spheres.

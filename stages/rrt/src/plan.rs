@@ -1,4 +1,4 @@
-//! The way of one motion: pregrasp, search, and the motion along what was found.
+//! The way of one motion: pregrasp, search, and the motion along the path.
 
 use std::sync::Arc;
 
@@ -23,18 +23,18 @@ const CLEARANCES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Range of a joint without limits, in radians, both ways from 0.
 const FREE_RANGE_RAD: f64 = std::f64::consts::PI;
 
-/// A planned motion, and what it cost.
+/// A planned motion, and its cost.
 #[derive(Debug, Clone)]
 pub(crate) struct Plan {
     /// The hand in the object's frame, with the hand's joints.
     pub(crate) motion: Motion<Object>,
-    /// What became of the search.
+    /// Outcome of the search.
     pub(crate) outcome: PlanOutcome,
     /// Configurations checked against object and table.
     pub(crate) checks_n: u64,
     /// Nodes of both trees.
     pub(crate) nodes_n: usize,
-    /// Deepest that the motion's steps before the closing are in object or table, in meters. They are on the path, but
+    /// Greatest depth in object or table of the motion's steps before the closing, in meters. They are on the path, but
     /// the straight line between two of them may leave it.
     pub(crate) depth_m: f64,
 }
@@ -50,7 +50,7 @@ pub(crate) enum PlanError {
     Solver(#[from] SolverError),
 }
 
-/// What became of a search.
+/// Outcome of a search.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum PlanOutcome {
     /// A path was found.

@@ -31,7 +31,7 @@ use crate::{
 /// Plans a way around object and table to the grasp of each motion, by RRT-Connect.
 pub struct Rrt;
 
-/// What the candidates say planned them.
+/// Generator named in the candidates.
 const GENERATOR: &str = "rrt";
 
 dataflow::metrics! {
@@ -51,7 +51,7 @@ dataflow::metrics! {
         nodes: Sum,
         /// Processor time of the planning in seconds.
         cpu_s: Sum,
-        /// Deepest that a step on a path is in object or table, in meters.
+        /// Greatest depth of a step on a path in object or table, in meters.
         path_depth_m: Max,
     }
 }

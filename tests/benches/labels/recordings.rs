@@ -17,7 +17,7 @@ use rand_chacha::ChaCha8Rng;
 
 /// Objects of every scene.
 pub(crate) const N_OBJECTS: usize = 4;
-/// Which of them is grasped.
+/// Index of the object that is grasped.
 pub(crate) const GRASPED: usize = 2;
 
 const SERIALS: [&str; 8] = [
@@ -31,7 +31,7 @@ const SERIALS: [&str; 8] = [
     "932122062010",
 ];
 const CALIBRATION: &str = "20200702_151821";
-/// Standard deviation of landmarks about where they are, in meters.
+/// Standard deviation of landmarks about their positions, in meters.
 const NOISE_M: f64 = 0.0005;
 /// Different segmentations.
 const N_SEGMENTATIONS: usize = 16;
@@ -81,7 +81,7 @@ pub(crate) fn write(root: &Path, n_sequences: usize, n_images: usize) {
     }
 }
 
-/// Where everything is in one image.
+/// Poses of the objects, and the hand's landmarks, in one image.
 struct Scene {
     world_from_objects: Vec<Isometry3<f64>>,
     landmarks_in_world: Option<[Point3<f64>; 21]>,
@@ -268,7 +268,7 @@ impl Member {
         }
     }
 
-    /// What both headers say alike: version, flags, method, time, date and checksum.
+    /// Fields that both headers share: version, flags, method, time, date and checksum.
     fn said_twice(&self) -> Vec<u8> {
         let mut bytes: Vec<u8> = [45_u16, 0, 8, 0, 0x21].map(u16::to_le_bytes).concat();
         bytes.extend(self.crc32.to_le_bytes());

@@ -22,10 +22,10 @@ pub(crate) const TIGHT: SearchOptions = SearchOptions {
     max_iterations: 500,
     root_motion: RootMotion::Free,
 };
-/// Random starts of each frame for what is taken as its true minimum.
+/// Random starts of each frame for an estimate of its true minimum.
 const N_STARTS: usize = 24;
 
-/// Which function is minimized.
+/// The objective that is minimized.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) enum Objective {
     /// The peer's: smooth-L1 and joint motion.
@@ -62,7 +62,7 @@ impl Objective {
     }
 }
 
-/// Returns where the points that follow are at a posture.
+/// Returns the positions of the points that follow at a posture.
 pub(crate) fn points_at(solver: &mut Solver<'_>, n: usize, posture: &Posture) -> Vec<Point3<f64>> {
     let nothing = Task {
         targets: &[],

@@ -25,7 +25,7 @@ pub(crate) struct Problem {
     pub(crate) hand: CompiledHand,
     /// The links that follow.
     pub(crate) links: Vec<String>,
-    /// Where they should be, frame by frame.
+    /// Targets of these links, frame by frame.
     pub(crate) targets: Vec<Vec<Target>>,
     /// The peer's recorded answers, and the postures that each was to stay near.
     pub(crate) peer: Vec<Posture>,

@@ -1,4 +1,4 @@
-//! The peer's algorithm, `NLopt`'s SLSQP, on our kinematics: what the algorithm costs without Python.
+//! The peer's algorithm, `NLopt`'s SLSQP, on our kinematics: cost of the algorithm without Python.
 
 use std::{cell::RefCell, f64::consts::TAU};
 
@@ -8,7 +8,7 @@ use slsqp::{StopTols, minimize};
 
 use crate::problem::{MOTION_WEIGHT, Problem};
 
-/// Where the peer stops: when its value changes by less, in its own unit.
+/// Tolerance at which the peer stops: a smaller change of its value, in its own unit.
 const VALUE_TOLERANCE: f64 = 1e-5;
 /// The peer's bounds of the root: meters, then radians.
 const ROOT_BOUNDS: [f64; 2] = [5.0, TAU];
@@ -19,7 +19,7 @@ const MAX_EVALUATIONS: usize = 1000;
 /// A constraint beside the bounds; there is none.
 type Constraint = fn(&[f64], Option<&mut [f64]>, &mut ()) -> f64;
 
-/// What the objective tells the minimizer.
+/// Value that the objective returns to the minimizer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Value {
     /// As the peer does: the value leaves the motion out, while the gradient has it.

@@ -1,4 +1,4 @@
-//! `MuJoCo` in a process of its own, and the scene and the scripts as it is told of them.
+//! `MuJoCo` in a process of its own, and the descriptions of scene and scripts that it gets.
 
 use geometry::SurfaceDistance;
 use nalgebra::{Isometry3, Matrix3, Point3};
@@ -24,7 +24,7 @@ pub(crate) struct Mujoco {
     max_depth_m: f64,
 }
 
-/// What became of a script there.
+/// Outcome of a script in `MuJoCo`.
 pub(crate) struct Rolled {
     /// CPU seconds of its physics steps.
     pub(crate) cpu_s: f64,
@@ -95,12 +95,12 @@ impl Mujoco {
     }
 }
 
-/// How `MuJoCo` computes contacts.
+/// Contact options of `MuJoCo`.
 #[derive(Clone, Copy)]
 pub(crate) struct Engine {
     /// `pyramidal`, its default, or `elliptic`.
     pub(crate) cone: &'static str,
-    /// How much stiffer friction is than the normal; 1 by default.
+    /// Stiffness of friction relative to that of the normal; 1 by default.
     pub(crate) impratio: f64,
     /// Time constant in seconds and damping ratio of contacts.
     pub(crate) solref: [f64; 2],
@@ -113,7 +113,7 @@ pub(crate) struct Engine {
 /// Describes the scene of a template.
 fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine: Engine) -> Value {
     let scene = &screen.scene;
-    // What the peer's scene does not have.
+    // Options that the peer's scene does not have.
     assert!(scene.object_mass() == ObjectMass::Measured && scene.table_friction.is_none());
     assert!(scene.support == Support::Table && !scene.fingers_touch);
     let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
@@ -145,7 +145,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
     })
 }
 
-/// Describes what is done in a rollout of a template, from where the object lies.
+/// Describes a rollout of a template, from the object's settled pose.
 pub(crate) fn rollout(template: &SettledScene, setpoints: &[Setpoint]) -> Value {
     let setpoints: Vec<Value> = setpoints
         .iter()

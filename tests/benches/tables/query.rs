@@ -10,7 +10,7 @@ use sqlparser::{
     parser::Parser,
 };
 
-/// What begins a command, in the comments above a query.
+/// Start of a command, in the comments above a query.
 const COMMAND: &str = "pipeline run ";
 /// The runs of a lake, in a query.
 const RUNS: &str = "(select run from runs)";

@@ -8,7 +8,7 @@ use std::{
 
 use lake::LakeError;
 
-/// What a marker begins and ends with; between stands the query's path below the README's folder.
+/// Start and end of a marker; the query's path below the README's folder stands between.
 const MARKER: [&str; 2] = ["<!-- measured: ", " -->"];
 
 /// A README by lines.

@@ -1,4 +1,4 @@
-//! The lake in which commands make what tables are made of, and the answers to queries over it.
+//! The lake in which commands make the data of tables, and the answers to queries over it.
 
 use std::{
     collections::BTreeMap,
@@ -14,7 +14,7 @@ use super::query::{self, Query};
 
 /// The dataset's root in commands.
 const DATASET: &str = "$DEXYCB";
-/// What decides results beside the program and the dataset.
+/// Files that decide results, beside the program and the dataset.
 const SOURCES: [&str; 4] = [
     "pipelines",
     "data/hands",

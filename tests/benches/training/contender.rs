@@ -13,7 +13,7 @@ use crate::{
     python::{self, Script},
 };
 
-/// A running contender and what its steps took.
+/// A running contender and the times of its steps.
 pub(crate) struct Contender {
     name: &'static str,
     script: Script,
@@ -21,7 +21,7 @@ pub(crate) struct Contender {
     cpu_s: Vec<f64>,
 }
 
-/// What a contender took.
+/// Times and memory of a contender.
 pub(crate) struct Figure {
     pub(crate) name: &'static str,
     pub(crate) wall_s: f64,
@@ -161,7 +161,8 @@ fn median(mut values: Vec<f64>) -> f64 {
     values[values.len() / 2]
 }
 
-/// What the program tells candle before it trains; the naive contender has candle's own way.
+/// Returns the variable that sets candle's threads, as the program does before it trains; the naive contender keeps
+/// candle's own.
 fn threads_of(role: &str) -> Option<(&'static str, &'static str)> {
     (role == "ours").then_some(("CANDLE_NUM_THREADS", "1"))
 }

@@ -6,7 +6,7 @@ use serde_json::{Value, json};
 
 use super::world::{ANCHOR, StageSpec, World};
 
-/// How to run after an edit.
+/// Options of the run after an edit.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Step {
     pub(super) until: Option<String>,

@@ -1,5 +1,5 @@
-//! A model of what must be made, and why: computed in memory, comparing all dependencies of a unit
-//! in full.
+//! A model of the units to make, and of the reasons: computed in memory, comparing all dependencies
+//! of a unit in full.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -32,11 +32,11 @@ impl fmt::Display for Unit {
     }
 }
 
-/// What a run must do about a unit.
+/// Expected action of a run on a unit.
 pub(super) struct Expected {
     pub(super) made: bool,
     pub(super) forced: bool,
-    /// What differs from the last time a run came to it.
+    /// Differences from the last time that a run came to it.
     pub(super) causes: BTreeSet<String>,
     /// Whether it gave one of the `parts` the last time a run came to it.
     pub(super) was_part: bool,
@@ -44,13 +44,13 @@ pub(super) struct Expected {
     pub(super) data: Option<Vec<u8>>,
 }
 
-/// Everything that a unit depends on.
+/// Dependencies of a unit.
 #[derive(Debug, Clone, PartialEq, Eq)]
 struct Reason {
     kind: &'static str,
     code: u8,
     config: BTreeMap<&'static str, Value>,
-    /// What is read of each partition.
+    /// Data that is read of each partition.
     inputs: BTreeMap<String, String>,
     files: BTreeMap<String, Vec<u8>>,
     seed: u64,

@@ -1,4 +1,4 @@
-//! Everything that the results depend on, after some edits.
+//! Dependencies of the results, after some edits.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -16,7 +16,7 @@ use crate::{
 /// Seed, input files, versions of the code, and stages.
 pub(super) struct World {
     pub(super) seed: u64,
-    /// Where the input files lie.
+    /// Folder of the input files.
     pub(super) root: PathBuf,
     /// The input files by partition. The first one is never bad, nor does it go away: a stage with
     /// nothing to do fails.
@@ -26,7 +26,7 @@ pub(super) struct World {
     /// Kinds of which the code is in its second version.
     pub(super) second: BTreeSet<String>,
     pub(super) stages: Vec<StageSpec>,
-    /// Where the program's code lies.
+    /// Path of the program's code.
     pub(super) code: PathBuf,
     written: BTreeMap<String, Vec<u8>>,
 }

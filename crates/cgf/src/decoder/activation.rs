@@ -1,8 +1,8 @@
-//! What lies between two layers, in one pass over the rows: bias, activation, derivatives.
+//! Bias, activation and derivatives between two layers, in one pass over the rows.
 //!
 //! A patch of rows comes as one block of values or as three: values x, first derivatives x′ in time and
 //! second ones x″. The activation f takes them to f(x), f′(x) x′ and f″(x) x′² + f′(x) x″.
-//! What is zero in all rows of a patch is left out.
+//! Channels that are zero in all rows of a patch are left out.
 //! Every loop is compiled for several instruction sets, and which is used is decided as it runs.
 
 use pulp::{Arch, Simd, WithSimd};
@@ -83,7 +83,7 @@ pub(super) enum Order {
 }
 
 impl Order {
-    /// Returns how many blocks of rows there are.
+    /// Returns the number of blocks of rows.
     pub(super) fn blocks(self) -> usize {
         match self {
             Self::Values => 1,
@@ -93,7 +93,7 @@ impl Order {
 }
 
 /// Takes the products of a layer, `(patches, width)` of its bias, once (values) or three times (values,
-/// first and second derivatives) for each patch, to what the next layer is multiplied with.
+/// first and second derivatives) for each patch, to the inputs of the next layer.
 pub(super) fn activate<T: Number>(
     activation: Activation,
     products: &[Row<T>],
@@ -199,7 +199,7 @@ fn put<T: Number>(output: &mut Sparse<T>, channel: u32, row: Row<T>) {
     }
 }
 
-/// What the first layer knows of motions at times; it is linear in time.
+/// First layer before its activation, for motions at given times; it is linear in time.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Start<'a, T> {
     /// Number of motions.
@@ -213,7 +213,7 @@ pub(super) struct Start<'a, T> {
 }
 
 impl<T: Number> Start<'_, T> {
-    /// Returns how many rows there are: a motion's times, then the next one's.
+    /// Returns the number of rows: a motion's times, then the next one's.
     pub(super) fn rows(&self) -> usize {
         self.n_motions * self.times.len()
     }
@@ -282,9 +282,9 @@ impl<T: Number> Start<'_, T> {
 struct Part<'a, T> {
     /// Its first row.
     from: usize,
-    /// What is known of it and of the motions beside it.
+    /// Part of the first layer that is constant in time, for it and the motions beside it.
     known: &'a [Row<T>],
-    /// Where it is among them.
+    /// Its lane among them.
     lane: usize,
 }
 

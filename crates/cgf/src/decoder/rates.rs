@@ -1,4 +1,4 @@
-//! How fast a hand moves: from derivatives of the network's outputs to those of its pose.
+//! Velocity and acceleration of a hand, from derivatives of the network's outputs.
 
 use motion::HandState;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
@@ -6,14 +6,14 @@ use spatial::{Pose, Table, Twist};
 
 use crate::{data::NetworkFrame, hand_numbers::PALM_WIDTH};
 
-/// A hand at one time of a motion and how it moves there.
+/// State, velocity and acceleration of a hand at one time of a motion.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandMotionState<F = Table> {
-    /// Where it is.
+    /// Pose of the palm and joint positions.
     pub grasp: HandState<F>,
-    /// How fast it moves.
+    /// First derivative with respect to the network's time t.
     pub velocity: HandDerivative<F>,
-    /// How fast that changes.
+    /// Second derivative with respect to t.
     pub acceleration: HandDerivative<F>,
 }
 

@@ -191,7 +191,7 @@ fn batch(arrays: &Weights, network: &NetworkConfig) -> Batch {
     }
 }
 
-/// What of a training decides the losses of a batch; the rest is anything.
+/// Training options that determine the losses of a batch; the others are arbitrary.
 fn training(arrays: &Weights, case: &Case) -> TrainingConfig {
     let weight = |name: &str| number(arrays, &format!("weight_of/{name}")).into();
     TrainingConfig {

@@ -1,4 +1,4 @@
-//! A grasp is drawn, and moved to where object, hand and contact map agree.
+//! Test-time adaptation: a grasp is drawn, then optimized until object, hand and contact map agree.
 
 use std::collections::BTreeMap;
 
@@ -13,15 +13,15 @@ use motion::HandState;
 
 use crate::{CgfError, RestingObject, adam::Adam, weights::Weights};
 
-/// The array of a hand's numbers among what the optimizer moves.
+/// Name of the array of a hand's numbers among the optimizer's parameters.
 const HAND: &str = "hand";
 
-/// How grasps are adapted.
+/// Options of the adaptation of grasps.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Adaptation {
-    /// How far.
+    /// Steps and learning rate.
     pub config: AdaptationConfig,
-    /// To what.
+    /// Weights of the loss terms.
     pub terms: TermWeights,
 }
 
@@ -75,7 +75,7 @@ impl GraspNetworks {
         let mut wanted = Vec::new();
         let mut drawn = None;
         let mut adapted = GraspTerms::default();
-        // The last round measures what the last step left.
+        // The last round only measures the losses after the last step.
         for step in 0..=config.steps {
             let row = &hand.array(HAND)?.values;
             if wanted.is_empty() || (step % config.map_steps == 0 && step < config.steps) {

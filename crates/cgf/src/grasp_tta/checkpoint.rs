@@ -23,7 +23,7 @@ pub struct GraspDescription {
     pub joints: Vec<String>,
     /// Shapes of the networks.
     pub network: GraspNetworkConfig,
-    /// How they were trained.
+    /// Training options.
     pub training: GraspTrainingConfig,
     /// Seed of weights and noise.
     pub seed: u64,

@@ -41,7 +41,7 @@ pub struct GraspNetworkConfig {
     pub contact_widths: Vec<usize>,
 }
 
-/// How the networks are trained.
+/// Training options of the networks.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct GraspTrainingConfig {
@@ -53,7 +53,7 @@ pub struct GraspTrainingConfig {
     pub contact_epochs: usize,
     /// Largest number of grasps in one step
     pub batch: usize,
-    /// Adam's learning rate at the beginning, from where it falls along half a cosine: a grasping function's;
+    /// Adam's learning rate at the start, which falls along half a cosine: a grasping function's;
     /// published: 1e-4, for a hundred times as many grasps
     pub learning_rate: f64,
     /// Weight of the mean squared distance of the hand's surface points from the demonstrated ones (1/m²): 1 cm counts
@@ -75,7 +75,7 @@ pub struct GraspTrainingConfig {
     pub jitter_rad: f64,
 }
 
-/// How a grasp is adapted.
+/// Options of the adaptation of a grasp.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AdaptationConfig {
@@ -83,7 +83,7 @@ pub struct AdaptationConfig {
     pub steps: usize,
     /// Adam's learning rate on the hand's numbers (m, 1, rad); published: 6.25e-6, of gradient descent with momentum
     pub learning_rate: f64,
-    /// Steps after which the contact map is predicted anew; published: 1
+    /// Steps between two predictions of the contact map; published: 1
     pub map_steps: usize,
 }
 

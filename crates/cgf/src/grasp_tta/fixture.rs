@@ -1,4 +1,4 @@
-//! What the tests share: a hand of two balls, and a small cube on the table.
+//! Shared test fixtures: a hand of two balls, and a small cube on the table.
 
 use std::sync::Arc;
 

@@ -1,4 +1,4 @@
-//! What a grasp is moved to make small, with its gradient by the hand's numbers.
+//! Loss of a grasp, with its gradient by the hand's numbers.
 
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
@@ -18,8 +18,8 @@ const PENETRATION: f64 = 120.0 * 3000.0;
 const TABLE: f64 = 120.0 * 778.0;
 /// Points of the object farther from the prior's, in meters, are not touched (released code).
 const REACH_M: f64 = 0.02;
-/// Deepest that a point can be inside a hand, in meters: half the thickness of a palm. What looks deeper is outside,
-/// about an edge beyond which no point of the hand's surface lies.
+/// Maximum depth of a point inside a hand, in meters: half the thickness of a palm. A point that looks deeper is
+/// outside, about an edge beyond which no point of the hand's surface lies.
 const MAX_DEPTH_M: f64 = 0.02;
 /// Distance below which the direction to a point is not defined, in meters.
 const NEAR_M: f64 = 1e-6;
@@ -97,7 +97,7 @@ pub(crate) fn grasp_loss(
     terms
 }
 
-/// How far the prior's points are from the points of the object that they reach.
+/// Computes the contact term: squared distances of the prior's points from the points of the object that they reach.
 fn contact(
     object: &Cloud,
     hand: &PlacedSurface<'_>,
@@ -126,7 +126,7 @@ fn contact(
             .sum::<f64>()
 }
 
-/// How deep the hand's points are in the table.
+/// Computes the table term: squared depths of the hand's points in the table.
 fn table(hand: &PlacedSurface<'_>, weight: f64, by_points: &mut [Vector3<f64>]) -> f64 {
     let factor = TABLE / hand.points.len().max(1) as f64;
     let mut squares = 0.0;
@@ -138,7 +138,7 @@ fn table(hand: &PlacedSurface<'_>, weight: f64, by_points: &mut [Vector3<f64>]) 
     factor * squares
 }
 
-/// How far joints are beyond their limits.
+/// Computes the limit term: squares of joint positions beyond their limits.
 fn limits(surface: &HandSurface, weight: f64, row: &[f32], by_row: &mut [f32]) -> f64 {
     let mut squares = 0.0;
     let joints = row.iter().zip(by_row).skip(PALM_WIDTH);
@@ -237,7 +237,7 @@ mod tests {
                     moved[k] += by;
                     evaluate(&weights, &moved).0.total
                 };
-                // What is left of the step after rounding.
+                // The step after rounding.
                 let step = f64::from(row[k] + H) - f64::from(row[k] - H);
                 let expected = (value(H) - value(-H)) / step;
                 assert!(

@@ -1,4 +1,4 @@
-//! The two networks: one that draws a grasp for an object, and one that says where on the object a grasp should touch.
+//! The two networks: one generates a grasp for an object, the other predicts its contact map on the object.
 
 use std::sync::Arc;
 
@@ -32,7 +32,7 @@ const POINT_INPUTS: usize = 7;
 /// Units of places, and of the way to the nearest point of the hand, in these numbers, in meters.
 const PLACE_M: f64 = 0.1;
 const WAY_M: f64 = 0.02;
-/// Longest such way along an axis, in its unit: what is farther is not touched.
+/// Longest such way along an axis, in its unit: farther points count as untouched.
 const FAR: f64 = 3.0;
 /// Factor on the decoder's last layer, so that a training begins near the mean of all grasps.
 const SMALL: f32 = 0.1;
@@ -102,8 +102,8 @@ pub(crate) fn initialize(config: &GraspNetworkConfig, outputs: usize, seed: u64)
     weights
 }
 
-/// What the contact network sees of each point of an object, `(points, 7)`: its place, the way to the hand's nearest
-/// point, and the contact map of the hand as it is.
+/// Returns the contact network's inputs at each point of an object, `(points, 7)`: its place, the way to the hand's
+/// nearest point, and the contact map of the current hand.
 pub(crate) fn point_inputs(
     object: &Cloud,
     hand: &PlacedSurface<'_>,
@@ -148,7 +148,7 @@ impl GraspNetworks {
         }
     }
 
-    /// Looks at an object as it lies.
+    /// Prepares an object in its resting pose for both networks.
     pub(crate) fn seen(&self, object: &RestingObject) -> Result<SeenObject, CgfError> {
         let points = self.description.network.points;
         let view = View::of(object, InputFrame::Resting)?;
@@ -221,8 +221,8 @@ pub(crate) struct Tape<'a> {
 }
 
 impl Tape<'_> {
-    /// Computes the features of clouds, `(clouds, feature)`, by one of the point networks, and what it measured, by the
-    /// arrays' names.
+    /// Computes the features of clouds, `(clouds, feature)`, by one of the point networks, and the statistics that it
+    /// measured, by the arrays' names.
     pub(crate) fn features(
         &self,
         prefix: &str,
@@ -267,7 +267,7 @@ impl Tape<'_> {
         self.linear("decoder.hand", &x)
     }
 
-    /// Predicts contact maps, `(batch, points)`, from what is seen of the points, `(batch × points, 7)`, and the
+    /// Predicts contact maps, `(batch, points)`, from the inputs at the points, `(batch × points, 7)`, and the
     /// features of objects and hands, `(batch, feature)` each.
     pub(crate) fn contact_map(
         &self,

@@ -1,4 +1,4 @@
-//! Fixed points on a hand's surface, and where a hand's numbers put them.
+//! Fixed points on a hand's surface, and their positions for a hand's numbers.
 
 use std::sync::Arc;
 
@@ -20,7 +20,7 @@ pub struct HandSurface {
     prior: Vec<usize>,
 }
 
-/// A hand's surface where its numbers put it.
+/// A hand's surface at the pose that its numbers give.
 pub(crate) struct PlacedSurface<'a> {
     surface: &'a HandSurface,
     posed: Posed<'a>,

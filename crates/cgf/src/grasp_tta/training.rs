@@ -32,7 +32,7 @@ use crate::{
     weights::{Leaves, Weights},
 };
 
-/// How much of the measured statistics is stored after every step.
+/// Weight of the measured statistics in the update of the stored ones after every step.
 const MOMENTUM: f32 = 0.1;
 /// Share of the epochs after which the point networks' statistics stay, as in a grasping function's training.
 const FIXED_AFTER: f64 = 0.5;
@@ -45,7 +45,7 @@ const CONTACT_EPOCHS: u64 = 2 << 32;
 /// Grasps to learn from, and the objects that they hold.
 #[derive(Debug, Clone, Default)]
 pub struct GraspSet {
-    /// Objects as they lie.
+    /// Objects in their resting poses.
     pub objects: Vec<RestingObject>,
     /// The grasps.
     pub grasps: Vec<DemonstratedGrasp>,
@@ -54,7 +54,7 @@ pub struct GraspSet {
 /// A grasp that was demonstrated.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DemonstratedGrasp {
-    /// Which of the set's objects it holds.
+    /// Index of the object that it holds, in the set.
     pub object: usize,
     /// The hand above the table, its joints in the hand's order.
     pub hand: HandState<Table>,
@@ -76,12 +76,12 @@ pub struct GraspEpoch {
     pub terms: GraspTerms,
 }
 
-/// How networks are trained.
+/// Options for training networks.
 #[derive(Debug, Clone, PartialEq)]
 pub struct GraspOptions {
     /// Their shapes.
     pub network: GraspNetworkConfig,
-    /// How they are trained.
+    /// Their training options.
     pub training: GraspTrainingConfig,
     /// Weights of contact, consistency and penetration against each other.
     pub terms: TermWeights,
@@ -92,13 +92,13 @@ struct Seen {
     object: Vec<f32>,
     points: Cloud,
     row: Vec<f32>,
-    /// Where the hand's surface points are.
+    /// Positions of the hand's surface points, in meters.
     surface: Vec<[f32; 3]>,
     /// The contact map of the hand.
     map: Vec<f32>,
 }
 
-/// Trains both networks, and tells of the share that is done and the loss of each epoch.
+/// Trains both networks, and reports progress (share done) and the loss after each epoch.
 ///
 /// # Errors
 ///
@@ -152,7 +152,7 @@ pub fn train_grasps(
 /// Computes the loss of a batch.
 type PhaseLoss = fn(&Trainer, &Tape, &[Seen], Statistics, &mut Random) -> Result<Loss, CgfError>;
 
-/// What differs between the trainings of the two networks.
+/// Differences between the trainings of the two networks.
 struct Phase {
     nets: [&'static str; 2],
     stream: u64,
@@ -177,7 +177,7 @@ const CONTACT: Phase = Phase {
     },
 };
 
-/// The loss of a batch, on the tape and in numbers, and what the point networks measured.
+/// The loss of a batch, on the tape and in numbers, and the statistics that the point networks measured.
 struct Loss {
     total: Tensor,
     epoch: GraspEpoch,

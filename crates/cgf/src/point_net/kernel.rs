@@ -13,16 +13,16 @@ use pulp::{Arch, Simd, WithSimd};
 
 use crate::product::{LANES, Row};
 
-/// Which products of channels are wanted.
+/// Products of channels to compute.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pairs {
     All,
-    /// Those at and above the diagonal; what is below it is left as it comes.
+    /// Those at and above the diagonal; the others are unspecified.
     Upper,
 }
 
 /// Turns a panel, patch after patch, channel after channel, into channel after channel, patch after
-/// patch: what [`correlate`] reads lies together.
+/// patch, so that [`correlate`] reads contiguous memory.
 pub(super) fn by_channels(panel: &[Row], width: usize, out: &mut Vec<Row>) {
     let patches = panel.len() / width;
     out.resize(panel.len(), [0.0; LANES]);

@@ -15,7 +15,7 @@ use crate::{
 pub(crate) type Measured = Vec<(String, Vec<f32>)>;
 
 /// Computes the features of clouds, `(clouds, width)`, with a gradient by every learned array of the
-/// point network among `leaves`, and what the pass normalized with.
+/// point network among `leaves`, and the statistics with which the pass normalized.
 ///
 /// On the CPU this is the fast form, on other devices the plain one.
 pub(crate) fn features(
@@ -77,7 +77,7 @@ struct Features {
     net: PointNet,
     clouds: Arc<Clouds>,
     statistics: Statistics,
-    /// What the forward pass leaves for the backward pass, which takes it.
+    /// Intermediate results of the forward pass, taken by the backward pass.
     pass: Arc<Mutex<Option<Pass>>>,
 }
 

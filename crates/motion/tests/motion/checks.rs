@@ -1,4 +1,4 @@
-//! What is not a motion, and what stays the same of one in another order or frame.
+//! Validation of motions, and their invariants under reordered joints and changes of frame.
 
 use motion::{HandRates, JointRates, Motion, MotionError, MotionSpline, Step};
 use nalgebra::{Isometry3, Translation3, Vector3};

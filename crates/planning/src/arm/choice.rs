@@ -21,7 +21,7 @@ const LIFT_N: usize = 20;
 /// Times that differ by less than this share of the motion are the same.
 const SAME_TIME: f64 = 0.01;
 
-/// The hand at evenly spaced times of a motion, and how far it is lifted from its end, in meters.
+/// The hand at evenly spaced times of a motion, and the height of the lift from its end, in meters.
 struct SampledHand {
     moving: Vec<(f64, Step<Object>)>,
     /// Its joint positions at the same times.
@@ -29,7 +29,7 @@ struct SampledHand {
     lift_m: f64,
 }
 
-/// How far a posture follows the path, from least to most.
+/// Progress of a posture along the path, from least to most.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Progress {
     /// Not even the grasp is within the limits.
@@ -56,7 +56,7 @@ struct Choice<'a> {
 #[derive(Default)]
 struct Failures {
     postures: usize,
-    /// What kept the one from following that came farthest, and how far that was.
+    /// Progress and fault of the posture that came farthest.
     best: Option<(Progress, ArmFault)>,
 }
 
@@ -73,8 +73,8 @@ impl Arm {
     ///
     /// # Errors
     ///
-    /// Fails if no posture does. It says what keeps the one from it that comes farthest: all the way but
-    /// for something it would meet, or part of the path, or to the grasp.
+    /// Fails if no posture does. The fault is that of the posture that comes farthest: all the way but
+    /// for a collision, or part of the path, or to the grasp.
     pub(crate) fn follow<'a>(
         &'a self,
         spline: &'a MotionSpline<Object>,

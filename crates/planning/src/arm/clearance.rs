@@ -1,4 +1,4 @@
-//! How far the arm's links keep from the table, from each other and from the hand.
+//! Clearance of the arm's links from the table, from each other and from the hand.
 
 use nalgebra::Vector3;
 use robot::{Link, RobotModel, Shape, distance_bounds};
@@ -7,10 +7,10 @@ use spatial::{Base, Pose};
 use super::hand::beyond;
 use crate::infeasible::{ArmFault, PathPoint};
 
-/// How near each other links with one other between them may come, in meters.
+/// Minimum distance between links with one other between them, in meters.
 const NEIGHBORS_M: f64 = 0.001;
 
-/// The collision shapes of an arm with its hand, and which of them must not meet.
+/// The collision shapes of an arm with its hand, and those that must keep apart.
 ///
 /// Shapes are those of the URDF, and distances between them are exact within 0.01 mm. Between sampled
 /// points, half the relative displacement of two shapes is added to the required clearance (first order).
@@ -29,7 +29,7 @@ pub(crate) struct Clearance {
 pub(crate) struct Pair {
     pub(crate) first: usize,
     pub(crate) second: usize,
-    /// How far, in meters.
+    /// Minimum distance, in meters.
     pub(crate) least_m: f64,
 }
 
@@ -53,7 +53,7 @@ pub(crate) struct LinkPoses {
 impl Clearance {
     /// Takes the shapes of a robot whose link `palm` is the hand's.
     ///
-    /// The hand's own links among each other are left out, as no arm changes how they are; and so are
+    /// Pairs of the hand's own links are left out, as the arm does not change their distances; so are
     /// links on both sides of one joint, which touch there, and those that overlap where all joints
     /// are at zero, or at the limit nearest to it: neighbors whose shapes are rougher than they are.
     /// Links with one other between them come near each other by design, and a joint's limits keep
@@ -63,7 +63,7 @@ impl Clearance {
         let is_hand = |shape: &LinkShape| carried[shape.link];
         let bodies = bodies(robot);
         let body = |link: usize| bodies[link];
-        // What carries a body, which may be carried by another.
+        // The body's parent, if it has one.
         let below = |link: usize| {
             let parent = robot.links().get(link)?.parent?;
             Some(body(parent))
@@ -194,7 +194,7 @@ fn check_pair(
         }
         apart_m =
             distance_bounds((at_a, &a.link_shape.shape), (at_b, &b.link_shape.shape)).at_least_m;
-        // What moves both alike brings them no nearer.
+        // Motion that both share brings them no nearer.
         let slack_m = 0.5 * relative_displacement_m(a, b, idx);
         let is_clear = apart_m >= least_m + slack_m;
         if !is_clear {
@@ -210,8 +210,8 @@ fn check_pair(
     Ok(())
 }
 
-/// Returns how far points of one shape move in the frame of the other from a point to the next, or came
-/// from the last, at most.
+/// Returns a bound on the displacement of points of one shape in the frame of the other, to the next
+/// point of the path and from the last one, whichever is greater.
 fn relative_displacement_m(a: &ShapePath<'_>, b: &ShapePath<'_>, idx: usize) -> f64 {
     let pose = |idx: usize| Some(a.poses.get(idx)?.inverse() * *b.poses.get(idx)?);
     let Some(here) = pose(idx) else { return 0.0 };
@@ -222,7 +222,7 @@ fn relative_displacement_m(a: &ShapePath<'_>, b: &ShapePath<'_>, idx: usize) -> 
         .fold(0.0, f64::max)
 }
 
-/// Returns how far points within a radius of a pose's origin move to another pose, at most.
+/// Returns a bound on the displacement of points within a radius of a pose's origin, to another pose.
 fn displacement_m<Frame>(from: &Pose<Frame, Shape>, to: &Pose<Frame, Shape>, radius_m: f64) -> f64 {
     let distance = (to.translation.vector - from.translation.vector).norm();
     distance + from.rotation.angle_to(&to.rotation) * radius_m
@@ -233,7 +233,7 @@ struct ShapePath<'a> {
     link_shape: &'a LinkShape,
     radius_m: f64,
     poses: &'a [Pose<Base, Shape>],
-    /// How far its points move from each point to the next, at most.
+    /// Bounds on the displacement of its points from each point of the path to the next.
     displacements_m: Vec<f64>,
 }
 
@@ -252,13 +252,12 @@ impl<'a> ShapePath<'a> {
         }
     }
 
-    /// Returns how far its points move from a point to the next.
+    /// Returns the bound on the displacement of its points to the next point of the path.
     fn displacement_to_next_m(&self, idx: usize) -> f64 {
         self.displacements_m.get(idx).copied().unwrap_or(0.0)
     }
 
-    /// Returns how far its points move from a point to the next or came from the last, the greater of the
-    /// two.
+    /// Returns the greater of the bounds on the displacement to the next point and from the last one.
     fn max_displacement_m(&self, idx: usize) -> f64 {
         let before = idx
             .checked_sub(1)

@@ -4,17 +4,17 @@ use robot::{Chain, Joint, JointKind, Link, RobotModel};
 use simulation::SettingFault;
 use spatial::{Base, Palm, Pose};
 
-/// How far links may be from where the other description has them, in meters and radians.
+/// Tolerance on link poses between the two descriptions, in meters and radians.
 const LINK_TOLERANCE: f64 = 1e-9;
 /// Shares of the joints' ranges at which two descriptions that are not of one hand differ.
 const SAMPLES: [f64; 3] = [0.1, 0.5, 0.9];
 
-/// Returns which joint of `robot` each joint of the hand is.
+/// Returns the index in `robot` of each joint of the hand.
 ///
 /// # Errors
 ///
-/// Fails if what `robot` has beyond its link `palm` is not the hand: if a joint or link is missing, one is
-/// there that is neither the arm's nor the hand's, or the hand's links are elsewhere.
+/// Fails if the links of `robot` beyond its link `palm` are not the hand: if a joint or link is missing,
+/// one is there that is neither the arm's nor the hand's, or the hand's links have other poses.
 pub(crate) fn joints_of_hand(
     robot: &RobotModel,
     chain: &Chain,

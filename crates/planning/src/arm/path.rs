@@ -13,7 +13,7 @@ use crate::infeasible::{ArmFault, Infeasible, PathPoint};
 /// The arm's joints over a motion and the lift from its end.
 #[derive(Debug, Clone)]
 pub(crate) struct ArmPath<'a> {
-    /// Where the object stands on the table for it.
+    /// Pose of the object on the table for this path.
     pub(crate) table_from_object: Pose<Table, Object>,
     arm: &'a Arm,
     palm_path: PalmPath<'a>,
@@ -82,7 +82,7 @@ impl<'a> ArmPath<'a> {
         let tracer = Tracer {
             arm: self.arm,
             palm_path: &self.palm_path,
-            // It has been followed: between two knots it is what it is.
+            // The path was traced before: between two knots there is no bound on the singular value.
             least: 0.0,
         };
         let knot = tracer.next(nearest, &self.palm_path.at(at))?;

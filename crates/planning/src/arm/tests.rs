@@ -48,7 +48,7 @@ fn arm(config: &ArmConfig) -> Arm {
     Arm::new(config, &RobotModel::from_urdf(XARM).unwrap(), &hand()).unwrap()
 }
 
-/// How many motions the property tests make.
+/// Returns the number of motions of the property tests.
 fn cases() -> u32 {
     let cases = std::env::var("PIPELINE_CASES").ok();
     cases.and_then(|cases| cases.parse().ok()).unwrap_or(200)
@@ -107,7 +107,7 @@ fn is_within_limits(arm: &Arm, q: &[f64]) -> bool {
     q.len() == arm.joints().len() && joints.all(|(joint, &q)| within(joint, q))
 }
 
-/// Where the palm shall be, in the frame of the arm's base.
+/// Returns the requested pose of the palm in the frame of the arm's base.
 fn requested(
     arm: &Arm,
     path: &ArmPath<'_>,
@@ -124,7 +124,7 @@ fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
     distance.max((a.rotation * b.rotation.inverse()).angle())
 }
 
-/// Checks a path at the arm's rate and, for what it meets, at four times that.
+/// Checks a path at the arm's rate and, for collisions, at four times that.
 fn check(arm: &Arm, path: &ArmPath<'_>, spline: &MotionSpline<Object>, lift_m: f64) {
     let palm = arm.robot.link("base_link").unwrap();
     let max_velocity: Vec<f64> = arm
@@ -215,7 +215,7 @@ fn check_rates(path: &ArmPath<'_>, spline: &MotionSpline<Object>, share: f64) {
     }
 }
 
-/// What a motion of the arm's joints makes of the palm, the arm can follow, and well.
+/// The arm can follow, and well, palm motions that come from motions of its own joints.
 #[test]
 fn arm_follows_reachable_motions() {
     let arm = arm(&config());
@@ -357,7 +357,7 @@ fn the_object_is_turned_about_the_vertical_where_it_stands() {
     check(&arm, &path, &spline, 0.1);
 }
 
-/// Where the base stands changes where the arm is, and nothing else.
+/// Moving the base on the table moves the arm, and changes nothing else.
 #[test]
 fn the_table_may_be_anywhere_about_the_base() {
     let drawn = straight([0.0, 0.0, 0.5], [0.0, 0.0, 0.3], [0.0, 0.0, 0.04]);

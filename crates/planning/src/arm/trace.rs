@@ -1,8 +1,8 @@
 //! Following a path in one posture of the arm.
 //!
-//! Joints are those of inverse kinematics, sought from where velocity and acceleration at the last point
-//! have them. Where the arm is regular they are the one continuation of the posture, as long as each is
-//! found next to where it was looked for; else the step is halved.
+//! Joints are those of inverse kinematics, started at the extrapolation by velocity and acceleration at
+//! the last point. Where the arm is regular they are the one continuation of the posture, as long as
+//! each solution is near its start; else the step is halved.
 
 use std::f64::consts::TAU;
 
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::infeasible::{ArmFault, PathPoint};
 
-/// How far joints may be found from where they are looked for, in radians (meters if prismatic).
+/// Maximum distance of joints from their extrapolated positions, in radians (meters if prismatic).
 const NEAR_Q: f64 = 0.05;
 /// Maximum number of halvings of a step.
 const HALVINGS: usize = 6;
@@ -32,7 +32,7 @@ pub(crate) struct Knot {
 }
 
 impl Knot {
-    /// Returns where the joints are at a point nearby, as far as their rates tell.
+    /// Returns the joints at a point nearby, extrapolated by their rates.
     pub(crate) fn ahead(&self, at: PathPoint) -> Vec<f64> {
         let step = at.number() - self.at.number();
         let rates = self.rates.velocity.iter().zip(&self.rates.acceleration);
@@ -75,8 +75,8 @@ impl Tracer<'_, '_> {
         })
     }
 
-    /// Follows a path over its targets from the arm's posture at the first one; fails with how many of them
-    /// it could follow.
+    /// Follows a path over its targets from the arm's posture at the first one; fails with the number of
+    /// them that it could follow.
     pub(crate) fn trace(
         &self,
         from: &Knot,
@@ -137,7 +137,7 @@ impl Arm {
     }
 
     /// Turns the joints that can make a turn or more so that they stay as far inside their limits as can
-    /// be, and returns how far the nearest one is from a limit, in radians (meters if prismatic).
+    /// be, and returns the least distance of one from a limit, in radians (meters if prismatic).
     pub(crate) fn unwind(&self, knots: &mut [Knot]) -> Result<f64, ArmFault> {
         let mut least = f64::INFINITY;
         for (idx, joint) in self.joints().iter().enumerate() {

@@ -84,7 +84,7 @@ fn palm_of(planned: &PlannedMotion) -> &[PalmPoint] {
     }
 }
 
-/// Where a goal has the hand in the object's frame at a time.
+/// Returns the hand, in the object's frame, that a plan commands at a time.
 fn followed(planned: &PlannedMotion, table_from_object: &Pose<Table, Object>, time_s: f64) -> Hand {
     let table_from_palm = PalmPoint::between(palm_of(planned), time_s).unwrap();
     let q = planned.fingers.at(time_s).unwrap().q_rad;
@@ -130,7 +130,7 @@ const LOOKS: u32 = 20;
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(cases()))]
 
-    /// What the controllers see, period by period, keeps every limit, from rest to rest.
+    /// The commands, period by period, keep every limit, from rest to rest.
     #[test]
     fn every_limit_holds_at_the_rate(
         motion in motions(&JOINTS),
@@ -299,7 +299,7 @@ proptest! {
     }
 }
 
-/// How many random motions are tried: more where `PIPELINE_CASES` says so.
+/// Returns the number of random motions to try, 96 unless `PIPELINE_CASES` sets another.
 fn cases() -> u32 {
     let cases = std::env::var("PIPELINE_CASES").ok();
     cases.and_then(|n| n.parse().ok()).unwrap_or(96)
@@ -485,7 +485,7 @@ fn invalid_limits_are_named() {
 
 /// Motions of the Allegro hand from a table of candidates, e.g.
 /// `PIPELINE_CANDIDATES=data/lake/tables/candidates/pipeline=cgf/stage=sample/object=025_mug`: the goal of
-/// each is where the screen's straight lines between its steps are.
+/// each stays on the screen's straight lines between its steps.
 #[test]
 fn candidates_of_a_lake_stay_where_they_were_screened() {
     let Some(folder) = measured_data::named_by("PIPELINE_CANDIDATES") else {

@@ -22,7 +22,7 @@ const CONTACT_COLOR: ColorRgba = color(0.84, 0.37, 0.0);
 pub struct ContactForce<'a> {
     /// The link's name.
     pub link: &'a str,
-    /// Where it is, table frame, in meters.
+    /// Position, table frame, in meters.
     pub point_in_table_m: Point3<f64>,
     /// Force on the object, table frame, in newtons.
     pub force_in_table_n: Vector3<f64>,

@@ -55,7 +55,7 @@ pub(super) fn motions(gathered: &Gathered) -> String {
     text
 }
 
-/// What the list is filtered by.
+/// Returns the filters of the list.
 fn filters(all: &[Motion]) -> String {
     let mut text = String::new();
     let select = |id: &str, label: &str, values: Vec<(String, String)>| {

@@ -1,4 +1,4 @@
-//! What each stage made, what that cost, and how long it took.
+//! Outputs, cost and duration of each stage.
 
 use std::collections::BTreeMap;
 
@@ -30,7 +30,7 @@ const FLOW: [&str; 16] = [
     "report",
 ];
 
-/// What was worked through, by kind of stage.
+/// Returns the amount of work, by kind of stage.
 fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
     let mut work: BTreeMap<&'static str, String> = BTreeMap::new();
     if let Some(n) = gathered.demonstrations_n {

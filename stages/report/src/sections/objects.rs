@@ -19,7 +19,7 @@ use crate::{
 /// More objects than this are drawn as a histogram.
 const DRAWN: usize = 60;
 
-/// What is known of one object.
+/// Counts of one object.
 #[derive(Debug, Clone, Copy, Default)]
 #[expect(clippy::struct_field_names, reason = "they are counts")]
 struct Row {

@@ -1,4 +1,4 @@
-//! How it was made, and how to make it again.
+//! Provenance of the run, and the command that repeats it.
 
 use crate::{
     Gathered,

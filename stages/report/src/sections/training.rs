@@ -1,4 +1,4 @@
-//! How the training went.
+//! Learning curves of the training.
 
 use charts::{Captions, Scale, Series, lines};
 use schemas::training::{EpochLosses, Split};

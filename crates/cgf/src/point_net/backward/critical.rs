@@ -25,7 +25,7 @@ pub(super) struct Top {
 struct Critical {
     /// Their numbers, in order.
     points: Vec<u32>,
-    /// Which of them each output has.
+    /// Index into `points` of the maximum of each output.
     slots: Vec<usize>,
     /// Gradient by the last layer's input at each of them, without the dense part.
     by: Vec<f32>,
@@ -38,7 +38,8 @@ struct Dense {
     offset: Vec<f32>,
 }
 
-/// What the outputs of the last layer have in common.
+/// Values per output of the last layer that all clouds share: gradients by gain and shift, inverse
+/// standard deviation, scale.
 struct Outputs {
     by_gain: Vec<f64>,
     by_shift: Vec<f64>,
@@ -47,8 +48,8 @@ struct Outputs {
 }
 
 impl Top {
-    /// Returns the last layer's gradient and what remains to be taken further down; `moments` are of
-    /// its input, where statistics were measured.
+    /// Returns the gradient by the last layer's input, and that by the layer's own numbers; `moments`
+    /// are of its input, where statistics were measured.
     pub(super) fn new(
         ladder: &Ladder,
         clouds: &[Cloud],

@@ -31,7 +31,7 @@ pub(super) struct Running {
     patches: usize,
 }
 
-/// Which patch of which cloud, at the output of which layer.
+/// Location of a gradient: a patch of a cloud, at the output of a layer.
 pub(super) struct Place<'a> {
     cloud: &'a Cloud,
     patch: usize,
@@ -77,7 +77,7 @@ impl Running {
         }
     }
 
-    /// Takes in a patch: sets `g` to zero where the output `x` was cut off and beyond the cloud's
+    /// Adds a patch: sets `g` to zero where the output `x` was cut off and beyond the cloud's
     /// points, and sums it.
     pub(super) fn absorb(&mut self, at: &Place, x: &[Row], g: &mut [Row]) {
         Arch::new().dispatch(Absorb {

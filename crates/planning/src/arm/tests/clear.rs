@@ -1,5 +1,5 @@
-//! Whether shapes keep apart, by points on their surfaces and distances in closed form: nothing of what
-//! the planner computes with.
+//! Check that shapes keep apart, by points on their surfaces and distances in closed form, independent
+//! of the planner's computations.
 
 use nalgebra::{Point3, Vector3};
 use robot::{Link, RobotModel, Shape};
@@ -8,7 +8,7 @@ use spatial::{Base, Pose, Table};
 /// The robot's shapes with points on them.
 pub(super) struct Clear {
     bodies: Vec<Body>,
-    /// Which must keep apart.
+    /// Pairs of bodies that must keep apart, and their minimum distances in meters.
     pairs: Vec<([usize; 2], f64)>,
     least_m: f64,
 }
@@ -53,7 +53,7 @@ impl Clear {
         let mut pairs = Vec::new();
         for (i, a) in bodies.iter().enumerate() {
             for (j, b) in bodies.iter().enumerate() {
-                // What the arm's links are on a chain makes depth their distance in joints.
+                // The arm's links form a chain: a difference of depths is a distance in joints.
                 let between = depth(a.link).abs_diff(depth(b.link));
                 if i != j && (a.is_arm || b.is_arm) && between > 1 {
                     // With one link between them they only must not meet.
@@ -98,7 +98,7 @@ impl Clear {
     }
 }
 
-/// How far a point is outside a shape.
+/// Returns the distance of a point from a shape, 0 inside.
 fn outside(shape: &Shape, at: &Vector3<f64>) -> f64 {
     match *shape {
         Shape::Sphere { radius_m } => (at.norm() - radius_m).max(0.0),

@@ -21,10 +21,10 @@ pub(super) struct JointPath {
     fingers: f64,
 }
 
-/// What the joints that made a motion do.
+/// Properties of the joint motion that a palm motion was made from.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Given {
-    /// They stay well inside their limits and away from singularities, also on the lift.
+    /// The joints stay well inside their limits and away from singularities, also on the lift.
     pub(super) is_free: bool,
     /// At the grasp they meet nothing.
     pub(super) can_grasp: bool,
@@ -72,8 +72,8 @@ impl JointPath {
             .collect()
     }
 
-    /// Returns the motion of the palm for an object that stands where the arm's options say, and how
-    /// the joints fare that made it.
+    /// Returns the motion of the palm for an object at the place that the arm's options give, and the
+    /// properties of the joint motion that it was made from.
     pub(super) fn motion(&self, arm: &Arm) -> (Drawn, Given) {
         let table_from_object = Isometry3::from_parts(
             Translation3::new(0.1, -0.2, 0.05),
@@ -114,7 +114,7 @@ impl JointPath {
         (drawn, self.fares(arm, &fingers))
     }
 
-    /// Looks at the joints themselves, at a hundred times and on the lift.
+    /// Returns the properties of the joint motion, from a hundred times and the lift.
     fn fares(&self, arm: &Arm, fingers: &[f64]) -> Given {
         /// More than requested, as places in between may be worse.
         const SLACK_M: f64 = 0.02;
@@ -173,7 +173,7 @@ impl super::Clearance {
     }
 }
 
-/// A motion through poses in the frame of the table whose origin is where the object stands, at rest at
+/// A motion through poses in the frame of the table with its origin at the object's place, at rest at
 /// each; the object lies at (0, 0, 0.04).
 fn through(poses: &[Isometry3<f64>]) -> Drawn {
     let table_from_object = Isometry3::translation(0.0, 0.0, 0.04);
@@ -215,7 +215,7 @@ pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> Drawn 
     drawn
 }
 
-/// The palm on a line, given from where the object stands, with the fingers level and away from the base.
+/// The palm on a line, relative to the object's place, with the fingers level and away from the base.
 pub(super) fn level(from: [f64; 3], to: [f64; 3]) -> Drawn {
     let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5 * PI);
     through(&line(from, to, ahead))

@@ -21,13 +21,13 @@ struct Tally {
     reasons: BTreeMap<String, u32>,
     /// Greatest speed of a joint at the motion's own pace, over its limit.
     speeds: Vec<f64>,
-    /// How long planning took, in milliseconds.
+    /// Planning times, in milliseconds.
     times_ms: Vec<f64>,
-    /// And how long one place of a path takes, in seconds, of all together.
+    /// Total time of the lookups of places on paths, in seconds, and their number.
     places: (f64, f64),
 }
 
-/// Says how many of them the arm can follow, what keeps it from the others, and what that takes.
+/// Prints the number of motions that the arm can follow, the faults of the others, and the times.
 #[test]
 fn accepted_motions_are_followed_or_refused_with_a_reason() {
     let Some(lake) = measured_data::named_by("PIPELINE_LAKE") else {
