@@ -30,15 +30,15 @@ struct Places {
 
 /// What was seen of jobs, by their array and index.
 #[derive(Default)]
-struct Seen {
+struct JobObservations {
     /// Looks at which a job was over and had left nothing.
     missed: HashMap<(String, usize), usize>,
     /// The workers of jobs that are said to run.
-    workers: HashMap<(String, usize), Heard>,
+    workers: HashMap<(String, usize), WorkerHeartbeat>,
 }
 
 /// When the worker of a job was last heard.
-struct Heard {
+struct WorkerHeartbeat {
     /// Its last heartbeat, if it has begun.
     heartbeat: Option<Vec<u8>>,
     at: Instant,
@@ -56,7 +56,7 @@ impl Batch<'_> {
         events: &Events,
         ended: &Ended,
     ) -> Result<bool, Failure> {
-        let mut seen = Seen::default();
+        let mut seen = JobObservations::default();
         let mut shown = None;
         let mut is_told = false;
         let mut is_stuck = false;
@@ -101,7 +101,7 @@ impl Batch<'_> {
         arrays: &[Array],
         queue: &Queue,
         open: &mut HashMap<Digest, usize>,
-        seen: &mut Seen,
+        seen: &mut JobObservations,
         ended: &Ended,
     ) -> Result<Places, Failure> {
         let mut places = Places::default();
@@ -157,10 +157,14 @@ impl Batch<'_> {
     }
 
     /// Says for how long nothing was heard of the worker of a job that is said to run, if that is too long.
-    fn silence(&self, job: &(String, usize), seen: &mut Seen) -> Result<Option<String>, Failure> {
+    fn silence(
+        &self,
+        job: &(String, usize),
+        seen: &mut JobObservations,
+    ) -> Result<Option<String>, Failure> {
         let (begin_s, timeout_s) = (self.table.begin_s, self.table.heartbeat_timeout_s);
         let now = Instant::now();
-        let heard = seen.workers.entry(job.clone()).or_insert(Heard {
+        let heard = seen.workers.entry(job.clone()).or_insert(WorkerHeartbeat {
             heartbeat: None,
             at: now,
             looked: now,

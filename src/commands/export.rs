@@ -10,7 +10,7 @@ use std::path::PathBuf;
 
 use formats::{Export, FormatError, GraspTimes};
 
-use self::{folder::Folder, gather::Gathered, motion::motion};
+use self::{folder::Folder, gather::GatheredMotions, motion::motion};
 use crate::{
     arguments::{DexgraspbenchArgs, ExportArgs, ExportFormat, GlbArgs, LerobotArgs, MotionsArgs},
     command_line::Program,
@@ -43,14 +43,14 @@ fn glb(program: &Program, args: &GlbArgs) -> Result<CommandOutcome, CommandError
 
 fn lerobot(program: &Program, args: &LerobotArgs) -> Result<CommandOutcome, CommandError> {
     let folder = Folder::new(&args.motions.out)?;
-    let gathered = Gathered::executed(program, &args.motions)?;
+    let gathered = GatheredMotions::executed(program, &args.motions)?;
     let export = formats::to_lerobot(&gathered.episodes, args.fps, &gathered.hand);
     finish(program, &args.motions, folder, &gathered, export)
 }
 
 fn csv(program: &Program, args: &MotionsArgs) -> Result<CommandOutcome, CommandError> {
     let folder = Folder::new(&args.out)?;
-    let gathered = Gathered::executed(program, args)?;
+    let gathered = GatheredMotions::executed(program, args)?;
     let export = formats::to_csv(&gathered.episodes);
     finish(program, args, folder, &gathered, export)
 }
@@ -60,7 +60,7 @@ fn dexgraspbench(
     args: &DexgraspbenchArgs,
 ) -> Result<CommandOutcome, CommandError> {
     let folder = Folder::new(&args.motions.out)?;
-    let gathered = Gathered::planned(program, &args.motions)?;
+    let gathered = GatheredMotions::planned(program, &args.motions)?;
     let objects = gathered.objects(program)?;
     let times = GraspTimes {
         pregrasp: args.pregrasp_at,
@@ -78,7 +78,7 @@ fn finish(
     program: &Program,
     args: &MotionsArgs,
     folder: Folder,
-    gathered: &Gathered,
+    gathered: &GatheredMotions,
     export: Result<Export, FormatError>,
 ) -> Result<CommandOutcome, CommandError> {
     let export = export.map_err(CommandError::with_hint(FormatError::hint))?;

@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use dataflow::{Artifact, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
 use lake::{Lake, Run};
-use stage_report::{Facts, Gathered, INPUTS, Report, ReportConfig, ReportError, render};
+use stage_report::{Facts, INPUTS, PageData, Report, ReportConfig, ReportError, render};
 
 use crate::{
     arguments::ReportArgs,
@@ -74,7 +74,7 @@ fn gathered(
     run: &Run,
     config: &ReportConfig,
     hand: Option<&Hand>,
-) -> Result<Gathered, CommandError> {
+) -> Result<PageData, CommandError> {
     let wired = wired(run);
     let mut facts = RunFacts::recorded(&run.record);
     let mut left_out: BTreeMap<String, Vec<SkippedItem>> = BTreeMap::new();
@@ -123,7 +123,7 @@ fn gathered(
     let facts = Facts::recorded(facts, &left_out);
     let inputs = Inputs::new(artifacts, Vec::new());
     let hand = hand.map(|(urdf, model)| (urdf.as_str(), model));
-    let mut gathered = Gathered::read(config, facts, &inputs, hand).map_err(failed)?;
+    let mut gathered = PageData::read(config, facts, &inputs, hand).map_err(failed)?;
     gathered.seconds = seconds;
     // They are relative to a page in the lake.
     for motion in &mut gathered.motions {

@@ -25,7 +25,7 @@ use std::{
 
 use dataflow::{Advise, Code, Kind};
 use lake::LakeError;
-use stage_program::{Artifacts, Known, Program};
+use stage_program::{Artifacts, KnownArtifact, Program};
 
 use self::{
     act::Act, gather::Gather, group::Group, logged::Logged, map::Map, split::Split, steps::Steps,
@@ -86,7 +86,12 @@ const fn code(version: u8) -> Code {
 pub(crate) enum Own {}
 
 impl Artifacts for Own {
-    const KNOWN: &'static [Known] = &[Known::of_files("parts", "parts/1", "part", &[bytes::DATA])];
+    const KNOWN: &'static [KnownArtifact] = &[KnownArtifact::of_files(
+        "parts",
+        "parts/1",
+        "part",
+        &[bytes::DATA],
+    )];
 }
 
 /// Returns the kinds, each in the version that `version` says: 1 or 2.

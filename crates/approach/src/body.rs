@@ -25,7 +25,7 @@ pub struct HandBody {
 
 /// A hand that is placed: where its palm and its links are.
 #[derive(Debug, Clone)]
-pub struct Placed {
+pub struct PlacedHand {
     object_from_palm: Pose<Object, Palm>,
     palm_from_links: Vec<Pose<Palm, Link>>,
 }
@@ -69,7 +69,7 @@ impl Clearance {
     }
 }
 
-impl Placed {
+impl PlacedHand {
     /// Returns the pose of a link in the object's frame; the palm's for a link that does not exist.
     pub fn object_from_link(&self, link: usize) -> Pose<Object, Link> {
         match self.palm_from_links.get(link) {
@@ -151,8 +151,8 @@ impl HandBody {
     /// # Errors
     ///
     /// Fails if there is not one position per joint.
-    pub fn placed(&self, hand: &HandState<Object>) -> Result<Placed, ApproachError> {
-        Ok(Placed {
+    pub fn placed(&self, hand: &HandState<Object>) -> Result<PlacedHand, ApproachError> {
+        Ok(PlacedHand {
             object_from_palm: hand.frame_from_palm,
             palm_from_links: self.model.forward_kinematics(&hand.q_rad)?,
         })
@@ -175,7 +175,7 @@ impl HandBody {
     pub(crate) fn clearance_of_joint(
         &self,
         environment: &Environment,
-        placed: &Placed,
+        placed: &PlacedHand,
         joint: usize,
     ) -> Clearance {
         self.clearance_of(environment, placed, |link| self.moves[joint][link])
@@ -183,7 +183,12 @@ impl HandBody {
 
     /// Says whether a hand is nowhere deeper than this in object and table, in meters; it stops at the first link
     /// that is.
-    pub fn is_clear(&self, environment: &Environment, placed: &Placed, tolerance_m: f64) -> bool {
+    pub fn is_clear(
+        &self,
+        environment: &Environment,
+        placed: &PlacedHand,
+        tolerance_m: f64,
+    ) -> bool {
         self.clusters.iter().all(|cluster| {
             let object_from_link = placed.object_from_link(cluster.link);
             let center = object_from_link * cluster.around.center_in_link;
@@ -203,7 +208,7 @@ impl HandBody {
     fn clearance_of(
         &self,
         environment: &Environment,
-        placed: &Placed,
+        placed: &PlacedHand,
         counts: impl Fn(usize) -> bool,
     ) -> Clearance {
         let mut least = Clearance::FAR;

@@ -7,7 +7,9 @@ use posture::Environment;
 use schemas::candidates::{Candidate, DrawSource, Origin};
 use spatial::Object;
 
-use crate::{ApproachConfig, ApproachError, HandBody, Start, Way, pregrasp, way::is_clear};
+use crate::{
+    ApproachConfig, ApproachError, ApproachPath, HandBody, Start, approach_path::is_clear, pregrasp,
+};
 
 /// A grasp of an object.
 #[derive(Debug, Clone, PartialEq)]
@@ -75,7 +77,7 @@ impl<'a> Reach<'a> {
                 break;
             }
         }
-        let way = Way::new(self.config);
+        let way = ApproachPath::new(self.config);
         Ok(Candidate {
             candidate_id: format!("{}-{number:05}", self.object),
             generator: self.generator.to_owned(),

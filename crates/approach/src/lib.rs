@@ -2,13 +2,14 @@
 //!
 //! A generator finds the last step alone. The way there is a script: from a [`Start`], the first step of a retargeted
 //! demonstration carried to where the object lies, straight to a pregrasp, which is the grasp with its palm backed
-//! off along its [`HandAxes`] and its fingers opened, and straight to the grasp ([`Way`]). Rates are exact.
+//! off along its [`HandAxes`] and its fingers opened, and straight to the grasp ([`ApproachPath`]). Rates are exact.
 //!
 //! [`HandBody`] says how near a hand is to an object and a table, link by link; [`HandBody::closed`] closes the
 //! fingers on the object, joint by joint. Nothing is simulated, and fingers do not stop at each other.
 //!
 //! Everything is in meters, radians and seconds; hands are in the object's frame.
 
+mod approach_path;
 mod axes;
 mod body;
 mod candidate;
@@ -17,25 +18,24 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
-mod lies;
 mod palms;
 mod pregrasp;
+mod rest_distribution;
 mod start;
 mod units;
 mod virtual_contacts;
-mod way;
 mod wrenches;
 
+pub use approach_path::ApproachPath;
 pub use axes::HandAxes;
-pub use body::{Clearance, HandBody, Placed, Touch};
+pub use body::{Clearance, HandBody, PlacedHand, Touch};
 pub use candidate::{Grasp, Reach};
 pub use config::{ApproachConfig, RestChoice};
 pub use error::ApproachError;
-pub use lies::Lies;
 pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;
+pub use rest_distribution::RestDistribution;
 pub use start::{Start, grasping_hands, grasps};
 pub use units::units;
 pub use virtual_contacts::virtual_contacts;
-pub use way::Way;
 pub use wrenches::Measure;

@@ -86,7 +86,7 @@ pub struct CellServer {
     shared: Arc<Shared>,
     endpoint: String,
     session: Session,
-    served: Option<Served>,
+    served: Option<CellServices>,
     worker: Option<JoinHandle<()>>,
     /// Publishes the state, in real time.
     streamer: Option<JoinHandle<()>>,
@@ -99,7 +99,7 @@ pub type OutcomeListener = Box<dyn Fn(&Report) + Send + Sync>;
 pub type TickListener = Box<dyn Fn(Tick) + Send + Sync>;
 
 /// What keeps the cell reachable.
-struct Served {
+struct CellServices {
     _alive: LivelinessToken,
     _queryables: Vec<Queryable<()>>,
     _heartbeat: Subscriber<()>,
@@ -271,7 +271,7 @@ fn serve(
     session: &Session,
     shared: &Arc<Shared>,
     jobs: &mpsc::Sender<Job>,
-) -> Result<Served, zenoh::Error> {
+) -> Result<CellServices, zenoh::Error> {
     let keys = &shared.keys;
     let answer = |key: String, answer: fn(&Shared, Query)| {
         let shared = Arc::clone(shared);
@@ -301,7 +301,7 @@ fn serve(
             })
             .wait()?
     };
-    Ok(Served {
+    Ok(CellServices {
         _queryables: vec![
             answer(keys.capabilities(), |shared, query| {
                 shared.reply(&query, &wire::line(&shared.capabilities()));

@@ -110,7 +110,7 @@ enum Event {
 
 /// What samples are that were published before those received.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Earlier {
+enum MissingSamples {
     /// Lost while watching.
     Missed,
     /// Published before the watcher started.
@@ -218,12 +218,12 @@ impl Watcher {
     fn state(&mut self, state: State) {
         let position = self.stream.as_ref();
         let (next, earlier) = match position {
-            Some(position) if position.of == state.epoch => (position.next, Earlier::Missed),
+            Some(position) if position.of == state.epoch => (position.next, MissingSamples::Missed),
             Some(_) => {
                 self.counts.restarts_n += 1;
-                (0, Earlier::Missed)
+                (0, MissingSamples::Missed)
             }
-            None => (0, Earlier::Unwatched),
+            None => (0, MissingSamples::Unwatched),
         };
         if state.seq < next {
             return;
@@ -245,17 +245,23 @@ impl Watcher {
         let Some(StreamPosition { of, next }) = self.stream.take() else {
             return;
         };
-        let next = self.recover(&of, next, None, Earlier::Missed);
+        let next = self.recover(&of, next, None, MissingSamples::Missed);
         self.stream = Some(StreamPosition { of, next });
     }
 
     /// Queries the samples from `from` to before `until`, or once for all there are; returns the number of the
     /// next one.
-    fn recover(&mut self, epoch: &str, mut from: u64, until: Option<u64>, earlier: Earlier) -> u64 {
+    fn recover(
+        &mut self,
+        epoch: &str,
+        mut from: u64,
+        until: Option<u64>,
+        earlier: MissingSamples,
+    ) -> u64 {
         let patience = until.map_or(Duration::ZERO, |_| RECOVERY_TIMEOUT);
         let deadline = Instant::now() + patience;
         let is_wanted = |seq: u64| until.is_none_or(|until| seq < until);
-        let mut any = earlier == Earlier::Missed;
+        let mut any = earlier == MissingSamples::Missed;
         while is_wanted(from) {
             let key = self.keys.history();
             let answer = self.ask(&key, from);

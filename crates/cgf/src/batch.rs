@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// The motions of a training as the network sees them.
-pub(crate) struct Seen {
+pub(crate) struct NetworkMotions {
     /// The objects, each once in each way the network sees it.
     pub(crate) views: Vec<View>,
     /// The motions, in the frame of their object's view.
@@ -42,7 +42,7 @@ pub(crate) struct Batches<'a> {
     pub(crate) network: &'a NetworkConfig,
     pub(crate) training: &'a TrainingConfig,
     pub(crate) seed: u64,
-    pub(crate) seen: Seen,
+    pub(crate) seen: NetworkMotions,
     pub(crate) normalization: Normalization,
     pub(crate) rotations: Rotations,
 }
@@ -72,7 +72,7 @@ pub(crate) struct Batch {
     pub(crate) noise: Vec<f32>,
 }
 
-impl Seen {
+impl NetworkMotions {
     /// Looks at all motions of a set.
     pub(crate) fn of(
         set: &TrainingSet,

@@ -197,7 +197,7 @@ pub struct TrainingConfig {
     /// "torch"
     #[serde(default)]
     pub initialization: Initialization,
-    /// How object and hand are rotated together during training: about the vertical, which takes the
+    /// Rotation of object and hand together during training: about the vertical, which takes the
     /// fingertips' error on unseen objects from 54 to 40 mm; released code: "released"
     #[serde(default)]
     pub augmentation: Augmentation,

@@ -85,11 +85,11 @@ pub enum CgfError {
     /// The decoder was given numbers of another network.
     #[error("`{what}` has {found} numbers, the network takes {expected}")]
     WrongWidth {
-        /// What the numbers are.
+        /// Name of the numbers.
         what: &'static str,
-        /// How many the network takes.
+        /// Width that the network takes.
         expected: usize,
-        /// How many there are.
+        /// Width found.
         found: usize,
     },
     /// The loss is no longer a number.

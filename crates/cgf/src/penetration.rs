@@ -19,7 +19,7 @@ use crate::{
     precision::narrow,
 };
 
-/// What a hand can be in, seen from the frame in which its numbers are.
+/// Object and table that a hand can penetrate, posed relative to the frame of its numbers.
 #[derive(Debug, Clone)]
 pub(crate) struct PenetrationScene {
     /// Distances to the object's surface.
@@ -87,7 +87,7 @@ impl Body {
                     *value = self.row(row, around, gradient);
                 }
             });
-        Ok(rows.apply_op1(Known {
+        Ok(rows.apply_op1(RowFunction {
             values,
             gradients,
             width,
@@ -168,14 +168,14 @@ fn search(
 }
 
 /// A function of rows whose values and gradients are already computed for these rows.
-pub(crate) struct Known {
+pub(crate) struct RowFunction {
     pub(crate) values: Vec<f32>,
     /// One row of so many numbers for each value.
     pub(crate) gradients: Vec<f32>,
     pub(crate) width: usize,
 }
 
-impl CustomOp1 for Known {
+impl CustomOp1 for RowFunction {
     fn name(&self) -> &'static str {
         "known"
     }

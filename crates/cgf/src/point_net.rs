@@ -193,7 +193,7 @@ impl PointNet {
             .par_chunks_exact(3 * clouds.points)
             .map(Cloud::of_neighbors)
             .collect();
-        let mut ladder = Ladder::new(self);
+        let mut ladder = LayerStack::new(self);
         let mut moments = Vec::new();
         match statistics {
             Statistics::Measured => {
@@ -219,7 +219,7 @@ impl PointNet {
                     .for_each(|cloud| cloud.search(&ladder));
             }
         }
-        let Ladder {
+        let LayerStack {
             normalized, affine, ..
         } = ladder;
         let mut features = Vec::with_capacity(states.len() * self.layers[self.last()].outputs);
@@ -245,7 +245,7 @@ impl PointNet {
 }
 
 /// The layers as one pass uses them.
-struct Ladder<'a> {
+struct LayerStack<'a> {
     layers: &'a [Layer],
     /// Each layer's matrix but the first's.
     packed: Vec<Packed>,
@@ -257,7 +257,7 @@ struct Ladder<'a> {
     affine: Vec<Affine>,
 }
 
-impl<'a> Ladder<'a> {
+impl<'a> LayerStack<'a> {
     fn new(net: &'a PointNet) -> Self {
         let layers = &net.layers;
         let pack = |layer: &Layer| {

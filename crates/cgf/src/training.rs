@@ -10,7 +10,7 @@ use crate::{
     Cgf, CgfError,
     adam::{self, Adam},
     augmentation::Rotations,
-    batch::{Batches, Seen},
+    batch::{Batches, NetworkMotions},
     config::{Initialization, NetworkConfig, TrainingConfig},
     curve::Epoch,
     data::{RestingObject, TrainingMotion, turned},
@@ -133,7 +133,7 @@ impl<'a> Trainer<'a> {
                     .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let motions = Seen::of(set, network, training, seed)?;
+        let motions = NetworkMotions::of(set, network, training, seed)?;
         let training_tracks = motions.of_split(Split::Training);
         if training_tracks.len() < 2 {
             return Err(CgfError::TooFewTrajectories {

@@ -13,7 +13,7 @@ pub enum Scale {
 
 /// Where an axis begins and ends.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Ends {
+pub(crate) enum AxisRange {
     /// At the smallest and the largest number.
     Tight,
     /// At round numbers around them, and at zero if that is not far.
@@ -72,7 +72,7 @@ impl Axis {
     /// position.
     pub(crate) fn new(
         scale: Scale,
-        ends: Ends,
+        ends: AxisRange,
         n_ticks: usize,
         values: impl Iterator<Item = f64>,
     ) -> Option<Self> {
@@ -88,7 +88,7 @@ impl Axis {
         Some(match scale {
             Scale::Linear => {
                 // Along a line, whole numbers count something.
-                let count = if are_whole && ends == Ends::Tight {
+                let count = if are_whole && ends == AxisRange::Tight {
                     Count::Whole
                 } else {
                     Count::Any
@@ -99,13 +99,13 @@ impl Axis {
         })
     }
 
-    fn linear((ends, count): (Ends, Count), n_ticks: usize, from: f64, to: f64) -> Self {
+    fn linear((ends, count): (AxisRange, Count), n_ticks: usize, from: f64, to: f64) -> Self {
         let (mut from, mut to) = match ends {
-            Ends::Zero => (from.min(0.0), to.max(0.0)),
+            AxisRange::Zero => (from.min(0.0), to.max(0.0)),
             // Zero is shown where it takes no more than half of the axis.
-            Ends::Round if from > 0.0 && from <= to / 2.0 => (0.0, to),
-            Ends::Round if to < 0.0 && to >= from / 2.0 => (from, 0.0),
-            Ends::Round | Ends::Tight => (from, to),
+            AxisRange::Round if from > 0.0 && from <= to / 2.0 => (0.0, to),
+            AxisRange::Round if to < 0.0 && to >= from / 2.0 => (from, 0.0),
+            AxisRange::Round | AxisRange::Tight => (from, to),
         };
         let size = from.abs().max(to.abs());
         if to - from <= size * RESOLUTION {
@@ -118,7 +118,7 @@ impl Axis {
             (Count::Whole, wanted) if wanted > 2.0 && wanted < 5.0 => 5.0,
             (_, wanted) => round_step(wanted),
         };
-        if ends != Ends::Tight {
+        if ends != AxisRange::Tight {
             from = (from / step + RESOLUTION).floor() * step;
             to = (to / step - RESOLUTION).ceil() * step;
         }
@@ -263,7 +263,7 @@ fn without_zeros(text: &str) -> &str {
 mod tests {
     use super::*;
 
-    fn check(scale: Scale, ends: Ends, values: &[f64], expected: &[&str]) {
+    fn check(scale: Scale, ends: AxisRange, values: &[f64], expected: &[&str]) {
         let axis = Axis::new(scale, ends, 5, values.iter().copied()).unwrap();
         let named = axis.ticks.iter().map(|tick| tick.text.as_str());
         let named: Vec<&str> = named.filter(|text| !text.is_empty()).collect();
@@ -278,7 +278,7 @@ mod tests {
 
     #[test]
     fn names_round_numbers() {
-        use {Ends::*, Scale::*};
+        use {AxisRange::*, Scale::*};
         check(Linear, Tight, &[1.0, 16.0], &["5", "10", "15"]);
         check(Linear, Tight, &[1.0, 3.0], &["1", "2", "3"]);
         check(
@@ -331,7 +331,7 @@ mod tests {
 
     #[test]
     fn survives_one_number_and_extremes() {
-        use {Ends::*, Scale::*};
+        use {AxisRange::*, Scale::*};
         for values in [
             &[0.0][..],
             &[5.0, 5.0],

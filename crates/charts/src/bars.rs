@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    axis::{Axis, Ends, Scale},
+    axis::{Axis, AxisRange, Scale},
     canvas::Stroke,
     captions::Captions,
     figure::{Figure, Mark, Side},
@@ -27,7 +27,7 @@ const BAR: [f64; 2] = [12.0, 16.0];
 /// themselves. `None` if no value is finite.
 pub fn bars(captions: &Captions, names: &[String], series: &[Bars]) -> Option<String> {
     let values = series.iter().flat_map(|bars| bars.values.values().copied());
-    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, values)?;
+    let axis = Axis::new(Scale::Linear, AxisRange::Zero, 6, values)?;
     let [several, alone] = BAR;
     let bar = if series.len() > 1 { several } else { alone };
     let share = (bar * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);

@@ -1,7 +1,7 @@
 //! How often values occur.
 
 use crate::{
-    axis::{Axis, Ends, Scale},
+    axis::{Axis, AxisRange, Scale},
     canvas::Stroke,
     captions::Captions,
     figure::{Figure, Mark, Side},
@@ -24,13 +24,13 @@ pub fn histogram(captions: &Captions, n_bins: usize, samples: &[Sample]) -> Opti
     let all = samples
         .iter()
         .flat_map(|sample| sample.values.iter().copied());
-    let x = Axis::new(Scale::Linear, Ends::Round, 6, all).filter(|_| n_bins > 0)?;
+    let x = Axis::new(Scale::Linear, AxisRange::Round, 6, all).filter(|_| n_bins > 0)?;
     let shares: Vec<Vec<f64>> = samples
         .iter()
         .map(|sample| shares(&x, n_bins, &sample.values))
         .collect();
     let highest = shares.iter().flatten().copied();
-    let y = Axis::new(Scale::Linear, Ends::Zero, 5, highest)?;
+    let y = Axis::new(Scale::Linear, AxisRange::Zero, 5, highest)?;
     let names: Vec<&str> = samples.iter().map(|sample| sample.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));
     let mut figure = Figure::new(captions, DATA_HEIGHT, around, (&names, Mark::Area));

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    axis::{Axis, Ends, Scale},
+    axis::{Axis, AxisRange, Scale},
     canvas::Stroke,
     captions::Captions,
     figure::{Figure, Mark, Side},
@@ -43,7 +43,7 @@ pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) ->
     let estimates = series.iter().flat_map(|all| all.values.values());
     let numbers = estimates.filter(|estimate| estimate.is_finite());
     let numbers = numbers.flat_map(|estimate| [estimate.low, estimate.value, estimate.high]);
-    let axis = Axis::new(Scale::Linear, Ends::Zero, 6, numbers)?;
+    let axis = Axis::new(Scale::Linear, AxisRange::Zero, 6, numbers)?;
     let share = (EACH * series.len() as f64 + GAP).max(TEXT_SIZE * 1.4);
     let legend: Vec<&str> = series.iter().map(|all| all.name.as_str()).collect();
     let around = (&axis, &Side::Names(names));

@@ -1,7 +1,7 @@
 //! Lines through points.
 
 use crate::{
-    axis::{Axis, Ends, Scale},
+    axis::{Axis, AxisRange, Scale},
     canvas::Stroke,
     captions::{Captions, Series},
     figure::{Figure, Mark, Side},
@@ -19,8 +19,8 @@ pub fn lines(captions: &Captions, scale: Scale, series: &[Series]) -> Option<Str
     let points = || series.iter().flat_map(|series| &series.points);
     let has_place = |[x, y]: &[f64; 2]| x.is_finite() && y.is_finite();
     let drawn = || points().filter(|point| has_place(point));
-    let x = Axis::new(Scale::Linear, Ends::Tight, 6, drawn().map(|[x, _]| *x));
-    let y = Axis::new(scale, Ends::Round, 5, drawn().map(|[_, y]| *y));
+    let x = Axis::new(Scale::Linear, AxisRange::Tight, 6, drawn().map(|[x, _]| *x));
+    let y = Axis::new(scale, AxisRange::Round, 5, drawn().map(|[_, y]| *y));
     let (x, y) = x.zip(y)?;
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));

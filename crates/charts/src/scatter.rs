@@ -1,7 +1,7 @@
 //! Scattered points.
 
 use crate::{
-    axis::{Axis, Ends, Scale},
+    axis::{Axis, AxisRange, Scale},
     captions::{Captions, Series},
     figure::{Figure, Mark, Side},
     style::{DATA_HEIGHT, color},
@@ -18,8 +18,18 @@ pub fn scatter(captions: &Captions, series: &[Series]) -> Option<String> {
         .filter(|[x, y]| x.is_finite() && y.is_finite())
         .copied()
         .collect();
-    let x = Axis::new(Scale::Linear, Ends::Round, 6, drawn.iter().map(|[x, _]| *x));
-    let y = Axis::new(Scale::Linear, Ends::Round, 5, drawn.iter().map(|[_, y]| *y));
+    let x = Axis::new(
+        Scale::Linear,
+        AxisRange::Round,
+        6,
+        drawn.iter().map(|[x, _]| *x),
+    );
+    let y = Axis::new(
+        Scale::Linear,
+        AxisRange::Round,
+        5,
+        drawn.iter().map(|[_, y]| *y),
+    );
     let (x, y) = x.zip(y)?;
     let names: Vec<&str> = series.iter().map(|series| series.name.as_str()).collect();
     let around = (&x, &Side::Axis(&y));

@@ -16,7 +16,7 @@ use crate::{
     order::Forced,
     output::Execution,
     record::RecordOutcome,
-    state::{Known, State},
+    state::{PartitionState, State},
     store::Store,
     unit::ListedUnit,
 };
@@ -67,7 +67,7 @@ pub(crate) struct Attempts<'a> {
 
 /// How the units of a wave ended.
 #[derive(Default)]
-struct Ends {
+struct WaveOutcomes {
     /// Those that are made or have failed.
     settled: Vec<Result<UnitReport, Failure>>,
     /// Positions of those that were lost, with the reasons.
@@ -145,7 +145,7 @@ impl<'a> Attempts<'a> {
     }
 
     /// Has one wave made.
-    fn carry_out(&self, wave: &Wave) -> Ends {
+    fn carry_out(&self, wave: &Wave) -> WaveOutcomes {
         let one_by_one = Threads {
             maker: &self.maker,
             n_workers: 1,
@@ -160,7 +160,7 @@ impl<'a> Attempts<'a> {
             (Execution::Parallel, Some(executor)) if executor.takes(wave) => executor,
             (Execution::Parallel, _) => &threads,
         };
-        let ends = Mutex::new(Ends::default());
+        let ends = Mutex::new(WaveOutcomes::default());
         let carried_out = executor.carry_out(wave, self.events, &|idx, end| {
             let end = self.settle(wave, idx, end);
             let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
@@ -226,7 +226,7 @@ impl<'a> Attempts<'a> {
     /// Makes a damaged artifact again from its inputs; equal fingerprints give equal bytes.
     fn repair(&self, state: &State, name: &UnitName) -> Result<(), Failure> {
         let lost = || Failure::Damaged { unit: name.clone() };
-        let Some(Known::Made(outcome)) = state.known(&name.node, &name.partition) else {
+        let Some(PartitionState::Made(outcome)) = state.known(&name.node, &name.partition) else {
             return Err(lost());
         };
         let files = outcome.files().ok_or_else(lost)?;

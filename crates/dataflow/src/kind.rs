@@ -99,12 +99,12 @@ struct ConfiguredStage<S: Stage> {
 
 /// What all stages of a kind have in common.
 struct Parts<S: Stage> {
-    outputs: Vec<Listed<S>>,
+    outputs: Vec<KindOutput<S>>,
     generate: Option<Generate<S>>,
 }
 
 /// An output of a kind.
-struct Listed<S: Stage> {
+struct KindOutput<S: Stage> {
     info: OutputInfo,
     output: &'static dyn OutputOf<S>,
     line: ErasedLine,
@@ -274,7 +274,7 @@ impl Kind {
             let Some(line) = lines.take(*output) else {
                 unreachable!("the output `{}` has no line", info.artifact);
             };
-            Listed {
+            KindOutput {
                 info,
                 output: *output,
                 line,

@@ -15,7 +15,7 @@ use crate::{
     name::{ArtifactName, NodeName, PartitionKey, UnitName},
     outcome::Labels,
     record::FileRef,
-    state::{Known, State, digest_source},
+    state::{PartitionState, State, digest_source},
     unit::ListedUnit,
 };
 
@@ -153,7 +153,7 @@ fn ordered_inputs(
         for key in keys {
             let ordered = || {
                 let source = node.reads.get(input)?;
-                let Known::Made(outcome) = state.known(source, key)? else {
+                let PartitionState::Made(outcome) = state.known(source, key)? else {
                     return None;
                 };
                 Some(OrderedInput {

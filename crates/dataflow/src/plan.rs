@@ -24,7 +24,7 @@ use crate::{
     outcome::Labels,
     pipeline::Pipeline,
     record::RecordOutcome,
-    state::{Certainty, Known, LabelsPredicted, Listing, State},
+    state::{Certainty, LabelsPredicted, Listing, PartitionState, State},
     store::Store,
     unit::ListedUnit,
 };
@@ -187,7 +187,10 @@ impl Planner<'_> {
                 Some(labels) => (labels.clone(), LabelsPredicted::Yes),
                 None => (self.last_labels(node, unit)?, LabelsPredicted::No),
             };
-            known.insert(unit.partition.clone(), Known::Open { labels, predicted });
+            known.insert(
+                unit.partition.clone(),
+                PartitionState::Open { labels, predicted },
+            );
         }
         self.state.insert(&node.name, known);
         if may_grow {
@@ -353,7 +356,10 @@ impl Planner<'_> {
     /// The outputs of which a unit reads a partition that is not made yet.
     fn waits_for(&self, node: &Node, unit: &ListedUnit) -> Vec<NodeName> {
         let is_open = |source: &NodeName, key: &PartitionKey| {
-            matches!(self.state.known(source, key), Some(Known::Open { .. }))
+            matches!(
+                self.state.known(source, key),
+                Some(PartitionState::Open { .. })
+            )
         };
         node.reads
             .iter()

@@ -7,14 +7,14 @@ use toml_edit::{InlineTable, Key, Value};
 pub(crate) const SHARED: &str = "shared";
 
 /// One option of a stage that uses a shared value.
-pub(crate) struct Taken {
+pub(crate) struct SharedUse {
     /// The keys that lead to the option.
     pub(crate) path: Vec<Key>,
     /// The name of the shared value, as the stage gives it.
     pub(crate) name: Value,
 }
 
-impl Taken {
+impl SharedUse {
     /// Returns the keys that lead to the option.
     pub(crate) fn words(&self) -> Vec<String> {
         self.path.iter().map(|key| key.get().to_owned()).collect()
@@ -27,7 +27,7 @@ impl Taken {
 }
 
 /// Lists the options below a stage's `shared`.
-pub(crate) fn taken(wires: &InlineTable) -> Vec<Taken> {
+pub(crate) fn taken(wires: &InlineTable) -> Vec<SharedUse> {
     let mut all = Vec::new();
     collect(wires, &[], &mut all);
     all
@@ -42,13 +42,13 @@ pub(crate) fn names(stage: &Value) -> Vec<String> {
     names.map(str::to_owned).collect()
 }
 
-fn collect(wires: &InlineTable, path: &[Key], all: &mut Vec<Taken>) {
+fn collect(wires: &InlineTable, path: &[Key], all: &mut Vec<SharedUse>) {
     for (name, value) in wires {
         let key = wires.key(name).cloned().unwrap_or_else(|| Key::new(name));
         let path = [path, &[key]].concat();
         match value {
             Value::InlineTable(inner) => collect(inner, &path, all),
-            value => all.push(Taken {
+            value => all.push(SharedUse {
                 path,
                 name: value.clone(),
             }),

@@ -29,7 +29,7 @@ use crate::{
 
 /// The state of a partition.
 #[derive(Debug, Clone)]
-pub(crate) enum Known {
+pub(crate) enum PartitionState {
     /// Its bytes.
     Made(Arc<RecordOutcome>),
     /// Not made yet: its bytes are unknown, and it may be skipped or filtered.
@@ -41,7 +41,7 @@ pub(crate) enum Known {
     },
 }
 
-impl Known {
+impl PartitionState {
     /// Returns the state of a partition with this outcome; `None` if it was skipped or filtered.
     pub(crate) fn of(outcome: Arc<RecordOutcome>) -> Option<Self> {
         outcome.is_made().then_some(Self::Made(outcome))
@@ -82,7 +82,7 @@ pub(crate) enum Certainty {
 pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
-    made: BTreeMap<NodeName, BTreeMap<PartitionKey, Known>>,
+    made: BTreeMap<NodeName, BTreeMap<PartitionKey, PartitionState>>,
     /// What nodes skipped or filtered.
     left_out: BTreeMap<NodeName, Vec<SkippedItem>>,
     run: RunFacts,
@@ -128,7 +128,11 @@ impl<'a> State<'a> {
         self.store
     }
 
-    pub(crate) fn insert(&mut self, node: &NodeName, partitions: BTreeMap<PartitionKey, Known>) {
+    pub(crate) fn insert(
+        &mut self,
+        node: &NodeName,
+        partitions: BTreeMap<PartitionKey, PartitionState>,
+    ) {
         self.made.insert(node.clone(), partitions);
     }
 
@@ -138,7 +142,11 @@ impl<'a> State<'a> {
     }
 
     /// Returns the state of a partition that a node reads.
-    pub(crate) fn known(&self, node: &NodeName, partition: &PartitionKey) -> Option<&Known> {
+    pub(crate) fn known(
+        &self,
+        node: &NodeName,
+        partition: &PartitionKey,
+    ) -> Option<&PartitionState> {
         self.made.get(node)?.get(partition)
     }
 
@@ -146,7 +154,7 @@ impl<'a> State<'a> {
     pub(crate) fn is_open(&self, node: &NodeName) -> bool {
         let mut partitions = self.made.get(node).into_iter().flatten();
         self.growing.contains(node)
-            || partitions.any(|(_, known)| matches!(known, Known::Open { .. }))
+            || partitions.any(|(_, known)| matches!(known, PartitionState::Open { .. }))
     }
 
     /// Lists the units of a node, all of whose inputs are made, in the order of their keys.
@@ -198,7 +206,7 @@ impl<'a> State<'a> {
             };
             let known = match outcome {
                 Some(outcome) => self.learn(&node.name, &unit.partition, outcome),
-                None => Some(Known::Open {
+                None => Some(PartitionState::Open {
                     labels: Labels::new(),
                     predicted: LabelsPredicted::No,
                 }),
@@ -216,7 +224,8 @@ impl<'a> State<'a> {
     pub(crate) fn first_open(&self, node: &Node) -> Option<UnitName> {
         node.reads.values().find_map(|source| {
             let mut partitions = self.made.get(source)?.iter();
-            let (key, _) = partitions.find(|(_, known)| matches!(known, Known::Open { .. }))?;
+            let (key, _) =
+                partitions.find(|(_, known)| matches!(known, PartitionState::Open { .. }))?;
             Some(UnitName::new(source, key))
         })
     }
@@ -273,7 +282,7 @@ impl<'a> State<'a> {
         let mut certainty = vec![Certainty::OwnFiles; units.len()];
         for source in node.reads.values() {
             let open = self.made.get(source).into_iter().flatten();
-            let open = open.filter(|(_, known)| matches!(known, Known::Open { .. }));
+            let open = open.filter(|(_, known)| matches!(known, PartitionState::Open { .. }));
             let alone = open.map(|(key, _)| Some(key)).chain([None]);
             for key in alone {
                 if certainty
@@ -326,14 +335,17 @@ impl<'a> State<'a> {
             Presence::Denied(None) => true,
             Presence::Denied(Some((of, but))) => of == source && but != Some(key),
         };
-        let partition = |source: &NodeName, key: &PartitionKey, known: &Known| match known {
-            Known::Made(outcome) => Some(Partition::made(key, outcome)),
-            Known::Open { .. } if is_denied(source, key) => None,
-            Known::Open {
+        let partition = |source: &NodeName, key: &PartitionKey, known: &PartitionState| match known
+        {
+            PartitionState::Made(outcome) => Some(Partition::made(key, outcome)),
+            PartitionState::Open { .. } if is_denied(source, key) => None,
+            PartitionState::Open {
                 labels,
                 predicted: LabelsPredicted::Yes,
             } => Some(Partition::new(key.clone(), labels.clone())),
-            Known::Open { labels, .. } => Some(Partition::uncertain(key, labels.clone(), asked)),
+            PartitionState::Open { labels, .. } => {
+                Some(Partition::uncertain(key, labels.clone(), asked))
+            }
         };
         let inputs = node.reads.iter().map(|(input, source)| {
             let made = self.made.get(source).into_iter().flatten();
@@ -362,7 +374,7 @@ impl<'a> State<'a> {
         node: &NodeName,
         key: &PartitionKey,
         outcome: Arc<RecordOutcome>,
-    ) -> Option<Known> {
+    ) -> Option<PartitionState> {
         if let Some(reason) = outcome.reason() {
             let left_out = self.left_out.entry(node.clone()).or_default();
             let one = SkippedItem {
@@ -374,7 +386,7 @@ impl<'a> State<'a> {
                 left_out.insert(idx, one);
             }
         }
-        Known::of(outcome)
+        PartitionState::of(outcome)
     }
 
     /// Returns the fingerprint of a unit and its digest, or `None` if an input is not made yet.
@@ -391,8 +403,10 @@ impl<'a> State<'a> {
                 let source = node.reads.get(input);
                 let known = source.and_then(|source| self.known(source, key));
                 let digest = match known {
-                    Some(Known::Made(outcome)) => outcome.digest_of(unit.parts.get(input.as_str())),
-                    Some(Known::Open { .. }) => None,
+                    Some(PartitionState::Made(outcome)) => {
+                        outcome.digest_of(unit.parts.get(input.as_str()))
+                    }
+                    Some(PartitionState::Open { .. }) => None,
                     // A listing from labels that may change may be wrong.
                     None if node.reads.values().any(|source| self.is_open(source)) => None,
                     None => {

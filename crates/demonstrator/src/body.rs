@@ -8,11 +8,11 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use spatial::RestingPose;
 
-use crate::objects::{Handling, Thing};
+use crate::objects::{Handling, ObjectKind};
 
 /// An object with what is computed from its mesh once.
 pub(crate) struct Body {
-    pub(crate) thing: &'static Thing,
+    pub(crate) thing: &'static ObjectKind,
     pub(crate) mesh: TriMesh,
     pub(crate) surface: SurfaceDistance,
     /// Center of mass, object frame, in meters.
@@ -52,7 +52,7 @@ fn lies_firmly(mesh: &TriMesh, center: &Point3<f64>, rest: &RestingPose) -> bool
 
 impl Body {
     /// Makes the mesh and what follows from it.
-    pub(crate) fn new(thing: &'static Thing) -> Self {
+    pub(crate) fn new(thing: &'static ObjectKind) -> Self {
         let mesh = (thing.mesh)();
         let center = mass_properties(&mesh, 1.0).center_of_mass_m;
         let stable = stable_rests(&mesh, &center);

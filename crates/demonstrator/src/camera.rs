@@ -24,12 +24,12 @@ const LABELED_AT: [f64; 3] = [1.38, 0.05, 0.72];
 const MIDDLE: [f64; 3] = [0.58, 0.30, 0.05];
 
 /// Where the labeled camera and the table are in the world.
-pub(crate) struct Rig {
+pub(crate) struct CameraRig {
     pub(crate) world_from_table: Pose<World, Table>,
     pub(crate) world_from_camera: Pose<World, Camera>,
 }
 
-impl Rig {
+impl CameraRig {
     /// Returns the one rig of all recordings.
     pub(crate) fn new() -> Self {
         let world_from_table = looking(MASTER_AT).inverse();

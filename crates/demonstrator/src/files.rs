@@ -14,7 +14,7 @@ use crate::{
     DemonstratorError,
     archive::{Archive, zeros},
     body::Body,
-    camera::{CALIBRATION, LABELED, Rig, intrinsics_yaml, rows},
+    camera::{CALIBRATION, CameraRig, LABELED, intrinsics_yaml, rows},
     hand::{Hand, Side, point},
     scene::Scene,
 };
@@ -76,7 +76,7 @@ pub(crate) fn write_shared(
 ) -> Result<(), DemonstratorError> {
     let calibration = root.join("calibration");
     let extrinsics = calibration.join(format!("extrinsics_{CALIBRATION}/extrinsics.yml"));
-    write(&extrinsics, Rig::new().extrinsics_yaml().as_bytes())?;
+    write(&extrinsics, CameraRig::new().extrinsics_yaml().as_bytes())?;
     let intrinsics = calibration.join(format!("intrinsics/{LABELED}_640x480.yml"));
     write(&intrinsics, intrinsics_yaml().as_bytes())?;
     for subject in 0..subjects {
@@ -131,7 +131,7 @@ pub(crate) fn write_recording(
         })?;
         write(&path, &bytes)
     };
-    let rig = Rig::new();
+    let rig = CameraRig::new();
     packed(pose_archive(&rig, scene), "pose.npz")?;
     let mut blank = zeros("seg", &IMAGE);
     for idx in 0..scene.frames.len() {
@@ -192,7 +192,7 @@ fn hand_numbers<Frame>(hand: Option<Pose<Frame, Hand>>) -> Vec<f32> {
 }
 
 /// Returns `pose.npz`: everything in the world's frame.
-fn pose_archive(rig: &Rig, scene: &Scene) -> io::Result<Vec<u8>> {
+fn pose_archive(rig: &CameraRig, scene: &Scene) -> io::Result<Vec<u8>> {
     let (n, objects) = (scene.frames.len(), scene.objects.len());
     let world_from_table = rig.world_from_table;
     let objects_in_world = (0..n)
@@ -218,7 +218,7 @@ fn pose_archive(rig: &Rig, scene: &Scene) -> io::Result<Vec<u8>> {
 }
 
 /// Returns the labels of one image: everything in the labeled camera's frame.
-fn label_archive(rig: &Rig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Result<Vec<u8>> {
+fn label_archive(rig: &CameraRig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Result<Vec<u8>> {
     let camera_from_table = rig.world_from_camera.inverse() * rig.world_from_table;
     let frame = &scene.frames[idx];
     let landmarks: Option<Vec<Point3<f64>>> = frame.hand.as_ref().map(|(pose, q)| {
@@ -243,7 +243,7 @@ fn label_archive(rig: &Rig, scene: &Scene, idx: usize, blank: &[u8]) -> io::Resu
         |points| {
             points
                 .iter()
-                .flat_map(|p| Rig::pixel(p).map(single))
+                .flat_map(|p| CameraRig::pixel(p).map(single))
                 .collect()
         },
     );

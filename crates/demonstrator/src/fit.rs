@@ -13,7 +13,7 @@ use crate::{
 
 /// A hand at an object, in the object's frame.
 #[derive(Debug, Clone)]
-pub(crate) struct Placed {
+pub(crate) struct FittedHand {
     pub(crate) object_from_hand: Pose<Object, Hand>,
     pub(crate) q: Joints,
 }
@@ -59,13 +59,13 @@ impl System {
 
 /// Fits a hand: pads on their targets and against the surface, flesh out of object and table,
 /// joints in their ranges and near the approach's posture.
-pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Approach) -> Placed {
+pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Approach) -> FittedHand {
     // Start open, so that the fingers close from outside.
     let mut open = approach.posture;
     for knuckle in [0, 5, 8, 11, 14] {
         open[knuckle] -= OPEN_RAD;
     }
-    let mut best = Placed {
+    let mut best = FittedHand {
         object_from_hand: approach.object_from_hand,
         q: clamped(&open),
     };
@@ -102,11 +102,11 @@ pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Appro
 }
 
 /// Takes a step: translation and rotation about the wrist in the object's axes, then joints.
-fn moved(placed: &Placed, step: &DVector<f64>) -> Placed {
+fn moved(placed: &FittedHand, step: &DVector<f64>) -> FittedHand {
     let shift = Vector3::new(step[0], step[1], step[2]);
     let turn = UnitQuaternion::from_scaled_axis(Vector3::new(step[3], step[4], step[5]));
     let old = &placed.object_from_hand;
-    Placed {
+    FittedHand {
         object_from_hand: Pose::from_parts(
             old.translation.vector + shift,
             UnitQuaternion::new_normalize((turn * old.rotation).into_inner()),
@@ -120,7 +120,7 @@ fn assemble(
     rest: &RestingPose,
     hand: &Hand,
     approach: &Approach,
-    at: &Placed,
+    at: &FittedHand,
 ) -> System {
     let mut local = hand.points(&at.q);
     local.push(Point3::new(FOREARM_M, 0.0, 0.0));

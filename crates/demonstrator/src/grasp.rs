@@ -7,7 +7,7 @@ use spatial::RestingPose;
 use crate::{
     approach::{self, Approach},
     body::{Body, height_m},
-    fit::{Placed, fit},
+    fit::{FittedHand, fit},
     hand::{FINGERS, Hand, point},
     objects::Handling,
 };
@@ -15,7 +15,7 @@ use crate::{
 /// A hand that holds an object, in the object's frame.
 #[derive(Debug, Clone)]
 pub(crate) struct Grasp {
-    pub(crate) placed: Placed,
+    pub(crate) placed: FittedHand,
     /// From the hand to the object, unit.
     pub(crate) toward: Vector3<f64>,
     /// What is good and bad about it.
@@ -94,7 +94,7 @@ fn judge(
     body: &Body,
     rest: &RestingPose,
     hand: &Hand,
-    placed: &Placed,
+    placed: &FittedHand,
     approach_cost: f64,
 ) -> Quality {
     let points = hand.points_in(&placed.object_from_hand, &placed.q);
@@ -174,7 +174,7 @@ const LARGER_CLEARANCE_M: f64 = 0.006;
 
 /// Returns how high palm and fingertips of a larger hand with the same wrist stay above the table,
 /// open and closed, in meters: recordings are made to be learned from by robot hands.
-fn larger_clearance_m(rest: &RestingPose, hand: &Hand, placed: &Placed) -> f64 {
+fn larger_clearance_m(rest: &RestingPose, hand: &Hand, placed: &FittedHand) -> f64 {
     let mut open = placed.q;
     for joint in [2, 3, 5, 6, 8, 9, 11, 12] {
         open[joint] -= OPENING_RAD;

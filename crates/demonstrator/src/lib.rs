@@ -39,4 +39,4 @@ mod solid;
 
 pub use error::DemonstratorError;
 pub use recipe::Recipe;
-pub use sample::{Made, RECIPE_FILE, ensure_sample};
+pub use sample::{RECIPE_FILE, SampleOutcome, ensure_sample};

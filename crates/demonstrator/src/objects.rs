@@ -21,7 +21,7 @@ pub(crate) enum Handling {
 }
 
 /// One kind of object.
-pub(crate) struct Thing {
+pub(crate) struct ObjectKind {
     /// Number in the dataset's `ycb_ids`, from one.
     pub(crate) id: i32,
     /// The dataset's name.
@@ -33,92 +33,92 @@ pub(crate) struct Thing {
 }
 
 /// Every object, by number.
-pub(crate) const THINGS: [Thing; 15] = [
-    Thing {
+pub(crate) const THINGS: [ObjectKind; 15] = [
+    ObjectKind {
         id: 1,
         name: "002_master_chef_can",
         handling: Handling::Any,
         mesh: || can(51.0, -73.7, 66.4),
     },
-    Thing {
+    ObjectKind {
         id: 2,
         name: "003_cracker_box",
         handling: Handling::Any,
         mesh: || carton(30.0, 79.0, -108.0, 102.0),
     },
-    Thing {
+    ObjectKind {
         id: 3,
         name: "004_sugar_box",
         handling: Handling::Any,
         mesh: || carton(19.5, 44.5, -92.0, 83.0),
     },
-    Thing {
+    ObjectKind {
         id: 4,
         name: "005_tomato_soup_can",
         handling: Handling::Any,
         mesh: || can(33.0, -59.3, 41.7),
     },
-    Thing {
+    ObjectKind {
         id: 5,
         name: "006_mustard_bottle",
         handling: Handling::Any,
         mesh: mustard_bottle,
     },
-    Thing {
+    ObjectKind {
         id: 7,
         name: "008_pudding_box",
         handling: Handling::Any,
         mesh: || carton(44.5, 55.0, -20.0, 15.0),
     },
-    Thing {
+    ObjectKind {
         id: 9,
         name: "010_potted_meat_can",
         handling: Handling::Any,
         mesh: potted_meat_can,
     },
-    Thing {
+    ObjectKind {
         id: 10,
         name: "011_banana",
         handling: Handling::Upright,
         mesh: banana,
     },
-    Thing {
+    ObjectKind {
         id: 12,
         name: "021_bleach_cleanser",
         handling: Handling::Any,
         mesh: bleach_cleanser,
     },
-    Thing {
+    ObjectKind {
         id: 13,
         name: "024_bowl",
         handling: Handling::Rim,
         mesh: bowl,
     },
-    Thing {
+    ObjectKind {
         id: 14,
         name: "025_mug",
         handling: Handling::Upright,
         mesh: mug,
     },
-    Thing {
+    ObjectKind {
         id: 15,
         name: "035_power_drill",
         handling: Handling::Upright,
         mesh: power_drill,
     },
-    Thing {
+    ObjectKind {
         id: 16,
         name: "036_wood_block",
         handling: Handling::Any,
         mesh: || carton(42.5, 42.5, -116.0, 84.0),
     },
-    Thing {
+    ObjectKind {
         id: 21,
         name: "061_foam_brick",
         handling: Handling::Any,
         mesh: || carton(25.0, 37.5, -17.0, 33.0),
     },
-    Thing {
+    ObjectKind {
         id: 22,
         name: "056_tennis_ball",
         handling: Handling::Upright,

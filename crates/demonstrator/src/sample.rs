@@ -31,7 +31,7 @@ const LOCK_FILE: &str = ".lock";
 
 /// What [`ensure_sample`] found or did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Made {
+pub enum SampleOutcome {
     /// The folder has no recipe: its recordings are not ours to make.
     NoRecipe,
     /// The recordings were made by this recipe and code before.
@@ -55,10 +55,10 @@ pub enum Made {
 /// # Errors
 ///
 /// Fails if the recipe makes no sense, an object cannot be grasped, or files cannot be written.
-pub fn ensure_sample(root: &Path) -> Result<Made, DemonstratorError> {
+pub fn ensure_sample(root: &Path) -> Result<SampleOutcome, DemonstratorError> {
     let recipe_path = root.join(RECIPE_FILE);
     if !recipe_path.is_file() {
-        return Ok(Made::NoRecipe);
+        return Ok(SampleOutcome::NoRecipe);
     }
     let text = fs::read_to_string(&recipe_path).map_err(failed("read", &recipe_path))?;
     let recipe = Recipe::from_toml(&text)?;
@@ -72,7 +72,7 @@ pub fn ensure_sample(root: &Path) -> Result<Made, DemonstratorError> {
     let stamp_path = root.join(STAMP_FILE);
     let stamp = fs::read_to_string(&stamp_path).unwrap_or_default();
     if stamp.starts_with(&made_by) {
-        return Ok(Made::Kept);
+        return Ok(SampleOutcome::Kept);
     }
     let making = root.join(MAKING_FOLDER);
     remove(&making)?;
@@ -82,7 +82,7 @@ pub fn ensure_sample(root: &Path) -> Result<Made, DemonstratorError> {
 }
 
 /// Makes all recordings in a folder of their own.
-fn make_all(recipe: &Recipe, making: &Path) -> Result<Made, DemonstratorError> {
+fn make_all(recipe: &Recipe, making: &Path) -> Result<SampleOutcome, DemonstratorError> {
     let bodies: Vec<Body> = THINGS.par_iter().map(Body::new).collect();
     write_shared(making, &bodies, recipe.subjects)?;
     let sequences = bodies.len() * recipe.sequences_per_object;
@@ -94,7 +94,7 @@ fn make_all(recipe: &Recipe, making: &Path) -> Result<Made, DemonstratorError> {
             Ok(scene.frames.len())
         })
         .collect::<Result<Vec<usize>, DemonstratorError>>()?;
-    Ok(Made::Written {
+    Ok(SampleOutcome::Written {
         sequences,
         frames: frames.iter().sum(),
     })

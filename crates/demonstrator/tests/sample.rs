@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use demonstrator::{DemonstratorError, Made, RECIPE_FILE, Recipe, ensure_sample};
+use demonstrator::{DemonstratorError, RECIPE_FILE, Recipe, SampleOutcome, ensure_sample};
 use geometry::TriMesh;
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
 use npyz::npz::NpzArchive;
@@ -117,7 +117,7 @@ fn extrinsic(root: &Path, name: &str) -> Isometry3<f64> {
 fn the_sample_is_consistent_and_of_the_datasets_layout() {
     let folder = folder_with(&small_recipe());
     let root = folder.path();
-    let Made::Written {
+    let SampleOutcome::Written {
         sequences: made,
         frames,
     } = ensure_sample(root).unwrap()
@@ -284,20 +284,26 @@ fn equal_recipes_give_equal_bytes_on_one_and_on_three_threads() {
 fn valid_recordings_are_kept_and_others_are_regenerated() {
     let folder = folder_with(&small_recipe());
     let root = folder.path();
-    assert!(matches!(ensure_sample(root).unwrap(), Made::Written { .. }));
+    assert!(matches!(
+        ensure_sample(root).unwrap(),
+        SampleOutcome::Written { .. }
+    ));
     let whole = contents(root);
 
     // An edit is the user's.
     let edited = sequences(root).remove(0).join("meta.yml");
     fs::write(&edited, "edited").unwrap();
-    assert_eq!(ensure_sample(root).unwrap(), Made::Kept);
+    assert_eq!(ensure_sample(root).unwrap(), SampleOutcome::Kept);
     assert_eq!(fs::read(&edited).unwrap(), b"edited");
 
     // An interrupted making: no stamp, half of the files, and work in progress.
     fs::remove_file(root.join(".made")).unwrap();
     fs::remove_dir_all(root.join("models")).unwrap();
     fs::create_dir_all(root.join(".making/models")).unwrap();
-    assert!(matches!(ensure_sample(root).unwrap(), Made::Written { .. }));
+    assert!(matches!(
+        ensure_sample(root).unwrap(),
+        SampleOutcome::Written { .. }
+    ));
     assert_eq!(contents(root), whole);
 
     // Another recipe with fewer people leaves nothing of the old one, and nothing of the user's goes.
@@ -307,7 +313,10 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
         small_recipe().replace("subjects = 6", "subjects = 2"),
     )
     .unwrap();
-    assert!(matches!(ensure_sample(root).unwrap(), Made::Written { .. }));
+    assert!(matches!(
+        ensure_sample(root).unwrap(),
+        SampleOutcome::Written { .. }
+    ));
     let people = fs::read_dir(root).unwrap().filter(|entry| {
         entry
             .as_ref()
@@ -323,7 +332,10 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
 #[test]
 fn a_folder_without_a_recipe_is_not_touched() {
     let folder = tempfile::tempdir().unwrap();
-    assert_eq!(ensure_sample(folder.path()).unwrap(), Made::NoRecipe);
+    assert_eq!(
+        ensure_sample(folder.path()).unwrap(),
+        SampleOutcome::NoRecipe
+    );
     assert!(contents(folder.path()).is_empty());
 }
 

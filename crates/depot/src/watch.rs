@@ -15,7 +15,7 @@ use std::{
 const AHEAD: usize = 16;
 
 /// What a piece of work says.
-enum Said<T, R> {
+enum WorkMessage<T, R> {
     Part(T),
     End(R),
 }
@@ -37,12 +37,12 @@ pub(crate) fn watched<T: Send + 'static, R: Send + 'static>(
     thread::spawn(move || run(work, &sender, &is_wanted_there));
     loop {
         match heard.recv_timeout(patience) {
-            Ok(Said::Part(part)) => {
+            Ok(WorkMessage::Part(part)) => {
                 if is_wanted.load(Ordering::Relaxed) && !each(part) {
                     is_wanted.store(false, Ordering::Relaxed);
                 }
             }
-            Ok(Said::End(result)) => return Some(result),
+            Ok(WorkMessage::End(result)) => return Some(result),
             // A panic of the work counts as silence.
             Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => return None,
         }
@@ -51,13 +51,13 @@ pub(crate) fn watched<T: Send + 'static, R: Send + 'static>(
 
 fn run<T, R>(
     work: impl FnOnce(&mut Pass<T>) -> R,
-    sender: &SyncSender<Said<T, R>>,
+    sender: &SyncSender<WorkMessage<T, R>>,
     is_wanted: &AtomicBool,
 ) {
     let result = work(&mut |part| {
-        is_wanted.load(Ordering::Relaxed) && sender.send(Said::Part(part)).is_ok()
+        is_wanted.load(Ordering::Relaxed) && sender.send(WorkMessage::Part(part)).is_ok()
     });
-    let _given_up = sender.send(Said::End(result));
+    let _given_up = sender.send(WorkMessage::End(result));
 }
 
 #[cfg(test)]

@@ -4,7 +4,7 @@ use nalgebra::{Isometry3, Vector3};
 
 use crate::{
     Moment,
-    motion::{self, Look},
+    motion::{self, Appearance},
     scene::{Node, Scene, Track, Values, single},
     shapes,
 };
@@ -46,7 +46,7 @@ pub(crate) fn add(scene: &mut Scene, world: usize, moments: &[Moment]) {
         return;
     }
     let ball = shapes::triangles(&robot::Shape::Sphere { radius_m: 1.0 });
-    let mesh = scene.add_mesh("contact", ball, Look::Contact as usize);
+    let mesh = scene.add_mesh("contact", ball, Appearance::Contact as usize);
     let kept: Vec<usize> = shown.iter().map(|(idx, _)| *idx).collect();
     let times = scene.add_times(motion::times(moments, &kept));
     for place in 0..most {

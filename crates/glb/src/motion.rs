@@ -88,7 +88,7 @@ impl Moment {
 /// Materials, by their place in a scene. Colors are those of Okabe and Ito, linear, so that they can be told
 /// apart by color-blind readers.
 #[derive(Debug, Clone, Copy)]
-pub(crate) enum Look {
+pub(crate) enum Appearance {
     Table,
     Object,
     Hand,
@@ -230,7 +230,7 @@ impl MotionScene<'_> {
                 .collect(),
             triangles: self.object.triangles.clone(),
         };
-        let mesh = scene.add_mesh("object", geometry, Look::Object as usize);
+        let mesh = scene.add_mesh("object", geometry, Appearance::Object as usize);
         let first = moments.first().map(|one| *one.table_from_object);
         scene.add_node(Node {
             name: "object".to_owned(),
@@ -255,7 +255,7 @@ impl MotionScene<'_> {
                     &collision.link_from_shape,
                 );
             }
-            let mesh = scene.add_mesh(&link.name, geometry, Look::Hand as usize);
+            let mesh = scene.add_mesh(&link.name, geometry, Appearance::Hand as usize);
             let parent = link.parent.and_then(|parent| nodes.get(parent).copied());
             let is_root = parent.is_none();
             nodes.push(scene.add_node(Node {
@@ -355,7 +355,8 @@ impl MotionScene<'_> {
             // The root is where the robot's own is.
             let of_link = of_link.filter(|_| idx > 0);
             let name = format!("ghost_{}", link.name);
-            let mesh = of_link.and_then(|mesh| scene.add_alike(&name, mesh, Look::Ghost as usize));
+            let mesh =
+                of_link.and_then(|mesh| scene.add_alike(&name, mesh, Appearance::Ghost as usize));
             let parent = link.parent.and_then(|parent| nodes.get(parent).copied());
             nodes.push(scene.add_node(Node {
                 name,
@@ -372,7 +373,7 @@ impl MotionScene<'_> {
 
 fn add_table(scene: &mut Scene, world: usize) {
     let half = Vector3::from(TABLE_HALF_M);
-    let mesh = scene.add_mesh("table", shapes::cuboid(&half), Look::Table as usize);
+    let mesh = scene.add_mesh("table", shapes::cuboid(&half), Appearance::Table as usize);
     let below = Isometry3::translation(0.0, 0.0, -half.z);
     scene.add_node(Node {
         name: "table".to_owned(),

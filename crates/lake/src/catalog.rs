@@ -47,7 +47,7 @@ pub struct TableFiles {
 }
 
 /// A file and its expected digest.
-pub(crate) type Promised = (PathBuf, Digest);
+pub(crate) type ExpectedFile = (PathBuf, Digest);
 
 impl Lake {
     /// Returns the newest partitions of a table: of the pipeline with the newest run among those
@@ -156,7 +156,7 @@ impl Lake {
         &self,
         table: &str,
         run: &Run,
-        promised: &mut Vec<Promised>,
+        promised: &mut Vec<ExpectedFile>,
     ) -> Result<TableFiles, LakeError> {
         let mut found = TableFiles::default();
         for node in run.published().filter(|node| node.artifact == *table) {
@@ -398,7 +398,7 @@ impl<'a> Recorded<'a> {
 }
 
 /// Checks files against their expected digests.
-pub(crate) fn check(promised: &[Promised]) -> Result<(), LakeError> {
+pub(crate) fn check(promised: &[ExpectedFile]) -> Result<(), LakeError> {
     let (wrong, _) = check_digests(promised, &|_, _| {}, Path::to_owned);
     match wrong.into_iter().next() {
         None => Ok(()),

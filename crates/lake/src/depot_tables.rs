@@ -19,7 +19,7 @@ use dataflow::{
 use crate::{
     LakeError, StageTable, TableFiles,
     atomic::io_error,
-    catalog::{Promised, check},
+    catalog::{ExpectedFile, check},
     folder::{Folder, HISTORY},
     history,
     lake::Lake,
@@ -90,7 +90,7 @@ impl DepotRun {
 const NAMED: usize = 6;
 
 /// A table's file, and the path under which queries find it.
-type Wanted = (FileRef, PathBuf);
+type TableLink = (FileRef, PathBuf);
 
 impl Lake {
     /// Lists the runs in the depot.
@@ -277,7 +277,7 @@ impl<'a> DepotTables<'a> {
         &self,
         run: &DepotRun,
         node: &NodeName,
-        wanted: &mut Vec<Wanted>,
+        wanted: &mut Vec<TableLink>,
     ) -> Option<StageTable> {
         let column = run.run.column_of(node)?;
         let folder = Folder::new(self.folder.path());
@@ -299,14 +299,14 @@ impl<'a> DepotTables<'a> {
     }
 
     /// Fetches tables and links them; returns those that the depot has lost.
-    fn fetch<'w>(&self, wanted: &'w [Wanted]) -> Result<Vec<&'w Wanted>, LakeError> {
+    fn fetch<'w>(&self, wanted: &'w [TableLink]) -> Result<Vec<&'w TableLink>, LakeError> {
         // What is fetched is in no run of this lake.
         let _kept = self.lake.locks.block_collection()?;
         let shared = self.lake.depot()?;
         let blobs = &self.lake.blobs;
         shared.fetch_all(blobs, wanted.iter().map(|(file, _)| file))?;
-        let is_here = |wanted: &&Wanted| blobs.path(&wanted.0.digest).exists();
-        let (here, lost): (Vec<&Wanted>, Vec<&Wanted>) = wanted.iter().partition(is_here);
+        let is_here = |wanted: &&TableLink| blobs.path(&wanted.0.digest).exists();
+        let (here, lost): (Vec<&TableLink>, Vec<&TableLink>) = wanted.iter().partition(is_here);
         if !lost.is_empty()
             && let Some(err) = shared.offline()
         {
@@ -316,7 +316,7 @@ impl<'a> DepotTables<'a> {
         let promised = here
             .iter()
             .map(|(file, _)| (blobs.path(&file.digest), file.digest));
-        check(&promised.collect::<Vec<Promised>>())?;
+        check(&promised.collect::<Vec<ExpectedFile>>())?;
         for (file, path) in here {
             published::show(self.lake, &file.digest, path)?;
         }

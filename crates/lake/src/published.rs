@@ -25,7 +25,7 @@ use crate::{
 const LINK_TRIES: u32 = 100;
 
 /// A file to publish.
-struct Wanted<'a> {
+struct FileToPublish<'a> {
     file: &'a FileRef,
     fingerprint: &'a Digest,
     partition: &'a PartitionKey,
@@ -87,7 +87,7 @@ fn wanted<'a>(
     pipeline: &str,
     node: &Node,
     made: &[PublishedUnit<'a>],
-) -> BTreeMap<String, Wanted<'a>> {
+) -> BTreeMap<String, FileToPublish<'a>> {
     let folders = PublishedFolders::of(pipeline, &node.name);
     let mut wanted = BTreeMap::new();
     for unit in made {
@@ -96,7 +96,7 @@ fn wanted<'a>(
             if lake.is_elsewhere(&file.digest) {
                 continue;
             }
-            let file = Wanted {
+            let file = FileToPublish {
                 file,
                 fingerprint: unit.fingerprint,
                 partition: unit.partition,
@@ -109,7 +109,11 @@ fn wanted<'a>(
 }
 
 /// Whether exactly the wanted files are published and unmodified.
-fn is_published(lake: &Lake, before: &PublishedFiles, wanted: &BTreeMap<String, Wanted>) -> bool {
+fn is_published(
+    lake: &Lake,
+    before: &PublishedFiles,
+    wanted: &BTreeMap<String, FileToPublish>,
+) -> bool {
     before.len() == wanted.len()
         && before
             .iter()

@@ -31,7 +31,7 @@ use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Recor
 
 pub(crate) use self::{index::SharedRun, send::key_of};
 use self::{
-    index::{Found, Index},
+    index::{FoundRecord, Index},
     marks::{Item, Outbox, Unfetched},
     remote::Remote,
     send::Sender,
@@ -73,7 +73,7 @@ pub(crate) struct Shared {
     /// Blobs that came damaged.
     damaged: Mutex<BTreeSet<Digest>>,
     /// Records that were found in the depot and are not kept here yet.
-    found: Mutex<Vec<Found>>,
+    found: Mutex<Vec<FoundRecord>>,
     n_found: AtomicUsize,
     n_fetched: AtomicUsize,
 }

@@ -18,13 +18,13 @@ use crate::{
 /// The cached digests.
 pub(crate) struct Sources {
     folder: Folder,
-    known: OnceLock<Mutex<Known>>,
+    known: OnceLock<Mutex<SourceCache>>,
     /// The base of relative paths.
     here: OnceLock<PathBuf>,
 }
 
 #[derive(Default)]
-pub(crate) struct Known {
+pub(crate) struct SourceCache {
     /// By absolute path.
     pub(crate) entries: HashMap<String, Entry>,
     /// Changes by this process: new entries, or `None` for removed ones.
@@ -48,10 +48,10 @@ impl Sources {
     }
 
     /// The cache, read on first use; an unusable cache file only costs time.
-    pub(crate) fn known(&self) -> MutexGuard<'_, Known> {
+    pub(crate) fn known(&self) -> MutexGuard<'_, SourceCache> {
         let known = self.known.get_or_init(|| {
             let entries = sealed::read_if_whole(&self.folder.sources()).ok().flatten();
-            Mutex::new(Known {
+            Mutex::new(SourceCache {
                 entries: entries.unwrap_or_default(),
                 learned: BTreeMap::new(),
             })

@@ -8,10 +8,10 @@ use crate::{mutex::lock, stamp::Stamp};
 
 /// The stamps of files when their bytes were last verified, by digest.
 #[derive(Default)]
-pub(crate) struct Stamps(Mutex<Known>);
+pub(crate) struct Stamps(Mutex<VerifiedStamps>);
 
 #[derive(Default)]
-struct Known {
+struct VerifiedStamps {
     stamps: HashMap<Digest, Stamp>,
     learned: bool,
 }

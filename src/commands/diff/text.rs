@@ -9,7 +9,7 @@ use super::{
     Difference,
     inputs::{InputChange, Source},
     outputs::{MetricChange, OutputChange},
-    values::Asked,
+    values::RequestedValues,
 };
 use crate::{
     numbers::number,
@@ -82,7 +82,7 @@ fn row(key: &str, old: String, new: String) -> Vec<String> {
     vec![key.to_owned(), old, ARROW.to_owned(), new]
 }
 
-fn asked(asked: &Asked) -> Vec<Vec<String>> {
+fn asked(asked: &RequestedValues) -> Vec<Vec<String>> {
     let alone = |stage: &StageName, what: &str| vec![stage.to_string(), what.to_owned()];
     let added = asked.added_stages.iter();
     let mut rows: Vec<_> = added.map(|stage| alone(stage, "added")).collect();

@@ -29,14 +29,14 @@ pub(super) struct WireChange {
 
 /// Differences in the requests of two runs.
 #[derive(Debug, Default, PartialEq, Serialize)]
-pub(super) struct Asked {
+pub(super) struct RequestedValues {
     pub(super) values: Vec<ValueChange>,
     pub(super) added_stages: Vec<StageName>,
     pub(super) removed_stages: Vec<StageName>,
     pub(super) rewired: Vec<WireChange>,
 }
 
-impl Asked {
+impl RequestedValues {
     /// Compares the requests of two runs.
     pub(super) fn compare(old: &RunRecord, new: &RunRecord) -> Self {
         let mut asked = Self::default();
@@ -121,7 +121,7 @@ mod tests {
     use super::*;
 
     fn changes(old: &Value, new: &Value) -> Vec<(String, Value, Value)> {
-        let mut asked = Asked::default();
+        let mut asked = RequestedValues::default();
         asked.compare_values("s", Some(old), Some(new));
         let changes = asked.values.into_iter();
         changes

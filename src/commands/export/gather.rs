@@ -25,7 +25,7 @@ use crate::{
 };
 
 /// Motions, and what of the artifact is not among them.
-pub(super) struct Gathered {
+pub(super) struct GatheredMotions {
     /// The motions, in the order of the artifact's rows.
     pub(super) episodes: Vec<Episode>,
     /// The hand's name.
@@ -38,7 +38,7 @@ pub(super) struct Gathered {
 
 /// What of a rollout or an execution is exported.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Part {
+enum ExportedPart {
     /// What was measured and commanded, of those that were recorded.
     Recording,
     /// The candidate that was executed.
@@ -46,23 +46,23 @@ enum Part {
 }
 
 /// How a candidate ended.
-struct Ended {
+struct CandidateOutcome {
     candidate_id: String,
     outcome: String,
 }
 
-impl Gathered {
+impl GatheredMotions {
     /// Gathers motions as they were measured, where the artifact has measured ones.
     pub(super) fn executed(program: &Program, args: &MotionsArgs) -> Result<Self, CommandError> {
-        Self::of(program, args, Part::Recording)
+        Self::of(program, args, ExportedPart::Recording)
     }
 
     /// Gathers motions as they were planned.
     pub(super) fn planned(program: &Program, args: &MotionsArgs) -> Result<Self, CommandError> {
-        Self::of(program, args, Part::Candidate)
+        Self::of(program, args, ExportedPart::Candidate)
     }
 
-    fn of(program: &Program, args: &MotionsArgs, part: Part) -> Result<Self, CommandError> {
+    fn of(program: &Program, args: &MotionsArgs, part: ExportedPart) -> Result<Self, CommandError> {
         let lake = program.open_lake()?;
         let run = lookup::run(&lake, args.run.as_deref())?;
         let (node, units) = lookup::units(&run, &args.artifact)?;
@@ -168,19 +168,19 @@ impl Gathered {
         node: &NodeName,
         units: &[&UnitRef],
         model: &RobotModel,
-        (part, args): (Part, &MotionsArgs),
+        (part, args): (ExportedPart, &MotionsArgs),
     ) -> Result<(), CommandError> {
         let (mut others_n, mut without_n) = (0, 0);
         for unit in units {
             let Some(of_object) = artifact(lake, unit)? else {
                 continue;
             };
-            let mut ended: Vec<Ended> = if node.artifact == *Rollouts::NAME {
+            let mut ended: Vec<CandidateOutcome> = if node.artifact == *Rollouts::NAME {
                 let rows: Rollouts = table::read(&of_object)?;
-                rows.iter().map(Ended::from).collect()
+                rows.iter().map(CandidateOutcome::from).collect()
             } else {
                 let rows: Executions = table::read(&of_object)?;
-                rows.iter().map(Ended::from).collect()
+                rows.iter().map(CandidateOutcome::from).collect()
             };
             let n = ended.len();
             ended.retain(|one| {
@@ -190,12 +190,12 @@ impl Gathered {
             });
             others_n += n - ended.len();
             let planned = match part {
-                Part::Candidate => candidates_of(lake, run, node, unit)?,
-                Part::Recording => None,
+                ExportedPart::Candidate => candidates_of(lake, run, node, unit)?,
+                ExportedPart::Recording => None,
             };
             for one in ended {
                 let episode = match (part, &planned) {
-                    (Part::Candidate, Some(planned)) => {
+                    (ExportedPart::Candidate, Some(planned)) => {
                         let mut all = planned.candidates.iter();
                         let found = all.find(|other| other.candidate_id == one.candidate_id);
                         let joints = joints(&planned.joints, model);
@@ -203,8 +203,8 @@ impl Gathered {
                             .map(|found| drawn(found, &planned.object, &joints))
                             .transpose()?
                     }
-                    (Part::Candidate, None) => None,
-                    (Part::Recording, _) => recorded::episode(
+                    (ExportedPart::Candidate, None) => None,
+                    (ExportedPart::Recording, _) => recorded::episode(
                         &of_object,
                         &one.candidate_id,
                         unit.partition.as_str(),
@@ -223,11 +223,11 @@ impl Gathered {
         }
         if without_n > 0 {
             self.left_out.push(match part {
-                Part::Recording if node.artifact == *Rollouts::NAME => format!(
+                ExportedPart::Recording if node.artifact == *Rollouts::NAME => format!(
                     "{without_n} motions without a recording: `recorded_per_object` of the screen records more"
                 ),
-                Part::Recording => format!("{without_n} motions without a recording: nothing moved"),
-                Part::Candidate => format!("{without_n} motions whose candidates are not in run {}", run.number),
+                ExportedPart::Recording => format!("{without_n} motions without a recording: nothing moved"),
+                ExportedPart::Candidate => format!("{without_n} motions whose candidates are not in run {}", run.number),
             });
         }
         Ok(())
@@ -341,7 +341,7 @@ pub(super) fn joints(names: &[String], model: &RobotModel) -> Vec<Joint> {
     names.iter().map(joint).collect()
 }
 
-impl From<&Rollout> for Ended {
+impl From<&Rollout> for CandidateOutcome {
     fn from(rollout: &Rollout) -> Self {
         Self {
             candidate_id: rollout.candidate_id.clone(),
@@ -350,7 +350,7 @@ impl From<&Rollout> for Ended {
     }
 }
 
-impl From<&Execution> for Ended {
+impl From<&Execution> for CandidateOutcome {
     fn from(execution: &Execution) -> Self {
         Self {
             candidate_id: execution.candidate_id.clone(),

@@ -43,7 +43,7 @@ struct Tree<'a> {
 }
 
 /// A child line.
-enum Below<'a> {
+enum ChildLine<'a> {
     TreeNode(usize),
     Leaf(&'a [String]),
     More(String),
@@ -69,10 +69,12 @@ impl Tree<'_> {
         let mut below = Vec::new();
         for group in &node.groups {
             cut(&mut below, &group.members, &group.name, |&idx| {
-                Below::TreeNode(idx)
+                ChildLine::TreeNode(idx)
             });
         }
-        cut(&mut below, &node.leaves, "files", |leaf| Below::Leaf(leaf));
+        cut(&mut below, &node.leaves, "files", |leaf| {
+            ChildLine::Leaf(leaf)
+        });
         let n_below = below.len();
         for (idx, below) in below.into_iter().enumerate() {
             let (branch, line) = if idx + 1 == n_below {
@@ -82,11 +84,11 @@ impl Tree<'_> {
             };
             let first = format!("{others}{branch}");
             match below {
-                Below::TreeNode(position) => {
+                ChildLine::TreeNode(position) => {
                     self.grow(position, &first, &format!("{others}{line}"));
                 }
-                Below::Leaf(cells) => self.rows.push(with_prefix(&first, cells.to_vec())),
-                Below::More(text) => self.rows.push(vec![format!("{first}{text}")]),
+                ChildLine::Leaf(cells) => self.rows.push(with_prefix(&first, cells.to_vec())),
+                ChildLine::More(text) => self.rows.push(vec![format!("{first}{text}")]),
             }
         }
     }
@@ -94,10 +96,10 @@ impl Tree<'_> {
 
 /// Takes the first items of a list, and counts the rest.
 fn cut<'a, T>(
-    below: &mut Vec<Below<'a>>,
+    below: &mut Vec<ChildLine<'a>>,
     list: &'a [T],
     name: &str,
-    of: impl Fn(&'a T) -> Below<'a>,
+    of: impl Fn(&'a T) -> ChildLine<'a>,
 ) {
     // Replacing a single line by a count saves nothing.
     let n_shown = if list.len() == URDF_FORM + 1 {
@@ -107,7 +109,7 @@ fn cut<'a, T>(
     };
     below.extend(list.iter().take(n_shown).map(of));
     if list.len() > n_shown {
-        below.push(Below::More(format!(
+        below.push(ChildLine::More(format!(
             "… {} more {name}",
             list.len() - n_shown
         )));

@@ -22,7 +22,7 @@ pub(super) struct Member {
     fingerprint: Option<Digest>,
     /// `made`, `skipped`, `filtered`, or `collected` if its record is no longer in the lake.
     result: &'static str,
-    made: Option<Made>,
+    made: Option<MadeBy>,
     reads: Vec<Read>,
     /// Digests of its input files outside the lake, by name.
     files: BTreeMap<String, Digest>,
@@ -34,7 +34,7 @@ pub(super) struct Member {
 
 /// When and by what a partition was made.
 #[derive(Serialize)]
-struct Made {
+struct MadeBy {
     started: String,
     seconds: f64,
     program: String,
@@ -43,7 +43,7 @@ struct Made {
     minute: String,
 }
 
-impl From<Provenance> for Made {
+impl From<Provenance> for MadeBy {
     fn from(provenance: Provenance) -> Self {
         Self {
             started: timestamps::second(provenance.started_ns),
@@ -121,7 +121,7 @@ fn member(
     };
     if let Some((record, provenance)) = lake.record_and_provenance(fingerprint)? {
         member.result = record.outcome.word();
-        member.made = Some(Made::from(provenance));
+        member.made = Some(MadeBy::from(provenance));
         member.reads = relations.reads(&unit.node, &record.fingerprint.inputs);
         member.files = record.fingerprint.files;
     }

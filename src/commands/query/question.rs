@@ -46,7 +46,7 @@ pub(super) fn check(sql: &str) -> Result<(), CommandError> {
     let statements = parse(sql).map_err(|err| faults::unreadable(&err.to_string()))?;
     match statements.as_slice() {
         [] => Err(faults::unreadable("it is empty")),
-        [statement] => match statement.visit(&mut Reading) {
+        [statement] => match statement.visit(&mut QueryVisitor) {
             ControlFlow::Break(trouble) => Err(trouble),
             ControlFlow::Continue(()) => Ok(()),
         },
@@ -70,9 +70,9 @@ fn parse(sql: &str) -> Result<Vec<Statement>, ParserError> {
 }
 
 /// Visits every statement and selection of a query.
-struct Reading;
+struct QueryVisitor;
 
-impl Visitor for Reading {
+impl Visitor for QueryVisitor {
     type Break = CommandError;
 
     fn pre_visit_statement(&mut self, statement: &Statement) -> ControlFlow<CommandError> {

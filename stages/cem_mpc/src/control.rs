@@ -28,7 +28,7 @@ pub(crate) struct Controller<'a> {
 
 /// A commanded motion, and its cost.
 #[derive(Debug, Clone)]
-pub(crate) struct Controlled {
+pub(crate) struct ControlledMotion {
     /// The commands in the object's frame, with the hand's joints, on the clock of the motion that was given.
     pub(crate) motion: Motion<Object>,
     /// Control steps simulated by the searches.
@@ -38,14 +38,14 @@ pub(crate) struct Controlled {
     /// Whether the fingertips came to the grasp's.
     pub(crate) reached: bool,
     /// Distances from the grasp, and cost, at the start.
-    pub(crate) first: Standing,
+    pub(crate) first: GraspDistance,
     /// The same at the end, with the last command held to the end of the motion.
-    pub(crate) last: Standing,
+    pub(crate) last: GraspDistance,
 }
 
 /// Distances of a hand and an object from the grasp, and their cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Standing {
+pub(crate) struct GraspDistance {
     /// Cost of a control step that ends here.
     pub(crate) cost: f64,
     /// Mean distance of the fingertips from the grasp's, in meters.
@@ -82,7 +82,7 @@ impl Controller<'_> {
         scene: &SettledScene,
         given: &Motion<Object>,
         rng: &mut impl Rng,
-    ) -> Result<Controlled, ControlError> {
+    ) -> Result<ControlledMotion, ControlError> {
         let [start, grasp] = [given.first(), given.grasp()];
         let start = HandState {
             frame_from_palm: start.frame_from_palm,
@@ -137,7 +137,7 @@ impl Controller<'_> {
             }
             commands.push(last_command.clone());
         }
-        Ok(Controlled {
+        Ok(ControlledMotion {
             motion: on_clock(given, &commands)?,
             searched_n,
             executed_n,
@@ -172,14 +172,14 @@ impl Controller<'_> {
     }
 
     /// Returns the distances of a state from the goal, and their cost.
-    fn standing(&self, goal: &Goal, state: &EpisodeState) -> Standing {
+    fn standing(&self, goal: &Goal, state: &EpisodeState) -> GraspDistance {
         let tips = self
             .tips
             .places(self.hand, &state.table_from_palm, &state.q);
         let object: Point3<f64> = state.table_from_object.translation.vector.into();
         let object_moved_m = (object - goal.object).norm();
         let config = self.config;
-        Standing {
+        GraspDistance {
             cost: config.tip_weight_per_m * distance_m(&tips, &goal.tips)
                 + config.object_weight_per_m * object_moved_m,
             tip_error_m: mean_distance_m(&tips, &goal.tips),
@@ -288,7 +288,7 @@ mod tests {
 
     /// Controls it at a part of the budget; returns the controlled motion, and after the screen's reach the fingertips'
     /// mean distance from the grasp and the displacement of the object, in meters.
-    fn control(seed: u64) -> (Controlled, [f64; 2]) {
+    fn control(seed: u64) -> (ControlledMotion, [f64; 2]) {
         let mut config = config::fixture();
         config.population = 30;
         config.elites = 5;

@@ -23,7 +23,7 @@ use spatial::{Object as InObject, Pose, RestingPose, Table as OnTable};
 use crate::{
     CemMpcConfig, CemMpcError,
     actions::{Actions, Speeds},
-    control::{ControlError, Controlled, Controller},
+    control::{ControlError, ControlledMotion, Controller},
     tips::Fingertips,
 };
 
@@ -174,7 +174,7 @@ impl Output for CemMpc {
             })
         });
         let controlled: Vec<_> = controlled.collect();
-        let mut made: Vec<Controlled> = Vec::with_capacity(controlled.len());
+        let mut made: Vec<ControlledMotion> = Vec::with_capacity(controlled.len());
         let mut all_s = 0.0;
         for (candidate, (controlled, cpu_s)) in given.candidates.iter().zip(controlled) {
             all_s += cpu_s;
@@ -266,10 +266,10 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingert
 }
 
 impl CemMpcMetrics {
-    fn of(controlled: &[Controlled], cpu_s: f64) -> Self {
+    fn of(controlled: &[ControlledMotion], cpu_s: f64) -> Self {
         let n = controlled.len() as f64;
-        let sum = |of: fn(&Controlled) -> f64| controlled.iter().map(of).sum::<f64>();
-        let mean = |of: fn(&Controlled) -> f64| sum(of) / n.max(1.0);
+        let sum = |of: fn(&ControlledMotion) -> f64| controlled.iter().map(of).sum::<f64>();
+        let mean = |of: fn(&ControlledMotion) -> f64| sum(of) / n.max(1.0);
         Self {
             candidates: n,
             reached: sum(|one| f64::from(u8::from(one.reached))),

@@ -28,13 +28,13 @@ static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
 const SAME_PLACE: f64 = 1e-6;
 
 struct Running {
-    requested: Requested,
+    requested: CellSetup,
     cell: Arc<SimulatedCell>,
 }
 
 /// Configuration of a running simulated cell.
 #[derive(PartialEq)]
-struct Requested {
+struct CellSetup {
     config: SimulatedCellConfig,
     robot: String,
 }
@@ -214,7 +214,7 @@ fn simulated(
         _ => None,
     };
     let (name, listen) = (config.cell_name.clone(), config.listen.clone());
-    let requested = Requested {
+    let requested = CellSetup {
         config: setup(name, listen, config.simulated.clone(), arm),
         robot: robots.digest(),
     };

@@ -20,7 +20,7 @@ pub(crate) struct Journal {
 
 /// State of a goal before this run.
 #[derive(Debug, PartialEq)]
-pub(crate) enum Past {
+pub(crate) enum GoalHistory {
     /// Never sent.
     New,
     /// Sent to the cell with this journal, outcome not recorded.
@@ -36,20 +36,20 @@ impl Journal {
 
     /// Looks a goal up, for a robot with these joints. An unreadable or contradictory report is
     /// ignored: the cell has it.
-    pub(crate) fn past(&self, goal: &Goal, robot: &[Joint]) -> Past {
+    pub(crate) fn past(&self, goal: &Goal, robot: &[Joint]) -> GoalHistory {
         let goal_id = goal.encode().goal_id;
         let report = fs::read(self.file(&goal_id, "report")).ok();
         let report = report
             .and_then(|bytes| UncheckedReport::from_bytes(&bytes).ok())
             .and_then(|report| report.check(goal, robot).ok());
         if let Some(report) = report {
-            return Past::Over(Box::new(report));
+            return GoalHistory::Over(Box::new(report));
         }
         match fs::read_to_string(self.file(&goal_id, "sent")) {
-            Ok(journal) => Past::Sent(journal),
-            Err(err) if err.kind() == ErrorKind::NotFound => Past::New,
+            Ok(journal) => GoalHistory::Sent(journal),
+            Err(err) if err.kind() == ErrorKind::NotFound => GoalHistory::New,
             // Of a note that cannot be read, only that the goal may have been sent is known.
-            Err(_) => Past::Sent(String::new()),
+            Err(_) => GoalHistory::Sent(String::new()),
         }
     }
 

@@ -28,7 +28,7 @@ use crate::{
     config::SIMULATED,
     goals::goal,
     in_flight::MotionInFlight,
-    journal::{Journal, Past},
+    journal::{GoalHistory, Journal},
     names::JointNames,
     order::Queue,
     recording::{Setting, record},
@@ -161,7 +161,7 @@ impl Output for Dispatch {
         let robustness: Robustnesses = inputs.one()?;
         let motions = Queue::new(config.order, &rollouts, &robustness, &candidates)?;
         let sent = if motions.is_empty() {
-            Sent::default()
+            ObjectExecutions::default()
         } else {
             let hand = &inputs.source("hand")?.path;
             let arm = |_: &planning::ArmConfig| Ok(inputs.source("arm.robot")?.path.as_path());
@@ -175,7 +175,7 @@ impl Output for Dispatch {
 
 /// Results of the motions for one object.
 #[derive(Default)]
-struct Sent {
+struct ObjectExecutions {
     executions: Vec<Execution>,
     /// Motions considered.
     motions_n: usize,
@@ -186,7 +186,7 @@ struct Sent {
     simulated: bool,
 }
 
-impl Sent {
+impl ObjectExecutions {
     fn metrics(&self) -> DispatchMetrics {
         let count = |so: &dyn Fn(&Execution) -> bool| {
             self.executions.iter().filter(|&e| so(e)).count() as f64
@@ -216,7 +216,7 @@ fn send(
     candidates: &Candidates,
     mut motions: Queue<'_>,
     cx: &Context,
-) -> Result<Sent, DispatchError> {
+) -> Result<ObjectExecutions, DispatchError> {
     let planner = robots.planner(config)?;
     let names = JointNames::new(&config.joint_names, robots.whole())?;
     // Find infeasible motions before anything moves or a cell is queried.
@@ -243,10 +243,10 @@ fn send(
             };
             Some(cell.refused(candidate, refusal))
         });
-        return Ok(Sent {
+        return Ok(ObjectExecutions {
             executions: rows.collect(),
             motions_n,
-            ..Sent::default()
+            ..ObjectExecutions::default()
         });
     }
     let journal = Journal::new(cx.resume_folder().to_owned());
@@ -255,17 +255,17 @@ fn send(
     let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
     let connected = cells::connect(config, robots, object, first).map_err(|err| {
         // The outcome of an earlier run's motion is unknown until a cell can be queried.
-        let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), Past::Sent(_));
+        let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), GoalHistory::Sent(_));
         match feasible.find(is_open) {
             Some(goal) => unknown(&config.cell_name, goal, with_causes(&err)),
             None => err,
         }
     })?;
     let capabilities = &connected.capabilities;
-    let mut sent = Sent {
+    let mut sent = ObjectExecutions {
         simulated: capabilities.simulated,
         motions_n,
-        ..Sent::default()
+        ..ObjectExecutions::default()
     };
     if !config.permits(capabilities) {
         sent.dry_n = feasible_n;
@@ -302,7 +302,7 @@ fn send(
             continue;
         }
         let (goal, mut report, moved) = sender.execute_or_resume(goal)?;
-        sent.known_n += usize::from(moved == Moved::Before);
+        sent.known_n += usize::from(moved == ExecutedDuring::Before);
         names.of_hand(&mut report.joints);
         let setting = Setting {
             robots,
@@ -320,7 +320,7 @@ fn send(
 
 /// Time of a goal's execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Moved {
+enum ExecutedDuring {
     /// During this process.
     Now,
     /// For this unit, during an earlier process or between processes.
@@ -344,14 +344,17 @@ struct Sender<'a> {
 impl Sender<'_> {
     /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
     /// the options say so. Returns the goal that ended.
-    fn execute_or_resume(&self, goal: &Goal) -> Result<(Goal, Report, Moved), DispatchError> {
+    fn execute_or_resume(
+        &self,
+        goal: &Goal,
+    ) -> Result<(Goal, Report, ExecutedDuring), DispatchError> {
         let mut goal = goal.clone();
         loop {
             let (report, moved) = self.carry_out(&goal)?;
             if report.outcome != executions::Outcome::Stopped {
                 return Ok((goal, report, moved));
             }
-            if moved == Moved::Now {
+            if moved == ExecutedDuring::Now {
                 return Err(DispatchError::Stopped {
                     cell: self.cell.to_owned(),
                     candidate_id: goal.candidate_id.clone(),
@@ -370,28 +373,28 @@ impl Sender<'_> {
     ///
     /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
     /// this robot until a person has looked, and the next run queries the cell again.
-    fn carry_out(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
+    fn carry_out(&self, goal: &Goal) -> Result<(Report, ExecutedDuring), DispatchError> {
         let id = goal.encode().goal_id;
-        if let Past::Over(report) = self.journal.past(goal, self.joints) {
-            return Ok((*report, Moved::Earlier));
+        if let GoalHistory::Over(report) = self.journal.past(goal, self.joints) {
+            return Ok((*report, ExecutedDuring::Earlier));
         }
         let answer = self.config.answer_timeout();
         let motion = MotionInFlight::new(self.client, &goal.candidate_id, self.cell, &id, answer);
         motion.carry_out(|| self.send_or_recover(goal))
     }
 
-    fn send_or_recover(&self, goal: &Goal) -> Result<(Report, Moved), DispatchError> {
+    fn send_or_recover(&self, goal: &Goal) -> Result<(Report, ExecutedDuring), DispatchError> {
         let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
         let id = goal.encode().goal_id;
         let unknown = |message: String| unknown(self.cell, goal, message);
         match self.journal.past(goal, self.joints) {
-            Past::Over(report) => return Ok((*report, Moved::Earlier)),
-            Past::New => {
+            GoalHistory::Over(report) => return Ok((*report, ExecutedDuring::Earlier)),
+            GoalHistory::New => {
                 // A second cell of the same name may have started: it would move too.
                 self.client.capabilities(answer)?;
                 self.journal.send(&id, self.cell_journal)?;
             }
-            Past::Sent(to) => {
+            GoalHistory::Sent(to) => {
                 // Another cell's `never_taken` says nothing about the cell that received the goal.
                 if to != self.cell_journal {
                     let message = format!(
@@ -403,7 +406,7 @@ impl Sender<'_> {
                 match self.client.recover(goal, self.joints, answer, result) {
                     Recovered::Report(report) => {
                         self.journal.conclude(&report)?;
-                        return Ok((report, Moved::Earlier));
+                        return Ok((report, ExecutedDuring::Earlier));
                     }
                     // Only a goal that the cell never accepted is sent again, under its own id.
                     Recovered::NeverTaken => {}
@@ -414,8 +417,8 @@ impl Sender<'_> {
             }
         }
         let done = match self.client.execute(goal, self.joints, answer, result)? {
-            GoalResult::Report(report) => (report, Moved::Now),
-            GoalResult::EarlierReport(report) => (report, Moved::Before),
+            GoalResult::Report(report) => (report, ExecutedDuring::Now),
+            GoalResult::EarlierReport(report) => (report, ExecutedDuring::Before),
             GoalResult::Unknown(message) => return Err(unknown(message)),
         };
         let (report, moved) = done;

@@ -1,6 +1,6 @@
 //! The contact energy: distances of virtual contacts from an object, and angles by which they turn away from it.
 
-use approach::Placed;
+use approach::PlacedHand;
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
 use robot::SurfacePoint;
@@ -13,7 +13,7 @@ const ANGLE_MM: f64 = 50.0;
 /// point (Ciocarlie and Allen, 2007, section 4, with `GraspIt`'s weights). Less is better, 0 is the least.
 pub(crate) fn contact_energy(
     environment: &Environment,
-    placed: &Placed,
+    placed: &PlacedHand,
     contacts: &[SurfacePoint],
 ) -> f64 {
     let costs = contacts.iter().map(|contact| {

@@ -48,7 +48,7 @@ pub(crate) struct Run<'a> {
 
 /// A state that is kept.
 #[derive(Debug, Clone)]
-struct Kept {
+struct KeptState {
     hand: HandState<Object>,
     energy_mm: f64,
 }
@@ -67,7 +67,7 @@ pub(crate) struct Finished {
 
 /// Grasps of a run, and the work spent on them.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub(crate) struct Made {
+pub(crate) struct RunResult {
     pub(crate) grasps: Vec<Finished>,
     /// Steps made.
     pub(crate) steps: u64,
@@ -81,8 +81,8 @@ pub(crate) struct Made {
 
 impl Run<'_> {
     /// Anneals from a random state and finishes the best; nothing is made if no state is free of collisions.
-    pub(crate) fn grasps(&self, rng: &mut ChaCha8Rng) -> Result<Made, ApproachError> {
-        let mut made = Made::default();
+    pub(crate) fn grasps(&self, rng: &mut ChaCha8Rng) -> Result<RunResult, ApproachError> {
+        let mut made = RunResult::default();
         let variables = Variables::new(self.config.eigengrasps, self.config.max_amplitude);
         let mut here = None;
         for _ in 0..MAX_STARTS {
@@ -95,7 +95,7 @@ impl Run<'_> {
         let Some((mut state, mut at)) = here else {
             return Ok(made);
         };
-        let mut best: Vec<Kept> = Vec::new();
+        let mut best: Vec<KeptState> = Vec::new();
         keep(&mut best, &at, self.config.kept);
         for step in 0..self.config.steps {
             made.steps += 1;
@@ -124,7 +124,11 @@ impl Run<'_> {
     }
 
     /// Returns the hand of a state with its energy, if it collides with nothing.
-    fn legal(&self, state: &[f64], made: &mut Made) -> Result<Option<Kept>, ApproachError> {
+    fn legal(
+        &self,
+        state: &[f64],
+        made: &mut RunResult,
+    ) -> Result<Option<KeptState>, ApproachError> {
         let model = self.body.model();
         let hand = Variables::hand(state, &self.center_in_object, self.basis, model);
         let placed = self.body.placed(&hand)?;
@@ -134,12 +138,12 @@ impl Run<'_> {
         }
         made.evaluations += 1;
         let energy_mm = contact_energy(self.environment, &placed, self.contacts);
-        Ok(Some(Kept { hand, energy_mm }))
+        Ok(Some(KeptState { hand, energy_mm }))
     }
 
     /// Finishes a grasp: the palm backs off, its fingers open as far as they must for that, and advances until it
     /// touches; the fingers close joint by joint. A palm that cannot back off, an object in its way, stays.
-    fn finished(&self, kept: Kept) -> Result<Finished, ApproachError> {
+    fn finished(&self, kept: KeptState) -> Result<Finished, ApproachError> {
         let there = match self.opened(&self.body.backed_off(&kept.hand, self.config.back_off_m))? {
             Some(back) => self.body.advanced(self.environment, &back, MAX_ADVANCE_M)?,
             None => kept.hand,
@@ -176,7 +180,7 @@ impl Run<'_> {
 }
 
 /// Keeps a state among the best that differ; of two that are one grasp the better.
-fn keep(best: &mut Vec<Kept>, state: &Kept, most: usize) {
+fn keep(best: &mut Vec<KeptState>, state: &KeptState, most: usize) {
     let is_full = best.len() >= most;
     if is_full
         && best
@@ -185,7 +189,7 @@ fn keep(best: &mut Vec<Kept>, state: &Kept, most: usize) {
     {
         return;
     }
-    let is_same = |kept: &Kept| {
+    let is_same = |kept: &KeptState| {
         let off = kept
             .hand
             .frame_from_palm
@@ -214,8 +218,8 @@ mod tests {
     use super::*;
     use crate::fixture;
 
-    fn at(x: f64, energy_mm: f64) -> Kept {
-        Kept {
+    fn at(x: f64, energy_mm: f64) -> KeptState {
+        KeptState {
             hand: HandState {
                 frame_from_palm: Pose::from_parts([x, 0.0, 0.0], UnitQuaternion::identity()),
                 q_rad: Vec::new(),
@@ -242,7 +246,7 @@ mod tests {
         assert_eq!(found, [3.0, 4.5, 8.0]);
     }
 
-    fn run(steps: usize) -> Made {
+    fn run(steps: usize) -> RunResult {
         let config = EigengraspConfig {
             steps,
             ..fixture::config()
@@ -264,7 +268,7 @@ mod tests {
     #[test]
     fn annealing_lowers_the_energy_and_its_grasps_touch_without_entering() {
         let [short, long] = [run(20), run(4000)];
-        let least = |made: &Made| {
+        let least = |made: &RunResult| {
             let energies = made.grasps.iter().map(|grasp| grasp.energy_mm);
             energies.fold(f64::INFINITY, f64::min)
         };

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start, grasps, virtual_contacts};
+use approach::{Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -28,7 +28,7 @@ use spatial::RestingPose;
 use crate::{
     EigengraspConfig, EigengraspError,
     basis::Basis,
-    run::{Finished, Made, Run},
+    run::{Finished, Run, RunResult},
 };
 
 /// Anneals grasps in the space of eigengrasps, and reaches for them.
@@ -142,7 +142,7 @@ impl Output for Eigengrasp {
             body: &body,
             basis: &basis,
             field: Arc::new(field),
-            lies: Lies::of(&object, config.approach.rests),
+            lies: RestDistribution::of(&object, config.approach.rests),
             object: &object,
             seed: cx.seed(),
         };
@@ -182,23 +182,23 @@ struct Annealer<'a> {
     basis: &'a Basis,
     contacts: Vec<SurfacePoint>,
     field: Arc<DistanceField>,
-    lies: Lies,
+    lies: RestDistribution,
     object: &'a Object,
     seed: u64,
 }
 
 impl Annealer<'_> {
     /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, Made), EigengraspError> {
-        let runs: Vec<(RestingPose, Made)> = (0..self.config.runs)
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), EigengraspError> {
+        let runs: Vec<(RestingPose, RunResult)> = (0..self.config.runs)
             .into_par_iter()
             .map(|number| {
                 let (run, cpu_s) = cpu_time::measured(|| self.run(number));
                 let (rest, made) = run?;
-                Ok((rest, Made { cpu_s, ..made }))
+                Ok((rest, RunResult { cpu_s, ..made }))
             })
             .collect::<Result<_, EigengraspError>>()?;
-        let mut spent = Made::default();
+        let mut spent = RunResult::default();
         let mut ranked = Vec::new();
         for (rest, made) in runs {
             spent.steps += made.steps;
@@ -217,7 +217,7 @@ impl Annealer<'_> {
     }
 
     /// Makes the run of a number, from random numbers of its own.
-    fn run(&self, number: usize) -> Result<(RestingPose, Made), EigengraspError> {
+    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), EigengraspError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.lies.at(rng.random());
@@ -244,7 +244,11 @@ fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
     far.fold(MIN_LENGTH_M, f64::max)
 }
 
-fn metrics(ranked: &[(RestingPose, Finished)], spent: &Made, basis: &Basis) -> EigengraspMetrics {
+fn metrics(
+    ranked: &[(RestingPose, Finished)],
+    spent: &RunResult,
+    basis: &Basis,
+) -> EigengraspMetrics {
     let n = ranked.len() as f64;
     let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
     let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);

@@ -33,7 +33,7 @@ pub(crate) fn hand() -> (Hand, HandBody) {
     (Hand::new(model, &table).unwrap(), body)
 }
 
-/// Returns how the box's contacts are measured.
+/// Returns the parameters of the box's contacts.
 pub(crate) fn measure() -> approach::Measure {
     approach::Measure {
         center_in_object: Point3::origin(),

@@ -22,7 +22,7 @@ const MAX_PALMS: usize = 1000;
 
 /// A grasp that was found.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Found {
+pub(crate) struct FoundGrasp {
     pub(crate) hand: HandState<Object>,
     /// The metric times the number of wrenches; `None` if a tip is where the object has no surface, or nothing was
     /// searched.
@@ -62,10 +62,13 @@ pub(crate) struct Search<'a> {
 impl Search<'_> {
     /// Returns a grasp: the first that is feasible, or else the one with the least residual; with no iterations the
     /// first random palm, its fingers closed. `None` if something is in the way of every palm.
-    pub(crate) fn grasp(&self, rng: &mut ChaCha8Rng) -> Result<Option<Found>, ForceClosureError> {
+    pub(crate) fn grasp(
+        &self,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<FoundGrasp>, ForceClosureError> {
         let mut solver = Solver::new(&self.hand.compiled);
         let mut work = Work::default();
-        let mut best: Option<Found> = None;
+        let mut best: Option<FoundGrasp> = None;
         for _ in 0..self.config.searches {
             let Some(start) = self.start(rng, &mut work)? else {
                 break;
@@ -88,7 +91,7 @@ impl Search<'_> {
                 break;
             }
         }
-        Ok(best.map(|found| Found { work, ..found }))
+        Ok(best.map(|found| FoundGrasp { work, ..found }))
     }
 
     /// Draws a palm that is not blocked, and closes its fingers.
@@ -149,7 +152,7 @@ impl Search<'_> {
         solver: &mut Solver<'_>,
         hand: HandState<Object>,
         work: &mut Work,
-    ) -> Result<Found, ForceClosureError> {
+    ) -> Result<FoundGrasp, ForceClosureError> {
         let config = self.config;
         let nothing = Task {
             targets: &[],
@@ -172,7 +175,7 @@ impl Search<'_> {
         let gap_m = gaps.fold(0.0, f64::max);
         // Without a normal somewhere the metric is as far from its least value as it can well be.
         let lacks = (config.min_weight - min_weight.unwrap_or(-1.0)).max(0.0);
-        Ok(Found {
+        Ok(FoundGrasp {
             hand,
             min_weight,
             gap_m,
@@ -216,7 +219,7 @@ mod tests {
     use super::*;
     use crate::fixture;
 
-    fn grasps(config: &ForceClosureConfig, n: u64) -> Vec<Found> {
+    fn grasps(config: &ForceClosureConfig, n: u64) -> Vec<FoundGrasp> {
         let (hand, body) = fixture::hand();
         let environment = fixture::BOX.environment();
         let tips = crate::stage::tips(&hand).unwrap();

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Measure, Reach, Start};
+use approach::{Grasp, HandBody, Measure, Reach, RestDistribution, Start};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -26,7 +26,7 @@ use schemas::{
 use crate::{
     ForceClosureConfig, ForceClosureError,
     contacts::Tip,
-    search::{Found, Search},
+    search::{FoundGrasp, Search},
 };
 
 /// Searches fingertip grasps with the greatest min-weight metric, and reaches for them.
@@ -147,11 +147,11 @@ impl Output for ForceClosure {
             field: &field,
             object: &object,
             tips: &tips(&hand)?,
-            lies: Lies::of(&object, config.approach.rests),
+            lies: RestDistribution::of(&object, config.approach.rests),
             starts: &starts,
             seed: cx.seed(),
         };
-        let measured: Vec<(Option<(Candidate, Found)>, f64)> = (0..config.per_object)
+        let measured: Vec<(Option<(Candidate, FoundGrasp)>, f64)> = (0..config.per_object)
             .into_par_iter()
             .map(|number| {
                 let (made, cpu_s) = cpu_time::measured(|| maker.candidate(number));
@@ -160,7 +160,7 @@ impl Output for ForceClosure {
             .collect::<Result<_, ForceClosureError>>()?;
         let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let made = measured.into_iter().filter_map(|(made, _)| made);
-        let made: Vec<(Candidate, Found)> = made.collect();
+        let made: Vec<(Candidate, FoundGrasp)> = made.collect();
         if made.is_empty() {
             return Ok(Outcome::skipped(
                 "something is in the way of every palm about the object",
@@ -184,7 +184,7 @@ struct Maker<'a> {
     field: &'a Arc<DistanceField>,
     object: &'a Object,
     tips: &'a [Tip],
-    lies: Lies,
+    lies: RestDistribution,
     starts: &'a [Start],
     seed: u64,
 }
@@ -192,7 +192,10 @@ struct Maker<'a> {
 impl Maker<'_> {
     /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
     /// palm.
-    fn candidate(&self, number: usize) -> Result<Option<(Candidate, Found)>, ForceClosureError> {
+    fn candidate(
+        &self,
+        number: usize,
+    ) -> Result<Option<(Candidate, FoundGrasp)>, ForceClosureError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.lies.at(rng.random());
@@ -243,9 +246,9 @@ fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
     }
 }
 
-fn metrics(made: &[(Candidate, Found)], cpu_s: f64) -> ForceClosureMetrics {
+fn metrics(made: &[(Candidate, FoundGrasp)], cpu_s: f64) -> ForceClosureMetrics {
     let found = || made.iter().map(|(_, found)| found);
-    let sum = |of: fn(&Found) -> u64| found().map(of).sum::<u64>() as f64;
+    let sum = |of: fn(&FoundGrasp) -> u64| found().map(of).sum::<u64>() as f64;
     let weights: Vec<f64> = found().filter_map(|one| one.min_weight).collect();
     ForceClosureMetrics {
         candidates: sum(|_| 1),

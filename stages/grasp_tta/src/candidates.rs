@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Lies, Reach, Start};
+use approach::{Grasp, HandBody, Reach, RestDistribution, Start};
 use cgf::{
     Random, RestingObject,
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
@@ -111,12 +111,12 @@ impl Output for AdaptedCandidates {
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
         let body = HandBody::new(model, &config.flexion_joints, grasp_q)?;
-        let drawer = Drawer {
+        let drawer = GraspDrawer {
             config,
             networks: &networks,
             surface: hand_surface(&body, config.hand_points)?,
             object: &object,
-            lies: Lies::of(&object, config.approach.rests),
+            lies: RestDistribution::of(&object, config.approach.rests),
             starts: &starts,
             seed: cx.seed(),
         };
@@ -158,18 +158,18 @@ impl Output for AdaptedCandidates {
 }
 
 /// Draws the grasps of one object.
-struct Drawer<'a> {
+struct GraspDrawer<'a> {
     config: &'a GraspTtaConfig,
     networks: &'a GraspNetworks,
     surface: HandSurface,
     object: &'a Object,
-    lies: Lies,
+    lies: RestDistribution,
     starts: &'a [Start],
     seed: u64,
 }
 
 /// A grasp of the object as it lies.
-struct Drawn {
+struct DrawnGrasp {
     rest: RestingPose,
     /// The start of its motion, by number.
     start: usize,
@@ -177,9 +177,9 @@ struct Drawn {
     adapted: Adapted,
 }
 
-impl Drawer<'_> {
+impl GraspDrawer<'_> {
     /// Draws and adapts all grasps, each from random numbers of its own.
-    fn drawn(&self) -> Result<Vec<Drawn>, GraspTtaError> {
+    fn drawn(&self) -> Result<Vec<DrawnGrasp>, GraspTtaError> {
         let latent_dim = self.networks.description().network.latent_dim;
         let codes = |number: usize| {
             let mut random = Random::new(self.seed, number as u64);
@@ -208,7 +208,7 @@ impl Drawer<'_> {
         }
         adapted.sort_by_key(|(number, _)| *number);
         let both = draws.into_iter().zip(adapted);
-        let grasps = both.map(|((rest, start, latent), (_, adapted))| Drawn {
+        let grasps = both.map(|((rest, start, latent), (_, adapted))| DrawnGrasp {
             rest,
             start,
             latent,
@@ -238,7 +238,7 @@ impl Drawer<'_> {
     }
 }
 
-impl Drawn {
+impl DrawnGrasp {
     /// Returns the hand in the object's frame.
     fn hand_in_object(&self) -> HandState<spatial::Object> {
         let HandState {
@@ -252,7 +252,7 @@ impl Drawn {
     }
 }
 
-fn metrics(drawn: &[Drawn], depth_m: f64) -> GraspTtaMetrics {
+fn metrics(drawn: &[DrawnGrasp], depth_m: f64) -> GraspTtaMetrics {
     let n = drawn.len() as f64;
     let mean = |of: fn(&Adapted) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
     GraspTtaMetrics {

@@ -15,7 +15,7 @@ use crate::{
 };
 
 /// One image after the grasp.
-pub(crate) struct After {
+pub(crate) struct ImageAfterGrasp {
     /// Seconds since the first step of the reach.
     pub(crate) time_s: f64,
     /// Pose of the object in its own frame as it rested.
@@ -31,7 +31,7 @@ pub(crate) fn after(
     departure: &Departure,
     n_steps: usize,
     config: &IngestConfig,
-) -> Vec<After> {
+) -> Vec<ImageAfterGrasp> {
     let Some(last) = departure.last else {
         return Vec::new();
     };
@@ -42,7 +42,7 @@ pub(crate) fn after(
             let world_from_object = observation.world_from_object?;
             let object_from_world = world_from_object.inverse();
             let in_object = |hand: Keypoints| hand.map(|point| object_from_world * point);
-            Some(After {
+            Some(ImageAfterGrasp {
                 time_s: (n_steps - 1 + image - last) as f64 / config.rate_hz,
                 rest_from_object: rest_from_world * world_from_object,
                 keypoints_in_object: observation.keypoints_in_world.map(in_object),
@@ -51,7 +51,7 @@ pub(crate) fn after(
         .collect()
 }
 
-impl After {
+impl ImageAfterGrasp {
     /// Mirrors everything in the object's mirror plane.
     pub(crate) fn mirror(&mut self, plane: &MirrorPlane) {
         if let Some(points) = &mut self.keypoints_in_object {
@@ -90,7 +90,7 @@ mod tests {
         };
         let lift = Isometry3::new(Vector3::new(0.1, 0.0, 0.3), Vector3::new(0.2, -0.5, 1.0));
         let point = Point3::new(0.03, -0.01, 0.07);
-        let mut after = After {
+        let mut after = ImageAfterGrasp {
             time_s: 0.0,
             rest_from_object: Pose::new(lift),
             keypoints_in_object: Some([point; KEYPOINTS]),

@@ -18,7 +18,7 @@ use schemas::{
 };
 use spatial::{Object, Palm, Pose, Table};
 
-use crate::after_grasp::After;
+use crate::after_grasp::ImageAfterGrasp;
 
 /// Frame of the person's wrist: x out of a right hand's palm or a left hand's back, y to the thumb's
 /// side, z to the fingers.
@@ -39,7 +39,7 @@ const MAX_TRIANGLES: usize = 4096;
 pub(crate) fn write(
     path: &Path,
     demonstration: &Demonstration,
-    after: &[After],
+    after: &[ImageAfterGrasp],
     mesh: Option<&TriMesh>,
 ) -> Result<(), LakeError> {
     let about = BTreeMap::from([

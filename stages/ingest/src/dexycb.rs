@@ -22,7 +22,7 @@ use crate::{
     error::{IngestError, RecordingError},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, read, read_yaml},
+    reader::{About, ListedRecording, Reader, read, read_yaml},
     recording::{Observation, Recording, StillObject, TableSource},
     selection::Cameras,
     stage::Agreement,
@@ -63,11 +63,15 @@ impl<'a> DexYcb<'a> {
 }
 
 impl Reader for DexYcb<'_> {
-    fn list(&self) -> Result<Vec<Listed>, IngestError> {
+    fn list(&self) -> Result<Vec<ListedRecording>, IngestError> {
         self.listed()
     }
 
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError> {
+    fn files(
+        &self,
+        listed: &ListedRecording,
+        cameras: Cameras,
+    ) -> Result<Vec<SourceFile>, RecordingError> {
         layout::files_of(listed, cameras)
     }
 
@@ -126,7 +130,7 @@ impl Reader for DexYcb<'_> {
 }
 
 /// What the labels show.
-struct Seen {
+struct FusedLabels {
     images: Vec<Observation>,
     agreement: Agreement,
 }
@@ -138,7 +142,7 @@ impl DexYcb<'_> {
         meta: &Meta,
         files: &SequenceFiles<'_>,
         calibration: &Calibration<'_>,
-    ) -> Result<Seen, RecordingError> {
+    ) -> Result<FusedLabels, RecordingError> {
         let cameras = meta
             .serials
             .iter()
@@ -179,7 +183,7 @@ impl DexYcb<'_> {
                 world_from_object: object.map(|object| object.value),
             });
         }
-        Ok(Seen {
+        Ok(FusedLabels {
             images,
             agreement: Agreement {
                 cameras_n: Some(cameras.len() as f64),

@@ -32,7 +32,7 @@ use crate::{
     error::{IngestError, RecordingError},
     fuse,
     labels::LabelReader,
-    reader::{About, Listed, Reader, read_yaml},
+    reader::{About, ListedRecording, Reader, read_yaml},
     recording::{Keypoints, Observation, Recording, StillObject, TableSource, Tag},
     selection::Cameras,
     stage::Agreement,
@@ -94,7 +94,7 @@ struct Grasped {
 }
 
 /// What a recording's metadata and its objects' poses say.
-struct Described {
+struct RecordingFiles {
     meta: Meta,
     poses: Poses,
     about: About,
@@ -125,7 +125,7 @@ impl<'a> HoCap<'a> {
     }
 
     /// Reads what a recording is about, or says what is wrong with it.
-    fn described(&self, files: &SequenceFiles<'_>) -> Result<Described, RecordingError> {
+    fn described(&self, files: &SequenceFiles<'_>) -> Result<RecordingFiles, RecordingError> {
         let meta = files.meta()?;
         let poses = files.poses(&meta)?;
         let about = self.about_of(&files.subject, &meta, &poses);
@@ -138,7 +138,7 @@ impl<'a> HoCap<'a> {
                 Some(_) => "no object moves".to_owned(),
             })
         })?;
-        Ok(Described {
+        Ok(RecordingFiles {
             meta,
             poses,
             about,
@@ -148,21 +148,25 @@ impl<'a> HoCap<'a> {
 }
 
 impl Reader for HoCap<'_> {
-    fn list(&self) -> Result<Vec<Listed>, IngestError> {
+    fn list(&self) -> Result<Vec<ListedRecording>, IngestError> {
         let listed = files::listed(self.root, |subject, meta, poses| {
             Some(self.about_of(subject, meta, poses)?.0)
         })?;
         let marks_table = self.table == TableRule::Tag;
         Ok(listed
             .into_iter()
-            .map(|listed| Listed {
+            .map(|listed| ListedRecording {
                 marks_table: marks_table || listed.about.is_none(),
                 ..listed
             })
             .collect())
     }
 
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError> {
+    fn files(
+        &self,
+        listed: &ListedRecording,
+        cameras: Cameras,
+    ) -> Result<Vec<SourceFile>, RecordingError> {
         files::files_of(listed, cameras)
     }
 
@@ -179,7 +183,7 @@ impl Reader for HoCap<'_> {
         let described = self.described(&files)?;
         let calibration = Calibration::read(&files, &described.meta)?;
         let seen = self.seen(&described, &files, &calibration)?;
-        let Described {
+        let RecordingFiles {
             meta,
             poses,
             about,
@@ -233,7 +237,7 @@ impl Reader for HoCap<'_> {
 }
 
 /// The hands that cameras saw: right and left, image by image.
-struct Seen {
+struct ObservedHands {
     hands: [Vec<Option<fuse::Fused<Keypoints>>>; 2],
     agreement: Agreement,
 }
@@ -243,10 +247,10 @@ impl HoCap<'_> {
     /// with those of the scene.
     fn seen(
         &self,
-        described: &Described,
+        described: &RecordingFiles,
         files: &SequenceFiles<'_>,
         calibration: &Calibration,
-    ) -> Result<Seen, RecordingError> {
+    ) -> Result<ObservedHands, RecordingError> {
         let (meta, grasped) = (&described.meta, described.grasped.number);
         let tracked = described.poses.get(grasped).map_or(&[][..], Vec::as_slice);
         let cameras: Vec<_> = calibration
@@ -295,7 +299,7 @@ impl HoCap<'_> {
                 "`obj_poses` of the labels is {median_m:.2} m (or ten times as many radians) from that"
             )));
         }
-        Ok(Seen {
+        Ok(ObservedHands {
             hands,
             agreement: Agreement {
                 pose_difference_m,
@@ -310,7 +314,7 @@ impl HoCap<'_> {
 
 /// Refuses a recording whose object leaves with the other hand.
 fn check_nearer_hand(
-    seen: &Seen,
+    seen: &ObservedHands,
     hand: Side,
     departure: &Departure,
     files: &SequenceFiles<'_>,

@@ -18,7 +18,7 @@ use crate::{
     error::RecordingError,
     folders::{names, plain},
     npz::{self, Arrays, NpzError, Unpacker},
-    reader::{Listed, those_there},
+    reader::{ListedRecording, those_there},
     recording::Keypoints,
     selection::Cameras,
     yaml,
@@ -62,7 +62,7 @@ impl LabelNames {
     /// Fails if a camera's folder cannot be listed, or if something else than such a file lies in a file's place.
     pub(crate) fn files(
         self,
-        listed: &Listed,
+        listed: &ListedRecording,
         own: [(&str, u64); 2],
         cameras: Cameras,
     ) -> Result<Vec<SourceFile>, RecordingError> {
@@ -83,7 +83,7 @@ impl LabelNames {
     /// Lists what has the name of a label in a camera's folder.
     fn of_camera(
         self,
-        listed: &Listed,
+        listed: &ListedRecording,
         serial: &str,
     ) -> Result<Vec<(SourceFile, u64)>, RecordingError> {
         let folder = listed.file(serial);

@@ -95,12 +95,12 @@ impl Unpacker {
 #[derive(Debug)]
 pub(crate) struct Arrays<'a> {
     bytes: &'a [u8],
-    unpacker: Held<'a>,
+    unpacker: UnpackerHandle<'a>,
 }
 
 /// An unpacker for this archive alone, or one that is used again.
 #[derive(Debug)]
-enum Held<'a> {
+enum UnpackerHandle<'a> {
     Owned(Box<Unpacker>),
     Lent(&'a mut Unpacker),
 }
@@ -114,14 +114,14 @@ impl<'a> Arrays<'a> {
     pub(crate) fn open(bytes: &'a [u8]) -> Result<Self, NpzError> {
         let mut unpacker = Box::new(Unpacker::new());
         unpacker.directory.list(bytes)?;
-        let unpacker = Held::Owned(unpacker);
+        let unpacker = UnpackerHandle::Owned(unpacker);
         Ok(Self { bytes, unpacker })
     }
 
     /// Opens the archive as [`Self::open`] does, without setting anything up.
     pub(crate) fn open_with(bytes: &'a [u8], unpacker: &'a mut Unpacker) -> Result<Self, NpzError> {
         unpacker.directory.list(bytes)?;
-        let unpacker = Held::Lent(unpacker);
+        let unpacker = UnpackerHandle::Lent(unpacker);
         Ok(Self { bytes, unpacker })
     }
 
@@ -153,8 +153,8 @@ impl<'a> Arrays<'a> {
             inflater,
             content,
         } = match &mut self.unpacker {
-            Held::Owned(unpacker) => unpacker.as_mut(),
-            Held::Lent(unpacker) => unpacker,
+            UnpackerHandle::Owned(unpacker) => unpacker.as_mut(),
+            UnpackerHandle::Lent(unpacker) => unpacker,
         };
         let entry = directory.entry(self.bytes, array)?;
         let data_and_after = entry.data_and_after(self.bytes, array)?;

@@ -33,14 +33,18 @@ pub(crate) trait Reader {
     /// # Errors
     ///
     /// Fails if a folder cannot be listed.
-    fn list(&self) -> Result<Vec<Listed>, IngestError>;
+    fn list(&self) -> Result<Vec<ListedRecording>, IngestError>;
 
     /// Lists the files from which a recording is read, as seen by these cameras; opens none.
     ///
     /// # Errors
     ///
     /// Fails if a folder cannot be listed, or if something else than such a file lies in a file's place.
-    fn files(&self, listed: &Listed, cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError>;
+    fn files(
+        &self,
+        listed: &ListedRecording,
+        cameras: Cameras,
+    ) -> Result<Vec<SourceFile>, RecordingError>;
 
     /// Returns the name of a recording's metadata file.
     fn description(&self) -> &'static str;
@@ -71,7 +75,7 @@ pub(crate) fn reader(config: &IngestConfig) -> Box<dyn Reader + '_> {
 
 /// A recording as its dataset lists it.
 #[derive(Debug)]
-pub(crate) struct Listed {
+pub(crate) struct ListedRecording {
     /// Key of its partition: letters, digits, `_` and `-` only, unique.
     pub(crate) key: String,
     /// Its folder relative to the dataset, e.g. `SUBJECT/SEQUENCE`.
@@ -92,7 +96,7 @@ pub(crate) struct Listed {
     pub(crate) beside: Vec<(SourceFile, u64)>,
 }
 
-impl Listed {
+impl ListedRecording {
     /// Returns a recording of a folder alone.
     pub(crate) fn new(folder: RecordingFolder, about: Option<About>, marks_table: bool) -> Self {
         Self {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     config::IngestConfig,
     error::IngestError,
-    reader::{About, Listed},
+    reader::{About, ListedRecording},
     ycb,
 };
 
@@ -81,14 +81,14 @@ impl Cameras {
 
 /// What becomes of a listed recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Choice {
+pub(crate) enum Selection {
     /// It is read, as these cameras saw it.
     Take(Cameras),
     /// It is left out, for this reason.
     Leave(String),
 }
 
-impl Choice {
+impl Selection {
     /// Says whether it is read.
     pub(crate) fn is_taken(&self) -> bool {
         matches!(self, Self::Take(_))
@@ -102,7 +102,10 @@ impl Choice {
 /// # Errors
 ///
 /// Fails if an option names nothing that there is, or a split cannot be told in this subset.
-pub(crate) fn choose(config: &IngestConfig, listed: &[Listed]) -> Result<Vec<Choice>, IngestError> {
+pub(crate) fn choose(
+    config: &IngestConfig,
+    listed: &[ListedRecording],
+) -> Result<Vec<Selection>, IngestError> {
     check_names(config, listed)?;
     let trials = if matches!(config.split, Split::S0Train | Split::S0Val | Split::S0Test) {
         trials(listed)?
@@ -112,23 +115,23 @@ pub(crate) fn choose(config: &IngestConfig, listed: &[Listed]) -> Result<Vec<Cho
     Ok(listed
         .iter()
         .map(|recording| match &recording.about {
-            None => Choice::Take(Cameras::ALL),
+            None => Selection::Take(Cameras::ALL),
             Some(about) => choice(config, about, trials.get(recording.key.as_str()).copied()),
         })
         .collect())
 }
 
-fn choice(config: &IngestConfig, about: &About, trial: Option<usize>) -> Choice {
+fn choice(config: &IngestConfig, about: &About, trial: Option<usize>) -> Selection {
     // Reasons do not name what the options hold: they stay true when those change.
     if about.hand != config.hand && !config.mirror {
-        return Choice::Leave(format!("{} hand", about.hand.as_str()));
+        return Selection::Leave(format!("{} hand", about.hand.as_str()));
     }
     let named = |names: &[String], name: &str| names.is_empty() || names.iter().any(|n| n == name);
     if !named(&config.subjects, &about.subject) {
-        return Choice::Leave(format!("subject `{}` is not in `subjects`", about.subject));
+        return Selection::Leave(format!("subject `{}` is not in `subjects`", about.subject));
     }
     if !named(&config.objects, &about.object) {
-        return Choice::Leave(format!("object `{}` is not in `objects`", about.object));
+        return Selection::Leave(format!("object `{}` is not in `objects`", about.object));
     }
     let cameras = match config.split {
         Split::S2Train => Cameras { first: 0, end: 6 },
@@ -137,9 +140,9 @@ fn choice(config: &IngestConfig, about: &About, trial: Option<usize>) -> Choice 
         _ => Cameras::ALL,
     };
     if in_split(config.split, about, trial) {
-        Choice::Take(cameras)
+        Selection::Take(cameras)
     } else {
-        Choice::Leave("not in `split`".to_owned())
+        Selection::Leave("not in `split`".to_owned())
     }
 }
 
@@ -170,7 +173,7 @@ fn subject_number(subject: &str) -> Option<u32> {
 }
 
 /// Numbers the trials of each subject with each object, from 0, by the recording's key.
-fn trials(listed: &[Listed]) -> Result<BTreeMap<&str, usize>, IngestError> {
+fn trials(listed: &[ListedRecording]) -> Result<BTreeMap<&str, usize>, IngestError> {
     let mut groups: BTreeMap<(&str, &str), Vec<&str>> = BTreeMap::new();
     for recording in listed {
         if let Some(about) = &recording.about {
@@ -197,7 +200,7 @@ fn trials(listed: &[Listed]) -> Result<BTreeMap<&str, usize>, IngestError> {
 }
 
 /// Refuses subjects and objects that nobody has.
-fn check_names(config: &IngestConfig, listed: &[Listed]) -> Result<(), IngestError> {
+fn check_names(config: &IngestConfig, listed: &[ListedRecording]) -> Result<(), IngestError> {
     let distinct = |of: fn(&About) -> &str| -> BTreeSet<&str> {
         let abouts = listed
             .iter()

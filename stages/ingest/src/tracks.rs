@@ -23,7 +23,7 @@ use crate::{
     error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
     npz::Arrays,
-    reader::{self, About, Listed, Reader, glance, those_there},
+    reader::{self, About, ListedRecording, Reader, glance, those_there},
     recording::{Observation, Recording, TableSource, Tag},
     selection::Cameras,
     stage::Agreement,
@@ -116,8 +116,8 @@ impl<'a> Tracks<'a> {
 }
 
 impl Reader for Tracks<'_> {
-    fn list(&self) -> Result<Vec<Listed>, IngestError> {
-        let listed: Vec<Listed> = recordings(self.root, &[ABOUT])?
+    fn list(&self) -> Result<Vec<ListedRecording>, IngestError> {
+        let listed: Vec<ListedRecording> = recordings(self.root, &[ABOUT])?
             .into_iter()
             .map(|folder| {
                 let bytes = glance(&folder.path.join(ABOUT), MAX_ABOUT_BYTES);
@@ -128,7 +128,7 @@ impl Reader for Tracks<'_> {
                     .as_ref()
                     .is_some_and(|description| self.uses_table() && description.marks_table());
                 let about = description.map(|description| description.about(&folder.subject));
-                Listed::new(folder, about, marks_table)
+                ListedRecording::new(folder, about, marks_table)
             })
             .collect();
         if listed.is_empty() {
@@ -140,7 +140,11 @@ impl Reader for Tracks<'_> {
         Ok(listed)
     }
 
-    fn files(&self, listed: &Listed, _cameras: Cameras) -> Result<Vec<SourceFile>, RecordingError> {
+    fn files(
+        &self,
+        listed: &ListedRecording,
+        _cameras: Cameras,
+    ) -> Result<Vec<SourceFile>, RecordingError> {
         let files = [(ABOUT, MAX_ABOUT_BYTES), (TRACK, MAX_TRACK_BYTES)];
         those_there(files.map(|(name, limit)| (listed.file(name), limit)))
     }

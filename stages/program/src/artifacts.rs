@@ -13,12 +13,12 @@ use crate::{error::Broken, result};
 /// The artifacts of a project that its programs can make, beside tables of their own.
 pub trait Artifacts: Sized + Sync + 'static {
     /// These artifacts.
-    const KNOWN: &'static [Known];
+    const KNOWN: &'static [KnownArtifact];
 }
 
 /// One artifact that a program can make.
 #[derive(Debug, Clone, Copy)]
-pub struct Known {
+pub struct KnownArtifact {
     /// Its name.
     pub artifact: &'static str,
     /// Name and version of its schema.
@@ -42,7 +42,7 @@ pub(crate) struct KnownTable {
     pub(crate) against: fn(&Inputs, &str, &RecordBatch) -> Result<(), Broken>,
 }
 
-impl Known {
+impl KnownArtifact {
     /// Returns the artifact that is a table of this type.
     pub const fn table<T: Table>() -> Self {
         Self::checked_against::<T>(|_, _, _| Ok(()))
@@ -86,11 +86,11 @@ impl Known {
 pub enum Shipped {}
 
 impl Artifacts for Shipped {
-    const KNOWN: &'static [Known] = &[
-        Known::table::<Candidates>(),
-        Known::table::<Demonstration>(),
-        Known::checked_against::<Rollouts>(result::one_rollout_per_candidate),
-        Known::table::<Robustnesses>(),
-        Known::table::<Trajectory>(),
+    const KNOWN: &'static [KnownArtifact] = &[
+        KnownArtifact::table::<Candidates>(),
+        KnownArtifact::table::<Demonstration>(),
+        KnownArtifact::checked_against::<Rollouts>(result::one_rollout_per_candidate),
+        KnownArtifact::table::<Robustnesses>(),
+        KnownArtifact::table::<Trajectory>(),
     ];
 }

@@ -6,7 +6,7 @@ use dataflow::{NodeName, OptionFault, OptionFaults, PartitionKey, nearest};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::artifacts::Known;
+use crate::artifacts::KnownArtifact;
 
 /// Longest time limit, in seconds: a week.
 const MAX_TIMEOUT_S: f64 = 604_800.0;
@@ -137,7 +137,7 @@ impl ProgramConfig {
 
     /// Returns the faults of the options beyond their types; `known` are the artifacts of this project that a program
     /// can make.
-    pub(crate) fn faults(&self, known: &[Known]) -> Vec<OptionFault> {
+    pub(crate) fn faults(&self, known: &[KnownArtifact]) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         if self.command.first().is_none_or(String::is_empty) {
             faults.note(
@@ -193,7 +193,7 @@ impl ProgramConfig {
         faults.found()
     }
 
-    fn check_artifact(&self, known: &[Known], faults: &mut OptionFaults) {
+    fn check_artifact(&self, known: &[KnownArtifact], faults: &mut OptionFaults) {
         let names = known.iter().map(|known| known.artifact);
         let is_known = names.clone().any(|name| name == self.makes);
         match (is_known, self.columns.is_empty()) {

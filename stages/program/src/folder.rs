@@ -12,7 +12,7 @@ use arrow_schema::Schema;
 use dataflow::{Context, Inputs};
 
 use crate::{
-    artifacts::Known,
+    artifacts::KnownArtifact,
     code::FILES,
     config::ProgramConfig,
     error::ProgramError,
@@ -37,11 +37,11 @@ pub(crate) const TMP: &str = "tmp";
 /// A unit's folder, filled.
 pub(crate) struct JobFolder {
     path: PathBuf,
-    given: Vec<Given>,
+    given: Vec<InputFile>,
 }
 
 /// A file that the program was given.
-struct Given {
+struct InputFile {
     path: PathBuf,
     from: PathBuf,
     /// Size, node and time of its last change of any kind.
@@ -49,7 +49,7 @@ struct Given {
 }
 
 /// Violation of the folder's rules by a program.
-pub(crate) struct Offense {
+pub(crate) struct FolderViolation {
     pub(crate) problem: String,
     pub(crate) advice: &'static str,
 }
@@ -58,7 +58,7 @@ impl JobFolder {
     /// Fills the folder of a unit.
     pub(crate) fn new(
         config: &ProgramConfig,
-        known: Option<&Known>,
+        known: Option<&KnownArtifact>,
         schema: Option<Schema>,
         inputs: &Inputs,
         cx: &Context,
@@ -129,7 +129,7 @@ impl JobFolder {
         let at = folder.path.join(JOB);
         lake::write_atomic(&at, text.as_bytes())?;
         let stamp = stamp(&at).map_err(ProgramError::at(&at))?;
-        folder.given.push(Given {
+        folder.given.push(InputFile {
             from: at.clone(),
             path: at,
             stamp,
@@ -151,7 +151,7 @@ impl JobFolder {
         let read_only = Permissions::from_mode(0o444);
         fs::set_permissions(&path, read_only).map_err(ProgramError::at(&path))?;
         let stamp = stamp(&path).map_err(ProgramError::at(&path))?;
-        self.given.push(Given {
+        self.given.push(InputFile {
             path,
             from: from.to_owned(),
             stamp,
@@ -167,13 +167,13 @@ impl JobFolder {
     }
 
     /// Returns the program's violation of the folder's rules, if there is one.
-    pub(crate) fn offense(&self) -> Result<Option<Offense>, ProgramError> {
+    pub(crate) fn offense(&self) -> Result<Option<FolderViolation>, ProgramError> {
         const KNOWN: [&str; 6] = [IN, OWN_FILES, OUT, TMP, JOB, TEMPLATE];
         for entry in fs::read_dir(&self.path).map_err(ProgramError::at(&self.path))? {
             let name = entry.map_err(ProgramError::at(&self.path))?.file_name();
             let name = name.to_string_lossy();
             if !KNOWN.contains(&name.as_ref()) {
-                return Ok(Some(Offense {
+                return Ok(Some(FolderViolation {
                     problem: format!("wrote `{name}` beside `out`"),
                     advice: "write results into `out`, and files for the moment into the folder TMPDIR",
                 }));
@@ -184,7 +184,7 @@ impl JobFolder {
         for entry in fs::read_dir(above).map_err(ProgramError::at(above))? {
             let name = entry.map_err(ProgramError::at(above))?.file_name();
             if name != FOLDER {
-                return Ok(Some(Offense {
+                return Ok(Some(FolderViolation {
                     problem: format!("wrote `../{}`, outside its folder", name.to_string_lossy()),
                     advice: "write results into `out`, and files for the moment into the folder TMPDIR",
                 }));
@@ -203,14 +203,14 @@ impl JobFolder {
             let is_there = given.path.is_file();
             if !is_same || (is_job && !is_there) {
                 let name = given.path.strip_prefix(&self.path).unwrap_or(&given.path);
-                return Ok(Some(Offense {
+                return Ok(Some(FolderViolation {
                     problem: format!("changed its input `{}`", name.display()),
                     advice: "inputs are for reading: write the changed data into `out`",
                 }));
             }
         }
         if n_found != n_given.count() {
-            return Ok(Some(Offense {
+            return Ok(Some(FolderViolation {
                 problem: "wrote into `in`".to_owned(),
                 advice: "inputs are for reading: write results into `out`",
             }));
@@ -219,14 +219,16 @@ impl JobFolder {
     }
 
     /// Lists the program's outputs: the regular files in `out`, by name.
-    pub(crate) fn made(&self) -> Result<Result<Vec<(String, PathBuf)>, Offense>, ProgramError> {
+    pub(crate) fn made(
+        &self,
+    ) -> Result<Result<Vec<(String, PathBuf)>, FolderViolation>, ProgramError> {
         let out = self.path.join(OUT);
         let mut made = Vec::new();
         for entry in fs::read_dir(&out).map_err(ProgramError::at(&out))? {
             let entry = entry.map_err(ProgramError::at(&out))?;
             let kind = entry.file_type().map_err(ProgramError::at(&out))?;
             let Ok(name) = entry.file_name().into_string() else {
-                return Ok(Err(Offense {
+                return Ok(Err(FolderViolation {
                     problem: "wrote a file whose name is not UTF-8".to_owned(),
                     advice: "name files in ASCII",
                 }));
@@ -237,7 +239,7 @@ impl JobFolder {
                 } else {
                     "a link or a device"
                 };
-                return Ok(Err(Offense {
+                return Ok(Err(FolderViolation {
                     problem: format!("wrote `out/{name}`, which is {what}"),
                     advice: "write plain files into `out` itself",
                 }));

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use dataflow::{Context, Labels};
 use serde::Serialize;
 
-use crate::{artifacts::Known, config::ProgramConfig, own_table};
+use crate::{artifacts::KnownArtifact, config::ProgramConfig, own_table};
 
 /// Paths of files by name, relative to the folder.
 pub(crate) type JobFiles = BTreeMap<String, String>;
@@ -59,7 +59,7 @@ impl Job {
     /// Describes the output to make, without inputs yet.
     pub(crate) fn new(
         config: &ProgramConfig,
-        known: Option<&Known>,
+        known: Option<&KnownArtifact>,
         cx: &Context,
         fan_out: Option<&str>,
     ) -> Self {

@@ -24,7 +24,7 @@ mod result;
 mod stage;
 mod units;
 
-pub use artifacts::{Artifacts, Known, Shipped};
+pub use artifacts::{Artifacts, KnownArtifact, Shipped};
 pub use config::{ColumnConfig, ColumnType, ProgramConfig};
 pub use error::ProgramError;
 pub use process::stop_all;

@@ -21,7 +21,7 @@ const PROGRESS_EVERY: Duration = Duration::from_millis(50);
 
 /// An event in a unit's processes.
 #[derive(Debug)]
-pub(crate) enum Happened {
+pub(crate) enum ProcessEvent {
     /// A share of the work is done, with a message.
     Progress(f64, String),
     /// One of its outputs has closed.
@@ -33,7 +33,7 @@ pub(crate) enum Happened {
 }
 
 /// Reads one output of a program to its end: progress goes to `events`, everything else into the log.
-pub(crate) fn read(output: impl Read, name: &str, log: &Log, events: &Sender<Happened>) {
+pub(crate) fn read(output: impl Read, name: &str, log: &Log, events: &Sender<ProcessEvent>) {
     let mut output = BufReader::new(output);
     let (mut n_bytes, mut n_progress) = (0_u64, 0_u32);
     let mut reported: Option<Instant> = None;
@@ -50,13 +50,13 @@ pub(crate) fn read(output: impl Read, name: &str, log: &Log, events: &Sender<Hap
             n_progress += 1;
             if n_progress > MAX_PROGRESS_LINES {
                 let problem = format!("printed more than {MAX_PROGRESS_LINES} lines of progress");
-                send(Happened::Flooded(problem, "print one for each percent"));
+                send(ProcessEvent::Flooded(problem, "print one for each percent"));
                 break;
             }
             let now = Instant::now();
             if reported.is_none_or(|before| now - before >= PROGRESS_EVERY) {
                 reported = Some(now);
-                if !send(Happened::Progress(share, message)) {
+                if !send(ProcessEvent::Progress(share, message)) {
                     break;
                 }
             }
@@ -66,12 +66,12 @@ pub(crate) fn read(output: impl Read, name: &str, log: &Log, events: &Sender<Hap
         if n_bytes > MAX_PRINTED {
             let problem = format!("printed more than {} MB to {name}", MAX_PRINTED >> 20);
             let advice = "print less; results belong into a file in `out`";
-            send(Happened::Flooded(problem, advice));
+            send(ProcessEvent::Flooded(problem, advice));
             break;
         }
         log.line(&line);
     }
-    send(Happened::Closed);
+    send(ProcessEvent::Closed);
 }
 
 /// Parses `progress 0.25 what is done`.

@@ -14,7 +14,7 @@ use std::{
 use crate::{
     config::ProgramConfig,
     error::ProgramError,
-    limits::{Happened, read},
+    limits::{ProcessEvent, read},
     log::Log,
     processes::{Processes, VARIABLE},
 };
@@ -63,11 +63,11 @@ pub fn stop_all() {
 }
 
 /// End of a program that broke no limit.
-pub(crate) struct Ended {
+pub(crate) struct ProgramEnd {
     pub(crate) status: ExitStatus,
 }
 
-impl Ended {
+impl ProgramEnd {
     /// Returns the end in words, e.g. `ended with exit code 1`.
     pub(crate) fn words(&self) -> String {
         match (self.status.code(), self.status.signal()) {
@@ -79,13 +79,13 @@ impl Ended {
 }
 
 /// A program that runs; when this is dropped, all its processes are killed.
-struct Started {
+struct RunningProgram {
     processes: Processes,
     /// Kills the group if this process dies.
     guard: Option<Child>,
 }
 
-impl Started {
+impl RunningProgram {
     /// Starts the command; the lock is held, so that an interrupt finds it.
     fn new(command: &mut Command, folder: &Path) -> Result<(Self, Child), ProgramError> {
         let program = command.get_program().to_owned();
@@ -123,7 +123,7 @@ impl Started {
     }
 }
 
-impl Drop for Started {
+impl Drop for RunningProgram {
     fn drop(&mut self) {
         self.processes.kill();
         if let Some(mut guard) = self.guard.take() {
@@ -143,7 +143,7 @@ pub(crate) fn run(
     folder: &Path,
     log: &Arc<Log>,
     progress: &dyn Fn(f64, &str),
-) -> Result<Ended, ProgramError> {
+) -> Result<ProgramEnd, ProgramError> {
     let [program, arguments @ ..] = command else {
         return Err(ProgramError::NotStarted {
             program: String::new(),
@@ -163,7 +163,7 @@ pub(crate) fn run(
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .process_group(0);
-    let (started, child) = Started::new(&mut command, folder)?;
+    let (started, child) = RunningProgram::new(&mut command, folder)?;
     let mut watch = Watch {
         config,
         log,
@@ -175,7 +175,7 @@ pub(crate) fn run(
     let status = watch.until_it_ends();
     let ended = status.and_then(|status| {
         watch.until_the_others_end()?;
-        Ok(Ended {
+        Ok(ProgramEnd {
             status: status.map_err(ProgramError::at(folder))?,
         })
     });
@@ -189,7 +189,7 @@ pub(crate) fn run(
 }
 
 /// Reads both outputs of a program and waits for its end, in threads.
-fn follow(mut child: Child, log: &Arc<Log>) -> mpsc::Receiver<Happened> {
+fn follow(mut child: Child, log: &Arc<Log>) -> mpsc::Receiver<ProcessEvent> {
     let (sender, events) = mpsc::channel();
     if let Some(stdout) = child.stdout.take() {
         let (log, sender) = (Arc::clone(log), sender.clone());
@@ -200,7 +200,7 @@ fn follow(mut child: Child, log: &Arc<Log>) -> mpsc::Receiver<Happened> {
         thread::spawn(move || read(stderr, "stderr", &log, &sender));
     }
     thread::spawn(move || {
-        let _nobody_asks = sender.send(Happened::Ended(child.wait()));
+        let _nobody_asks = sender.send(ProcessEvent::Ended(child.wait()));
     });
     events
 }
@@ -210,8 +210,8 @@ struct Watch<'a> {
     config: &'a ProgramConfig,
     log: &'a Log,
     progress: &'a dyn Fn(f64, &str),
-    started: Started,
-    events: mpsc::Receiver<Happened>,
+    started: RunningProgram,
+    events: mpsc::Receiver<ProcessEvent>,
     /// Number of its outputs that have closed.
     n_closed: usize,
 }
@@ -229,12 +229,15 @@ impl Watch<'_> {
     }
 
     /// Handles an event; returns the program's end.
-    fn take(&mut self, happened: Happened) -> Result<Option<io::Result<ExitStatus>>, ProgramError> {
+    fn take(
+        &mut self,
+        happened: ProcessEvent,
+    ) -> Result<Option<io::Result<ExitStatus>>, ProgramError> {
         match happened {
-            Happened::Progress(share, message) => (self.progress)(share, &message),
-            Happened::Closed => self.n_closed += 1,
-            Happened::Flooded(problem, advice) => return Err(self.killed(problem, advice)),
-            Happened::Ended(status) => return Ok(Some(status)),
+            ProcessEvent::Progress(share, message) => (self.progress)(share, &message),
+            ProcessEvent::Closed => self.n_closed += 1,
+            ProcessEvent::Flooded(problem, advice) => return Err(self.killed(problem, advice)),
+            ProcessEvent::Ended(status) => return Ok(Some(status)),
         }
         Ok(None)
     }

@@ -20,7 +20,7 @@ pub(crate) struct Processes {
 }
 
 /// A process, as far as it matters here.
-struct Found {
+struct ProcessInfo {
     pid: i32,
     group: i32,
     parent: i32,
@@ -60,7 +60,7 @@ impl Processes {
 
     /// Returns the memory that all of them hold, in bytes.
     pub(crate) fn resident_bytes(&self) -> u64 {
-        let all: Vec<Found> = living().collect();
+        let all: Vec<ProcessInfo> = living().collect();
         let mut family = BTreeSet::from([self.leader]);
         // Children that left the group, too: at most as many rounds as there are generations.
         loop {
@@ -87,7 +87,7 @@ impl Processes {
 }
 
 /// Lists the living processes; none where there is no `/proc`.
-fn living() -> impl Iterator<Item = Found> {
+fn living() -> impl Iterator<Item = ProcessInfo> {
     let entries = fs::read_dir("/proc").into_iter().flatten().flatten();
     entries.filter_map(|entry| {
         let pid = entry.file_name().to_str()?.parse().ok()?;
@@ -100,7 +100,7 @@ fn living() -> impl Iterator<Item = Found> {
         let (state, parent, group) = (*words.first()?, number(1)?, number(2)?);
         let pages: u64 = words.get(21)?.parse().ok()?;
         let is_dead = matches!(state, "Z" | "X" | "x");
-        (!is_dead).then(|| Found {
+        (!is_dead).then(|| ProcessInfo {
             pid,
             group,
             parent,

@@ -15,11 +15,11 @@ use dataflow::{
 };
 
 use crate::{
-    artifacts::{Artifacts, Known},
+    artifacts::{Artifacts, KnownArtifact},
     code,
     config::ProgramConfig,
     error::ProgramError,
-    folder::{JobFolder, Offense},
+    folder::{FolderViolation, JobFolder},
     log::Log,
     own_table, process,
     result::{accepted_n, checked},
@@ -46,7 +46,7 @@ dataflow::metrics! {
 impl<A: Artifacts> Program<A> {
     const OUTPUT: Self = Self(PhantomData);
 
-    fn known(config: &ProgramConfig) -> Option<&'static Known> {
+    fn known(config: &ProgramConfig) -> Option<&'static KnownArtifact> {
         A::KNOWN.iter().find(|known| known.artifact == config.makes)
     }
 }
@@ -143,7 +143,7 @@ impl<A: Artifacts> Output for Program<A> {
         let ended = process::run(config, &command, folder.path(), &log, &|share, message| {
             cx.progress(share, message);
         })?;
-        let failed = |offense: Offense| ProgramError::Folder {
+        let failed = |offense: FolderViolation| ProgramError::Folder {
             command: process::words(config),
             problem: offense.problem,
             last_lines: log.last_lines(),
@@ -180,7 +180,7 @@ impl<A: Artifacts> Output for Program<A> {
         );
         for name in asked {
             if !made.iter().any(|(found, _)| found == name) {
-                return Err(failed(Offense {
+                return Err(failed(FolderViolation {
                     problem: format!("ended well, but there is no `out/{name}`"),
                     advice: "write it into the folder in which the program starts",
                 }));

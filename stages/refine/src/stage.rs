@@ -28,7 +28,7 @@ use crate::{
 pub struct Refine;
 
 /// The refinement of a draw, and the processor time that it took in seconds.
-type Tried = (Result<Refined, RefineError>, f64);
+type TimedRefinement = (Result<Refined, RefineError>, f64);
 
 /// What refined motions name as their generator.
 const GENERATOR: &str = "refine";
@@ -131,7 +131,7 @@ impl Output for Refine {
             &inputs.source("hand_table")?.path,
         )?;
         let given: Candidates = inputs.one()?;
-        let tried: Vec<(Candidate, Tried)> = given
+        let tried: Vec<(Candidate, TimedRefinement)> = given
             .candidates
             .into_par_iter()
             .map_init(

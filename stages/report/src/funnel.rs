@@ -9,7 +9,7 @@ use schemas::{
 };
 
 use crate::{
-    Gathered,
+    PageData,
     numbers::{signed, words},
     table::{Cell, DataTable, Section},
 };
@@ -27,7 +27,7 @@ pub(crate) struct Step {
 }
 
 /// Returns the steps with known numbers, in their order.
-pub(crate) fn steps(gathered: &Gathered) -> Vec<Step> {
+pub(crate) fn steps(gathered: &PageData) -> Vec<Step> {
     let mut steps = Vec::new();
     let left_out = |input: &str| -> Vec<(String, i64)> {
         let reasons = gathered.facts.left_out.get(input).into_iter().flatten();
@@ -99,7 +99,7 @@ pub(crate) fn steps(gathered: &Gathered) -> Vec<Step> {
 }
 
 /// Counts rollouts by verdict.
-pub(crate) fn verdicts(gathered: &Gathered) -> BTreeMap<Verdict, i64> {
+pub(crate) fn verdicts(gathered: &PageData) -> BTreeMap<Verdict, i64> {
     let mut verdicts: BTreeMap<Verdict, i64> = BTreeMap::new();
     for rollout in gathered.rollouts.values().flatten() {
         *verdicts.entry(rollout.verdict).or_default() += 1;
@@ -113,7 +113,7 @@ fn sorted(mut lost: Vec<(String, i64)>) -> Vec<(String, i64)> {
     lost
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("funnel", "From recordings to executions");
     let steps = steps(gathered);
     if steps.is_empty() {

@@ -20,14 +20,14 @@ use schemas::{
 };
 
 use crate::{
-    Facts, Motion, ReportConfig, ReportError, Standing,
+    Facts, Motion, OutcomeGroup, ReportConfig, ReportError,
     motions::{Recorded, chosen},
     recorded::RecordedMotion,
 };
 
 /// Content of a page.
 #[derive(Debug, Clone, Default)]
-pub struct Gathered {
+pub struct PageData {
     /// Facts of the pipeline.
     pub facts: Facts,
     /// Number of demonstrations, if they were read.
@@ -71,7 +71,7 @@ pub struct Draws {
     pub refused: BTreeMap<&'static str, i64>,
 }
 
-impl Gathered {
+impl PageData {
     /// Reads the content of a page; `hand` is the hand's URDF, written plainly, and its model with the shapes of its
     /// meshes: without it, hands of recordings have no meshes.
     ///
@@ -160,7 +160,7 @@ impl Gathered {
             let contents = recording::read(path)?;
             let mut motion = RecordedMotion::read(file, &contents, hand)?;
             let id = rollout.candidate_id.as_str();
-            let standing = Standing::of(rollout);
+            let standing = OutcomeGroup::of(rollout);
             motion.about = BTreeMap::from(
                 [
                     ("candidate_id", id),

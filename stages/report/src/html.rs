@@ -6,7 +6,7 @@ use charts::escaped;
 
 use self::player::motions;
 use crate::{
-    Gathered, ReportError,
+    PageData, ReportError,
     embed::embedded,
     render::Head,
     table::{Cell, DataTable, Section},
@@ -23,7 +23,7 @@ const CONTROLS: &str = include_str!("page/controls.js");
 pub(crate) fn page(
     head: &Head,
     sections: &[Section],
-    gathered: &Gathered,
+    gathered: &PageData,
 ) -> Result<String, ReportError> {
     let mut body = String::new();
     for (idx, section) in sections.iter().enumerate() {

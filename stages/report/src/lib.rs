@@ -2,10 +2,10 @@
 //!
 //! The stage `report` reads whatever of a run is wired to it and writes `index.html`, which needs no
 //! other file and no network, `report.md` for reviews of code, and the tables that they show as CSV.
-//! [`Gathered`] is what they show; [`render()`] writes it, of one run or of several side by side.
+//! [`PageData`] is what they show; [`render()`] writes it, of one run or of several side by side.
 //!
 //! Equal inputs give equal bytes: there is no clock, no host and no path in a page. Times that stages
-//! took are no inputs; who knows them from a run's record adds them ([`Gathered::seconds`]).
+//! took are no inputs; who knows them from a run's record adds them ([`PageData::seconds`]).
 //! Nothing is simulated or judged here: motions are those of recordings.
 
 mod base64;
@@ -31,8 +31,8 @@ mod table;
 pub use config::ReportConfig;
 pub use error::ReportError;
 pub use facts::Facts;
-pub use gather::Gathered;
-pub use motions::{Motion, Standing};
+pub use gather::PageData;
+pub use motions::{Motion, OutcomeGroup};
 pub use recorded::{RecordedMotion, of_candidate};
 pub use render::{Rendered, render};
 pub use stage::{INPUTS, PageMetrics, Report, unit};

@@ -6,7 +6,7 @@ use schemas::rollouts::{Rollout, Verdict};
 
 /// Class of a motion by its outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Standing {
+pub enum OutcomeGroup {
     /// It held.
     Success,
     /// It failed after the object was lifted or held, or for depth alone.
@@ -15,7 +15,7 @@ pub enum Standing {
     Failure,
 }
 
-impl Standing {
+impl OutcomeGroup {
     /// Returns the standing of a rollout.
     pub fn of(rollout: &Rollout) -> Self {
         match rollout.verdict {
@@ -57,7 +57,7 @@ pub struct Motion {
     /// The verdict's word.
     pub verdict: String,
     /// Its class.
-    pub standing: Standing,
+    pub standing: OutcomeGroup,
     /// Rise of the object at the end, in meters.
     pub lift_m: f64,
     /// Slip in the hand, in meters.
@@ -83,22 +83,23 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
     let mut picked: Vec<usize> = Vec::new();
     let mut reasons: BTreeSet<&str> = BTreeSet::new();
     let mut objects: BTreeSet<&str> = BTreeSet::new();
-    let standing = |idx: usize| all.get(idx).map(|one| Standing::of(one.rollout));
-    let of = |wanted: Standing| (0..all.len()).filter(move |&idx| standing(idx) == Some(wanted));
+    let standing = |idx: usize| all.get(idx).map(|one| OutcomeGroup::of(one.rollout));
+    let of =
+        |wanted: OutcomeGroup| (0..all.len()).filter(move |&idx| standing(idx) == Some(wanted));
     for (idx, one) in all.iter().enumerate() {
         let is_new = reasons.insert(one.rollout.verdict.as_str());
         if one.rollout.verdict != Verdict::Held && is_new {
             picked.push(idx);
         }
     }
-    for idx in of(Standing::Success) {
+    for idx in of(OutcomeGroup::Success) {
         if all.get(idx).is_some_and(|one| objects.insert(one.object)) {
             picked.push(idx);
         }
     }
-    let rest = of(Standing::NearMiss)
-        .chain(of(Standing::Success))
-        .chain(of(Standing::Failure));
+    let rest = of(OutcomeGroup::NearMiss)
+        .chain(of(OutcomeGroup::Success))
+        .chain(of(OutcomeGroup::Failure));
     for idx in rest {
         if !picked.contains(&idx) {
             picked.push(idx);

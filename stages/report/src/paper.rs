@@ -12,7 +12,7 @@ use schemas::{
 };
 
 use crate::{
-    Gathered,
+    PageData,
     table::{Cell, DataTable, Section},
 };
 
@@ -67,7 +67,7 @@ const REAL: [(&str, &str, &str, [f64; 4]); 6] = [
     ),
 ];
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("paper", "Beside the paper");
     section.say(
         "Figures of Ye et al. (Learning Continuous Grasping Function with a Dexterous Hand from Human \
@@ -91,7 +91,7 @@ fn paper_number(number: f64) -> Cell {
 /// Takes one definition of smoothness of a rollout.
 type Definition = fn(&Rollout) -> &Variations;
 
-fn smoothness(gathered: &Gathered) -> DataTable {
+fn smoothness(gathered: &PageData) -> DataTable {
     let mut table = DataTable::new(
         "paper_smoothness",
         "Table I, smoothness: total variation of position; log₁₀ of that of velocity and of acceleration",
@@ -157,7 +157,7 @@ fn smoothness(gathered: &Gathered) -> DataTable {
     table
 }
 
-fn cost(gathered: &Gathered) -> DataTable {
+fn cost(gathered: &PageData) -> DataTable {
     let mut table = DataTable::new(
         "paper_cost",
         "Table II, log₁₀ of the cost of a success",
@@ -204,7 +204,7 @@ fn cost(gathered: &Gathered) -> DataTable {
     table
 }
 
-fn real(gathered: &Gathered) -> DataTable {
+fn real(gathered: &PageData) -> DataTable {
     let mut table = DataTable::new(
         "paper_real",
         "Table III, success on the robot",

@@ -4,12 +4,12 @@ use schemas::{Table, rates::SuccessRates, rollouts::Rollouts};
 use serde_json::Value;
 
 use crate::{
-    Gathered,
+    PageData,
     table::{Cell, DataTable},
 };
 
 /// Returns the protocol of the screen as a table of facts; `None` if nothing was screened.
-pub(crate) fn protocol(gathered: &Gathered) -> Option<DataTable> {
+pub(crate) fn protocol(gathered: &PageData) -> Option<DataTable> {
     let rate = gathered.rates.first();
     let options = gathered
         .facts
@@ -86,7 +86,7 @@ pub(crate) fn protocol(gathered: &Gathered) -> Option<DataTable> {
 }
 
 /// Returns the protocol in a line, for the headline; `None` if no rates are wired.
-pub(crate) fn line(gathered: &Gathered) -> Option<String> {
+pub(crate) fn line(gathered: &PageData) -> Option<String> {
     let rate = gathered.rates.first()?;
     let mass = &rate.object_mass;
     let mass = if mass == "measured" {

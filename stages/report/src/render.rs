@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::{
-    Gathered, ReportError, csv, funnel, html, markdown, paper,
+    PageData, ReportError, csv, funnel, html, markdown, paper,
     sections::{compare, cost, failures, objects, provenance, result, training},
     table::Section,
 };
@@ -22,9 +22,9 @@ pub(crate) struct Head {
 
 /// A run with its name.
 #[derive(Debug, Clone)]
-pub(crate) struct Named<'a> {
+pub(crate) struct NamedRun<'a> {
     pub(crate) name: String,
-    pub(crate) gathered: &'a Gathered,
+    pub(crate) gathered: &'a PageData,
 }
 
 /// Writes the report of a run, or of several side by side, each with its name; sections are those of the first.
@@ -32,12 +32,12 @@ pub(crate) struct Named<'a> {
 /// # Errors
 ///
 /// Fails if a motion cannot be compressed.
-pub fn render(runs: &[(String, Gathered)]) -> Result<Rendered, ReportError> {
-    let nothing = Gathered::default();
+pub fn render(runs: &[(String, PageData)]) -> Result<Rendered, ReportError> {
+    let nothing = PageData::default();
     let main = runs.first().map_or(&nothing, |(_, gathered)| gathered);
-    let named: Vec<Named<'_>> = runs
+    let named: Vec<NamedRun<'_>> = runs
         .iter()
-        .map(|(name, gathered)| Named {
+        .map(|(name, gathered)| NamedRun {
             name: name.clone(),
             gathered,
         })

@@ -11,7 +11,7 @@ use schemas::{
     success::Successes, training::Training, trajectories::Trajectory,
 };
 
-use crate::{Facts, Gathered, ReportConfig, ReportError, render::render, sections::result};
+use crate::{Facts, PageData, ReportConfig, ReportError, render::render, sections::result};
 
 /// Everything that a report may read.
 pub const INPUTS: &[&str] = &[
@@ -114,7 +114,7 @@ impl Output for Report {
         let urdf = robot::plain_urdf(&loaded.urdf);
         let facts = Facts::from_facts(inputs.facts())?;
         cx.progress(0.1, "reading");
-        let gathered = Gathered::read(config, facts, inputs, Some((&urdf, &loaded.model)))?;
+        let gathered = PageData::read(config, facts, inputs, Some((&urdf, &loaded.model)))?;
         cx.progress(0.8, "writing");
         let name = gathered.facts.run.pipeline.clone();
         let runs = [(name, gathered)];
@@ -161,7 +161,7 @@ fn reading<'a, K: ToString + 'a>(
     }
 }
 
-fn metrics(gathered: &Gathered, page_bytes: usize) -> PageMetrics {
+fn metrics(gathered: &PageData, page_bytes: usize) -> PageMetrics {
     let trials = result::trials(gathered);
     PageMetrics {
         motions_n: gathered.motions.len() as f64,

@@ -10,7 +10,7 @@ use schemas::{
     success::Success,
     tally::Tally,
 };
-use stage_report::{Facts, Gathered, Motion, Rendered, Standing, render};
+use stage_report::{Facts, Motion, OutcomeGroup, PageData, Rendered, render};
 
 fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
     Rollout {
@@ -50,7 +50,7 @@ fn motion(object: &str, n: usize, verdict: Verdict) -> Motion {
         generator: "cgf".to_owned(),
         origin: "prior".to_owned(),
         verdict: verdict.as_str().to_owned(),
-        standing: Standing::of(&rollout),
+        standing: OutcomeGroup::of(&rollout),
         lift_m: 0.1,
         slip_m: 0.0,
         duration_s: 1.0,
@@ -62,7 +62,7 @@ fn motion(object: &str, n: usize, verdict: Verdict) -> Motion {
 }
 
 /// A run of so many objects, each with 20 candidates, of which 3 fail.
-fn run(objects_n: usize) -> Gathered {
+fn run(objects_n: usize) -> PageData {
     let names: Vec<String> = (0..objects_n).map(|n| format!("{n:04}_object")).collect();
     let of = |object: &String| {
         let verdict = |n: usize| match n {
@@ -92,14 +92,14 @@ fn run(objects_n: usize) -> Gathered {
         spread_n: 0,
     };
     let shown = names.iter().take(48);
-    Gathered {
+    PageData {
         facts: facts(),
         successes: names.iter().map(success).collect(),
         rollouts: names.iter().map(|name| (name.clone(), of(name))).collect(),
         motions: shown.map(|name| motion(name, 3, Verdict::Held)).collect(),
         recorded_n: 2 * objects_n,
         objects: names,
-        ..Gathered::default()
+        ..PageData::default()
     }
 }
 
@@ -115,7 +115,7 @@ fn facts() -> Facts {
     }
 }
 
-fn rendered(gathered: Gathered) -> Rendered {
+fn rendered(gathered: PageData) -> Rendered {
     render(&[("run 1".to_owned(), gathered)]).unwrap()
 }
 
@@ -148,12 +148,12 @@ fn has_no_holes(html: &str) {
 
 #[test]
 fn nothing_at_all_gives_a_page_without_holes() {
-    let files = rendered(Gathered::default());
+    let files = rendered(PageData::default());
     has_no_holes(&page(&files));
     assert!(page(&files).contains("nothing was screened"));
-    let files = rendered(Gathered {
+    let files = rendered(PageData {
         facts: facts(),
-        ..Gathered::default()
+        ..PageData::default()
     });
     has_no_holes(&page(&files));
 }

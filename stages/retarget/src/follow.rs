@@ -44,7 +44,7 @@ pub(crate) struct Solved {
 
 /// Searches the steps of one demonstration.
 pub(crate) struct Follower<'a> {
-    asks: Asks<'a>,
+    asks: StepContext<'a>,
     solver: Solver<'a>,
 }
 
@@ -59,7 +59,7 @@ enum Fingers {
 
 /// What does not change from step to step.
 #[derive(Clone, Copy)]
-struct Asks<'a> {
+struct StepContext<'a> {
     hand: &'a Hand,
     environment: &'a Environment,
     config: &'a RetargetConfig,
@@ -73,7 +73,7 @@ impl<'a> Follower<'a> {
         config: &'a RetargetConfig,
     ) -> Self {
         Self {
-            asks: Asks {
+            asks: StepContext {
                 hand,
                 environment,
                 config,
@@ -253,7 +253,7 @@ impl<'a> Follower<'a> {
     }
 }
 
-impl<'a> Asks<'a> {
+impl<'a> StepContext<'a> {
     /// Returns where the followed points should be.
     fn targets(self, goal: &Goal) -> Vec<Target> {
         // So that both losses are the squared distance where it is small.

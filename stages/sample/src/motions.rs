@@ -45,7 +45,7 @@ pub(crate) fn sample(
     let mut randoms: Vec<Random> = (0..config.per_object)
         .map(|number| Random::new(seed, number as u64))
         .collect();
-    let mut kept: Vec<Option<Measured>> = (0..config.per_object).map(|_| None).collect();
+    let mut kept: Vec<Option<MeasuredDraw>> = (0..config.per_object).map(|_| None).collect();
     let mut left: Vec<usize> = (0..config.per_object).collect();
     let rounds = if config.redraws() { config.draws } else { 1 };
     for draw_n in (1..).take(rounds) {
@@ -53,10 +53,10 @@ pub(crate) fn sample(
             .iter()
             .map(|&number| (number, source.draw(number, draw_n, &mut randoms[number])))
             .collect();
-        let measured: Vec<(usize, Measured)> = decoder
+        let measured: Vec<(usize, MeasuredDraw)> = decoder
             .decode(&draws)?
             .into_par_iter()
-            .map(|(number, candidate)| Ok((number, Measured::new(candidate, probe)?)))
+            .map(|(number, candidate)| Ok((number, MeasuredDraw::new(candidate, probe)?)))
             .collect::<Result<_, WrongDof>>()?;
         left.clear();
         for (number, draw) in measured {
@@ -79,12 +79,12 @@ pub(crate) fn sample(
 }
 
 /// A draw of a motion, with how deep the hand is in things.
-struct Measured {
+struct MeasuredDraw {
     depth: Depth,
     candidate: Candidate,
 }
 
-impl Measured {
+impl MeasuredDraw {
     fn new(candidate: Candidate, probe: Option<PenetrationProbe<'_>>) -> Result<Self, WrongDof> {
         let depth = probe.map(|probe| probe.deepest(&candidate)).transpose()?;
         let depth = depth.unwrap_or_default();
@@ -213,7 +213,7 @@ impl<'a> Decoder<'a> {
         let motions = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
         let (rest, _) = self.rests[rest];
         let ranges = &self.cgf.description().joint_ranges;
-        let placed = Placed::new(rest, ranges, self.config.duration_s);
+        let placed = MotionPlacement::new(rest, ranges, self.config.duration_s);
         let of_draw = |(((number, draw), latent), motion): ((&(usize, Draw), _), _)| {
             let (steps, limit_excess_rad) = placed.steps(motion, &self.times);
             let candidate = Candidate {
@@ -257,13 +257,13 @@ fn noisy(object: &Object, noise: f64, seed: u64, motion: usize) -> Vec<Point3<f6
 }
 
 /// Where and how fast motions take place.
-struct Placed<'a> {
+struct MotionPlacement<'a> {
     object_from_table: Pose<InObject, Table>,
     ranges: &'a [JointRange],
     duration_s: f64,
 }
 
-impl<'a> Placed<'a> {
+impl<'a> MotionPlacement<'a> {
     fn new(rest: &RestingPose, ranges: &'a [JointRange], duration_s: f64) -> Self {
         Self {
             object_from_table: rest.table_from_object().inverse(),

@@ -68,14 +68,14 @@ pub(crate) fn record(
     recording.attach("robot.urdf", "application/xml", stage.urdf.as_bytes())?;
     let description = motion::robot_description(stage.urdf);
     recording.write_latched(ROBOT_DESCRIPTION, START_NS, &description)?;
-    let shown: Vec<Shown<'_>> = motions
+    let shown: Vec<DisplayedMotion<'_>> = motions
         .iter()
         .enumerate()
-        .map(|(number, motion)| Shown::new(stage, motion, number, motions.len()))
+        .map(|(number, motion)| DisplayedMotion::new(stage, motion, number, motions.len()))
         .collect();
-    let fixed = shown.iter().flat_map(Shown::fixed).collect();
+    let fixed = shown.iter().flat_map(DisplayedMotion::fixed).collect();
     recording.write_latched(TF_STATIC, START_NS, &TfMessage { transforms: fixed })?;
-    let markers = shown.iter().flat_map(Shown::markers);
+    let markers = shown.iter().flat_map(DisplayedMotion::markers);
     recording.write_latched(MARKERS, START_NS, &motion::markers(markers))?;
     let n_steps = motions.iter().map(|one| one.motion.steps().len()).min();
     for idx in 0..n_steps.unwrap_or(0) {
@@ -99,7 +99,7 @@ pub(crate) fn record(
 }
 
 /// One motion among several.
-struct Shown<'a> {
+struct DisplayedMotion<'a> {
     stage: &'a RecordingContext<'a>,
     candidate: &'a Candidate,
     /// The frame of its own table.
@@ -109,7 +109,7 @@ struct Shown<'a> {
     color: ColorRgba,
 }
 
-impl<'a> Shown<'a> {
+impl<'a> DisplayedMotion<'a> {
     fn new(
         stage: &'a RecordingContext<'a>,
         candidate: &'a Candidate,

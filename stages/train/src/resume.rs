@@ -31,7 +31,10 @@ pub(crate) struct Saver {
 
 impl Saver {
     /// Puts a training where an interrupted one was left, if there was one, and says what was found.
-    pub(crate) fn resume(cx: &Context, trainer: &mut Trainer) -> Result<(Self, Found), TrainError> {
+    pub(crate) fn resume(
+        cx: &Context,
+        trainer: &mut Trainer,
+    ) -> Result<(Self, SavedTraining), TrainError> {
         let folder = cx.resume_folder();
         let saver = Self {
             state: folder.join(STATE),
@@ -40,11 +43,11 @@ impl Saver {
             pause: MIN_INTERVAL,
         };
         let found = match fs::read(&saver.state) {
-            Err(err) if err.kind() == io::ErrorKind::NotFound => Found::Nothing,
-            Err(err) => Found::Damaged(err.to_string()),
+            Err(err) if err.kind() == io::ErrorKind::NotFound => SavedTraining::Nothing,
+            Err(err) => SavedTraining::Damaged(err.to_string()),
             Ok(bytes) => match trainer.restore(&bytes) {
-                Ok(()) => Found::Epochs(trainer.curve().len()),
-                Err(err) => Found::Damaged(err.to_string()),
+                Ok(()) => SavedTraining::Epochs(trainer.curve().len()),
+                Err(err) => SavedTraining::Damaged(err.to_string()),
             },
         };
         // Epochs after the state that was saved will be gone through again.
@@ -85,7 +88,7 @@ impl Saver {
 
 /// What was left of an interrupted training.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub(crate) enum Found {
+pub(crate) enum SavedTraining {
     /// Nothing: the training is new.
     Nothing,
     /// So many epochs.

@@ -16,7 +16,7 @@ use schemas::{
 
 use crate::{
     BySplit, TrainConfig, TrainError, accepted,
-    resume::{self, Found, Saver},
+    resume::{self, SavedTraining, Saver},
     set,
     unseen::unseen,
 };
@@ -195,9 +195,11 @@ fn train(
     let resumed = trainer.curve().len();
     let share = |done: usize| done as f64 / epochs as f64;
     match found {
-        Found::Nothing => {}
-        Found::Epochs(done) => cx.progress(share(done), &format!("goes on after epoch {done}")),
-        Found::Damaged(why) => {
+        SavedTraining::Nothing => {}
+        SavedTraining::Epochs(done) => {
+            cx.progress(share(done), &format!("goes on after epoch {done}"))
+        }
+        SavedTraining::Damaged(why) => {
             cx.progress(0.0, &format!("restarting: saved state is unusable: {why}"));
         }
     }

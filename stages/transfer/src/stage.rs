@@ -164,14 +164,14 @@ impl Output for Transfer {
 }
 
 /// A motion for an object that lies so.
-struct Carried {
+struct TransferredMotion {
     rest: RestingPose,
     /// The sequence that it was carried from; empty for a mean.
     sequence: String,
     motion: Motion<InObject>,
 }
 
-impl Carried {
+impl TransferredMotion {
     fn candidate(self, candidate_id: String) -> Candidate {
         Candidate {
             candidate_id,
@@ -189,7 +189,10 @@ impl Carried {
 }
 
 /// Returns the mean of an object's demonstrations for each of its resting orientations that has any.
-fn means(object: &Object, trajectories: &[Trajectory]) -> Result<Vec<Carried>, TransferError> {
+fn means(
+    object: &Object,
+    trajectories: &[Trajectory],
+) -> Result<Vec<TransferredMotion>, TransferError> {
     let angle =
         |rest: &RestingPose, other: &RestingPose| rest.up_in_object.angle(&other.up_in_object);
     let mut carried = Vec::new();
@@ -208,7 +211,7 @@ fn means(object: &Object, trajectories: &[Trajectory]) -> Result<Vec<Carried>, T
             .map(|trajectory| &trajectory.motion)
             .collect();
         if let Some(motion) = mean(&motions)? {
-            carried.push(Carried {
+            carried.push(TransferredMotion {
                 rest: orientation.rest,
                 sequence: String::new(),
                 motion,
@@ -261,7 +264,7 @@ fn carried<'a>(
     object: &Object,
     objects: &[Object],
     trajectories: impl Iterator<Item = &'a Trajectory>,
-) -> Result<Vec<Carried>, TransferError> {
+) -> Result<Vec<TransferredMotion>, TransferError> {
     let lacks = |name: &str, lacks| TransferError::Incomplete {
         object: name.to_owned(),
         lacks,
@@ -280,7 +283,7 @@ fn carried<'a>(
             .ok_or_else(|| lacks(&object.name, "points"))?;
         let object_from_source = to * from.inverse();
         let motion = trajectory.motion.with_rates(|_| ())?;
-        all.push(Carried {
+        all.push(TransferredMotion {
             rest,
             sequence: trajectory.sequence.clone(),
             motion: motion.expressed_in(&object_from_source).differentiated()?,

@@ -16,7 +16,7 @@ use crate::{
 pub struct HandSurface {
     pub(crate) hand: Arc<RobotModel>,
     points: Vec<SurfacePoint>,
-    /// The points that hands of its kind touch with, the hand prior, by number.
+    /// Indices of the hand prior: points with which hands of its kind touch objects.
     prior: Vec<usize>,
 }
 

@@ -24,7 +24,7 @@ use crate::{
     hand_numbers,
     loss::kl_divergence,
     network::constant,
-    penetration::Known,
+    penetration::RowFunction,
     point_net::{self, Clouds, Measured, Statistics},
     precision::{narrow, narrow_all},
     random::Random,
@@ -88,7 +88,7 @@ pub struct GraspOptions {
 }
 
 /// A grasp as it is seen once: turned about the vertical with its object.
-struct Seen {
+struct TurnedGrasp {
     object: Vec<f32>,
     points: Cloud,
     row: Vec<f32>,
@@ -150,7 +150,8 @@ pub fn train_grasps(
 }
 
 /// Computes the loss of a batch.
-type PhaseLoss = fn(&Trainer, &Tape, &[Seen], Statistics, &mut Random) -> Result<Loss, CgfError>;
+type PhaseLoss =
+    fn(&Trainer, &Tape, &[TurnedGrasp], Statistics, &mut Random) -> Result<Loss, CgfError>;
 
 /// Differences between the trainings of the two networks.
 struct Phase {
@@ -346,14 +347,14 @@ impl<'a> Trainer<'a> {
         [self.object_clouds(&seen), self.hand_clouds(&seen)]
     }
 
-    fn object_clouds(&self, seen: &[Seen]) -> Arc<Clouds> {
+    fn object_clouds(&self, seen: &[TurnedGrasp]) -> Arc<Clouds> {
         Arc::new(Clouds {
             points: self.network.points,
             xyz: seen.iter().flat_map(|one| &one.object).copied().collect(),
         })
     }
 
-    fn hand_clouds(&self, seen: &[Seen]) -> Arc<Clouds> {
+    fn hand_clouds(&self, seen: &[TurnedGrasp]) -> Arc<Clouds> {
         Arc::new(Clouds {
             points: self.surface.len(),
             xyz: seen.iter().flat_map(|one| one.surface.concat()).collect(),
@@ -361,7 +362,7 @@ impl<'a> Trainer<'a> {
     }
 
     /// Turns grasps and their objects about the vertical, each by an angle of its own.
-    fn seen(&self, grasps: &[usize], random: &mut Random) -> Vec<Seen> {
+    fn seen(&self, grasps: &[usize], random: &mut Random) -> Vec<TurnedGrasp> {
         let turns: Vec<(usize, f64)> = grasps
             .iter()
             .map(|&grasp| (grasp, self.training.turn_rad * random.uniform()))
@@ -375,7 +376,7 @@ impl<'a> Trainer<'a> {
             let points = Cloud::new(&object);
             let hand = self.surface.placed(&row);
             let (_, map) = contact_map(&points, &hand);
-            Seen {
+            TurnedGrasp {
                 surface: hand.narrowed(),
                 map: narrow_all(&map),
                 object,
@@ -390,7 +391,7 @@ impl<'a> Trainer<'a> {
     fn generator_loss(
         &self,
         tape: &Tape,
-        seen: &[Seen],
+        seen: &[TurnedGrasp],
         statistics: Statistics,
         random: &mut Random,
     ) -> Result<Loss, CgfError> {
@@ -437,11 +438,11 @@ impl<'a> Trainer<'a> {
     fn physical(
         &self,
         rows: &Tensor,
-        seen: &[Seen],
+        seen: &[TurnedGrasp],
     ) -> Result<(Tensor, f64, GraspTerms), CgfError> {
         let width = self.surface.width();
         let numbers = rows.flatten_all()?.to_vec1::<f32>()?;
-        let one = |(row, seen): (&[f32], &Seen)| {
+        let one = |(row, seen): (&[f32], &TurnedGrasp)| {
             let mut gradient = vec![0.0; width];
             let (object, map) = (&seen.points, &seen.map);
             let terms = grasp_loss(self.surface, self.terms, row, object, map, &mut gradient);
@@ -463,7 +464,7 @@ impl<'a> Trainer<'a> {
                 self.training.points_weight * one_m2 + self.training.terms_weight * one.total;
             values.push(narrow(value));
         }
-        let known = Known {
+        let known = RowFunction {
             values,
             gradients: all
                 .into_iter()
@@ -477,7 +478,7 @@ impl<'a> Trainer<'a> {
 
     /// Returns the mean squared distance of a hand's surface points from the demonstrated ones, in m², and adds its
     /// weighted gradient.
-    fn points_error(&self, row: &[f32], seen: &Seen, gradient: &mut [f32]) -> f64 {
+    fn points_error(&self, row: &[f32], seen: &TurnedGrasp, gradient: &mut [f32]) -> f64 {
         let hand = self.surface.placed(row);
         let n = self.surface.len() as f64;
         let factor = 2.0 * self.training.points_weight / n;
@@ -504,7 +505,7 @@ impl<'a> Trainer<'a> {
     fn contact_loss(
         &self,
         tape: &Tape,
-        seen: &[Seen],
+        seen: &[TurnedGrasp],
         statistics: Statistics,
         random: &mut Random,
     ) -> Result<Loss, CgfError> {

@@ -16,7 +16,7 @@ use self::{
     sums::{Place, Running, Sums},
 };
 use super::{
-    EPSILON, Ladder, Layer, LayerGradient, Normalized, Pass, PointNet, Statistics,
+    EPSILON, Layer, LayerGradient, LayerStack, Normalized, Pass, PointNet, Statistics,
     cloud::{BLOCK, Cloud},
     kernel::{Pairs, by_channels, correlate},
     moments::{Moments, clear_beyond},
@@ -29,10 +29,10 @@ use crate::{
 impl PointNet {
     /// Takes the gradient of a loss by the features to its gradients by every layer's numbers.
     pub(crate) fn backward(&self, pass: Pass, by_features: &[f32]) -> Vec<LayerGradient> {
-        let ladder = Ladder {
+        let ladder = LayerStack {
             normalized: pass.normalized,
             affine: pass.affine,
-            ..Ladder::new(self)
+            ..LayerStack::new(self)
         };
         // Where statistics are stored, only the points that attain a maximum have a gradient.
         let clouds: Vec<Cloud> = match pass.statistics {
@@ -207,7 +207,7 @@ impl WithSimd for Apply<'_> {
 
 /// From the output of layer `idx` to that of the layer below it.
 struct Step<'a> {
-    ladder: &'a Ladder<'a>,
+    ladder: &'a LayerStack<'a>,
     idx: usize,
     below: usize,
     slopes: &'a Slopes,

@@ -8,8 +8,8 @@
 use pulp::{Arch, Simd, WithSimd};
 
 use super::{
-    Affine, Ladder, Layer,
-    moments::{Moments, Room},
+    Affine, Layer, LayerStack,
+    moments::{Moments, Scratch},
     order::near_together,
     search::Largest,
 };
@@ -93,7 +93,7 @@ impl Cloud {
     }
 
     /// Computes the input of layer `level` at a patch.
-    pub(super) fn input(&self, ladder: &Ladder, level: usize, patch: usize, out: &mut [Row]) {
+    pub(super) fn input(&self, ladder: &LayerStack, level: usize, patch: usize, out: &mut [Row]) {
         let Some(below) = level.checked_sub(1) else {
             out.copy_from_slice(self.coordinates(patch));
             return;
@@ -118,8 +118,8 @@ impl Cloud {
     }
 
     /// Computes the layers below `level`, each from the one below it.
-    pub(super) fn raise(&mut self, ladder: &Ladder, level: usize) {
-        let mut room = Below::default();
+    pub(super) fn raise(&mut self, ladder: &LayerStack, level: usize) {
+        let mut room = LayerScratch::default();
         for level in 2..=level {
             let below = ladder.layers[level - 1].outputs;
             self.linear.push(Vec::with_capacity(self.patches() * below));
@@ -132,11 +132,11 @@ impl Cloud {
     /// Computes the layer below `level` where it is not yet, and searches the last layer's maxima if
     /// `level` is the last; `see` gets the input of layer `level` block by block and the number of
     /// points of each.
-    fn climb(&mut self, ladder: &Ladder, level: usize, mut see: impl FnMut(&[Row], usize)) {
+    fn climb(&mut self, ladder: &LayerStack, level: usize, mut see: impl FnMut(&[Row], usize)) {
         let top = level + 1 == ladder.layers.len();
         let width = ladder.layers[level].inputs;
         let mut largest = Largest::new(&ladder.signed);
-        let (mut room, mut block) = (Below::default(), Vec::new());
+        let (mut room, mut block) = (LayerScratch::default(), Vec::new());
         let raises = level >= 2 && self.linear.len() < level - 1;
         if raises {
             let below = ladder.layers[level - 1].outputs;
@@ -169,9 +169,9 @@ impl Cloud {
     }
 
     /// Climbs to layer `level` and measures the moments of its input.
-    pub(super) fn measure(&mut self, ladder: &Ladder, level: usize) -> Moments {
+    pub(super) fn measure(&mut self, ladder: &LayerStack, level: usize) -> Moments {
         let width = ladder.layers[level].inputs;
-        let mut room = Room::default();
+        let mut room = Scratch::default();
         let mut all = Moments::default();
         self.climb(ladder, level, |panel, n| {
             all.add(&Moments::measure(panel, width, n, &mut room));
@@ -180,7 +180,7 @@ impl Cloud {
     }
 
     /// Computes all layers and searches the maxima.
-    pub(super) fn search(&mut self, ladder: &Ladder) {
+    pub(super) fn search(&mut self, ladder: &LayerStack) {
         let last = ladder.layers.len() - 1;
         if last > 2 {
             self.raise(ladder, last - 1);
@@ -190,7 +190,13 @@ impl Cloud {
     }
 
     /// Adds a patch to the layer below `level`.
-    fn raise_patch(&mut self, ladder: &Ladder, level: usize, patch: usize, room: &mut Below) {
+    fn raise_patch(
+        &mut self,
+        ladder: &LayerStack,
+        level: usize,
+        patch: usize,
+        room: &mut LayerScratch,
+    ) {
         let layer = &ladder.layers[level - 1];
         room.rows.resize(layer.inputs, [0.0; LANES]);
         self.input(ladder, level - 1, patch, &mut room.rows);
@@ -207,7 +213,7 @@ impl Cloud {
 
 /// Room for intermediate results.
 #[derive(Default)]
-struct Below {
+struct LayerScratch {
     rows: Vec<Row>,
     sparse: Sparse,
     zeros: Vec<f32>,

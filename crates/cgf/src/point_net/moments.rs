@@ -25,7 +25,7 @@ pub(super) struct Moments {
 impl Moments {
     /// Measures the first `n` points of a panel of `width` channels. `f32` carries the products of
     /// differences from the panel's own mean, `f64` everything else.
-    pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Room) -> Self {
+    pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Scratch) -> Self {
         let mut mean = vec![0.0; width];
         room.centered.resize(panel.len(), [0.0; LANES]);
         Arch::new().dispatch(Center {
@@ -150,7 +150,7 @@ impl WithSimd for Axpy<'_> {
 
 /// Room for intermediate results that is used again and again.
 #[derive(Default)]
-pub(super) struct Room {
+pub(super) struct Scratch {
     centered: Vec<Row>,
     products: Vec<f32>,
 }

@@ -21,7 +21,7 @@ use crate::{
     name::{ArtifactName, NodeName, StageName},
     overrides::Override,
     resources::Resources,
-    shared::{SHARED, Taken},
+    shared::{SHARED, SharedUse},
     source::Location,
     stage::Wiring,
     store::Origin,
@@ -83,7 +83,7 @@ pub(super) struct FileReader<'a> {
     /// Values that override those of the file.
     pub(super) overrides: &'a [Override],
     /// The options of the stage being read that take shared values.
-    pub(super) taken: Vec<Taken>,
+    pub(super) taken: Vec<SharedUse>,
     /// Names of all shared values taken so far.
     pub(super) taken_names: BTreeSet<String>,
     /// The faults, in the order in which they were found.

@@ -38,13 +38,13 @@ pub(crate) struct Garbage {
 
 /// What kept units refer to.
 #[derive(Default)]
-struct Kept {
+struct ReferencedKeys {
     units: BTreeSet<Digest>,
     recipes: BTreeSet<Digest>,
     blobs: BTreeSet<Digest>,
 }
 
-impl Kept {
+impl ReferencedKeys {
     fn add(&mut self, stored: &Stored) {
         self.units.insert(stored.fingerprint);
         self.recipes.insert(stored.recipe);
@@ -59,7 +59,7 @@ impl Shared {
         let link = self.remote.link();
         let before = oldest_kept(link)?;
         let is_old = |entry: &Entry| entry.modified < before;
-        let mut kept = Kept::default();
+        let mut kept = ReferencedKeys::default();
         let mut garbage = Garbage::default();
         let mut n_left: BTreeMap<(String, String), usize> = BTreeMap::new();
         let mut runs = link.list(keys::RUNS)?;

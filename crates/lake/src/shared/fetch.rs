@@ -26,7 +26,7 @@ const AT_ONCE: usize = 8;
 const TRIES: usize = 2;
 
 /// What came of a blob that was asked for.
-enum Came {
+enum FetchOutcome {
     Whole,
     Damaged,
     Nothing,
@@ -70,7 +70,7 @@ impl Shared {
         for _ in 0..TRIES {
             let beside = atomic::temporary_name(&staging);
             let came = self.download(file, &beside);
-            if let Ok(Came::Whole) = came {
+            if let Ok(FetchOutcome::Whole) = came {
                 blobs.take_fetched(&beside, digest)?;
                 self.unfetched.remove(digest);
                 self.n_fetched.fetch_add(1, Ordering::Relaxed);
@@ -78,10 +78,10 @@ impl Shared {
             }
             let _gone = fs::remove_file(&beside);
             match came? {
-                Came::Damaged => {
+                FetchOutcome::Damaged => {
                     lock(&self.damaged).insert(*digest);
                 }
-                Came::Whole | Came::Nothing => break,
+                FetchOutcome::Whole | FetchOutcome::Nothing => break,
             }
         }
         // A depot that is offline may still have it.
@@ -93,7 +93,7 @@ impl Shared {
     }
 
     /// Writes a blob's bytes to a file, synced.
-    fn download(&self, file: &FileRef, beside: &Path) -> Result<Came, LakeError> {
+    fn download(&self, file: &FileRef, beside: &Path) -> Result<FetchOutcome, LakeError> {
         let mut to = File::create_new(beside).map_err(io_error("write", beside))?;
         let mut hasher = blake3::Hasher::new();
         let mut left = file.size;
@@ -115,13 +115,13 @@ impl Shared {
         written.map_err(io_error("write", beside))?;
         let is_whole = || Digest::from(*hasher.finalize().as_bytes()) == file.digest;
         match got {
-            Ok(false) => Ok(Came::Nothing),
+            Ok(false) => Ok(FetchOutcome::Nothing),
             Ok(true) if is_whole() => {
                 to.sync_all().map_err(io_error("write", beside))?;
-                Ok(Came::Whole)
+                Ok(FetchOutcome::Whole)
             }
-            Err(_) if self.remote.idle().offline().is_some() => Ok(Came::Nothing),
-            Ok(true) | Err(_) => Ok(Came::Damaged),
+            Err(_) if self.remote.idle().offline().is_some() => Ok(FetchOutcome::Nothing),
+            Ok(true) | Err(_) => Ok(FetchOutcome::Damaged),
         }
     }
 }

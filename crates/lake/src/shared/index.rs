@@ -49,14 +49,14 @@ pub(crate) struct SharedRun {
 }
 
 /// A record that was found, and its recipe.
-pub(crate) type Found = (Arc<Stored>, Arc<OutputFingerprint>);
+pub(crate) type FoundRecord = (Arc<Stored>, Arc<OutputFingerprint>);
 
 /// What is known of a depot's records.
 #[derive(Default)]
-pub(crate) struct Index(Mutex<Known>);
+pub(crate) struct Index(Mutex<IndexedRecords>);
 
 #[derive(Default)]
-struct Known {
+struct IndexedRecords {
     /// The pipeline whose runs are read.
     pipeline: String,
     n_single: usize,
@@ -114,7 +114,7 @@ impl Index {
         remote: &Remote,
         records: &Records,
         fingerprint: &Digest,
-    ) -> Result<Option<Found>, LakeError> {
+    ) -> Result<Option<FoundRecord>, LakeError> {
         let mut known = lock(&self.0);
         let Some(stored) = known.stored(remote, fingerprint) else {
             return Ok(None);
@@ -127,7 +127,7 @@ impl Index {
     }
 }
 
-impl Known {
+impl IndexedRecords {
     fn stored(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
         if let Some(stored) = self.records.get(fingerprint) {
             return Some(Arc::clone(stored));

@@ -53,7 +53,7 @@ pub(crate) enum Unsent {
 
 /// What was sent.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub(crate) struct Sent {
+pub(crate) struct SendReport {
     /// Number of units.
     pub(crate) n_units: usize,
     /// Number of units that have a file missing or damaged here.
@@ -80,7 +80,7 @@ struct Work {
     there: Mutex<BTreeSet<Digest>>,
     /// Blobs that the depot has lost or damaged.
     lost: Arc<Mutex<BTreeSet<Digest>>>,
-    sent: Mutex<Sent>,
+    sent: Mutex<SendReport>,
     passes: Mutex<Passes>,
     changed: Condvar,
 }
@@ -155,7 +155,7 @@ impl Sender {
         })
     }
 
-    pub(crate) fn sent(&self) -> Sent {
+    pub(crate) fn sent(&self) -> SendReport {
         lock(&self.work.sent).clone()
     }
 }
@@ -313,7 +313,7 @@ impl Work {
         };
         let content = Content {
             size: file.size,
-            reader: Box::new(Whole::new(opened, file)),
+            reader: Box::new(VerifiedBytes::new(opened, file)),
         };
         match link.put(&key, content, PutMode::Always) {
             Ok(_) => {}
@@ -387,14 +387,14 @@ fn is_recent(modified: SystemTime) -> bool {
 
 /// The bytes of a blob, which end in an error if they are not those of its digest: then nothing is
 /// stored.
-struct Whole {
+struct VerifiedBytes {
     file: File,
     hasher: blake3::Hasher,
     expected: Digest,
     left: u64,
 }
 
-impl Whole {
+impl VerifiedBytes {
     fn new(file: File, expected: &FileRef) -> Self {
         Self {
             file,
@@ -405,7 +405,7 @@ impl Whole {
     }
 }
 
-impl Read for Whole {
+impl Read for VerifiedBytes {
     fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let n_read = self.file.read(into)?;
         self.hasher.update(into.get(..n_read).unwrap_or_default());

@@ -7,7 +7,7 @@ use crate::{RobotError, near::near_names};
 
 /// A link's place in the tree.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Place {
+pub(super) struct TreePosition {
     /// Which link of the file it is.
     pub(super) link: usize,
     /// Which joint of the file it hangs on.
@@ -34,7 +34,10 @@ pub(super) fn by_name<'a>(
 }
 
 /// Returns every link with the joint it hangs on, depth first, in the order of the file.
-pub(super) fn walk(links: &[RawLink], joints: &[RawJoint]) -> Result<Vec<Place>, RobotError> {
+pub(super) fn walk(
+    links: &[RawLink],
+    joints: &[RawJoint],
+) -> Result<Vec<TreePosition>, RobotError> {
     let link_of = by_name("link", links.iter().map(|link| link.name.as_str()))?;
     by_name("joint", joints.iter().map(|joint| joint.name.as_str()))?;
     let find = |joint: &RawJoint, role: &'static str, name: &str| {
@@ -79,7 +82,7 @@ pub(super) fn walk(links: &[RawLink], joints: &[RawJoint]) -> Result<Vec<Place>,
     }
     let mut order = Vec::with_capacity(links.len());
     let mut is_reached = vec![false; links.len()];
-    let mut stack = vec![Place {
+    let mut stack = vec![TreePosition {
         link: root,
         joint: None,
         parent: None,
@@ -92,7 +95,7 @@ pub(super) fn walk(links: &[RawLink], joints: &[RawJoint]) -> Result<Vec<Place>,
             children[place.link]
                 .iter()
                 .rev()
-                .map(|&(link, joint)| Place {
+                .map(|&(link, joint)| TreePosition {
                     link,
                     joint: Some(joint),
                     parent,

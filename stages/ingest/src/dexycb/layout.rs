@@ -17,7 +17,7 @@ use crate::{
     error::{IngestError, RecordingError},
     folders::{RecordingFolder, plain, recordings, root_near},
     labels::LabelNames,
-    reader::{About, Listed, MAX_YAML_BYTES, glance},
+    reader::{About, ListedRecording, MAX_YAML_BYTES, glance},
     selection::Cameras,
     yaml::{self, Extrinsics, Meta},
     ycb,
@@ -36,19 +36,19 @@ const NOT_SUBJECTS: [&str; 2] = ["calibration", "models"];
 
 impl DexYcb<'_> {
     /// Lists the recordings, ordered by name.
-    pub(super) fn listed(&self) -> Result<Vec<Listed>, IngestError> {
+    pub(super) fn listed(&self) -> Result<Vec<ListedRecording>, IngestError> {
         let mut tags = BTreeMap::new();
         let folders = recordings(self.root, &[META, POSES])?;
         let is_subject =
             |folder: &RecordingFolder| !NOT_SUBJECTS.contains(&folder.subject.as_str());
-        let listed: Vec<Listed> = folders
+        let listed: Vec<ListedRecording> = folders
             .into_iter()
             .filter(is_subject)
             .map(|folder| {
                 let bytes = glance(&folder.path.join(META), MAX_YAML_BYTES);
                 let meta = yaml::parse::<Meta>(&bytes).ok();
                 let Some(meta) = meta.filter(|_| folder.fault.is_none()) else {
-                    return Listed::new(folder, None, true);
+                    return ListedRecording::new(folder, None, true);
                 };
                 let marks_table = self.table == TableRule::Tag
                     && *tags
@@ -56,10 +56,10 @@ impl DexYcb<'_> {
                         .or_insert_with(|| has_tag(self.root, &meta.extrinsics));
                 let about = about(&folder.subject, &meta);
                 let beside = self.beside(&folder, &meta);
-                Listed {
+                ListedRecording {
                     cameras: meta.serials,
                     beside,
-                    ..Listed::new(folder, about, marks_table)
+                    ..ListedRecording::new(folder, about, marks_table)
                 }
             })
             .collect();
@@ -107,7 +107,7 @@ impl DexYcb<'_> {
 /// Fails if something else than such a file lies in a file's place, or a camera's folder cannot be
 /// listed.
 pub(super) fn files_of(
-    listed: &Listed,
+    listed: &ListedRecording,
     cameras: Cameras,
 ) -> Result<Vec<SourceFile>, RecordingError> {
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];

@@ -20,7 +20,7 @@ use crate::{
     error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
     labels::LabelNames,
-    reader::{About, Listed, MAX_YAML_BYTES, glance, parse_yaml, read},
+    reader::{About, ListedRecording, MAX_YAML_BYTES, glance, parse_yaml, read},
     selection::Cameras,
 };
 
@@ -144,17 +144,17 @@ impl Meta {
 pub(super) fn listed(
     root: &Path,
     about: impl Fn(&str, &Meta, &Poses) -> Option<About>,
-) -> Result<Vec<Listed>, IngestError> {
+) -> Result<Vec<ListedRecording>, IngestError> {
     let folders = recordings(root, &[META, POSES])?;
     let folders = folders
         .into_iter()
         .filter(|folder| !NOT_SUBJECTS.contains(&folder.subject.as_str()));
-    let listed: Vec<Listed> = folders
+    let listed: Vec<ListedRecording> = folders
         .map(|folder| {
             let bytes = glance(&folder.path.join(META), MAX_YAML_BYTES);
             let meta = Meta::parse(META, &bytes).ok();
             let Some(meta) = meta.filter(|_| folder.fault.is_none()) else {
-                return Listed::new(folder, None, true);
+                return ListedRecording::new(folder, None, true);
             };
             let bytes = glance(&folder.path.join(POSES), MAX_POSES_BYTES);
             let poses = meta.poses(POSES, &bytes).ok();
@@ -163,10 +163,10 @@ pub(super) fn listed(
             let path = root.join(&name);
             let beside = meta.names_a_calibration();
             let beside = beside.then_some((SourceFile { name, path }, MAX_YAML_BYTES));
-            Listed {
+            ListedRecording {
                 cameras: meta.realsense.serials,
                 beside: beside.into_iter().collect(),
-                ..Listed::new(folder, about, true)
+                ..ListedRecording::new(folder, about, true)
             }
         })
         .collect();
@@ -185,7 +185,7 @@ pub(super) fn listed(
 ///
 /// Fails if something else than such a file lies in a file's place, or a camera's folder cannot be listed.
 pub(super) fn files_of(
-    listed: &Listed,
+    listed: &ListedRecording,
     cameras: Cameras,
 ) -> Result<Vec<SourceFile>, RecordingError> {
     let own = [(META, MAX_YAML_BYTES), (POSES, MAX_POSES_BYTES)];

@@ -15,8 +15,8 @@ use crate::{
     error::IngestError,
     folders::plain,
     place,
-    reader::{Listed, MAX_MESH_BYTES, Reader},
-    selection::{self, Cameras, Choice},
+    reader::{ListedRecording, MAX_MESH_BYTES, Reader},
+    selection::{self, Cameras, Selection},
 };
 
 /// Maximum number of images of a recording that options speak of: nine hours at 30 per second.
@@ -146,7 +146,9 @@ pub(super) fn chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), I
         .map(String::as_str)
         .collect();
     selection::check_known("masses_kg", config.masses_kg.keys(), &known)?;
-    let is_told = |(listed, choice): &(Listed, Choice)| listed.about.is_some() && choice.is_taken();
+    let is_told = |(listed, choice): &(ListedRecording, Selection)| {
+        listed.about.is_some() && choice.is_taken()
+    };
     if chosen.iter().any(is_told) || !config.meshes.is_empty() {
         return Ok(());
     }
@@ -159,7 +161,7 @@ pub(super) fn chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), I
     }
     let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
     for (_, choice) in chosen {
-        if let Choice::Leave(reason) = choice {
+        if let Selection::Leave(reason) = choice {
             *reasons.entry(reason).or_default() += 1;
         }
     }

@@ -12,7 +12,7 @@ use super::{
     UNREADABLE,
 };
 use crate::{
-    after_grasp::{self, After},
+    after_grasp::{self, ImageAfterGrasp},
     config::IngestConfig,
     demonstration_recording,
     error::{IngestError, RecordingError},
@@ -107,7 +107,7 @@ fn parts(
     mesh: Option<&TriMesh>,
     shapes: &[Object],
     cx: &Context,
-) -> Result<(Demonstration, Vec<After>), RecordingError> {
+) -> Result<(Demonstration, Vec<ImageAfterGrasp>), RecordingError> {
     let departure = reach::departure(recording, config)?;
     let lying = table::lying(
         recording,

@@ -9,8 +9,8 @@ use crate::{
     config::IngestConfig,
     error::{IngestError, RecordingError},
     place,
-    reader::{self, Listed, MAX_MESH_BYTES, Reader},
-    selection::{self, Choice},
+    reader::{self, ListedRecording, MAX_MESH_BYTES, Reader},
+    selection::{self, Selection},
     ycb,
 };
 
@@ -18,7 +18,7 @@ use crate::{
 pub(super) fn chosen(
     config: &IngestConfig,
     reader: &dyn Reader,
-) -> Result<Vec<(Listed, Choice)>, IngestError> {
+) -> Result<Vec<(ListedRecording, Selection)>, IngestError> {
     let listed = reader.list()?;
     let choices = selection::choose(config, &listed)?;
     Ok(listed.into_iter().zip(choices).collect())
@@ -30,7 +30,7 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
     let reader = reader::reader(config);
     let mut names: BTreeSet<String> = config.meshes.keys().cloned().collect();
     for (listed, choice) in chosen(config, reader.as_ref())? {
-        let (Some(about), Choice::Take(_)) = (listed.about, choice) else {
+        let (Some(about), Selection::Take(_)) = (listed.about, choice) else {
             continue;
         };
         if !listed.marks_table {
@@ -109,13 +109,13 @@ pub(super) fn demonstrations(
         .into_iter()
         .map(|(listed, choice)| match (&listed.fault, choice) {
             (Some(fault), _) => unreadable(&listed.key, fault),
-            (None, Choice::Leave(reason)) => {
+            (None, Selection::Leave(reason)) => {
                 // What it is about is all that is read of it.
                 recording(&listed)
                     .with_fact(LEFT_OUT, reason)
                     .with_file(listed.file(reader.description()))
             }
-            (None, Choice::Take(cameras)) => {
+            (None, Selection::Take(cameras)) => {
                 let files = match reader.files(&listed, cameras) {
                     Ok(files) => files,
                     Err(unusable) => return unreadable(&listed.key, &unusable),
@@ -143,7 +143,7 @@ pub(super) fn demonstrations(
 }
 
 /// Returns the unit of a recording, with its labels.
-fn recording(listed: &Listed) -> Unit {
+fn recording(listed: &ListedRecording) -> Unit {
     let unit = Unit::new(&listed.key);
     match &listed.about {
         Some(about) => unit

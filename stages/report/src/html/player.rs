@@ -2,10 +2,10 @@
 
 use charts::escaped;
 
-use crate::{Gathered, Motion, numbers::words};
+use crate::{Motion, PageData, numbers::words};
 
 /// The player with its list of motions.
-pub(super) fn motions(gathered: &Gathered) -> String {
+pub(super) fn motions(gathered: &PageData) -> String {
     let mut text = String::from(
         "<section id=\"motions\" aria-labelledby=\"motions-title\">\n<h2 id=\"motions-title\">Motions</h2>\n",
     );

@@ -5,16 +5,16 @@ use std::collections::BTreeSet;
 use schemas::{rates::ALL_ORIGINS, rollouts::Verdict};
 
 use crate::{
-    Gathered,
+    PageData,
     funnel::{steps, verdicts},
     numbers::{percent, words},
-    render::Named,
+    render::NamedRun,
     sections::result,
     table::{Cell, DataTable, Section},
 };
 
 /// Returns the section of several runs; `None` of one.
-pub(crate) fn section(runs: &[Named<'_>]) -> Option<Section> {
+pub(crate) fn section(runs: &[NamedRun<'_>]) -> Option<Section> {
     if runs.len() < 2 {
         return None;
     }
@@ -25,7 +25,7 @@ pub(crate) fn section(runs: &[Named<'_>]) -> Option<Section> {
     Some(section)
 }
 
-fn table(id: &'static str, caption: &str, first: (&str, &str), runs: &[Named<'_>]) -> DataTable {
+fn table(id: &'static str, caption: &str, first: (&str, &str), runs: &[NamedRun<'_>]) -> DataTable {
     let mut columns = vec![first];
     columns.extend(
         runs.iter()
@@ -34,9 +34,9 @@ fn table(id: &'static str, caption: &str, first: (&str, &str), runs: &[Named<'_>
     DataTable::new(id, caption, &columns)
 }
 
-fn figures(runs: &[Named<'_>]) -> DataTable {
+fn figures(runs: &[NamedRun<'_>]) -> DataTable {
     let mut table = table("runs", "Figures of each run", ("figure", "Figure"), runs);
-    let mut put = |name: String, of: &dyn Fn(&Gathered) -> Cell| {
+    let mut put = |name: String, of: &dyn Fn(&PageData) -> Cell| {
         let mut row = vec![Cell::text(name)];
         row.extend(runs.iter().map(|run| of(run.gathered)));
         table.row(row);
@@ -108,7 +108,7 @@ fn figures(runs: &[Named<'_>]) -> DataTable {
     table
 }
 
-fn objects(runs: &[Named<'_>]) -> DataTable {
+fn objects(runs: &[NamedRun<'_>]) -> DataTable {
     let mut table = table(
         "runs_by_object",
         "Share of each object's candidates that hold, by run",

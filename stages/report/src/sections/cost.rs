@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemas::training::Split;
 
 use crate::{
-    Gathered,
+    PageData,
     numbers::{count, duration, signed},
     table::{Cell, DataTable, Section},
 };
@@ -31,7 +31,7 @@ const FLOW: [&str; 16] = [
 ];
 
 /// Returns the amount of work, by kind of stage.
-fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
+fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
     let mut work: BTreeMap<&'static str, String> = BTreeMap::new();
     if let Some(n) = gathered.demonstrations_n {
         let left_out = gathered
@@ -92,7 +92,7 @@ fn work(gathered: &Gathered) -> BTreeMap<&'static str, String> {
     work
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("cost", "Cost by stage");
     let work = work(gathered);
     let facts = &gathered.facts.run;

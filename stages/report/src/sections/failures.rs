@@ -4,7 +4,7 @@ use charts::{Bars, Captions, bars};
 use schemas::rollouts::Verdict;
 
 use crate::{
-    Gathered,
+    PageData,
     funnel::verdicts,
     numbers::words,
     table::{Cell, DataTable, Section},
@@ -27,7 +27,7 @@ fn meaning(verdict: Verdict) -> &'static str {
     }
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("failures", "Failures");
     let verdicts = verdicts(gathered);
     let all_n: i64 = verdicts.values().sum();

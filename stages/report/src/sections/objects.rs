@@ -11,7 +11,7 @@ use schemas::{
 };
 
 use crate::{
-    Gathered,
+    PageData,
     numbers::signed,
     table::{Cell, DataTable, Section},
 };
@@ -32,7 +32,7 @@ struct Row {
     shown_n: i64,
 }
 
-fn rows(gathered: &Gathered) -> BTreeMap<&str, Row> {
+fn rows(gathered: &PageData) -> BTreeMap<&str, Row> {
     let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
     for object in &gathered.objects {
         rows.entry(object).or_default();
@@ -69,7 +69,7 @@ fn rows(gathered: &Gathered) -> BTreeMap<&str, Row> {
     rows
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("objects", "By object");
     let rows = rows(gathered);
     if rows.is_empty() {

@@ -1,11 +1,11 @@
 //! Provenance of the run, and the command that repeats it.
 
 use crate::{
-    Gathered,
+    PageData,
     table::{Cell, DataTable, Section},
 };
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("provenance", "Provenance");
     let run = &gathered.facts.run;
     let mut table = DataTable::new(

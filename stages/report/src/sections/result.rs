@@ -7,7 +7,7 @@ use schemas::{
 };
 
 use crate::{
-    Gathered,
+    PageData,
     numbers::{percent, signed},
     protocol,
     render::Head,
@@ -24,7 +24,7 @@ pub(crate) struct TrialCounts {
 }
 
 /// Counts the trials at cells.
-pub(crate) fn trials(gathered: &Gathered) -> TrialCounts {
+pub(crate) fn trials(gathered: &PageData) -> TrialCounts {
     let all = gathered.executions.values().flatten();
     let trials: Vec<_> = all.filter(|one| one.outcome.is_trial()).collect();
     let count = |n: usize| signed(n);
@@ -41,7 +41,7 @@ pub(crate) fn trials(gathered: &Gathered) -> TrialCounts {
 }
 
 /// Returns the headline: what robot cells did, or else what held in simulation, or else what there is.
-pub(crate) fn head(gathered: &Gathered) -> Head {
+pub(crate) fn head(gathered: &PageData) -> Head {
     let trials = trials(gathered);
     let mut lines = Vec::new();
     if trials.trials_n > 0 {
@@ -118,7 +118,7 @@ pub(crate) fn head(gathered: &Gathered) -> Head {
     }
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("result", "Result");
     let trials = trials(gathered);
     let mut table = DataTable::new(

@@ -4,7 +4,7 @@ use charts::{Captions, Scale, Series, lines};
 use schemas::training::{EpochLosses, Split};
 
 use crate::{
-    Gathered,
+    PageData,
     table::{Cell, DataTable, Section},
 };
 
@@ -19,7 +19,7 @@ fn word(split: Split) -> &'static str {
     }
 }
 
-pub(crate) fn section(gathered: &Gathered) -> Section {
+pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("training", "Training");
     if gathered.training.is_empty() {
         section.say("No training is wired to this report.");

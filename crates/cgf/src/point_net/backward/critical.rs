@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use super::{Descent, Place, Running};
 use crate::{
     point_net::{
-        EPSILON, Ladder, LayerGradient,
+        EPSILON, LayerGradient, LayerStack,
         cloud::Cloud,
         moments::{Axpy, Moments},
     },
@@ -51,7 +51,7 @@ impl Top {
     /// Returns the gradient by the last layer's input, and that by the layer's own numbers; `moments`
     /// are of its input, where statistics were measured.
     pub(super) fn new(
-        ladder: &Ladder,
+        ladder: &LayerStack,
         clouds: &[Cloud],
         moments: Option<&Moments>,
         by_features: &[f32],
@@ -117,7 +117,7 @@ impl Top {
     /// Takes the gradient down one cloud to the output of the layer below the last.
     pub(super) fn descend(
         &self,
-        ladder: &Ladder,
+        ladder: &LayerStack,
         below: usize,
         cloud: &Cloud,
         number: usize,
@@ -170,7 +170,7 @@ impl Top {
 }
 
 impl Outputs {
-    fn new(ladder: &Ladder, clouds: &[Cloud], by_features: &[f32]) -> Self {
+    fn new(ladder: &LayerStack, clouds: &[Cloud], by_features: &[f32]) -> Self {
         let idx = ladder.layers.len() - 1;
         let (layer, normalized) = (&ladder.layers[idx], &ladder.normalized[idx]);
         let inverse: Vec<f64> = normalized
@@ -203,7 +203,7 @@ impl Outputs {
 impl Dense {
     /// `dx = − Σ_c w_c scale_c (a_c + b_c (w_c · x − mean_c) / sigma_c)` over the outputs c, with the
     /// means over all points `a` of g and `b` of g y'.
-    fn new(ladder: &Ladder, outputs: &Outputs, moments: &Moments) -> Self {
+    fn new(ladder: &LayerStack, outputs: &Outputs, moments: &Moments) -> Self {
         let layer = &ladder.layers[ladder.layers.len() - 1];
         let inputs = layer.inputs;
         let factors: Vec<f64> = (0..layer.outputs)
@@ -262,7 +262,7 @@ impl Critical {
     }
 
     /// The last layer's input at each of the points, one after the other.
-    fn inputs(&self, ladder: &Ladder, last: usize, cloud: &Cloud) -> Vec<f32> {
+    fn inputs(&self, ladder: &LayerStack, last: usize, cloud: &Cloud) -> Vec<f32> {
         let width = ladder.layers[last].inputs;
         let mut rows = Vec::with_capacity(self.points.len() * width);
         let mut x: Vec<Row> = vec![[0.0; LANES]; width];
@@ -281,7 +281,7 @@ impl Critical {
 
 impl Cloud {
     /// Keeps the points that attain a maximum.
-    pub(super) fn critical_alone(self, ladder: &Ladder) -> Self {
+    pub(super) fn critical_alone(self, ladder: &LayerStack) -> Self {
         let Critical { points, slots, .. } = Critical::of(&self);
         let mut alone = Self::new(points.iter().map(|&point| self.point(point)));
         alone.critical = slots.into_iter().map(row_index).collect();

@@ -4,7 +4,7 @@ use pulp::{Arch, Simd, WithSimd};
 
 use super::{
     super::{
-        Ladder, Layer, Normalized,
+        Layer, LayerStack, Normalized,
         cloud::{BLOCK, Cloud},
         moments::{clear_beyond, sum_of},
     },
@@ -41,7 +41,7 @@ pub(super) struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    pub(super) fn new(ladder: &'a Ladder, idx: usize, cloud: &'a Cloud, patch: usize) -> Self {
+    pub(super) fn new(ladder: &'a LayerStack, idx: usize, cloud: &'a Cloud, patch: usize) -> Self {
         Self {
             cloud,
             patch,

@@ -8,11 +8,11 @@ use crate::RestChoice;
 
 /// The resting poses of an object, each with its weight.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Lies {
+pub struct RestDistribution {
     weighted: Vec<(RestingPose, f64)>,
 }
 
-impl Lies {
+impl RestDistribution {
     /// Returns how an object can lie, as `sample` puts it: as often as it was seen so, or else as probable as it
     /// is; upright on its lowest point if no resting pose is known.
     pub fn of(object: &Object, choice: RestChoice) -> Self {
@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn an_object_lies_as_often_as_it_was_seen_or_is_probable() {
         let check = |rests: &[(f64, u32, f64)], choice, share, height_m: f64| {
-            let found = Lies::of(&lying(rests), choice).at(share);
+            let found = RestDistribution::of(&lying(rests), choice).at(share);
             assert!((found.height_m - height_m).abs() < 1e-12, "{found:?}");
         };
         let both = [(0.1, 3, 0.2), (0.2, 1, 0.8)];

@@ -16,7 +16,7 @@ const CLEAR_DEPTH_M: f64 = 1e-3;
 
 /// How long the two parts of the way take.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Way {
+pub struct ApproachPath {
     steps: usize,
     duration_s: f64,
     /// When the hand is in its pregrasp, in seconds.
@@ -24,14 +24,14 @@ pub struct Way {
 }
 
 /// A hand that moves at constant rates between two times.
-struct Leg<'a> {
+struct PathSegment<'a> {
     from: &'a HandState<Object>,
     to: &'a HandState<Object>,
     start_s: f64,
     duration_s: f64,
 }
 
-impl Way {
+impl ApproachPath {
     /// Returns the way that the options describe.
     pub fn new(config: &ApproachConfig) -> Self {
         Self {
@@ -56,13 +56,13 @@ impl Way {
         pregrasp: &HandState<Object>,
         grasp: &HandState<Object>,
     ) -> Result<Motion<Object>, MotionError> {
-        let reach = Leg {
+        let reach = PathSegment {
             from: start,
             to: pregrasp,
             start_s: 0.0,
             duration_s: self.knee_s,
         };
-        let close = Leg {
+        let close = PathSegment {
             from: pregrasp,
             to: grasp,
             start_s: self.knee_s,
@@ -99,7 +99,7 @@ pub(crate) fn is_clear(
     from: &HandState<Object>,
     to: &HandState<Object>,
 ) -> Result<bool, ApproachError> {
-    let leg = Leg {
+    let leg = PathSegment {
         from,
         to,
         start_s: 0.0,
@@ -118,7 +118,7 @@ pub(crate) fn is_clear(
     Ok(true)
 }
 
-impl Leg<'_> {
+impl PathSegment<'_> {
     fn at(&self, time_s: f64) -> Step<Object> {
         let share = (time_s - self.start_s) / self.duration_s;
         let [from, to] = [self.from, self.to].map(|hand| &hand.frame_from_palm);
@@ -176,7 +176,7 @@ mod tests {
             hand([0.3, 0.1, 0.6], FRAC_PI_2, 1.3),
         ];
         let joints: Arc<[String]> = ["j".to_owned()].into();
-        Way::new(&config)
+        ApproachPath::new(&config)
             .motion(&joints, &start, &pregrasp, &grasp)
             .unwrap()
     }
