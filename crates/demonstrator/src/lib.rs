@@ -1,12 +1,12 @@
 //! Synthetic recordings of people grasping objects, in DexYCB's layout on disk.
 //!
 //! ```no_run
-//! use demonstrator::{Made, ensure_sample};
+//! use demonstrator::{SampleOutcome, ensure_sample};
 //!
 //! // Makes what `data/sample/recipe.toml` says, once.
 //! match ensure_sample("data/sample".as_ref())? {
-//!     Made::Written { sequences, frames } => assert!(sequences > 0 && frames > sequences),
-//!     Made::Kept | Made::NoRecipe => {}
+//!     SampleOutcome::Written { sequences, frames } => assert!(sequences > 0 && frames > sequences),
+//!     SampleOutcome::Kept | Made::NoRecipe => {}
 //! }
 //! # Ok::<(), demonstrator::DemonstratorError>(())
 //! ```
