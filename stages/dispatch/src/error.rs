@@ -17,7 +17,7 @@ pub enum DispatchError {
     BadOption {
         /// The option's key.
         key: &'static str,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// The robot cannot be loaded.
@@ -39,7 +39,7 @@ pub enum DispatchError {
     Controllers {
         /// The cell's name.
         cell: String,
-        /// How they differ.
+        /// The difference.
         problem: String,
     },
     /// A motion's outcome is unknown: the cell does not answer, or its answer fails its checks.

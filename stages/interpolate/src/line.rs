@@ -7,7 +7,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use schemas::candidates::{Candidate, Origin};
 use spatial::{Object, Pose, Twist};
 
-/// What the candidates say drew them.
+/// Generator name of the candidates.
 const GENERATOR: &str = "interpolate";
 
 /// Returns the motion that goes from the first step of another straight to its last one, at its times:

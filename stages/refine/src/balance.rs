@@ -38,11 +38,11 @@ pub(crate) struct ForceBalance<'a> {
     weight: f64,
 }
 
-/// Where a tip touches the surface.
+/// Contact of a fingertip with the surface.
 struct ContactPoint {
     /// Outward normal of the surface, in the object's frame.
     normal: Vector3<f64>,
-    /// How the normal changes with the tip's place.
+    /// Derivative of the normal by the tip's position, in 1/m.
     curvature: Matrix3<f64>,
     /// From the center of mass to the contact.
     lever_in_object_m: Vector3<f64>,

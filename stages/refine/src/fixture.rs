@@ -1,4 +1,4 @@
-//! What the tests share: the Allegro hand and a box on a table.
+//! Test fixtures: the Allegro hand and a box on a table.
 
 use std::{
     fs,

@@ -33,7 +33,7 @@ const THUMB_TIP: usize = 4;
 pub(crate) struct RefinedGrasp {
     /// The hand with its tips on the surface.
     pub(crate) placed: PosedHand,
-    /// How far each joint is commanded beyond it, in radians.
+    /// Offset of each joint's command beyond the grasp, in radians.
     pub(crate) squeeze_rad: Vec<f64>,
     /// Weighted squared residuals of object, table, contact and balance, in m².
     pub(crate) residual_m2: f64,

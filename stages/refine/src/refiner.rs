@@ -18,7 +18,7 @@ const SQUEEZE_SHARE: f64 = 0.1;
 pub(crate) struct Refined {
     /// The hand in the object's frame, with the hand's joints.
     pub(crate) motion: Motion<Object>,
-    /// How far the palm was moved at the grasp, in meters.
+    /// Displacement of the palm at the grasp, in meters.
     pub(crate) palm_moved_m: f64,
     /// Deepest that the hand is in the object before it closes, in meters.
     pub(crate) approach_penetration_m: f64,
@@ -35,21 +35,21 @@ pub(crate) struct Refiner<'a> {
     pub(crate) payload: Payload,
 }
 
-/// What a grasp has to carry.
+/// Load of a grasp.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Payload {
     pub(crate) center_of_mass_in_object: Point3<f64>,
     pub(crate) mass_kg: f64,
 }
 
-/// A hand at one step, with where its points are in the object's frame.
+/// A hand at one step, with its points in the object's frame.
 #[derive(Clone)]
 pub(crate) struct PosedHand {
     pub(crate) posture: Posture,
     pub(crate) points: Vec<Point3<f64>>,
 }
 
-/// What a step asks: the terms of object and table, and at the grasp that of forces.
+/// Cost terms of a step: object and table, and the balance of forces at the grasp.
 pub(crate) struct StepTerms<'a> {
     pub(crate) surroundings: EnvironmentTerms<'a>,
     pub(crate) balance: Option<ForceBalance<'a>>,
@@ -469,7 +469,7 @@ mod tests {
         }
     }
 
-    /// What was refined before leaves nothing behind, so that threads may share the motions as they like.
+    /// A refined motion does not depend on those refined before it, so threads may share them in any way.
     #[test]
     fn motions_are_refined_alike_after_others() {
         let hand = fixture::hand();

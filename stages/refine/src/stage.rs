@@ -30,7 +30,7 @@ pub struct Refine;
 /// The refinement of a draw, and the processor time that it took in seconds.
 type TimedRefinement = (Result<Refined, RefineError>, f64);
 
-/// What refined motions name as their generator.
+/// Generator name of refined motions.
 const GENERATOR: &str = "refine";
 
 dataflow::metrics! {
@@ -40,7 +40,7 @@ dataflow::metrics! {
         candidates: Sum,
         /// Number of draws of which they are the best.
         draws: Sum,
-        /// How far the palm was moved at the grasp, in meters.
+        /// Displacement of the palm at the grasp, in meters.
         palm_moved_m: Mean,
         /// Deepest that a refined hand is in the object before it closes, in meters.
         approach_penetration_m: Max,
@@ -277,7 +277,7 @@ mod tests {
     use super::*;
     use crate::fixture;
 
-    /// What the stage reads beside the motions.
+    /// Inputs of the stage besides the motions.
     const BOTH: [&str; 2] = [FieldInfo::NAME, Object::NAME];
 
     /// A motion of the Allegro to the box, drawn as the `draw_n`th.

@@ -27,7 +27,7 @@ dataflow::metrics! {
     }
 }
 
-/// What the candidates say drew them.
+/// Generator name of the candidates.
 const GENERATOR: &str = "demonstration";
 
 /// The label of a trajectory that names its object.

@@ -31,7 +31,7 @@ pub struct RetargetConfig {
     /// person's palm alone: free, because with a fixed one a third fewer grasps hold.
     #[serde(default)]
     pub wrist: Wrist,
-    /// How a point's distance to its landmark counts: squared, as in the paper.
+    /// Loss of a point's distance to its landmark: squared, as in the paper.
     #[serde(default)]
     pub loss: Loss,
     /// Distance up to which `smooth_l1` is quadratic, per coordinate (m): that of dex-retargeting.
@@ -56,8 +56,8 @@ pub struct RetargetConfig {
     /// executed unchanged does not knock the object over.
     #[serde(default = "defaults::clearance_m")]
     pub clearance_m: f64,
-    /// How long before the grasp the clearance begins to shrink to nothing (s): the time
-    /// in which the fingers close.
+    /// Time before the grasp over which the clearance shrinks to zero (s): the time in which
+    /// the fingers close.
     #[serde(default = "defaults::closing_time_s")]
     pub closing_time_s: f64,
     /// Weight of a link's depth below the table's margin (1): as the object's; without it every
@@ -93,18 +93,18 @@ pub struct RetargetConfig {
     pub max_keypoint_error_m: f64,
 }
 
-/// How the palm is placed.
+/// Placement of the palm.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Wrist {
     /// With the joints, so that all points reach their landmarks as well as they can.
     #[default]
     Free,
-    /// Where the points on the palm alone lie nearest to their landmarks, at least three of them.
+    /// Nearest to the landmarks of the palm's own points, of which there are at least three.
     Fixed,
 }
 
-/// How a point's distance to its landmark counts.
+/// Loss of a point's distance to its landmark.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Loss {

@@ -22,7 +22,7 @@ pub enum RetargetError {
     Hand {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem.
         source: Box<Self>,
     },
     /// A trajectory has another number of joints than the hand.
@@ -57,7 +57,7 @@ pub enum RetargetError {
     InHandTable {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem.
         source: Box<Self>,
     },
     /// There is no demonstration at all.

@@ -32,13 +32,13 @@ const TIE_BREAK_WEIGHT: f64 = 1e-3;
 pub(crate) struct Solved {
     /// The posture.
     pub(crate) posture: Posture,
-    /// Where the followed points are, in the object frame.
+    /// Positions of the followed points, object frame, in meters.
     pub(crate) points: Vec<Point3<f64>>,
     /// The cost of all terms, in m².
     pub(crate) cost: f64,
-    /// Postures that were tried.
+    /// Number of postures tried.
     pub(crate) iterations: usize,
-    /// How well it follows, and what it keeps from.
+    /// Tracking error and clearances.
     pub(crate) tracking: Tracking,
 }
 
@@ -48,7 +48,7 @@ pub(crate) struct Follower<'a> {
     solver: Solver<'a>,
 }
 
-/// Which way fingers that end at a limit are bent.
+/// Treatment of fingers that end at a joint limit.
 #[derive(Clone, Copy)]
 enum Fingers {
     /// As the search that follows the motion leaves them.
@@ -57,7 +57,7 @@ enum Fingers {
     TriedBothWays,
 }
 
-/// What does not change from step to step.
+/// Constants of all steps.
 #[derive(Clone, Copy)]
 struct StepContext<'a> {
     hand: &'a Hand,

@@ -1,4 +1,4 @@
-//! What one step asks of the hand: where its points should be, and how far it keeps from things.
+//! Goal of one step: target positions of the hand's points, and clearances.
 
 use nalgebra::Point3;
 use schemas::demonstrations::KEYPOINTS;
@@ -7,30 +7,30 @@ use posture::{Environment, Hand};
 
 use crate::RetargetConfig;
 
-/// What one step asks of the hand.
+/// Goal of one step.
 #[derive(Debug, Clone)]
 pub(crate) struct Goal {
-    /// Where each point of the hand should be.
+    /// Targets of the hand's points.
     pub(crate) points: Vec<PointGoal>,
     /// Distance that links keep from the object, in meters.
     pub(crate) clearance_m: f64,
 }
 
-/// Where one point of the hand should be.
+/// Target of one point of the hand.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PointGoal {
-    /// The scaled landmark in the object frame, smoothed over time if that is asked for: what the
-    /// point is drawn to.
+    /// The scaled landmark in the object frame, smoothed over time if configured: the point's
+    /// target.
     pub(crate) landmark: Point3<f64>,
-    /// The scaled landmark as it was shown: what errors are measured to.
+    /// The scaled landmark as recorded, from which errors are measured.
     pub(crate) shown: Point3<f64>,
     /// Weight of the distance to it.
     pub(crate) weight: f64,
-    /// How far from the surface it should be, and with which weight.
+    /// Desired distance from the surface and its weight.
     pub(crate) contact: Option<ContactGoal>,
 }
 
-/// How far from the surface a fingertip should be.
+/// Desired distance of a fingertip from the surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct ContactGoal {
     /// Signed distance of its center, in meters.

@@ -1,4 +1,4 @@
-//! How an object really lay: the recorded orientation, freed of the camera's error.
+//! Settled orientation of an object: the recorded one, corrected for the camera's error.
 
 use geometry::DistanceField;
 use nalgebra::{Point3, Unit, Vector3};

@@ -1,4 +1,4 @@
-//! What is computed once for an object: its distance field and its hull.
+//! Distance field and hull of an object, computed once.
 
 use geometry::{DistanceField, TriMesh, mass_properties};
 use schemas::distance_fields::FieldInfo;

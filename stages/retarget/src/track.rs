@@ -23,11 +23,11 @@ const SUSPICIOUS_ERROR_M: f64 = 0.010;
 /// Share of the old cost that a fresh search must reach to replace what follows its neighbor.
 const WORTH_A_JUMP: f64 = 0.7;
 
-/// What a demonstration became.
+/// Retargeted demonstration.
 pub(crate) struct Tracked {
     /// The hand in the object's frame.
     pub(crate) motion: Motion<Object, TrajectoryRates>,
-    /// How well it follows at each step.
+    /// Tracking error at each step.
     pub(crate) tracking: Vec<Tracking>,
     /// Keypoint error at the grasp, in meters.
     pub(crate) grasp_keypoint_error_m: f64,

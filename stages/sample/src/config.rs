@@ -30,7 +30,7 @@ pub struct SampleConfig {
     /// URDF of the robot hand; its collision shapes are what is measured against object and table
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// Which of the checkpoint's weights are used: the last, because the held-out loss hardly rises
+    /// Weights of the checkpoint: the last, because the held-out loss hardly rises
     /// when the learning rate falls to zero
     #[serde(default)]
     pub epoch: CheckpointWeights,
@@ -70,7 +70,7 @@ pub struct SampleConfig {
     /// other's in equal steps, in the first one's resting orientation; empty: they are drawn
     #[serde(default)]
     pub path: Vec<String>,
-    /// Which resting orientations the object is put in: those that people grasp it in
+    /// Resting orientations of the object: those that people grasp it in
     #[serde(default)]
     pub rests: RestingPoses,
     /// Unit vector against gravity, object frame, for `rests = "given"`
@@ -88,7 +88,7 @@ pub struct SampleConfig {
     pub recorded_per_object: usize,
 }
 
-/// Which resting orientations an object is put in.
+/// Resting orientations of an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RestingPoses {
@@ -180,7 +180,7 @@ impl SampleConfig {
     }
 }
 
-/// Which of a checkpoint's weights are used.
+/// Weights of a checkpoint.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum CheckpointWeights {

@@ -1,4 +1,4 @@
-//! Which orientation and which latent code each motion gets.
+//! Orientation and latent code of each motion.
 
 use cgf::{Cgf, EncodedDemonstration, Random};
 use nalgebra::{Unit, Vector3};
@@ -14,14 +14,14 @@ use crate::{
     config::{RestingPoses, SampleConfig},
 };
 
-/// What one motion is decoded from.
+/// Source of one motion: what it is decoded from.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Draw {
     /// Index of the object's resting orientation.
     pub(crate) rest: usize,
     /// The latent code.
     pub(crate) latent: Vec<f64>,
-    /// Where the code comes from.
+    /// Origin of the code.
     pub(crate) source: DrawSource,
 }
 

@@ -34,9 +34,9 @@ pub enum SampleError {
     /// Motions are of another hand.
     #[error("the {what} was made for another hand")]
     AnotherHand {
-        /// What they are of, e.g. `grasping function`.
+        /// Kind of weights, e.g. `grasping function`.
         what: String,
-        /// How its joints differ from the hand's.
+        /// The difference of its joints from the hand's.
         source: JointMismatch,
     },
     /// A motion has another number of joints than the hand.

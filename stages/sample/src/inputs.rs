@@ -1,4 +1,4 @@
-//! What the units of `candidates` and of their report read: the hand and its joints.
+//! Inputs of `candidates` and of their report: the hand and its joints.
 
 use dataflow::SourceFile;
 use robot::{JointOrder, RobotModel};

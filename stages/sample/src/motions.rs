@@ -19,7 +19,7 @@ use crate::{
     penetration::{Depth, PenetrationProbe},
 };
 
-/// What the candidates say drew them.
+/// Generator name of the candidates.
 const GENERATOR: &str = "cgf";
 
 /// Draws and decodes all motions of one object, in the order of their names. With a probe, a motion whose
@@ -127,11 +127,11 @@ struct Decoder<'a> {
     cgf: &'a Cgf,
     object: &'a Object,
     joints: Arc<[String]>,
-    /// Whose shape the function sees.
+    /// The object whose shape the function sees.
     shown: &'a Object,
-    /// How the object can lie, each with how the shown one then lies.
+    /// Resting poses of the object, each with the corresponding one of the shown object.
     rests: Vec<(&'a RestingPose, RestingPose)>,
-    /// What the function knows of the exact shape in each of them; nothing with noise on the points.
+    /// Shape features of the exact points in each resting pose; empty with noise on the points.
     features: Vec<ObjectFeature>,
     times: Vec<f64>,
     seed: u64,
@@ -256,7 +256,7 @@ fn noisy(object: &Object, noise: f64, seed: u64, motion: usize) -> Vec<Point3<f6
         .collect()
 }
 
-/// Where and how fast motions take place.
+/// Frame and duration of motions.
 struct MotionPlacement<'a> {
     object_from_table: Pose<InObject, Table>,
     ranges: &'a [JointRange],

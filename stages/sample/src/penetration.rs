@@ -16,7 +16,7 @@ pub struct CollisionModel<'a> {
     clusters: Vec<SphereCluster>,
 }
 
-/// How deep a hand is in things, in meters; 0 where it is not.
+/// Depth of a hand in object and table, in meters; 0 without contact.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Depth {
     /// In the object.

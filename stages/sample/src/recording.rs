@@ -30,7 +30,7 @@ const BESIDE_M: f64 = 0.4;
 /// Diameter of the points along which the palm goes, in meters.
 const TRAIL_M: f64 = 0.004;
 
-/// What is the same for all motions of a recording.
+/// Constants of all motions of a recording.
 pub(crate) struct RecordingContext<'a> {
     /// The hand's URDF.
     pub(crate) urdf: &'a str,
@@ -104,7 +104,7 @@ struct DisplayedMotion<'a> {
     candidate: &'a Candidate,
     /// The frame of its own table.
     frame: String,
-    /// Where it lies beside the table's frame, in meters along y.
+    /// Offset beside the table's frame, in meters along y.
     beside_m: f64,
     color: ColorRgba,
 }

@@ -339,7 +339,7 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, SamplingMetrics
     (out, made)
 }
 
-/// What is wrong with the options.
+/// The faults of the options.
 fn faults(config: &SampleConfig) -> String {
     let faults = Sample::check(config);
     let said: Vec<String> = faults.iter().map(ToString::to_string).collect();
@@ -784,7 +784,7 @@ fn charts_show_samples_beside_demonstrations() {
     check(&without, 1, &plausible);
 }
 
-/// What a network learns to do whose decoder finds the latent code of no use.
+/// Posterior collapse: a decoder that makes no use of the latent code.
 #[test]
 fn a_decoder_that_ignores_the_code_is_flagged_as_collapsed() {
     let folder = tempfile::tempdir().unwrap();

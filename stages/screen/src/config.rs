@@ -49,7 +49,7 @@ pub struct ScreenConfig {
     pub robustness: RobustnessConfig,
     /// The physical scene.
     pub scene: SceneConfig,
-    /// How a motion is executed, and what counts as success.
+    /// Execution of a motion and its conditions of success.
     pub protocol: Protocol,
 }
 

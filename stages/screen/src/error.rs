@@ -20,7 +20,7 @@ pub enum ScreenError {
     Options {
         /// The hand's URDF.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         source: SimulationError,
     },
     /// Nothing can be simulated with this hand and these options.
@@ -30,7 +30,7 @@ pub enum ScreenError {
         partition: String,
         /// The hand's URDF.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         source: SimulationError,
     },
     /// The candidates are for another hand.
@@ -40,7 +40,7 @@ pub enum ScreenError {
         partition: String,
         /// The hand's URDF.
         path: PathBuf,
-        /// How their joints differ from the hand's.
+        /// The difference of their joints from the hand's.
         source: JointMismatch,
     },
     /// There is nothing to screen.

@@ -18,7 +18,7 @@ use spatial::Palm;
 
 use crate::ScreenError;
 
-/// What is the same in all recordings of an object.
+/// Constants of all recordings of an object.
 pub(crate) struct RecordingContext<'a> {
     /// The hand's URDF.
     pub(crate) urdf: &'a str,

@@ -1,4 +1,4 @@
-//! What a unit screens: one object's candidates with their hand.
+//! Input of a unit: one object's candidates with their hand.
 
 use std::path::PathBuf;
 

@@ -1,4 +1,4 @@
-//! How smooth a motion is, by the definitions of [`Smoothness`].
+//! Smoothness of a motion, by the definitions of [`Smoothness`].
 
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};

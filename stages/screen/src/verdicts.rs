@@ -26,7 +26,7 @@ pub(crate) struct Screening<'a> {
     candidates: &'a Candidates,
     model: &'a RobotModel,
     shape: ObjectShape,
-    /// How far the object reaches along its axes, in meters.
+    /// Extent of the object along its axes, in meters.
     extent_m: Vector3<f64>,
     seed: u64,
     /// The resting poses of the object.

@@ -41,7 +41,7 @@ pub struct TrainConfig {
     /// Widths and shapes of the network
     #[serde(default)]
     pub network: NetworkConfig,
-    /// How it is trained
+    /// Options of the training
     pub training: TrainingConfig,
 }
 

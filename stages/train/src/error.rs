@@ -68,7 +68,7 @@ pub enum TrainError {
     AnotherHand {
         /// The trajectory's sequence.
         sequence: String,
-        /// How its joints differ from the hand's.
+        /// The difference of its joints from the hand's.
         source: JointMismatch,
     },
     /// The hand has another number of joints than a motion.
@@ -85,7 +85,7 @@ pub enum TrainError {
     Motion {
         /// The trajectory's sequence.
         sequence: String,
-        /// What is wrong with them.
+        /// The problem.
         source: MotionError,
     },
     /// The curve of a running training cannot be written.

@@ -1,4 +1,4 @@
-//! What an interrupted training goes on from, and what can be watched of a running one.
+//! Saved state of an interrupted training, and progress of a running one.
 
 use std::{
     fs::{self, File},
@@ -86,7 +86,7 @@ impl Saver {
     }
 }
 
-/// What was left of an interrupted training.
+/// Saved state of an interrupted training.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum SavedTraining {
     /// Nothing: the training is new.

@@ -11,7 +11,7 @@ const MAX_MOTIONS: usize = 100_000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TransferConfig {
-    /// Which demonstrations are carried to an object
+    /// Demonstrations that are transferred to an object
     #[serde(default)]
     pub from: TransferSource,
     /// Objects that get motions, by name; empty: all
@@ -22,7 +22,7 @@ pub struct TransferConfig {
     pub per_object: usize,
 }
 
-/// Which demonstrations are carried to an object.
+/// Demonstrations that are transferred to an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]

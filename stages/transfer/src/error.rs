@@ -19,7 +19,7 @@ pub enum TransferError {
     Incomplete {
         /// The object.
         object: String,
-        /// What it lacks.
+        /// The missing property.
         lacks: &'static str,
     },
     /// The trajectories are of hands with different joints.

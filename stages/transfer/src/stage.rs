@@ -35,7 +35,7 @@ dataflow::metrics! {
     }
 }
 
-/// What the candidates say drew them.
+/// Generator name of the candidates.
 const GENERATOR: &str = "transfer";
 
 /// The label of a trajectory that names its object.
@@ -390,7 +390,7 @@ mod tests {
         }
     }
 
-    /// What the stage makes for `can`.
+    /// The candidates for `can`.
     fn made(
         from: TransferSource,
         objects: &[Object],

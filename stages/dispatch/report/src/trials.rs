@@ -1,4 +1,4 @@
-//! How often the motions for each object succeed, at each cell.
+//! Success rate of each object's motions, by cell.
 
 use std::collections::BTreeMap;
 

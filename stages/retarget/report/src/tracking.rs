@@ -1,4 +1,4 @@
-//! How well the trajectories of one object follow.
+//! Tracking error of one object's trajectories.
 
 use std::collections::BTreeMap;
 

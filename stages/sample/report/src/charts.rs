@@ -1,4 +1,4 @@
-//! What shows how different and how plausible the motions of an object are, beside its demonstrations.
+//! Charts of diversity and plausibility of an object's motions, beside its demonstrations.
 
 use charts::{Bars, Captions, Sample, Scale, Series, bars, histogram, lines, scatter};
 use dataflow::Context;
@@ -19,15 +19,15 @@ const BINS: usize = 30;
 /// within 20° count as one, and are put where the object is stable, up to 10° away.
 const LIES_ALIKE: f64 = 0.866;
 
-/// What the charts of an object are made of.
+/// Data of an object's charts.
 pub(crate) struct Charts<'a> {
     /// Names of the hand's joints.
     pub(crate) joints: &'a [String],
-    /// How plausible each motion is.
+    /// Plausibility of each motion.
     pub(crate) sampled: &'a [Sampled],
-    /// How different the motions are.
+    /// Diversity of the motions.
     pub(crate) drawn: &'a Diversity,
-    /// How different the object's demonstrations are.
+    /// Diversity of the object's demonstrations.
     pub(crate) shown: &'a Diversity,
 }
 
@@ -44,7 +44,7 @@ pub(crate) fn of_shown(shown: &[Trajectory], drawn: &[ComparedMotion]) -> Divers
     Diversity::of(&motions.collect::<Vec<_>>())
 }
 
-/// How the object lies in the motion in which it lies most like this.
+/// Pose of the object in the motion whose resting pose is nearest to this one.
 fn alike(drawn: &[ComparedMotion], rest: &RestingPose) -> Option<Pose<Table, Object>> {
     let up = |motion: &ComparedMotion| (motion.table_from_object * *rest.up_in_object).z;
     let nearest = drawn.iter().max_by(|a, b| up(a).total_cmp(&up(b)));
@@ -85,7 +85,7 @@ impl Charts<'_> {
         Ok(())
     }
 
-    /// What was drawn and what was shown, where there are two that can be compared.
+    /// Diversity of motions and of demonstrations, of each that has two comparable ones.
     fn both(&self) -> impl Iterator<Item = (&'static str, &Diversity)> {
         let both = [("drawn", self.drawn), ("demonstrations", self.shown)];
         both.into_iter()

@@ -1,4 +1,4 @@
-//! How plausible each motion is and how far from the object's demonstrations.
+//! Plausibility of each motion, and its distance from the object's demonstrations.
 
 use diversity::{Diversity, distance};
 use motion::Step;
@@ -15,7 +15,7 @@ use stage_sample::penetration::PenetrationProbe;
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
 
-/// What motions of an object are measured against.
+/// Reference for the motions of an object.
 pub(crate) struct Measure<'a> {
     pub(crate) probe: PenetrationProbe<'a>,
     /// The object's demonstrations, their joints in the candidates' order.

@@ -1,4 +1,4 @@
-//! How plausible and different the motions of one object are.
+//! Plausibility and diversity of one object's motions.
 
 use dataflow::{
     Artifact, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,

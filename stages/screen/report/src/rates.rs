@@ -1,4 +1,4 @@
-//! How often candidates hold over all objects, with intervals by resampling objects.
+//! Success rates of candidates over all objects, with intervals by resampling objects.
 
 use std::collections::BTreeMap;
 
@@ -36,7 +36,7 @@ dataflow::metrics! {
         draw_rate_high: Mean,
         /// The approach, by its place among all: 0 follow, 1 open, 2 at the grasp.
         approach_n: Mean,
-        /// How far the joints squeeze beyond their final positions, in radians.
+        /// Squeeze of the joints beyond their final positions, in radians.
         squeeze_rad: Mean,
         /// The protocol, by its place among all, from 0 for this project's own.
         protocol_n: Mean,
@@ -90,7 +90,7 @@ fn units(scope: &Scope) -> Vec<Unit> {
     successes.map(unit).collect()
 }
 
-/// What was counted of one object.
+/// Counts of one object.
 #[derive(Clone, Copy, Default)]
 struct Counts {
     candidates: i64,

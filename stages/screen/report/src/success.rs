@@ -1,4 +1,4 @@
-//! How often the candidates of each object hold, for each generator and origin.
+//! Success rates of each object's candidates, by generator and origin.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -151,7 +151,7 @@ fn untouched(all: &SuccessMetrics) -> String {
     format!("; no motion touched the object: {}", became.join(", "))
 }
 
-/// What decides the row of a motion: its generator, its origin, the split of the object.
+/// Key of a motion's row: its generator, its origin, the split of the object.
 type Key<'a> = (&'a str, Origin, Option<ObjectSplit>);
 
 /// The motions of a row.

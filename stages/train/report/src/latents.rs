@@ -1,4 +1,4 @@
-//! What is used of the latent code.
+//! Use of the latent code.
 
 use cgf::{Description, EncodedDemonstration};
 use charts::{Captions, Scale, Series, lines, scatter};

@@ -1,4 +1,4 @@
-//! How near the motions of the mean codes are to those that they were encoded from.
+//! Reconstruction error: motions decoded from mean codes against the encoded ones.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -27,7 +27,7 @@ use crate::report::{mean, of_function, shown, shown_split};
 /// Parts of a motion over which errors are shown.
 const PARTS: usize = 20;
 
-/// What one motion became.
+/// Reconstruction of one motion.
 struct Rebuilt<'a> {
     demonstration: &'a EncodedDemonstration,
     row: ReconstructionError,

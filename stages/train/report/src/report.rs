@@ -79,7 +79,7 @@ fn trained(
     Ok(units.zip(models.map(|model| model.key.clone())))
 }
 
-/// What charts call a split.
+/// Name of a split in charts.
 pub(crate) fn shown_split(split: Split) -> String {
     let name = match split {
         Split::Training => "training",

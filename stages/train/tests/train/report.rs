@@ -1,4 +1,4 @@
-//! What shows a training.
+//! Reports on a training.
 
 use std::{collections::BTreeMap, fs, path::Path};
 
