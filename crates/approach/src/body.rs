@@ -1,4 +1,4 @@
-//! How near a hand is to an object and a table, link by link.
+//! Distances of a hand from an object and a table, link by link.
 
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
@@ -22,11 +22,11 @@ pub struct HandBody {
     axes: HandAxes,
     flexion: Vec<usize>,
     grasp_q: Vec<f64>,
-    /// For each joint, which links it moves.
+    /// For each joint and link, whether the joint moves the link.
     moves: Vec<Vec<bool>>,
 }
 
-/// A hand that is placed: where its palm and its links are.
+/// A hand at a pose: the poses of its palm and links.
 #[derive(Debug, Clone)]
 pub struct Placed {
     object_from_palm: Pose<Object, Palm>,
@@ -42,7 +42,7 @@ pub struct Clearance {
     pub table_m: f64,
 }
 
-/// Where a link touches the object.
+/// A point where a link touches the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// The link, by its number among the model's.
@@ -66,7 +66,7 @@ impl Clearance {
         self.object_m.min(self.table_m)
     }
 
-    /// Returns how deep the hand is in object or table, in meters; 0 where it is not.
+    /// Returns the penetration depth of the hand in object or table, in meters; 0 without penetration.
     pub fn depth_m(self) -> f64 {
         (-self.least_m()).max(0.0)
     }
@@ -126,7 +126,7 @@ impl HandBody {
         &self.model
     }
 
-    /// Returns which way the hand grasps.
+    /// Returns the grasp axes of the hand.
     pub fn axes(&self) -> &HandAxes {
         &self.axes
     }
@@ -136,8 +136,8 @@ impl HandBody {
         &self.flexion
     }
 
-    /// Returns joint positions of an open hand: the fingers straight, and what spreads them and opposes the thumb as in
-    /// the typical grasp.
+    /// Returns joint positions of an open hand: the fingers straight, and the joints that spread them or oppose the
+    /// thumb as in the typical grasp.
     pub fn open(&self) -> Vec<f64> {
         let joints = self.model.joints().iter().enumerate();
         let position = |(idx, joint): (usize, &robot::Joint)| {
@@ -185,8 +185,8 @@ impl HandBody {
         self.clearance_of(environment, placed, |link| self.moves[joint][link])
     }
 
-    /// Says whether a hand is nowhere deeper than this in object and table, in meters; it stops at the first link
-    /// that is.
+    /// Returns whether the hand penetrates object and table by at most `tolerance_m` meters everywhere; it stops at
+    /// the first link that is deeper.
     pub fn is_clear(&self, environment: &Environment, placed: &Placed, tolerance_m: f64) -> bool {
         self.clusters.iter().all(|cluster| {
             let object_from_link = placed.object_from_link(cluster.link);
@@ -232,8 +232,8 @@ impl HandBody {
         least
     }
 
-    /// Returns where links are within `tolerance_m` of the object, or inside it: of each group of neighboring
-    /// spheres the nearest one.
+    /// Returns the points where links are within `tolerance_m` of the object, or inside it: of each group of
+    /// neighboring spheres the nearest one.
     ///
     /// # Errors
     ///

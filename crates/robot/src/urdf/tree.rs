@@ -8,11 +8,11 @@ use crate::{RobotError, near::near_names};
 /// A link's place in the tree.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Place {
-    /// Which link of the file it is.
+    /// Index of the link in the file.
     pub(super) link: usize,
-    /// Which joint of the file it hangs on.
+    /// Index in the file of the joint that it hangs on.
     pub(super) joint: Option<usize>,
-    /// Which place its parent has.
+    /// Index of its parent's place.
     pub(super) parent: Option<usize>,
 }
 
@@ -99,7 +99,7 @@ pub(super) fn walk(links: &[RawLink], joints: &[RawJoint]) -> Result<Vec<Place>,
                 }),
         );
     }
-    // Each link has at most one parent, so what the walk misses hangs on a loop.
+    // Each link has at most one parent, so a link that the walk misses hangs on a loop.
     match is_reached.iter().position(|&reached| !reached) {
         Some(missed) => Err(RobotError::Loop { link: name(missed) }),
         None => Ok(order),
