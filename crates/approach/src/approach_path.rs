@@ -11,15 +11,15 @@ use crate::{ApproachConfig, ApproachError, HandBody};
 
 /// Places of a straight way that are checked.
 const CHECKS: u32 = 16;
-/// Depth up to which a way counts as clear, in meters: what the grid of distances is exact to.
+/// Depth up to which a way counts as clear, in meters: the accuracy of the grid of distances.
 const CLEAR_DEPTH_M: f64 = 1e-3;
 
-/// How long the two parts of the way take.
+/// Timing of the two parts of the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApproachPath {
     steps: usize,
     duration_s: f64,
-    /// When the hand is in its pregrasp, in seconds.
+    /// Time at which the hand is in its pregrasp, in seconds.
     knee_s: f64,
 }
 
@@ -88,7 +88,7 @@ impl ApproachPath {
     }
 }
 
-/// Returns whether the straight way from one hand to another is nowhere deep in object or table.
+/// Returns whether the straight way from one hand to another is clear of object and table.
 ///
 /// # Errors
 ///

@@ -1,4 +1,4 @@
-//! Which way a hand grasps: where its palm faces, and where its fingers meet.
+//! Grasp axes of a hand: the direction that its palm faces, and the point where its fingers meet.
 
 use nalgebra::{Point3, Unit, Vector3};
 use robot::{Finger, RobotModel};
@@ -6,7 +6,7 @@ use spatial::Palm;
 
 use crate::ApproachError;
 
-/// Which way a hand grasps, in the frame of its root link.
+/// Grasp axes of a hand, in the frame of its root link.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HandAxes {
     /// The direction in which the palm goes toward an object: across the open fingers, to the side to which they

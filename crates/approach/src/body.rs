@@ -1,4 +1,4 @@
-//! How near a hand is to an object and a table, link by link.
+//! Distances of a hand from an object and a table, link by link.
 
 use motion::HandState;
 use nalgebra::{Point3, Vector3};
@@ -19,11 +19,11 @@ pub struct HandBody {
     axes: HandAxes,
     flexion: Vec<usize>,
     grasp_q: Vec<f64>,
-    /// For each joint, which links it moves.
+    /// For each joint and link, whether the joint moves the link.
     moves: Vec<Vec<bool>>,
 }
 
-/// A hand that is placed: where its palm and its links are.
+/// A hand at a pose: the poses of its palm and links.
 #[derive(Debug, Clone)]
 pub struct PlacedHand {
     object_from_palm: Pose<Object, Palm>,
@@ -39,7 +39,7 @@ pub struct Clearance {
     pub table_m: f64,
 }
 
-/// Where a link touches the object.
+/// A point where a link touches the object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Touch {
     /// The link, by its number among the model's.
@@ -63,7 +63,7 @@ impl Clearance {
         self.object_m.min(self.table_m)
     }
 
-    /// Returns how deep the hand is in object or table, in meters; 0 where it is not.
+    /// Returns the penetration depth of the hand in object or table, in meters; 0 without penetration.
     pub fn depth_m(self) -> f64 {
         (-self.least_m()).max(0.0)
     }
@@ -122,7 +122,7 @@ impl HandBody {
         &self.model
     }
 
-    /// Returns which way the hand grasps.
+    /// Returns the grasp axes of the hand.
     pub fn axes(&self) -> &HandAxes {
         &self.axes
     }
@@ -132,8 +132,8 @@ impl HandBody {
         &self.flexion
     }
 
-    /// Returns joint positions of an open hand: the fingers straight, and what spreads them and opposes the thumb as in
-    /// the typical grasp.
+    /// Returns joint positions of an open hand: the fingers straight, and the joints that spread them or oppose the
+    /// thumb as in the typical grasp.
     pub fn open(&self) -> Vec<f64> {
         let joints = self.model.joints().iter().enumerate();
         let position = |(idx, joint): (usize, &robot::Joint)| {
@@ -233,8 +233,8 @@ impl HandBody {
         least
     }
 
-    /// Returns where links are within `tolerance_m` of the object, or inside it: of each group of neighboring
-    /// spheres the nearest one.
+    /// Returns the points where links are within `tolerance_m` of the object, or inside it: of each group of
+    /// neighboring spheres the nearest one.
     ///
     /// # Errors
     ///

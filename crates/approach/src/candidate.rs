@@ -16,9 +16,9 @@ use crate::{
 pub struct Grasp {
     /// The hand.
     pub hand: HandState<Object>,
-    /// How deep the hand is in object or table, in meters.
+    /// Penetration depth of the hand in object or table, in meters.
     pub depth_m: f64,
-    /// What a search left of its conditions, in m²; 0 if nothing was searched.
+    /// Residual of the search's conditions, in m²; 0 if nothing was searched.
     pub residual_m2: f64,
 }
 

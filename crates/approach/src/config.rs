@@ -26,13 +26,14 @@ pub struct ApproachConfig {
     /// refined motions close
     #[serde(default = "defaults::closing_share")]
     pub closing_share: f64,
-    /// How far the palm is backed off in the pregrasp (m): half an object's width, so that open fingers pass it
+    /// Distance by which the palm is backed off in the pregrasp (m): half an object's width, so that open fingers
+    /// pass it
     #[serde(default = "defaults::back_off_m")]
     pub back_off_m: f64,
-    /// How much less the flexion joints are bent in the pregrasp (rad): what opens the fingers by about 3 cm
+    /// Angle by which the flexion joints are opened in the pregrasp (rad): opens the fingers by about 3 cm
     #[serde(default = "defaults::opening_rad")]
     pub opening_rad: f64,
-    /// Which resting orientations the object is put in: those that people grasp it in
+    /// Resting orientations of the object: those in which people grasp it
     #[serde(default)]
     pub rests: RestChoice,
 }
@@ -50,7 +51,7 @@ impl Default for ApproachConfig {
     }
 }
 
-/// Which resting orientations an object is put in.
+/// Choice of an object's resting orientations.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum RestChoice {
@@ -62,7 +63,7 @@ pub enum RestChoice {
 }
 
 impl ApproachConfig {
-    /// Returns what is wrong with the options: each a key and why.
+    /// Returns the invalid options, each with its key and the reason.
     pub fn faults(&self) -> Vec<(&'static str, String)> {
         let mut faults = dataflow::OptionFaults::default();
         let why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz";

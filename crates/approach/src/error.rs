@@ -1,8 +1,8 @@
-//! Why a hand cannot be given an approach.
+//! Errors of planning a hand's approach.
 
 use robot::{JointMismatch, RobotError, WrongDof, spheres::TooLarge};
 
-/// Why a hand cannot be given an approach.
+/// Reason why no approach can be planned for a hand.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ApproachError {
@@ -20,7 +20,7 @@ pub enum ApproachError {
     AnotherHand {
         /// The trajectory.
         sequence: String,
-        /// How its joints differ from the hand's.
+        /// Difference of its joints from the hand's.
         source: JointMismatch,
     },
     /// There is no trajectory, and so no place where motions start.
@@ -35,7 +35,7 @@ pub enum ApproachError {
 }
 
 impl ApproachError {
-    /// Returns what to do about it, if that is clear.
+    /// Returns the advice for the user, if there is any.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::NoPalmSide => {

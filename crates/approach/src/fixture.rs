@@ -1,4 +1,4 @@
-//! What the tests share: the Allegro hand and a box on a table.
+//! Test fixture: the Allegro hand and a box on a table.
 
 use grasp_fixture::{FLEXION, StandingBox};
 use posture::Environment;

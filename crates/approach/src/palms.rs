@@ -9,7 +9,8 @@ use spatial::{Object, Pose};
 
 use crate::{ApproachError, HandBody};
 
-/// How far before an object's center an approach begins, in meters: more than any object that a hand holds.
+/// Distance from an object's center at which an approach begins, in meters: more than the size of any object that
+/// a hand holds.
 const FAR_M: f64 = 0.35;
 
 /// Draws palms about an object that point at it.
@@ -19,7 +20,7 @@ pub struct Palms<'a> {
     pub body: &'a HandBody,
     /// The object on its table.
     pub environment: &'a Environment,
-    /// What palms point at, object frame.
+    /// Point at which palms point, object frame.
     pub center_in_object: Point3<f64>,
     /// Standard deviation, along each axis, of the point that a palm points at (m).
     pub jitter_m: f64,
@@ -27,8 +28,8 @@ pub struct Palms<'a> {
 
 impl Palms<'_> {
     /// Draws an open hand: its approach in a direction drawn from the sphere, turned about it at random, from afar
-    /// until it touches, or until where its fingers meet is at the object's center. `None` if something is in the
-    /// way of the beginning, the table in most cases.
+    /// until it touches, or until the point where its fingers meet is at the object's center. `None` if the start is in
+    /// collision, with the table in most cases.
     ///
     /// # Errors
     ///

@@ -1,4 +1,4 @@
-//! Where motions start: like demonstrations, wherever the object lies.
+//! Start poses of motions: those of demonstrations, carried to the object's place.
 
 use motion::{HandState, Motion, MotionError};
 use nalgebra::{UnitQuaternion, Vector3};
@@ -62,8 +62,8 @@ impl Start {
     }
 
     /// Returns starts of a motion toward a hand, as high above the table and as far from the object's origin as the
-    /// demonstration's: what is left to choose is the side from which it comes, the one with the shortest way, of the
-    /// palm and of its orientation, first.
+    /// demonstration's. They differ in the side from which the hand comes; the one with the shortest way, of the palm
+    /// and of its orientation, is first.
     pub fn carried(
         &self,
         table_from_object: &Pose<Table, Object>,

@@ -1,4 +1,4 @@
-//! What a generator of grasps reads for an object.
+//! Inputs of a grasp generator for an object.
 
 use dataflow::{Partition, Scope, Unit};
 use schemas::{Table, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory};

@@ -1,4 +1,4 @@
-//! Where a hand should touch: points on the inner sides of its links.
+//! Virtual contacts of a hand: points on the inner sides of its links that should touch.
 
 use nalgebra::{Point3, Vector3};
 use robot::{Link, RobotModel, SurfacePoint, spheres::clusters};
@@ -59,7 +59,7 @@ fn flexion_axis(body: &HandBody, link: usize) -> Option<Vector3<f64>> {
     bends.then(|| link.axis.into_inner() * link.multiplier.signum())
 }
 
-/// How far links reach, from the spheres that fill their shapes.
+/// Extents of links, from the spheres that fill their shapes.
 struct Reach {
     /// Of each link the centers and radii.
     spheres: Vec<Vec<(Vector3<f64>, f64)>>,
@@ -77,7 +77,7 @@ impl Reach {
         Self { spheres }
     }
 
-    /// Returns how far a link reaches along a direction, from its origin, in meters.
+    /// Returns the extent of a link along a direction, from its origin, in meters.
     fn along(&self, link: usize, way: &Vector3<f64>) -> f64 {
         let spheres = self.spheres[link].iter();
         let reach = spheres.map(|(center, radius_m)| center.dot(way) + radius_m);

@@ -1,4 +1,4 @@
-//! Prints what happens at a robot cell:
+//! Prints the events of a robot cell:
 //! `cargo run --release -p cell --example watch -- [--seconds N] [--access FILE] [ENDPOINT] [CELL]`.
 
 #![expect(clippy::print_stdout, reason = "an example for a terminal")]
@@ -12,9 +12,9 @@ use std::{
 
 use cell::{Access, WatchEvent, Watcher};
 
-/// How long a cell or its router may take to be there.
+/// Timeout for a cell or its router to appear.
 const WAIT: Duration = Duration::from_mins(10);
-/// How long nothing may happen before it is looked whether the time is over.
+/// Longest wait for an event before the end time is checked.
 const LOOK: Duration = Duration::from_millis(200);
 
 fn main() -> Result<(), Box<dyn Error>> {

@@ -43,7 +43,7 @@ const IMPLAUSIBLE_M: f64 = 10.0;
 /// Largest difference between the reported rise and that of the samples, in meters: the object may
 /// fall after the last sample and before the final measurement.
 const LIFT_M: f64 = 0.03;
-/// How far the samples of a held object may lie below the required lift, in meters.
+/// Largest distance of a held object's samples below the required lift, in meters.
 const HELD_M: f64 = 0.01;
 /// Sampling period of a goal's trajectory, in seconds.
 const SAMPLE_PERIOD_S: f64 = 0.005;
@@ -260,7 +260,7 @@ pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(),
     }
 }
 
-/// Which past commands may still be seen.
+/// Past commands that may still be in effect.
 #[derive(Clone, Copy)]
 enum History {
     /// Those of the last fraction of a second.

@@ -1,4 +1,4 @@
-//! Why a cell could not be reached or started.
+//! Errors of reaching or starting a cell.
 
 use std::{error::Error, path::PathBuf, time::Duration};
 
@@ -28,7 +28,7 @@ pub fn with_causes(err: &dyn Error) -> String {
     text
 }
 
-/// Why a cell could not be reached or started; the outcome of a goal is a [`crate::Report`].
+/// Reason why a cell could not be reached or started; the outcome of a goal is a [`crate::Report`].
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CellError {
@@ -72,7 +72,7 @@ pub enum CellError {
     Access {
         /// The file.
         path: PathBuf,
-        /// What is wrong.
+        /// The problem.
         problem: String,
     },
     /// Nothing answers at the endpoint.
@@ -128,7 +128,7 @@ pub enum CellError {
         endpoint: String,
         /// Number of cells that answered.
         count: usize,
-        /// Who answered, as text for people.
+        /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
     },
     /// The answer is not signed by a cell.
@@ -141,7 +141,7 @@ pub enum CellError {
         key: String,
         /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as text for people.
+        /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
     },
     /// A party other than the cell answered a query to it.
@@ -153,7 +153,7 @@ pub enum CellError {
         key: String,
         /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as text for people.
+        /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
     },
     /// A different cell answers than before.
@@ -197,7 +197,7 @@ pub enum CellError {
         name: String,
         /// The session's endpoint.
         endpoint: String,
-        /// Who answered, as text for people.
+        /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
     },
     /// The system's random number generator failed.

@@ -26,7 +26,7 @@ pub struct Goal {
     pub robot: String,
     /// Number of this attempt; another number makes another goal of the same motion.
     pub attempt: u32,
-    /// How often this attempt was sent again because a person had stopped it.
+    /// Number of times that this attempt was sent again because a person had stopped it.
     pub resumed: u32,
     /// Pose of the object on the table.
     pub table_from_object: Pose<Table, Object>,
@@ -366,7 +366,7 @@ fn order(message: &str) -> WireError {
     }
 }
 
-/// Why a cell did not take a goal.
+/// Reason why a cell did not take a goal.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Rejection {
     /// The reason for programs.

@@ -1,4 +1,4 @@
-//! What a cell moves: a simulation, or the controllers of a robot.
+//! The machine behind a cell: a simulation, or the controllers of a robot.
 
 use std::time::Duration;
 
@@ -10,7 +10,7 @@ use crate::{
     server::MonitoredMotion,
 };
 
-/// What a [`crate::CellServer`] moves.
+/// The machine that a [`crate::CellServer`] moves.
 ///
 /// The server speaks the protocol: it journals goals, answers, signs, counts heartbeats and keeps
 /// requests to stop. A machine checks goals and executes one at a time.
@@ -31,7 +31,7 @@ pub trait Machine: Send + Sync {
 
     /// Executes a goal that was accepted, and returns when nothing moves any more.
     ///
-    /// The machine passes its measurements to [`MonitoredMotion::see`], stops when it is told to,
+    /// The machine passes its measurements to [`MonitoredMotion::see`], stops on request,
     /// and calls [`MonitoredMotion::has_stopped`] once it has.
     fn execute(
         &self,

@@ -39,7 +39,7 @@ pub struct Report {
 #[derive(Debug, Clone, PartialEq)]
 pub struct UncheckedReport(Report);
 
-/// What a cell measured at one moment.
+/// A cell's measurement at one time.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Sample {
     /// Seconds since the goal's first row was due; negative on the way to it.
@@ -54,7 +54,7 @@ pub struct Sample {
     pub q_command_rad: Vec<f64>,
 }
 
-/// How a motion ended.
+/// End of a motion: outcome, reason and lift.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Ending {
     /// The outcome.
@@ -196,7 +196,7 @@ impl Report {
         }
     }
 
-    /// Returns how long the motion took, in seconds.
+    /// Returns the duration of the motion, in seconds.
     pub fn duration_s(&self) -> f64 {
         self.samples.last().map_or(0.0, |sample| sample.time_s)
     }

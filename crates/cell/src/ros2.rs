@@ -59,7 +59,7 @@ pub struct Ros2Subscriber {
     _token: LivelinessToken,
 }
 
-/// How urgent the messages of a topic are.
+/// Priority of a topic's messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Urgency {
     /// Data for watchers.
@@ -133,7 +133,7 @@ impl Ros2Node {
     }
 
     /// Calls `heard` with each message of a topic, whatever the hash of its type: with the message,
-    /// or why it cannot be read.
+    /// or the reason why it cannot be read.
     ///
     /// # Errors
     ///

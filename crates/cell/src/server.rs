@@ -46,7 +46,7 @@ use crate::{
     wire,
 };
 
-/// How a cell serves its dispatcher.
+/// Settings of a cell's service for its dispatcher.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct ServiceConfig {
     /// Folder of the goal journal, which a restarted cell reads; without one it forgets its goals
@@ -67,14 +67,14 @@ pub struct ServiceConfig {
     pub faults: Vec<PlannedFault>,
 }
 
-/// Where a cell serves, and how.
+/// A cell's name, endpoint and service settings.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ServerConfig {
     /// The cell's name.
     pub name: String,
     /// Endpoint that it listens on: `tcp/127.0.0.1:PORT`, port 0 for any free one.
     pub listen: String,
-    /// How it serves.
+    /// Settings of its service.
     pub service: ServiceConfig,
 }
 

@@ -30,7 +30,7 @@ const MAX_MESSAGE_BYTES: usize = MAX_REPORT_BYTES + 64 * 1024;
 /// Samples buffered for a slow subscriber.
 const BACKLOG: usize = 4096;
 
-/// How messages are protected.
+/// Protection of messages.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Protection {
     /// Unprotected: for one machine.

@@ -40,7 +40,7 @@ pub struct SimulatedCellConfig {
     pub arm: Option<CellArm>,
     /// Its other differences from the screen.
     pub mismatch: ModelMismatch,
-    /// How it serves.
+    /// Settings of its service.
     pub service: ServiceConfig,
 }
 
@@ -53,7 +53,7 @@ pub struct SimulatedCell {
     machine: Arc<Simulated>,
 }
 
-/// Returns an object by its name, if it exists, or why the lookup failed.
+/// Returns an object by its name, if it exists, or the reason why the lookup failed.
 pub type ObjectFinder = Box<dyn Fn(&str) -> Result<Option<ObjectShape>, String> + Send + Sync>;
 
 /// The machine: a robot in physics.
@@ -79,7 +79,7 @@ impl SimulatedCell {
     }
 
     /// Starts a cell as [`SimulatedCell::start`] does, for a hand with loaded meshes: `hand` is
-    /// what `urdf` describes, with the shapes of its meshes.
+    /// the robot of `urdf`, with the shapes of its meshes.
     ///
     /// # Errors
     ///
@@ -159,7 +159,7 @@ pub fn execute_offline(
 }
 
 impl Simulated {
-    /// Returns an object on the table, or why the lookup failed.
+    /// Returns an object on the table, or the reason why the lookup failed.
     fn object(&self, name: &str) -> Result<Option<ObjectShape>, String> {
         if let Some(known) = lock(&self.objects).get(name) {
             return Ok(Some(known.clone()));

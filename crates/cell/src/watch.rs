@@ -38,8 +38,8 @@ const PAUSE: Duration = Duration::from_millis(100);
 
 /// A watcher of a cell.
 ///
-/// Delivers samples in the order of their numbers, each once, and outcomes likewise. Queries what
-/// it missed: samples of the last thirty seconds, and every outcome in the cell's journal.
+/// Delivers samples in the order of their numbers, each once, and outcomes likewise. Queries missed
+/// ones: samples of the last thirty seconds, and every outcome in the cell's journal.
 ///
 /// Messages must be fetched: beyond 4096 unfetched ones others are dropped, and queried later as
 /// missed.
@@ -108,7 +108,7 @@ enum Event {
     Alive(SampleKind),
 }
 
-/// What samples are that were published before those received.
+/// Status of samples that were published before the received ones.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum MissingSamples {
     /// Lost while watching.
@@ -239,7 +239,7 @@ impl Watcher {
         self.ready.push_back(WatchEvent::State(state));
     }
 
-    /// Delivers missed samples that no later one tells of: after a motion, a cell that is faster than real time
+    /// Delivers missed samples that no later sample reveals: after a motion, a cell that is faster than real time
     /// publishes none.
     fn catch_up(&mut self) {
         let Some(StreamPosition { of, next }) = self.stream.take() else {

@@ -11,7 +11,7 @@ use toml_edit::{DocumentMut, Item, TableLike};
 
 use crate::locked::Lock;
 
-/// Why the digests could not be made.
+/// Error in making the digests.
 #[derive(Debug)]
 pub enum CodeError {
     /// A source could not be read.
@@ -117,7 +117,8 @@ impl Members {
         })
     }
 
-    /// How dependencies are built: the features chosen for the named ones, and the release profile.
+    /// Returns the build settings of dependencies: the features of the named ones, and the release
+    /// profile.
     fn settings(&self, names: &BTreeSet<String>) -> String {
         let workspace = self.root.get("workspace");
         let shared = workspace.and_then(|workspace| workspace.get("dependencies"));

@@ -19,7 +19,7 @@ const SIX: usize = 6;
 pub struct Chain {
     /// The links from the root to the end and the joints that move them, nothing else.
     links: RobotModel,
-    /// Which of the robot's joints they are.
+    /// Indices of those joints among the robot's.
     joints: Vec<usize>,
 }
 
@@ -93,7 +93,7 @@ impl Chain {
         Ok(Self { links, joints })
     }
 
-    /// Returns which of the robot's joints are on the chain, from the root to the end.
+    /// Returns the indices of the robot's joints on the chain, from the root to the end.
     pub fn joints(&self) -> &[usize] {
         &self.joints
     }
@@ -142,7 +142,7 @@ impl KinematicState {
         Twist::from_array(twist.into())
     }
 
-    /// Returns how fast the end's twist changes while the joints move at constant velocities,
+    /// Returns the rate of the end's twist while the joints move at constant velocities,
     /// `J′ q′`, in m/s² and rad/s².
     ///
     /// A joint that turns carries along all that is beyond it, so that joint j changes the column
@@ -211,8 +211,8 @@ impl KinematicState {
         square.cholesky()
     }
 
-    /// Returns the least joint velocities with this twist, `Jᵀ (J Jᵀ)⁻¹ twist`, improved once by what
-    /// rounding leaves.
+    /// Returns the least joint velocities with this twist, `Jᵀ (J Jᵀ)⁻¹ twist`, refined once by the
+    /// residual from rounding.
     fn least(&self, square: &Cholesky<f64, Const<SIX>>, twist: &Twist<Base>) -> Vec<f64> {
         let solve =
             |twist: Twist<Base>| self.transposed(&square.solve(&Vector6::from(twist.to_array())));

@@ -1,4 +1,4 @@
-//! What is unphysical or missing in a robot that can be read.
+//! Checks for unphysical or missing data in a robot that can be read.
 
 use nalgebra::{Point3, Vector3};
 
@@ -6,9 +6,9 @@ use crate::{DynamicsModel, Finding, Inertial, Joint, JointKind, Link, Part, Robo
 
 /// Rounding that is forgiven where principal moments are compared, relative.
 const ROUNDED: f64 = 1e-3;
-/// How far beyond its shapes a link's center of mass may be, as a share of their diagonal.
+/// Largest distance of a link's center of mass from its shapes, as a share of their diagonal.
 const OUTSIDE: f64 = 0.1;
-/// How many times as far from the center of mass as the shapes reach a link's mass may seem to be.
+/// Largest radius of gyration of a link, relative to the reach of its shapes from the center of mass.
 const SPREAD: f64 = 1.5;
 /// Longest way from a joint to the next, or across a link, in meters: more is a file in millimeters.
 const MAX_LENGTH_M: f64 = 10.0;
@@ -16,11 +16,11 @@ const MAX_LENGTH_M: f64 = 10.0;
 const MAX_RAD: f64 = 30.0;
 
 impl RobotModel {
-    /// Returns everything that is doubtful about the robot, the worst first: what was found while
-    /// reading, and what no real robot is like.
+    /// Returns all findings about the robot, the worst first: those from reading it, and properties
+    /// that no real robot has.
     ///
-    /// Meshes are not looked for: this crate opens no file. Who has read them gives their shapes to
-    /// [`RobotModel::with_mesh_shapes`] first.
+    /// Meshes are not looked for: this crate opens no file. A caller that has read them gives their
+    /// shapes to [`RobotModel::with_mesh_shapes`] first.
     pub fn examine(&self) -> Vec<Finding> {
         let mut findings = self.findings().to_vec();
         for link in self.links() {
@@ -66,7 +66,7 @@ impl RobotModel {
         findings
     }
 
-    /// A mesh of which there is no shape: whoever cares for what the robot touches reads them first.
+    /// Returns the finding about a mesh without a shape: callers that need contacts read the meshes first.
     fn unread(&self) -> Option<Finding> {
         let (link, mesh) = self.without_mesh_shape()?;
         Some(Finding {
@@ -77,7 +77,8 @@ impl RobotModel {
         })
     }
 
-    /// What moves and has no inertia: no force is needed to move it, however fast.
+    /// Returns the findings about moving parts without inertia: no force is needed to move them, however
+    /// fast.
     fn without_inertia(&self) -> Vec<Finding> {
         let bodies = DynamicsModel::new(self);
         if bodies.mass_kg() == 0.0 {
@@ -93,7 +94,7 @@ impl RobotModel {
         let mut findings: Vec<Finding> = lacking
             .iter()
             .filter_map(|&idx| self.links().get(idx))
-            // What an `<inertial>` says that is none is said of that.
+            // An invalid `<inertial>` has a finding of its own.
             .filter(|link| link.inertial.is_none())
             .map(|link| Finding {
                 severity: Severity::Doubtful,
@@ -137,7 +138,7 @@ impl RobotModel {
         findings
     }
 
-    /// What follows what.
+    /// Returns the findings about mimic joints.
     fn followers(&self) -> Vec<Finding> {
         self.links()
             .iter()
@@ -171,12 +172,12 @@ const CENTER: &str =
 const SHAPES: &str = "give it a `<collision>` of boxes, spheres, cylinders, capsules or a mesh if it \
                       may touch anything";
 
-/// A number to six digits behind the point.
+/// Rounds a number to six decimal places.
 fn short(number: f64) -> f64 {
     (number * 1e6).round() / 1e6
 }
 
-/// What is wrong with a link's inertia, if anything is.
+/// Returns the problem with a link's inertia, if there is one.
 fn inertia(link: &Link, inertial: &Inertial) -> Option<(Severity, String)> {
     let mut moments: Vec<f64> = inertial
         .inertia_kg_m2
@@ -248,7 +249,7 @@ fn bounds(link: &Link) -> Option<(Vector3<f64>, Vector3<f64>)> {
     Some((along(-1.0)?, along(1.0)?))
 }
 
-/// What is odd about how far a link's shapes reach.
+/// Returns the finding about implausibly large shapes of a link.
 fn oversized(link: &Link) -> Option<Finding> {
     let (lower, upper) = bounds(link)?;
     let across = (upper - lower).norm();
@@ -260,7 +261,7 @@ fn oversized(link: &Link) -> Option<Finding> {
     })
 }
 
-/// What is odd about where a link's center of mass is.
+/// Returns the problem with the place of a link's center of mass, if there is one.
 fn center_of_mass(link: &Link, inertial: &Inertial) -> Option<String> {
     let (lower, upper) = bounds(link)?;
     let center = inertial.center_of_mass_m.coords;
@@ -273,7 +274,7 @@ fn center_of_mass(link: &Link, inertial: &Inertial) -> Option<String> {
     })
 }
 
-/// What is odd about an independent joint.
+/// Returns the findings about an independent joint.
 fn joint(joint: &Joint) -> Vec<Finding> {
     let mut findings = Vec::new();
     let mut find = |severity, problem: String, advice: &str| {

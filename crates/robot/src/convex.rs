@@ -1,10 +1,11 @@
-//! Convex bodies: what a mesh is to physics.
+//! Convex bodies: the form in which physics uses a mesh.
 
 use nalgebra::{Point3, Vector3};
 
 /// Least volume of a body as a share of its length cubed: less is a flat piece.
 const FLAT: f64 = 1e-6;
-/// How alike the normals, and how near to each other in meters the planes, of one side are.
+/// Tolerance within which triangles belong to one side: on the cosine between their normals, and on
+/// the distance of their planes in meters.
 const ALIKE: f64 = 1e-9;
 
 /// A convex body by its corners and the triangles of its surface.
@@ -23,7 +24,7 @@ pub(crate) struct Side {
 }
 
 impl Side {
-    /// Returns how far beyond the plane a point is, in meters; negative on the body's side.
+    /// Returns the distance of a point beyond the plane, in meters; negative on the body's side.
     pub(crate) fn beyond(&self, point: &Vector3<f64>) -> f64 {
         self.normal.dot(point) - self.offset_m
     }
@@ -127,8 +128,8 @@ impl ConvexBody {
         middle + moment / volume
     }
 
-    /// Returns half of the least width of the body, between one of its sides and what is opposite,
-    /// in meters.
+    /// Returns half of the least width of the body, between one of its sides and the opposite
+    /// corners, in meters.
     pub(crate) fn half_thickness_m(&self) -> f64 {
         let across = |side: &Side| -side.beyond(&self.farthest(&-side.normal));
         self.sides.iter().map(across).fold(f64::INFINITY, f64::min) / 2.0

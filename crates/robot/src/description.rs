@@ -1,4 +1,4 @@
-//! What of a URDF decides: two that differ by comments, spaces or the order of attributes are the same.
+//! Canonical form of a URDF: two that differ by comments, spaces or the order of attributes have the same.
 
 use quick_xml::{
     Reader,
@@ -7,24 +7,24 @@ use quick_xml::{
 
 use crate::RobotModel;
 
-/// Writes down everything that is read of a URDF's bytes: links, joints, masses, shapes and the meshes
+/// Serializes the model that is read from a URDF's bytes: links, joints, masses, shapes and the meshes
 /// that the robot collides with, by name; `None` if they are not a URDF that can be used.
 ///
-/// URDFs that give equal bytes are the same robot to whoever computes with it, however it is drawn.
+/// URDFs that give equal bytes are the same robot to every computation, however it is drawn.
 pub fn canonical_model(urdf: &[u8]) -> Option<Vec<u8>> {
     let mut model = RobotModel::from_urdf_bytes(urdf).ok()?;
-    // They say on which line something is, and change nothing.
+    // They contain line numbers, and do not affect the model.
     model.findings.clear();
     for link in &mut model.links {
         link.meshes.retain(|mesh| mesh.is_collision);
     }
-    // Every number in as many digits as tell it from all others.
+    // Every number has as many digits as distinguish it from all others.
     Some(format!("{model:?}").into_bytes())
 }
 
 /// Returns the bytes of [`plain_urdf`]; `None` if they are not a URDF that can be used.
 ///
-/// URDFs that give equal bytes are the same robot to whoever shows it, too.
+/// URDFs that give equal bytes are the same robot to viewers, too.
 pub fn canonical_urdf(urdf: &[u8]) -> Option<Vec<u8>> {
     RobotModel::from_urdf_bytes(urdf).ok()?;
     let text = std::str::from_utf8(urdf).ok()?;
@@ -94,7 +94,7 @@ fn start_of(start: &BytesStart) -> Option<String> {
     for attribute in start.attributes() {
         let attribute = attribute.ok()?;
         let key = std::str::from_utf8(attribute.key.as_ref()).ok()?;
-        // What stands between single quotes may hold double ones.
+        // A value between single quotes may contain double ones.
         let value = std::str::from_utf8(&attribute.value).ok()?;
         attributes.push((key.to_owned(), value.replace('"', "&quot;")));
     }
@@ -129,7 +129,7 @@ mod tests {
   <transmission><type>simple  one</type></transmission>
 </robot>"#;
 
-    /// Whether an edit changes what is read, and what is shown.
+    /// Returns whether an edit changes the canonical model, and the canonical URDF.
     fn changes(from: &str, to: &str) -> [bool; 2] {
         assert!(HAND.contains(from), "{from}");
         let edited = HAND.replacen(from, to, 1);

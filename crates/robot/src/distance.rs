@@ -1,4 +1,4 @@
-//! How far two shapes are from each other.
+//! Distance between two shapes.
 //!
 //! Gilbert, Johnson and Keerthi, *A Fast Procedure for Computing the Distance Between Complex Objects in
 //! Three-Dimensional Space*, 1988: the point nearest to the origin of the differences of the shapes'
@@ -20,16 +20,16 @@ const STEPS: usize = 64;
 /// Shapes nearer than this in meters touch.
 const TOUCHING_M: f64 = 1e-9;
 
-/// How far two shapes are from each other.
+/// Bounds of the distance between two shapes.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct DistanceBounds {
-    /// They are at least as far apart, in meters; 0 where they touch or overlap.
+    /// Lower bound in meters; 0 where they touch or overlap.
     pub at_least_m: f64,
-    /// They are at most as far apart.
+    /// Upper bound in meters.
     pub at_most_m: f64,
 }
 
-/// Returns how far two shapes are from each other, within 0.01 mm; each is given with the pose of its
+/// Returns the distance between two shapes, within 0.01 mm; each is given with the pose of its
 /// center in one frame.
 pub fn distance_bounds<Frame>(
     a: (&Pose<Frame, Shape>, &Shape),
@@ -258,7 +258,7 @@ mod tests {
         body.farthest(&Vector3::repeat(1.0))
     }
 
-    /// How far a point is outside a shape, in closed form.
+    /// Returns the distance of a point from a shape, in closed form.
     fn outside(shape: &Shape, point: &Vector3<f64>) -> f64 {
         match *shape {
             Shape::Sphere { radius_m } => point.norm() - radius_m,

@@ -13,7 +13,7 @@ use crate::{
     dynamics_model::{SpatialForce, SpatialInertia, SpatialMotion},
 };
 
-/// How the independent joints move; each slice holds one number per joint.
+/// State of motion of the independent joints; each slice holds one number per joint.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct JointMotion<'a> {
     /// Positions, in radians (meters if prismatic).
@@ -24,18 +24,18 @@ pub struct JointMotion<'a> {
     pub acceleration: &'a [f64],
 }
 
-/// What acts on a robot from outside and in its joints.
+/// Forces and torques on a robot, from outside and in its joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Efforts {
-    /// Force in N, then torque in Nm, on the root link at its origin, along its axes: what holds it
-    /// if it is held, and what has to act if it is free.
+    /// Force in N, then torque in Nm, on the root link at its origin, along its axes: the reaction
+    /// that holds it if it is held, and the wrench that has to act if it is free.
     pub root: Vector6<f64>,
     /// Torque in Nm (force in N if prismatic) of each independent joint.
     pub joints: DVector<f64>,
 }
 
 impl DynamicsModel {
-    /// Returns what has to act for the robot to move so, by the recursive Newton–Euler algorithm
+    /// Returns the efforts of a motion of the robot, by the recursive Newton–Euler algorithm
     /// (Featherstone 2008, table 5.1).
     ///
     /// `gravity` is the acceleration of a falling body in the world's frame, in m/s².
@@ -60,10 +60,10 @@ impl DynamicsModel {
         Ok(Efforts { root, joints })
     }
 
-    /// Returns what has to act in the joint of each moving link, in the order of the links, those that
+    /// Returns the effort in the joint of each moving link, in the order of the links, those that
     /// mimic another's joint too: torque in Nm about the link's own axis (force in N if prismatic).
     ///
-    /// What [`DynamicsModel::inverse_dynamics`] adds up where several links move as one.
+    /// [`DynamicsModel::inverse_dynamics`] adds these up where several links move as one.
     ///
     /// # Errors
     ///
@@ -78,7 +78,7 @@ impl DynamicsModel {
             .map(|(_, of_links)| of_links)
     }
 
-    /// Returns what acts on the root, and in the joint of each moving link.
+    /// Returns the efforts on the root, and in the joint of each moving link.
     fn efforts(
         &self,
         root: &FreeRootState,

@@ -37,10 +37,10 @@ impl Body {
     }
 }
 
-/// How a body moves relative to its parent, by `multiplier * q + offset`.
+/// Joint between a body and its parent, at position `multiplier * q + offset`.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct BodyJoint {
-    /// Which independent joint's position `q` is.
+    /// Index of the independent joint whose position is `q`.
     pub(crate) number: usize,
     pub(crate) multiplier: f64,
     offset: f64,
@@ -196,7 +196,7 @@ impl SpatialInertia {
         }
     }
 
-    /// Says whether there is mass, and inertia about every axis through its center.
+    /// Returns whether there is mass, and inertia about every axis through its center.
     fn is_of_a_body(&self) -> bool {
         if self.mass <= 0.0 {
             return false;
@@ -259,8 +259,8 @@ fn parallel_axes(mass: f64, center: &Vector3<f64>) -> Matrix3<f64> {
 }
 
 impl RobotModel {
-    /// Returns the first link of each body that moves and has no inertia about some axis: that no
-    /// force is needed to turn. The root's body is left out.
+    /// Returns the first link of each moving body that has no inertia about some axis, so that no
+    /// force is needed to turn it. The root's body is left out.
     pub fn bodies_without_inertia(&self) -> Vec<usize> {
         let movable = (0..self.links().len()).filter(|&idx| self.links()[idx].kind.is_some());
         let bodies = DynamicsModel::new(self).all.into_iter().skip(1);

@@ -1,13 +1,13 @@
-//! Why a URDF cannot be used.
+//! Errors of reading a URDF.
 
-/// Why a URDF cannot be used.
+/// Reason why a URDF cannot be used.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RobotError {
     /// The bytes are not UTF-8.
     #[error("the URDF is not UTF-8 from byte {} on", source.valid_up_to())]
     NotText {
-        /// Where it stops.
+        /// The position of the first invalid byte.
         source: std::str::Utf8Error,
     },
     /// The text is not XML.
@@ -15,7 +15,7 @@ pub enum RobotError {
     NotXml {
         /// The line, from 1.
         line: usize,
-        /// What the parser says.
+        /// The parser's error.
         source: quick_xml::Error,
     },
     /// The text ends inside of an element.
@@ -41,15 +41,15 @@ pub enum RobotError {
             .unwrap_or_default()
     )]
     NoRobot {
-        /// What stands there instead or beside it, if anything does.
+        /// The element found instead of it or beside it, if there is one.
         found: Option<String>,
     },
-    /// There is far more of something than a robot has.
+    /// There are far more parts of a kind than a robot has.
     #[error("the URDF has more than {limit} {what}")]
     TooLarge {
-        /// Of what.
+        /// The kind of part.
         what: &'static str,
-        /// How much is read.
+        /// The maximum number.
         limit: usize,
     },
     /// The text is a template from which `xacro` makes a URDF.
@@ -70,7 +70,7 @@ pub enum RobotError {
         /// The element's line, from 1.
         line: usize,
     },
-    /// A joint does not say what it connects.
+    /// A joint lacks its parent or its child.
     #[error("joint `{joint}` on line {line} has no `<{role} link=…>`")]
     Unlinked {
         /// The joint.
@@ -150,7 +150,7 @@ pub enum RobotError {
         /// Upper limit as read.
         upper: f64,
     },
-    /// A joint slides, and nobody says how far.
+    /// A prismatic joint has no limits.
     #[error("prismatic joint `{joint}` on line {line} has no limits")]
     NoLimits {
         /// The joint.
@@ -171,7 +171,7 @@ pub enum RobotError {
         joint: String,
         /// The joint it names, itself or through others.
         master: String,
-        /// Why that one cannot be followed.
+        /// The reason why that one cannot be followed.
         fault: MimicFault,
     },
     /// A link weighs less than nothing.
@@ -189,7 +189,7 @@ pub enum RobotError {
         element: String,
         /// Its attribute.
         attribute: &'static str,
-        /// What stands there.
+        /// The attribute's value.
         text: String,
         /// The element's line, from 1.
         line: usize,
@@ -201,7 +201,7 @@ pub enum RobotError {
         element: String,
         /// Its attribute.
         attribute: &'static str,
-        /// What stands there.
+        /// The attribute's value.
         text: String,
         /// The element's line, from 1.
         line: usize,
@@ -236,7 +236,7 @@ pub enum RobotError {
     },
 }
 
-/// Why a joint cannot be followed.
+/// Reason why a joint cannot be followed.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum MimicFault {
@@ -265,7 +265,7 @@ impl std::fmt::Display for MimicFault {
 }
 
 impl RobotError {
-    /// Says what to do next, if that is known.
+    /// Returns the advice for the user, if there is any.
     pub fn hint(&self) -> Option<String> {
         let hint = match self {
             Self::UnknownLink { near, .. }
@@ -340,7 +340,7 @@ impl RobotError {
     }
 }
 
-/// What to do with a file that xacro has not gone through.
+/// Advice for a file that xacro has not expanded.
 const EXPAND: &str = "expand it first: `xacro robot.urdf.xacro > robot.urdf`";
 
 /// Phrases a question about near names; none if there are none.

@@ -1,4 +1,4 @@
-//! How far a shape reaches from its center.
+//! Extent of a shape from its center.
 
 use nalgebra::Vector3;
 use spatial::Pose;
@@ -6,7 +6,7 @@ use spatial::Pose;
 use crate::Shape;
 
 impl Shape {
-    /// Returns how far the shape reaches from its center along a direction of unit length in its own
+    /// Returns the extent of the shape from its center along a direction of unit length in its own
     /// frame, in meters: its support function (Ericson, *Real-Time Collision Detection*, 2005, §3.4).
     pub fn extent_m(&self, direction: &Vector3<f64>) -> f64 {
         match self {
@@ -24,7 +24,7 @@ impl Shape {
         }
     }
 
-    /// Returns how high the shape's lowest point is above the origin of a frame, in meters, along `up` of unit
+    /// Returns the height of the shape's lowest point above the origin of a frame, in meters, along `up` of unit
     /// length in that frame.
     pub fn lowest_m<Frame>(
         &self,

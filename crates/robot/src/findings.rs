@@ -1,27 +1,27 @@
-//! What is doubtful in a robot's description although it can be read.
+//! Findings about a robot's description that can be read but is doubtful.
 
 /// Something doubtful about a part of a robot.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Finding {
-    /// How much it matters.
+    /// Its severity.
     pub severity: Severity,
-    /// What it is about.
+    /// The part that it is about.
     pub part: Part,
-    /// What is the case, with its numbers: what follows the part's name in a sentence.
+    /// The problem with its numbers, as the words that follow the part's name in a sentence.
     pub problem: String,
-    /// What to do about it; empty if there is nothing to be done.
+    /// Advice for the user; empty if there is nothing to be done.
     pub advice: String,
 }
 
-/// How much a finding matters.
+/// Severity of a finding.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Severity {
-    /// The description names it, and it is not there or cannot be read: nothing that rests on it can
-    /// be had.
+    /// The description names it, and it does not exist or cannot be read: results that depend on it are
+    /// unavailable.
     Missing,
-    /// No real robot is so: results that rest on it are wrong.
+    /// It is physically impossible: results that depend on it are wrong.
     Wrong,
-    /// It may be meant, and is more often a mistake or a placeholder.
+    /// It may be intended, but is more often a mistake or a placeholder.
     Doubtful,
     /// Worth knowing.
     Note,

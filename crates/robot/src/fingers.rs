@@ -1,4 +1,4 @@
-//! Which chains of links are fingers: a first proposal, drawn from the tree alone.
+//! Detection of fingers among the chains of links: a first proposal, from the tree alone.
 
 use nalgebra::{Point3, Vector3};
 use spatial::{Base, Pose};
@@ -22,7 +22,7 @@ pub struct Finger {
     pub tip_offset_m: Vector3<f64>,
     /// Length of the chain from the palm's first joint to the tip, in meters.
     pub length_m: f64,
-    /// Is this likely to be the thumb? True of one finger at most.
+    /// Whether this is likely to be the thumb; true of one finger at most.
     pub is_thumb: bool,
 }
 
@@ -244,7 +244,7 @@ fn far_end(link: &Link) -> Vector3<f64> {
 }
 
 impl crate::Collision {
-    /// Returns how far the shape reaches along a unit vector of its link's frame, from the link's
+    /// Returns the extent of the shape along a unit vector of its link's frame, from the link's
     /// origin, in meters.
     pub(crate) fn reach(&self, direction: &Vector3<f64>) -> f64 {
         let center = self.link_from_shape.translation.vector.dot(direction);

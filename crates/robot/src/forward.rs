@@ -1,4 +1,4 @@
-//! Where the links are.
+//! Forward kinematics: the poses of the links.
 
 use nalgebra::{Translation3, UnitQuaternion};
 use spatial::Pose;
@@ -25,7 +25,7 @@ impl RobotModel {
         Ok(self.link_poses(|joint| q[joint]))
     }
 
-    /// Returns what [`RobotModel::forward_kinematics`] does; `position` gives that of the joint of
+    /// Returns the poses of [`RobotModel::forward_kinematics`]; `position` gives that of the joint of
     /// each index of [`RobotModel::joints`].
     ///
     /// It cannot fail, as it asks for every position that it needs: for positions that follow from the

@@ -6,7 +6,7 @@ use spatial::{Palm, Pose, Twist, World};
 /// Below this angle in radians the series are more exact than the quotients.
 const SMALL_RAD: f64 = 1e-3;
 
-/// How the root link is held or moves.
+/// State of the root link: its pose, velocity and acceleration.
 ///
 /// A twist is that of the root link's own origin, along the root link's own axes. A twist added for
 /// a time moves the root to `world_from_palm * pose_from_twist(twist * time)`. This is the

@@ -1,11 +1,11 @@
-//! How a hand is built: side, palm, wrist and which finger is which; a guess from the tree.
+//! Layout of a hand: side, palm, wrist and the fingers by name; a guess from the tree.
 
 use nalgebra::{Point3, Vector3};
 use spatial::{Base, Pose};
 
 use crate::{Finger, Joint, Link, RobotModel, Shape};
 
-/// What the fingers beside the thumb are called, in their order from it.
+/// Names of the fingers beside the thumb, in their order from it.
 const FINGERS: [[&str; 2]; 4] = [
     ["index", "ff"],
     ["middle", "mf"],
@@ -16,11 +16,11 @@ const FINGERS: [[&str; 2]; 4] = [
 /// A hand as its tree suggests it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandLayout {
-    /// Is it likely to be a left hand?
+    /// Whether it is likely to be a left hand.
     pub is_left: bool,
     /// The link on which the fingers hang.
     pub palm: usize,
-    /// Where the wrist is in that link's frame, in meters.
+    /// Position of the wrist in that link's frame, in meters.
     pub wrist_offset_m: Vector3<f64>,
     /// The thumb, if one of the fingers is one.
     pub thumb: Option<Finger>,
@@ -31,7 +31,7 @@ pub struct HandLayout {
 }
 
 impl RobotModel {
-    /// Guesses how the hand is built; `None` if the robot has no finger beside a thumb.
+    /// Guesses the layout of the hand; `None` if the robot has no finger beside a thumb.
     ///
     /// Every joint is taken as near to 0 as its limits allow. Fingers whose names say which they are
     /// (`index`, `middle`, `ring`, `little` or `pinky`, or the Shadow hand's `ff`, `mf`, `rf`, `lf`) are
@@ -132,7 +132,7 @@ impl RobotModel {
         Some(places)
     }
 
-    /// Says whether the names call the hand a left one; `None` if they call it neither or both.
+    /// Returns whether the names call the hand a left one; `None` if they call it neither or both.
     fn named_left(&self) -> Option<bool> {
         let side = |names: &[&str]| {
             let names: Vec<String> = names.iter().map(|name| name.to_lowercase()).collect();
@@ -181,7 +181,7 @@ impl RobotModel {
             .collect()
     }
 
-    /// Returns where the wrist is in the palm's frame.
+    /// Returns the position of the wrist in the palm's frame.
     fn wrist(&self, palm: usize, forward: &Vector3<f64>, knuckles: &Point3<f64>) -> Vector3<f64> {
         let link = &self.links()[palm];
         let Some(back) = (-forward).try_normalize(1e-9) else {

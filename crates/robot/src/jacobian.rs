@@ -1,4 +1,4 @@
-//! How points of the robot move with its joints.
+//! Geometric Jacobian: velocities of the robot's points per joint velocity.
 
 use nalgebra::{Matrix6xX, Point3, Vector3};
 use spatial::Pose;
@@ -7,7 +7,7 @@ use crate::{JointKind, Link, RobotModel};
 
 /// A joint on the path from a link to the root, where it now is.
 struct Step {
-    /// Which independent joint moves it.
+    /// Index of the independent joint that moves it.
     joint: usize,
     is_turning: bool,
     /// Its own position per position of that joint.
@@ -17,7 +17,7 @@ struct Step {
 }
 
 impl Step {
-    /// Returns how a point in the root's frame moves with the independent joint.
+    /// Returns the velocity of a point in the root's frame per velocity of the independent joint.
     fn column(&self, point_in_root: &Point3<f64>) -> Vector3<f64> {
         let per_own = if self.is_turning {
             let arm = point_in_root.coords - self.origin_in_root;
@@ -28,7 +28,7 @@ impl Step {
         per_own * self.multiplier
     }
 
-    /// Returns how fast what the joint moves turns with the independent joint.
+    /// Returns the angular velocity of the moved links per velocity of the independent joint.
     fn turning(&self) -> Vector3<f64> {
         if self.is_turning {
             self.axis_in_root * self.multiplier
@@ -39,9 +39,9 @@ impl Step {
 }
 
 impl RobotModel {
-    /// Returns how a link moves with the joint positions, in the root's frame: `(6, dof)`, the
-    /// velocity of a point fixed to it in meters, then its angular velocity in radians, per radian
-    /// (or per meter): the geometric Jacobian (Lynch and Park, *Modern Robotics*, 2017, §5.1).
+    /// Returns the geometric Jacobian of a link, in the root's frame: `(6, dof)`, the velocity of a
+    /// point fixed to it in meters, then its angular velocity in radians, per radian (or per meter)
+    /// of each joint (Lynch and Park, *Modern Robotics*, 2017, §5.1).
     ///
     /// `root_from_links` comes from [`RobotModel::forward_kinematics`] and the point is given where
     /// it then is, in the root's frame. A link or pose that does not exist moves with no joint.

@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 
 use crate::WrongDof;
 
-/// How to put joint vectors from one order into another: a permutation, found by the joints' names and
-/// checked once.
+/// Permutation of joint vectors from one order into another, found by the joints' names and checked
+/// once.
 ///
 /// ```
 /// use robot::JointOrder;
@@ -17,11 +17,11 @@ use crate::WrongDof;
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct JointOrder {
-    /// Where each number of the new order stands in the old one.
+    /// Index in the old order of each number of the new one.
     columns: Vec<usize>,
 }
 
-/// Why two lists of joints are not orders of the same joints.
+/// Difference between two lists that are not orders of the same joints.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum JointMismatch {

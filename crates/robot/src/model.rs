@@ -13,7 +13,7 @@ pub struct RobotModel {
     pub(crate) name: String,
     pub(crate) links: Vec<Link>,
     pub(crate) joints: Vec<Joint>,
-    /// What was assumed or passed over while reading.
+    /// Assumptions and omissions made while reading.
     pub(crate) findings: Vec<Finding>,
     /// Whether its links have the shapes of the meshes that they collide with.
     pub(crate) has_mesh_shapes: bool,
@@ -30,7 +30,7 @@ pub struct Link {
     pub parent: Option<usize>,
     /// The joint position that moves it relative to its parent; `None` if it is fixed to it.
     pub joint: Option<usize>,
-    /// How it moves relative to its parent; `None` if it is fixed to it.
+    /// Kind of its motion relative to its parent; `None` if it is fixed to it.
     pub kind: Option<JointKind>,
     /// Its own position is `multiplier * q + offset`, with `q` that of [`Link::joint`]: 1 and 0
     /// unless it mimics another joint.
@@ -43,7 +43,7 @@ pub struct Link {
     pub axis: Unit<Vector3<f64>>,
     /// Mass properties; `None` if the URDF gives none, or no mass.
     pub inertial: Option<Inertial>,
-    /// What it collides with: primitives, and convex bodies where
+    /// Its collision shapes: primitives, and convex bodies where
     /// [`RobotModel::with_mesh_shapes`] made them of its meshes.
     pub collisions: Vec<Collision>,
     /// Meshes that it names.
@@ -55,7 +55,7 @@ pub struct Link {
 pub struct Mesh {
     /// The file as the URDF names it, e.g. `package://hand/meshes/palm.stl`.
     pub file: String,
-    /// Is it what the link collides with, rather than what is drawn of it?
+    /// Whether it is a collision mesh rather than a visual one.
     pub is_collision: bool,
     /// Pose of the mesh's frame in the link's frame.
     pub link_from_mesh: Pose<Link, Self>,
@@ -119,7 +119,7 @@ pub enum Shape {
 pub struct Joint {
     /// Its name in the URDF.
     pub name: String,
-    /// How it moves.
+    /// Kind of its motion.
     pub kind: JointKind,
     /// The link it moves.
     pub link: usize,
@@ -155,7 +155,7 @@ impl Joint {
     }
 }
 
-/// How a joint moves.
+/// Kind of a joint's motion.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum JointKind {
     /// About its axis, between limits.
@@ -173,14 +173,14 @@ impl RobotModel {
     /// links without mass or shape weigh and touch nothing, the first of several `<inertial>`
     /// elements counts, a revolute joint without limits turns without end, one whose limits are
     /// equal is locked, and meshes are named but not opened: see [`RobotModel::with_mesh_shapes`].
-    /// [`RobotModel::findings`] lists what was assumed.
+    /// [`RobotModel::findings`] lists the assumptions.
     ///
     /// # Errors
     ///
     /// Fails if the text is not XML or not a URDF, has a document type declaration, still needs
     /// xacro, or is too large; if its links are not one tree; if a number is none, not finite or
     /// beyond 10⁹; and if a joint's limits are swapped, missing where it is prismatic, or it mimics
-    /// what cannot be followed.
+    /// a joint that cannot be followed.
     pub fn from_urdf(xml: &str) -> Result<Self, RobotError> {
         urdf::parse(xml)
     }
@@ -253,7 +253,7 @@ impl RobotModel {
         &self.joints
     }
 
-    /// Returns what was assumed or passed over while reading the URDF, in its order.
+    /// Returns the assumptions and omissions made while reading the URDF, in its order.
     pub fn findings(&self) -> &[Finding] {
         &self.findings
     }

@@ -1,6 +1,6 @@
 //! Names that are spelled nearly alike.
 
-/// How many near names an error lists.
+/// Maximum number of near names that an error lists.
 const MAX_NAMES: usize = 3;
 /// Longest name in bytes that is compared: the work grows with the product of both lengths.
 const MAX_LENGTH: usize = 200;

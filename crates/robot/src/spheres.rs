@@ -1,4 +1,4 @@
-//! Collision shapes as spheres: what a distance field can answer for.
+//! Collision shapes as spheres, whose distances a distance field can give.
 
 mod lining;
 
@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::{Collision, RobotModel, Shape};
 
-/// Radius of the spheres that line a box, in meters: what they cut off its edges, at most
+/// Radius of the spheres that line a box, in meters: the part that they cut off its edges, at most
 /// (√3 − 1) of it or 2 mm at a corner, lies within the softness of a finger pad.
 const LINING_RADIUS_M: f64 = 0.003;
 
@@ -22,8 +22,8 @@ pub struct CollisionSphere {
     pub radius_m: f64,
 }
 
-/// Returns about how many spheres [`fill`] makes of a collision shape: at most twice as many of a
-/// primitive, and of a body with many small sides one for each corner of each triangle.
+/// Estimates the number of spheres that [`fill`] makes of a collision shape: at most twice as many of
+/// a primitive, and of a body with many small sides one for each corner of each triangle.
 pub fn count(collision: &Collision) -> f64 {
     let along = |half: f64| 1.0 + (2.0 * half.max(0.0) / SPACING_M).ceil();
     match &collision.shape {
@@ -148,7 +148,7 @@ pub const SLACK: f64 = 1.1;
 /// Neighboring spheres of one link.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SphereCluster {
-    /// Which of the hand's links they are fixed to.
+    /// Index of the hand's link that they are fixed to.
     pub link: usize,
     /// A sphere about all of them.
     pub around: CollisionSphere,
@@ -160,7 +160,7 @@ pub struct SphereCluster {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("the collision shapes up to link `{link}` need more than {MAX_SPHERES} spheres")]
 pub struct TooLarge {
-    /// Name of the link with whose shapes they come to be so.
+    /// Name of the link at whose shapes the maximum number of spheres is exceeded.
     pub link: String,
 }
 
@@ -279,7 +279,7 @@ mod tests {
             assert!(across < radius_m + 1e-12, "{sphere:?}");
             assert!(sphere.center_in_link.z.abs() + sphere.radius_m < half_length_m + 1e-12);
         }
-        // Whatever comes in from any side at half height is met within a millimeter or so.
+        // A point that comes from any side at half height meets a sphere within about a millimeter.
         for turn in 0..360 {
             let (sine, cosine) = f64::from(turn).to_radians().sin_cos();
             let at = Point3::new(radius_m * cosine, radius_m * sine, 0.0);
@@ -289,7 +289,7 @@ mod tests {
                 .fold(f64::MAX, f64::min);
             assert!(gap < 0.002, "{gap} m at {turn} degrees");
         }
-        // And what comes from above, too.
+        // A point from above does, too.
         for share in 0..10 {
             let at = Point3::new(0.0, radius_m * f64::from(share) / 10.0, half_length_m);
             let gap = spheres

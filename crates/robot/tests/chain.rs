@@ -22,7 +22,7 @@ const ODD: &str = r#"<robot name="odd">
     <origin xyz="0 0 0.4" rpy="0 0 1.5"/><axis xyz="0 -1 1"/>
     <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
 </robot>"#;
-/// Where the xArm is not near a singularity.
+/// Smallest singular value above which the xArm is not near a singularity.
 const REGULAR: f64 = 0.02;
 
 fn xarm() -> (RobotModel, Chain) {
@@ -45,7 +45,7 @@ fn off(a: &Pose<Base, Palm>, b: &Pose<Base, Palm>) -> f64 {
     distance.max((a.rotation * b.rotation.inverse()).angle())
 }
 
-/// The twist over a short time, by differences.
+/// Returns the twist over a short time, by differences.
 fn twist(before: &Pose<Base, Palm>, after: &Pose<Base, Palm>, time_s: f64) -> Twist<Base> {
     let moved = after.translation.vector - before.translation.vector;
     let turn = (after.rotation * before.rotation.inverse()).scaled_axis();
@@ -100,7 +100,8 @@ fn slides_and_turns_of_any_axis_have_their_derivatives() {
     assert_eq!(at.min_singular_value(), 0.0);
 }
 
-/// The end is where the whole robot has it, and twist and bias are what differences have.
+/// Checks that the end's pose is that of the whole robot, and that twist and bias equal finite
+/// differences.
 fn check_derivatives(robot: &RobotModel, chain: &Chain, end: &str, q: &[f64], velocity: &[f64]) {
     let mut all = vec![0.0; robot.dof()];
     for (&joint, &q) in chain.joints().iter().zip(q) {

@@ -1,4 +1,4 @@
-//! What no real robot is like is found, with its numbers; what is sound is left alone.
+//! Findings about unphysical robots, with their numbers; none about sound ones.
 
 use robot::{RobotModel, Severity};
 
@@ -135,7 +135,7 @@ const WITHOUT: &str =
 fn links_without_inertia_are_named() {
     check(&robot("", LIMIT), &[(Severity::Doubtful, WITHOUT)]);
     let sound = inertial(0.02, SOUND);
-    // What is fixed to a link gives it its inertia, and a root does without.
+    // Links that are fixed to a link give it their inertia, and a root needs none.
     let xml = |root: &str, a: &str, fixed: &str| {
         format!(
             r#"<robot name="r"><link name="root">{root}</link><link name="a">{a}</link><link name="f">{fixed}</link>

@@ -1,4 +1,4 @@
-//! What must hold of kinematics and dynamics whatever the robot: derivatives, energy, symmetry.
+//! Properties of kinematics and dynamics that hold for every robot: derivatives, energy, symmetry.
 
 use nalgebra::{DMatrix, DVector, Point3, UnitQuaternion, Vector3, Vector6};
 use proptest::prelude::*;
@@ -104,7 +104,7 @@ proptest! {
         }
     }
 
-    /// Where every joint moves some mass.
+    /// Positive definite where every joint moves some mass.
     #[test]
     fn mass_matrix_is_symmetric_and_positive_definite(q in numbers()) {
         for model in robots() {
@@ -319,7 +319,7 @@ fn double_pendulum_moves_by_the_equations_of_lagrange() {
     }
 }
 
-/// What moves several links takes the sum of what each of them takes, by its gearing.
+/// A joint that moves several links needs the sum of the efforts of each, by its gearing.
 #[test]
 fn joint_force_is_the_sum_over_its_links() {
     let model = RobotModel::from_urdf(ROBOTS[1]).unwrap();

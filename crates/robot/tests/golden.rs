@@ -13,7 +13,7 @@ use spatial::{Palm, Pose, Twist, World};
 /// thousandth of that, such as a finger's torque beside an arm's, then agrees to 1e-9.
 const TOLERANCE: f64 = 1e-12;
 
-/// What `make.py` wrote down.
+/// Contents of the file that `make.py` wrote.
 #[derive(Deserialize)]
 struct Golden {
     pinocchio: String,
@@ -122,7 +122,7 @@ fn by_rows(matrix: &DMatrix<f64>) -> Vec<f64> {
 struct Robot {
     model: RobotModel,
     bodies: DynamicsModel,
-    /// Which of ours each of Pinocchio's joints is.
+    /// Index among our joints of each of Pinocchio's.
     joints: Vec<usize>,
     links: Vec<usize>,
     weights: DVector<f64>,
@@ -239,8 +239,8 @@ impl Robot {
     }
 }
 
-/// Returns how a link moves with the root's twist and the joints, in the world's frame, from how it
-/// moves with the joints in the root's.
+/// Returns a link's Jacobian by the root's twist and the joints, in the world's frame, from its
+/// Jacobian by the joints in the root's.
 fn with_root(
     world_from_palm: &Pose<World, Palm>,
     point_in_palm: &Point3<f64>,

@@ -1,11 +1,11 @@
-//! Why a robot cannot be loaded.
+//! Errors of loading a robot.
 
 use std::{io, path::PathBuf};
 
 use geometry::GeometryError;
 use robot::RobotError;
 
-/// Why a robot cannot be loaded from its URDF and meshes.
+/// Reason why a robot cannot be loaded from its URDF and meshes.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LoadError {
@@ -14,7 +14,7 @@ pub enum LoadError {
     ReadUrdf {
         /// The file.
         path: PathBuf,
-        /// Why it failed.
+        /// The cause.
         source: io::Error,
     },
     /// The URDF that names the meshes cannot be used.
@@ -22,7 +22,7 @@ pub enum LoadError {
     Urdf {
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem with it.
         source: Box<RobotError>,
     },
     /// There is no such file.
@@ -50,7 +50,7 @@ pub enum LoadError {
         link: String,
         /// The file.
         path: PathBuf,
-        /// Why it failed.
+        /// The cause.
         source: io::Error,
     },
     /// The file is not a mesh with a volume.
@@ -60,13 +60,13 @@ pub enum LoadError {
         link: String,
         /// The file.
         path: PathBuf,
-        /// What is wrong with it.
+        /// The problem with it.
         source: GeometryError,
     },
 }
 
 impl LoadError {
-    /// Says what to do next, if that is known.
+    /// Returns the advice for the user, if there is any.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::ReadUrdf { path, .. } => Some(format!(

@@ -1,8 +1,8 @@
-//! Where the meshes lie that a URDF names.
+//! Paths of the meshes that a URDF names.
 
 use std::path::{Path, PathBuf};
 
-/// Returns where a mesh lies that a URDF names `file`; `None` if it is not there.
+/// Returns the path of the mesh that a URDF names `file`; `None` if it does not exist.
 ///
 /// A path is relative to the URDF's folder. `package://name/rest` is `rest` in a folder `name` in the
 /// URDF's folder or one above it, or else `rest` in the URDF's folder or the one above it: a package's

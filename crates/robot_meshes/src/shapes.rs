@@ -48,7 +48,7 @@ pub fn convex_bodies(link: &str, mesh: &Mesh, urdf: &Path) -> Result<Vec<ConvexB
     })
 }
 
-/// Returns where a mesh of a link lies.
+/// Returns the path of a link's mesh.
 pub(crate) fn path(link: &str, mesh: &Mesh, urdf: &Path) -> Result<PathBuf, LoadError> {
     place::find(&mesh.file, urdf).ok_or_else(|| LoadError::Missing {
         link: link.to_owned(),
@@ -57,7 +57,7 @@ pub(crate) fn path(link: &str, mesh: &Mesh, urdf: &Path) -> Result<PathBuf, Load
     })
 }
 
-/// How a file describes a mesh.
+/// File format of a mesh.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Stl,
@@ -74,9 +74,9 @@ impl Kind {
     }
 }
 
-/// What decides the bodies: a file's digest and kind, and the scale.
+/// Key of the cached bodies: a file's digest and kind, and the scale.
 type Key = ([u8; 32], Kind, [u64; 3]);
-/// Bodies that are there, being made, or cannot be made.
+/// Bodies that are made, being made, or cannot be made.
 type Slot = Arc<OnceLock<Result<Vec<ConvexBody>, GeometryError>>>;
 
 /// As [`made`], which takes a second or so: every unit of a run wants the same hand.

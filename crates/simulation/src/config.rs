@@ -24,14 +24,14 @@ pub struct SceneConfig {
     /// its two surfaces.
     #[serde(default)]
     pub table_friction: Option<f64>,
-    /// What the object weighs, in kilograms, in place of its true mass; inertias change in proportion.
+    /// Mass of the object in kilograms, in place of its true mass; inertias change in proportion.
     #[serde(default)]
     pub object_mass_kg: Option<f64>,
-    /// What the object weighs, by a density in kilograms per cubic meter of its convex parts, in place of its
+    /// Density of the object's convex parts, in kilograms per cubic meter, which gives its mass in place of its
     /// true mass.
     #[serde(default)]
     pub object_density_kg_per_m3: Option<f64>,
-    /// What the object rests on: the `table`, or `nothing`, without gravity.
+    /// Support of the object: the `table`, or `nothing`, without gravity.
     #[serde(default)]
     pub support: Support,
     /// Factor on the object's mass and inertia.
@@ -84,7 +84,7 @@ impl SceneConfig {
         self.time_step_s * f64::from(self.steps_per_control)
     }
 
-    /// Returns what the object weighs, before [`SceneConfig::mass_scale`].
+    /// Returns the object's mass, before [`SceneConfig::mass_scale`].
     pub fn object_mass(&self) -> ObjectMass {
         match (self.object_mass_kg, self.object_density_kg_per_m3) {
             (Some(mass_kg), _) => ObjectMass::Kilograms(mass_kg),
@@ -109,7 +109,7 @@ impl SceneConfig {
     }
 }
 
-/// What an object weighs.
+/// Mass of an object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum ObjectMass {
     /// Its true mass.
@@ -120,7 +120,7 @@ pub enum ObjectMass {
     Density(f64),
 }
 
-/// What an object rests on.
+/// Support of an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -145,7 +145,7 @@ pub struct Offset {
     pub yaw_rad: f64,
 }
 
-/// How the fingers behave while the palm follows its path.
+/// Behavior of the fingers while the palm follows its path.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
@@ -187,9 +187,9 @@ pub struct Protocol {
     #[serde(default, skip_serializing_if = "ProtocolName::is_table_lift")]
     #[schemars(extend("default" = "table_lift"))]
     pub name: ProtocolName,
-    /// What the fingers do during the reach: `follow` the motion, as in the paper, or, by a script
-    /// that is not the motion, stay `open` until the closing, so that they do not knock the object
-    /// over; or the hand starts at the grasp (`at_grasp`).
+    /// Behavior of the fingers during the reach: they `follow` the motion, as in the paper, or, by a
+    /// script that is not the motion, stay `open` until the closing, so that they do not knock the
+    /// object over; or the hand starts at the grasp (`at_grasp`).
     #[serde(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
@@ -202,10 +202,10 @@ pub struct Protocol {
     /// Names of the joints that open and squeeze; positive positions flex; no default, for each
     /// hand has its own.
     pub flexion_joints: Vec<String>,
-    /// How far these joints are opened during the reach, in radians: some centimeters at the tips.
+    /// Angle by which these joints are opened during the reach, in radians: some centimeters at the tips.
     #[serde(default = "defaults::open_rad")]
     pub open_rad: f64,
-    /// How far beyond their final positions these joints are commanded to squeeze, in radians: with
+    /// Angle beyond their final positions to which these joints are commanded to squeeze, in radians: with
     /// a stiffness of 20 Nm/rad more than the drive's torque.
     #[serde(default = "defaults::squeeze_rad")]
     pub squeeze_rad: f64,

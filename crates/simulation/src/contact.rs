@@ -113,13 +113,13 @@ pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, P
 pub struct ContactPoint {
     /// The hand's link, by its place in the model: of links fixed to each other, the one that moves.
     pub link: usize,
-    /// Where it is, table frame, in meters.
+    /// Its position, table frame, in meters.
     pub point_in_table_m: Point3<f64>,
     /// The force on the object, friction included, table frame, in newtons.
     pub force_in_table_n: Vector3<f64>,
 }
 
-/// Returns where the hand pressed on the object in the last physics step, and how; `links` are those of the
+/// Returns the contacts of the hand with the object in the last physics step; `links` are those of the
 /// hand's bodies.
 pub(crate) fn contact_points(
     world: &World,
@@ -163,7 +163,7 @@ pub(crate) fn contact_points(
     found
 }
 
-/// Returns how far a point of a part sticks out of the surface, in meters.
+/// Returns the protrusion of a part's point out of the surface, in meters.
 fn protrusion_m(surface: &SurfaceDistance, on_part: Vector) -> f64 {
     let on_part_m = Point3::from(vector_in_meters(on_part));
     let distance_m = surface.signed_distance(&on_part_m).distance_m;
@@ -178,7 +178,7 @@ mod tests {
     use super::*;
     use crate::{testing, units::length};
 
-    /// A cube lies on a palm, which bears its weight, and about a point 10 cm beside it the torque of that.
+    /// A palm bears the weight of a cube on it, and about a point 10 cm beside it that weight's torque.
     #[test]
     fn palm_bears_the_weight_of_what_lies_on_it() {
         for substeps in [1, 4] {

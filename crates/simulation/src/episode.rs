@@ -1,4 +1,4 @@
-//! A scene that is advanced by commands that are not known beforehand, and copied at any moment.
+//! Episode: a scene that is advanced by commands not known beforehand, and can be copied at any time.
 
 use motion::HandState;
 use nalgebra::Vector3;
@@ -15,13 +15,13 @@ use crate::{
     world::{Overflow, World},
 };
 
-/// A hand and an object at one moment, with all that physics remembers: whatever is done to a copy, it goes on from the
-/// same bits.
+/// A hand and an object at one time, with the complete state of physics: copies are independent and continue from
+/// the same bits.
 pub struct Episode {
     world: World,
 }
 
-/// What can be seen of an episode.
+/// Observation of an episode.
 #[derive(Debug, Clone, PartialEq)]
 pub struct EpisodeState {
     /// Pose of the palm in the frame of the table.
@@ -43,7 +43,7 @@ impl SettledScene {
     /// # Errors
     ///
     /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if
-    /// the fingers' drives look ahead or are late: what they will be told is not known.
+    /// the fingers' drives look ahead or are late: their future commands are not known.
     pub fn begin(&self, start: &HandState<Object>) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller.follows_motion() {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
@@ -73,7 +73,7 @@ impl SettledScene {
     ///
     /// # Errors
     ///
-    /// Fails if the simulation diverges; from then on nothing is to be seen in it.
+    /// Fails if the simulation diverges; from then on its state is meaningless.
     pub fn advance(
         &self,
         episode: &mut Episode,
@@ -97,8 +97,8 @@ impl SettledScene {
         }
     }
 
-    /// Returns how far a hand that followed a command exactly would be below the table, in meters; 0 if it is above, or
-    /// there is none. The palm follows its commands even through the table.
+    /// Returns the depth below the table of a hand that follows a command exactly, in meters; 0 if it is above, or
+    /// there is no table. The palm follows its commands even through the table.
     pub fn below_table_m(&self, command: &HandState<Object>) -> f64 {
         if self.scene.support != Support::Table {
             return 0.0;
@@ -113,7 +113,7 @@ impl SettledScene {
         -self.shapes.iter().map(lowest_m).fold(0.0, f64::min)
     }
 
-    /// Returns what can be seen of an episode of this scene.
+    /// Returns the observation of an episode of this scene.
     pub fn observe(&self, episode: &Episode) -> EpisodeState {
         EpisodeState {
             table_from_palm: self.hand.table_from_palm(&episode.world),

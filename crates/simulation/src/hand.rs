@@ -57,7 +57,7 @@ pub(crate) struct HandBodies {
     drives: Vec<Drive>,
     /// Index into `drives` of each independent joint.
     joints: Vec<usize>,
-    /// What the controller knows of masses and inertias.
+    /// The controller's model of masses and inertias.
     dynamics: DynamicsModel,
 }
 
@@ -87,8 +87,8 @@ struct Drive {
 }
 
 impl Drive {
-    /// Sets the drive's torque for the next physics step: towards a joint's command, and what it gives
-    /// `ahead` of that.
+    /// Sets the drive's torque for the next physics step: towards a joint's command, plus the feedforward
+    /// `ahead`.
     fn apply(&self, multibody: &mut Multibody, address: JointAddress, q_command: f64, ahead: f32) {
         let spring = self.controller.spring(
             self.multiplier * real(q_command) + self.offset,
@@ -115,12 +115,12 @@ impl Drive {
     }
 }
 
-/// What carries the palm.
+/// Joint that carries the palm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PalmJoint {
-    /// It follows its path whatever acts on it.
+    /// It follows its path regardless of forces on it.
     Driven,
-    /// Nothing: it flies.
+    /// None: the palm flies freely.
     #[cfg(test)]
     Free,
 }
@@ -305,7 +305,7 @@ impl HandBodies {
         }
     }
 
-    /// Puts the hand somewhere at once, at rest.
+    /// Puts the hand at a pose at once, at rest.
     pub(crate) fn place(&self, world: &mut World, table_from_palm: &Pose<Table, Palm>, q: &[f64]) {
         let target = engine_pose(table_from_palm);
         if let Some(palm) = self.palm_mut(world).filter(|palm| palm.is_kinematic()) {
@@ -380,8 +380,8 @@ impl HandBodies {
             world.multibodies.remove(root.joint, true);
             if let Some(body) = world.bodies.get_mut(root.body) {
                 body.set_body_type(RigidBodyType::Fixed, true);
-                // The engine leaves what has become fixed among what moves, and would move the
-                // finger once for its root and once for itself; it forgets what is disabled.
+                // The engine keeps a body that has become fixed among the moving ones, and would move the
+                // finger once for its root and once for itself; it skips disabled bodies.
                 body.set_enabled(false);
             }
         }
@@ -473,7 +473,7 @@ impl HandBodies {
         &self.bodies
     }
 
-    /// Returns how many fingers have one of these bodies, the palm counting as one.
+    /// Returns the number of fingers that have one of these bodies, the palm counting as one.
     pub(crate) fn finger_count(&self, of_bodies: impl Iterator<Item = usize>) -> usize {
         let mut fingers: Vec<usize> = of_bodies.map(|body| self.fingers[body]).collect();
         fingers.sort_unstable();
@@ -675,7 +675,7 @@ mod tests {
         let limit = scene.drive.torque_limit;
         assert!(most < 1.02 * limit, "{most} N");
         assert!((force_n / limit - 1.0).abs() < 0.05, "{force_n} N");
-        // It has slid to where the plate is: half a millimeter, as far as that gives way, and a bit into it.
+        // It has slid half a millimeter to the plate, by the plate's displacement, and slightly into it.
         let inside_m = q - 0.0005 - force_n / 1000.0;
         assert!((0.0..2e-4).contains(&inside_m), "{inside_m} m");
     }

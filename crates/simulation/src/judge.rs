@@ -27,7 +27,7 @@ const TOUCHING_SHARE: f64 = 0.5;
 const OVERLOADED_S: f64 = 0.1;
 /// Time at rest in the hand after which a held object has settled, in seconds.
 const SETTLED_S: f64 = 0.3;
-/// What rests has received the last command.
+/// Fingers at rest have received the last command.
 const _: () = assert!(SETTLED_S > MAX_DELAY_S, "delayed fingers still close");
 /// Largest motion in the hand that counts as rest, in meters and radians, and as a share of the motion
 /// that is a slip.
@@ -84,7 +84,7 @@ impl<'a> Judge<'a> {
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         let scene = &settled.scene;
         let rises_only = protocol.published_settings().shakes.is_none();
-        // A hand that still closes or is shaken may touch again what it has lost.
+        // A hand that still closes or is shaken may touch a lost object again.
         let shortcuts = Shortcuts {
             lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s && rises_only,
             settled: shortcuts.settled && rises_only,
@@ -210,7 +210,7 @@ impl<'a> Judge<'a> {
         moved_m > most.max_m || turned_rad > most.max_rad
     }
 
-    /// Returns how a grasp failed whose object moved too far: in the fingers, or out of them.
+    /// Returns the verdict on a failed grasp whose object moved too far: in the fingers, or out of them.
     fn failed_grasp(&self, settled: &SettledScene, touch: &Touch) -> Verdict {
         let links = indices(&touch.bodies);
         if !links.is_empty() && self.is_grasped(settled, &links) {
@@ -237,7 +237,7 @@ impl<'a> Judge<'a> {
         self.overloaded_n as f64 * self.control_s >= OVERLOADED_S
     }
 
-    /// Records how far the object was moved before the squeeze, and judges it.
+    /// Records the displacement of the object before the squeeze, and judges it.
     fn before_squeeze(&mut self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
         let moved = table_from_object.translation.vector
             - self.table_from_object_at_start.translation.vector;
@@ -245,7 +245,7 @@ impl<'a> Judge<'a> {
         self.knocked_over(table_from_object)
     }
 
-    /// Says that the object was knocked over if it is far from where it lay.
+    /// Returns the verdict that the object was knocked over if it is far from its initial pose.
     fn knocked_over(&self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
         let moved = table_from_object.translation.vector
             - self.table_from_object_at_start.translation.vector;
@@ -330,7 +330,7 @@ impl<'a> Judge<'a> {
         long_enough
     }
 
-    /// Records how deep hand and object overlap while the object is carried.
+    /// Records the penetration depth of hand and object while the object is carried.
     fn measure_touch(&mut self, settled: &SettledScene, world: &World) -> Touch {
         let surface = settled.surface.as_ref();
         let touch = contact::touch(world, settled.object, surface, settled.hand.body_count());
@@ -387,7 +387,7 @@ impl<'a> Judge<'a> {
         self.displacement_m
     }
 
-    /// Deepest that the hand was in the object while it was held, in meters.
+    /// Largest penetration depth of the hand in the object while it was held, in meters.
     pub(crate) fn penetration_m(&self) -> f64 {
         self.penetration_m
     }

@@ -14,7 +14,7 @@ use crate::{
     world::{World, groups},
 };
 
-/// What the object is: shape and mass, in its own frame.
+/// Shape and mass of the object, in its own frame.
 #[derive(Debug, Clone, PartialEq)]
 pub struct ObjectShape {
     /// Vertices of each convex part in meters.
@@ -185,7 +185,8 @@ mod tests {
         );
     }
 
-    /// Returns how far a cube slides down a slope in half a second after half a second of rest.
+    /// Returns the distance in meters that a cube slides down a slope in half a second, after half a
+    /// second of rest.
     fn slide_m(friction: f64, slope_rad: f64) -> f64 {
         let mut scene = testing::scene();
         scene.friction = friction;

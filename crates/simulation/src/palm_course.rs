@@ -15,7 +15,7 @@ use crate::{
 /// Coordinates of the palm: its position, and its rotation vector from where it starts.
 const DIMENSIONS: usize = 6;
 
-/// Where a driven palm is, from the start of a script to its lift.
+/// Path of a driven palm, from the start of a script to its lift.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct PalmCourse {
     /// Pose at the end of each physics step, in the frame of the object as it lay.
@@ -237,7 +237,8 @@ mod tests {
         PalmCourse::new(&drive, script, scene, &DynamicsModel::new(hand)).unwrap()
     }
 
-    /// Returns how far palm and orientation are behind their command late in the reach, in meters and radians.
+    /// Returns the lags of the palm's position and orientation behind their command late in the reach, in meters and
+    /// radians.
     fn lag(controller: ControllerKind) -> [f64; 2] {
         let (course, script) = course(controller, PalmDriveConfig::default());
         let step = 30;

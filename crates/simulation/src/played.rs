@@ -19,7 +19,7 @@ pub struct CommandStep {
     pub phase: Phase,
     /// Pose of the palm in the frame of the object as it lay, before it is lifted.
     pub object_from_palm: Pose<Object, Palm>,
-    /// How far above that, along the table's z, in meters.
+    /// Lift of the palm above that pose, along the table's z, in meters.
     pub lift_m: f64,
     /// Joint positions in radians, in the order of the hand's joints.
     pub q: Vec<f64>,
@@ -28,7 +28,7 @@ pub struct CommandStep {
 }
 
 impl Script {
-    /// Takes a motion as it is: one step per control step, its start before them.
+    /// Makes the script of a precomputed motion without changes: one step per control step, its start before them.
     ///
     /// Geometry alone refuses by the grasp, the last step of the reach: before it the fingers may be
     /// opened further than in the requested motion.

@@ -1,7 +1,7 @@
-//! Protocols by name: how others try a grasp, as far as this engine can.
+//! Protocols by name: grasp trials of other projects, as far as this engine can reproduce them.
 //!
-//! Each replaces the options that it states; the rest, e.g. the time step, is the scene's own. What it cannot
-//! be here is said in `protocols.md` beside the crate's README.
+//! Each replaces the options that it states; the rest, e.g. the time step, is the scene's own.
+//! `protocols.md` beside the crate's README lists the differences that remain.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -79,16 +79,16 @@ impl ProtocolName {
 /// Settings of published protocols for which there is no option.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PublishedSettings {
-    /// How far the flexing joints are opened before the closing, besides `open_rad`, as a share of what is left
-    /// to their lower limits.
+    /// Opening of the flexing joints before the closing, besides `open_rad`, as a share of the distance to their
+    /// lower limits.
     pub(crate) open_share: f64,
-    /// How far they squeeze, besides `squeeze_rad`, as a share of what is left to their upper limits.
+    /// Their squeeze, besides `squeeze_rad`, as a share of the distance to their upper limits.
     pub(crate) squeeze_share: f64,
     /// Whether the palm rises at constant speed, instead of smoothly.
     pub(crate) constant_speed_lift: bool,
     /// Shakes of the lifted object.
     pub(crate) shakes: Option<Shakes>,
-    /// How far the lifted object may be from where it lay, moved as the palm was.
+    /// Largest displacement of the lifted object from its initial pose carried along with the palm.
     pub(crate) displacement: Option<DisplacementLimit>,
     /// Whether every pull begins where the first one began.
     pub(crate) restart_each_pull: bool,
@@ -118,7 +118,7 @@ impl Shakes {
     }
 }
 
-/// How far a lifted object may be from where it lay, moved as the palm was.
+/// Largest displacement of a lifted object from its initial pose carried along with the palm.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct DisplacementLimit {
     /// Distance in meters.
@@ -154,7 +154,7 @@ impl Protocol {
         (scene, protocol)
     }
 
-    /// Judges nothing but what a published protocol judges: no knocking, no slip, no limit.
+    /// Turns off the checks that published protocols do not have: knocking, slip and limits.
     fn lenient(&mut self) {
         self.knocked_m = NO_LIMIT;
         self.knocked_rad = NO_LIMIT;
@@ -212,8 +212,8 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     });
 }
 
-/// What both protocols of `DexGraspBench` share: 100 g, a pregrasp that is no deeper than 1 cm, 0.4 s for the grasp
-/// and for the squeeze.
+/// Sets the common settings of both protocols of `DexGraspBench`: 100 g, a pregrasp that is no deeper than 1 cm,
+/// 0.4 s for the grasp and for the squeeze.
 fn dexgraspbench(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [5.0, 0.1, NO_TORQUE_LIMIT_NM]);
     object(scene, [0.6, 0.6], ObjectMass::Kilograms(0.1));

@@ -40,7 +40,7 @@ pub struct Rollout {
     pub slip_m: f64,
     /// Motion of the object on the table before the squeeze, in meters.
     pub displacement_m: f64,
-    /// Deepest that the hand was in the object while it was held, in meters.
+    /// Largest penetration depth of the hand in the object while it was held, in meters.
     pub penetration_m: f64,
     /// Hand links in contact with the object at the end.
     pub contacts_n: u32,
@@ -93,7 +93,7 @@ pub struct TraceStep {
     pub q_command: Vec<f64>,
     /// Pose of the object in the table frame.
     pub table_from_object: Pose<Table, Object>,
-    /// Where the hand presses on the object.
+    /// Contacts of the hand with the object.
     pub contacts: Vec<ContactPoint>,
 }
 
@@ -115,7 +115,7 @@ pub struct WatchedRollout {
     pub aborted: bool,
 }
 
-/// The observer of each step, and how long an aborted motion is held.
+/// The observer of each step, and the hold time of an aborted motion.
 pub(crate) struct StepObserver<'a> {
     pub(crate) see: &'a mut dyn FnMut(&TraceStep) -> StepDecision,
     pub(crate) hold_n: u32,
@@ -333,7 +333,7 @@ fn finite_or_zero(figure: f64) -> f64 {
     if figure.is_finite() { figure } else { 0.0 }
 }
 
-/// What the fingers' drives follow over one physics step.
+/// Reference of the fingers' drives over one physics step.
 enum Reference<'a> {
     /// Positions that are held.
     Held(&'a [f64]),
@@ -341,8 +341,8 @@ enum Reference<'a> {
     Moving(DesiredStep),
 }
 
-/// Returns what has arrived at the drives `step` physics steps after the start, [`DriveConfig::delay_s`] after
-/// it was commanded: nothing is commanded after the control step `last`.
+/// Returns the reference that has arrived at the drives `step` physics steps after the start,
+/// [`DriveConfig::delay_s`] after it was commanded: nothing is commanded after the control step `last`.
 ///
 /// [`DriveConfig::delay_s`]: crate::DriveConfig::delay_s
 fn arrived<'a>(

@@ -46,14 +46,14 @@ impl Phase {
     }
 }
 
-/// What is commanded at the end of one control step.
+/// Command at the end of one control step.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Command {
     /// The part of the rollout.
     pub(crate) phase: Phase,
     /// Commanded pose of the hand before it is carried.
     pub(crate) hand: HandState<Object>,
-    /// How far it is carried from there, along the table's axes, in meters.
+    /// Displacement by which it is carried from there, along the table's axes, in meters.
     pub(crate) carried_in_table_m: Vector3<f64>,
     /// Acceleration with which the object is pulled, in the table's frame, in meters per second
     /// squared.
@@ -92,7 +92,7 @@ impl Command {
 
 /// All commands of a rollout, the starting pose first.
 pub(crate) struct Script {
-    /// Where the hand starts.
+    /// Command of the starting pose.
     pub(crate) start: Command,
     /// One command per control step.
     pub(crate) commands: Vec<Command>,
@@ -217,7 +217,7 @@ impl Script {
     }
 }
 
-/// Returns how many control steps a duration takes.
+/// Returns the number of control steps in a duration.
 #[expect(
     clippy::cast_possible_truncation,
     clippy::cast_sign_loss,
@@ -257,7 +257,7 @@ impl Flexion {
         Ok(Self { joints })
     }
 
-    /// Moves the joints that flex by a share of what is left to their upper limits, or, if it is negative, to
+    /// Moves the joints that flex by a share of the distance to their upper limits, or, if it is negative, to
     /// their lower ones; a joint without limits stays.
     fn towards_limit(&self, q: &[f64], share: f64) -> Vec<f64> {
         let joints = q.iter().zip(&self.joints);

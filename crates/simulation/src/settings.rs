@@ -1,4 +1,4 @@
-//! What a scene and a protocol can be: the bounds of their numbers.
+//! Bounds of the settings of a scene and a protocol.
 
 use crate::config::{Approach, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial};
 
@@ -22,21 +22,21 @@ const MAX_LINKS: u32 = 5000;
 pub(crate) const MAX_DELAY_S: f64 = 0.2;
 /// Greatest number of any other setting.
 const MAX_SETTING: f64 = 1e6;
-/// Why settings are bounded by [`MAX_SETTING`].
+/// Reason for the bound [`MAX_SETTING`].
 const SINGLE_PRECISION: &str = "physics computes with 32 bits";
 
-/// What is wrong with one setting.
+/// Problem with one setting.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[error("`{key}` {problem}")]
 pub struct SettingFault {
     /// Dotted name of the setting, e.g. `drive.stiffness`.
     pub key: &'static str,
-    /// What is wrong, to be read after the name.
+    /// The problem, to be read after the name.
     pub problem: String,
 }
 
 impl SettingFault {
-    /// Returns what is wrong with the setting of this name.
+    /// Returns the fault of the setting of this name.
     pub fn new(key: &'static str, problem: impl Into<String>) -> Self {
         let problem = problem.into();
         Self { key, problem }
@@ -50,7 +50,7 @@ impl From<SettingFault> for (&'static str, String) {
 }
 
 impl SceneConfig {
-    /// Returns what is wrong with the scene's settings, each with its bounds and why they are there.
+    /// Returns the faults of the scene's settings, each with its bounds and their reason.
     pub fn faults(&self) -> Vec<SettingFault> {
         let mut faults = Faults::default();
         for (key, number) in [
@@ -141,7 +141,7 @@ impl SceneConfig {
 }
 
 impl Protocol {
-    /// Returns why a robot cell cannot execute the protocol, if it cannot.
+    /// Returns the setting for which a robot cell cannot execute the protocol, if there is one.
     pub fn cell_fault(&self) -> Option<SettingFault> {
         let fault = |key, problem: &str| Some(SettingFault::new(key, problem));
         if !self.name.is_table_lift() {
@@ -164,8 +164,8 @@ impl Protocol {
         }
     }
 
-    /// Returns what is wrong with the protocol's settings in a scene, each with its bounds and why
-    /// they are there.
+    /// Returns the faults of the protocol's settings in a scene, each with its bounds and their
+    /// reason.
     pub fn faults(&self, scene: &SceneConfig) -> Vec<SettingFault> {
         let mut faults = Faults::default();
         faults.above_to(
@@ -303,7 +303,7 @@ impl Protocol {
     }
 }
 
-/// What is wrong, as it is found.
+/// Faults found so far.
 #[derive(Default)]
 pub(crate) struct Faults(pub(crate) Vec<SettingFault>);
 

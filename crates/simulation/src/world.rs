@@ -19,18 +19,18 @@ use crate::{
 
 /// Standard gravity in meters per second squared.
 const GRAVITY_M_PER_S2: f64 = 9.81;
-/// Damping ratio of contacts: what overlaps parts as fast as it can without swinging. With the engine's
-/// default of 10, which is for stacks of boxes, it parts seven times slower, and held things sink in.
+/// Damping ratio of contacts: overlapping bodies part as fast as they can without swinging. With the engine's
+/// default of 10, which is for stacks of boxes, they part seven times slower, and held objects sink in.
 const CONTACT_DAMPING_RATIO: f32 = 1.0;
 /// Natural frequency of contacts in hertz, twice that with a table at rest, as in the engine: with its 30 Hz, one
 /// in ten motions that hold has a finger deeper than 5 mm in the object.
 const CONTACT_HZ: f32 = 60.0;
-/// Half the edge of the table in meters: nothing that is still in the game leaves it.
+/// Half the edge of the table in meters: no object that can still be grasped leaves it.
 const TABLE_HALF_EDGE_M: f64 = 1.0;
 /// Half the thickness of the table in meters.
 const TABLE_HALF_THICKNESS_M: f64 = 0.025;
 
-/// Who touches whom: the hand touches object and table, and its fingers each other if configured.
+/// Collision groups: the hand touches object and table, and its fingers each other if configured.
 pub(crate) mod groups {
     use super::{Group, InteractionGroups, InteractionTestMode};
 
@@ -101,9 +101,9 @@ pub(crate) struct World {
     gravity: Vector,
 }
 
-/// How far the coordinates in which the engine computes have moved over the table, and how fast they do.
+/// Displacement and velocity of the engine's coordinates over the table.
 ///
-/// While the palm is lifted it stands still in them, the table sinks, and what is held is held at rest;
+/// While the palm is lifted it stands still in them, the table sinks, and a held object is at rest;
 /// nothing else is different in a frame that moves evenly.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 struct FrameMotion {
@@ -151,8 +151,8 @@ impl World {
             max_ccd_substeps: 0,
             num_internal_pgs_iterations: 4,
             num_internal_stabilization_iterations: 2,
-            // By default friction acts only after bodies that overlap have been pushed apart: what is
-            // dragged then slides as if it were smooth.
+            // By default friction acts only after bodies that overlap have been pushed apart: dragged
+            // bodies then slide as if they were smooth.
             friction_in_bias_pass: true,
             normalized_prediction_distance: real(scene.prediction_m),
             normalized_contact_recycle_distance: real(scene.contact_recycle_m),

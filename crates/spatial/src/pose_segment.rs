@@ -43,7 +43,7 @@ impl Peaks {
     }
 }
 
-/// How much too large the bound of an angular speed or acceleration may be, of the greatest one.
+/// Largest excess of the bound of an angular speed or acceleration, relative to the greatest one.
 const BOUND_TOLERANCE: f64 = 1e-4;
 /// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 12;
@@ -154,8 +154,8 @@ impl<Frame: Copy> PoseSegment<Frame> {
     /// - the angular speed is at most V, the angular acceleration at most `A + min(V²/2, F V²/6)`;
     /// - the angular acceleration changes at no more than `B + 3/2 V A + V³/2`.
     ///
-    /// What changes at a bounded rate is bounded by its value in the middle (Piyavskii, *An Algorithm for
-    /// Finding the Absolute Extremum of a Function*, 1972).
+    /// A quantity that changes at a bounded rate is bounded by its value in the middle (Piyavskii, *An Algorithm
+    /// for Finding the Absolute Extremum of a Function*, 1972).
     fn turning(
         &self,
         turn: &QuinticSegment<Vector3<f64>>,
@@ -193,7 +193,7 @@ impl<Frame: Copy> PoseSegment<Frame> {
     }
 }
 
-/// Returns where the origin is and its derivatives.
+/// Returns the position of the origin and its derivatives.
 fn places<Frame>(end: &PoseState<Frame>) -> [Vector3<f64>; 3] {
     [
         end.frame_from_palm.translation.vector,
@@ -224,7 +224,7 @@ pub fn quintic(from: [f64; 3], to: [f64; 3], duration: f64, time: f64) -> [f64; 
     }
     let ([p0, v0, a0], [p1, v1, a1]) = (from, to);
     let (h, s) = (duration, time / duration);
-    // What the parabola through the first end lacks at the second, in units of the duration.
+    // Residual at the second end of the parabola through the first, in units of the duration.
     let rest = p1 - p0 - v0 * h - 0.5 * a0 * h * h;
     let speed = (v1 - v0 - a0 * h) * h;
     let bend = (a1 - a0) * h * h;
@@ -325,7 +325,7 @@ mod tests {
     }
 
     proptest! {
-        /// No peak is passed, and each is reached but for what it may be too large by.
+        /// No peak is passed, and each is reached within its tolerance.
         #[test]
         fn peaks_are_the_maxima_of_a_segment(
             from in moving(),

@@ -1,10 +1,10 @@
-//! How an object lies on a table.
+//! Resting pose of an object on a table.
 
 use nalgebra::{Unit, UnitQuaternion, Vector3};
 
 use crate::{Object, Pose, Table};
 
-/// An object at rest on a table, up to its yaw and position: what gravity can tell apart.
+/// An object at rest on a table, without its yaw and position, which do not matter to gravity.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RestingPose {
     /// Unit vector against gravity, in the object frame.

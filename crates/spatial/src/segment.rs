@@ -1,4 +1,4 @@
-//! How far, how fast and how strongly accelerated a polynomial of fifth degree is between its ends.
+//! Bounds of position, velocity and acceleration of a polynomial of fifth degree between its ends.
 //!
 //! In Bernstein form a polynomial on an interval is a mean of its coefficients, so that no convex measure of
 //! it is greater than that of one of them; the coefficients of its derivative are differences of its own,
@@ -11,12 +11,12 @@ use std::ops::{Add, Mul, Sub};
 
 use nalgebra::Vector3;
 
-/// How much too large a greatest value may be, of the greatest coefficient.
+/// Largest excess of a bound over the greatest value, relative to the greatest coefficient.
 const BOUND_TOLERANCE: f64 = 1e-9;
 /// Maximum number of halvings of a segment.
 const HALVINGS: u32 = 40;
 
-/// What a polynomial's coefficients are: a number or a vector.
+/// Type of a polynomial's coefficients: a number or a vector.
 pub trait Coefficient:
     Copy + Add<Output = Self> + Sub<Output = Self> + Mul<f64, Output = Self>
 {
@@ -39,8 +39,8 @@ impl Coefficient for Vector3<f64> {
 /// The polynomial of fifth degree between two ends that has both ends' positions, velocities and
 /// accelerations ([`crate::quintic`]), by its Bernstein coefficients and those of its derivatives.
 ///
-/// No bound is less than what the polynomial reaches, and none is more by a billionth of the greatest
-/// coefficient.
+/// No bound is less than the polynomial's greatest value, and none exceeds it by more than a billionth
+/// of the greatest coefficient.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct QuinticSegment<T> {
     position: [T; 6],

@@ -49,7 +49,7 @@ pub(crate) struct Config {
     pub(crate) arm: Controller,
     /// The hand's controller.
     pub(crate) hand: Controller,
-    /// What measures the object, if anything does.
+    /// Topic of the object's measured pose, if there is one.
     pub(crate) object: Option<ObjectTopic>,
 }
 

@@ -33,32 +33,32 @@ use crate::{
 const STEP_NS: i64 = 4_000_000;
 /// Updates between two joint states.
 const STATE_STEPS: u64 = 2;
-/// How late a late controller reads its messages, in nanoseconds.
+/// Delay with which a late controller reads its messages, in nanoseconds.
 const LATE_NS: i64 = 100_000_000;
-/// How far a joint of a jerky controller is from its command, in radians.
+/// Distance of a jerky controller's joint from its command, in radians.
 const JERK_RAD: f64 = 0.02;
-/// Speed of a joint that goes its own way, in rad/s.
+/// Speed of a runaway joint, in rad/s.
 const RUNAWAY_RAD_PER_S: f64 = 0.5;
 
-/// When a controller that goes wrong does, in nanoseconds after its first message.
+/// Time at which a faulty controller fails, in nanoseconds after its first message.
 const GOES_WRONG_NS: i64 = 1_000_000_000;
 /// A pause between messages after which the next one begins another motion, in nanoseconds.
 const PAUSE_NS: i64 = 500_000_000;
 
-/// What an emulated controller does.
+/// Behavior of an emulated controller.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Behavior {
-    /// What it should.
+    /// It works correctly.
     Sound,
     /// It reads each message a tenth of a second late.
     Late,
-    /// Its joints are now on this, now on that side of their commands.
+    /// Its joints alternate between the two sides of their commands.
     Jerky,
-    /// It takes no message.
+    /// It refuses every message.
     Refusing,
-    /// It is gone, joint states and all, a second after its first message.
+    /// It dies a second after its first message, and its joint states end too.
     Dying,
-    /// A second after its first message its first joint goes its own way, and does not stop.
+    /// A second after its first message its first joint runs away, and does not stop.
     Runaway,
 }
 
@@ -80,7 +80,7 @@ impl FromStr for Behavior {
     }
 }
 
-/// What the controllers did, by their own clock.
+/// Log of the controllers, by their own clock.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Log {
     /// Times of all updates, in nanoseconds, and the largest change of a joint in each, in radians.
@@ -106,7 +106,8 @@ struct Emulation {
     /// Its joints' names at the controller.
     joints: Vec<String>,
     q_rad: Vec<f64>,
-    /// What it follows, by its clock, and where it was when it took that.
+    /// The trajectory being followed and its start time, by the controller's clock; if the first point lay in the
+    /// future, it begins at the joints' positions on arrival.
     active: Option<(i64, JointTrack)>,
     inbox: Arc<Mutex<VecDeque<(i64, JointTrajectory)>>>,
     states: Ros2Publisher<JointState>,
@@ -217,7 +218,7 @@ impl Emulated {
         *lock(&self.object_z_m) = Some(z_m);
     }
 
-    /// Returns what the controllers did so far.
+    /// Returns the log of the controllers so far.
     pub(crate) fn log(&self) -> Log {
         lock(&self.log).clone()
     }
@@ -233,8 +234,8 @@ impl Drop for Emulated {
 }
 
 impl Emulation {
-    /// Reads what has come, and moves the joints to where they are commanded; returns the largest
-    /// change of a joint, in radians.
+    /// Reads received messages, and moves the joints to their commanded positions; returns the
+    /// largest change of a joint, in radians.
     fn update(&mut self, now_ns: i64, log: &mut Log) -> f64 {
         let late_ns = if self.behavior == Behavior::Late {
             LATE_NS
@@ -290,7 +291,7 @@ impl Emulation {
         now_ns - self.begun_ns.unwrap_or(now_ns)
     }
 
-    /// Checks a message as a controller does; returns its beginning and what to follow from now on.
+    /// Checks a message as a controller does; returns its start time and the trajectory to follow from now on.
     fn accept(&self, message: &JointTrajectory, now_ns: i64) -> Result<(i64, JointTrack), String> {
         let mut names: Vec<&String> = message.joint_names.iter().collect();
         let mut own: Vec<&String> = self.joints.iter().collect();

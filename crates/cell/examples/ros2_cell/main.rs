@@ -39,13 +39,13 @@ serve     waits until the robot is ready, then serves a cell until Ctrl-C; a mot
 emulate   stands in for the ROS 2 controllers; ARM and HAND are each sound, late, jerky, refusing,
           dying or runaway [default: sound]";
 
-/// How long `check` waits for a robot that is not ready.
+/// Timeout of `check` for a robot that is not ready.
 const CHECK: Duration = Duration::from_secs(3);
-/// Pause between two looks at it.
+/// Poll period of `check`.
 const LOOK: Duration = Duration::from_millis(100);
-/// Pause between two looks at a robot that is not ready to be served.
+/// Poll period for a robot that is not ready to be served.
 const WAIT: Duration = Duration::from_millis(500);
-/// Updates of the emulated controllers, the latest, in which a joint moves or does not.
+/// Number of latest updates of the emulated controllers in which the joints must rest to count as still.
 const STEPS: usize = 50;
 
 fn main() -> ExitCode {

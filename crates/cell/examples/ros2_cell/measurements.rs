@@ -1,4 +1,4 @@
-//! What the machine measures: its joints, and the object.
+//! Measurements of the machine: its joints, and the object.
 
 use std::{
     collections::{BTreeMap, VecDeque},
@@ -12,7 +12,7 @@ use spatial::{Object, Pose, Table};
 
 use crate::config::Config;
 
-/// How long readings are kept, in nanoseconds.
+/// Time for which readings are kept, in nanoseconds.
 const KEPT_NS: i64 = 250_000_000;
 /// A joint stands still if it stayed within this range, in radians, for this time, in nanoseconds,
 /// of which there are so many readings.
@@ -29,18 +29,18 @@ pub(crate) struct Measurements {
     _subscribers: Vec<Ros2Subscriber>,
 }
 
-/// When the object was seen, and where.
+/// Arrival time of the object's measurement, and its pose.
 type Seen = (Instant, Pose<Table, Object>);
 
-/// What was heard of a joint.
+/// Received readings of a joint.
 struct JointReadings {
     /// Its name in the URDF.
     name: String,
     /// Stamps of the ROS 2 machine, in nanoseconds, and positions, the newest last.
     readings: VecDeque<(i64, f64)>,
-    /// When the newest arrived.
+    /// Arrival time of the newest.
     heard: Option<Instant>,
-    /// How much later than its stamp the promptest kept reading arrived, in nanoseconds.
+    /// Least delay between the stamp and the arrival of a kept reading, in nanoseconds.
     least_lag_ns: i64,
 }
 
@@ -72,7 +72,7 @@ impl Measurements {
             let places: BTreeMap<String, usize> = places.collect();
             let joints = Arc::clone(&joints);
             let heard = move |state: Result<JointState, _>| {
-                // What cannot be read is not heard: the joints grow stale.
+                // Unreadable messages are ignored: the joints grow stale.
                 if let Ok(state) = state {
                     read(&mut lock(&joints), &places, &state);
                 }
@@ -172,7 +172,7 @@ impl JointReadings {
         self.readings.back().map(|(_, q)| *q)
     }
 
-    /// Returns how far the joint moved in the last moments; `None` if they have too few readings.
+    /// Returns the range of the joint's recent readings, in radians; `None` if there are too few.
     fn range_rad(&self) -> Option<f64> {
         let (newest_ns, _) = *self.readings.back()?;
         let (oldest_ns, _) = *self.readings.front()?;

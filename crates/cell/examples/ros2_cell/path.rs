@@ -7,7 +7,7 @@
 
 use cell::{Goal, JointPoint, JointRates, JointTrack, PalmTrajectory};
 
-/// How far a slice reaches into the past and into the future, in seconds.
+/// Extents of a slice into the past and into the future, in seconds.
 const PAST_S: f64 = 0.05;
 const HORIZON_S: f64 = 0.25;
 /// Longest brake, in seconds: two slices may be lost before it would begin.
@@ -28,7 +28,7 @@ const ROUNDING: f64 = 1e-9;
 pub(crate) struct JointPath {
     /// The arm's joints, then the hand's.
     pub(crate) tracks: [JointTrack; 2],
-    /// When it begins.
+    /// Its start time.
     pub(crate) begin_s: f64,
     brake_s: f64,
     braked_at_s: Option<f64>,
@@ -83,12 +83,12 @@ impl JointPath {
         self.braked_at_s.is_none_or(|at_s| at_s > 0.0)
     }
 
-    /// Returns when the brake has ended, if there is one.
+    /// Returns the time at which the brake has ended, if there is one.
     pub(crate) fn rests_from_s(&self) -> Option<f64> {
         Some(self.braked_at_s? + self.brake_s)
     }
 
-    /// Returns until when a slice made at `time_s` follows the path: there its own brake begins.
+    /// Returns the time until which a slice made at `time_s` follows the path: there its own brake begins.
     pub(crate) fn followed_until_s(&self, time_s: f64) -> f64 {
         time_s + HORIZON_S - self.brake_s
     }

@@ -82,7 +82,7 @@ struct Folder {
     _lock: File,
 }
 
-/// How to answer a report query.
+/// Answer to a report query.
 pub(super) enum Lookup {
     /// Kept: it is answered when the motion ends.
     Kept,
@@ -216,7 +216,7 @@ impl Journal {
         found.map(|(id, _)| id.as_str())
     }
 
-    /// Handles a report query: keeps it while the robot moves, else returns how to answer.
+    /// Handles a report query: keeps it while the robot moves, else returns it with the answer.
     pub(super) fn ask(&mut self, goal_id: &str, query: Query) -> Lookup {
         let file = self.file(goal_id, REPORT);
         match self.entries.get_mut(goal_id) {

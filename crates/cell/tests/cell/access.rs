@@ -1,5 +1,5 @@
-//! Who may do what: the shipped access files over real sockets, with certificates that live as long as
-//! a test.
+//! Access rules: the shipped access files over real sockets, with certificates that live as long as a
+//! test.
 
 use std::{
     fs,
@@ -21,14 +21,14 @@ use crate::{
     papers::Papers,
 };
 
-/// How long somebody tries who is refused.
+/// Timeout of a client that is refused.
 const REFUSED: Duration = Duration::from_secs(2);
-/// Where the shipped files are.
+/// Folder of the shipped files.
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/access");
-/// The two ways in which somebody shows who they are.
+/// The two ways of authentication.
 const WAYS: [&str; 2] = ["certificates", "passwords"];
 
-/// Papers of this test, and what is done with them.
+/// Certificates and access files of a test, and the clients and servers that use them.
 struct People(Papers);
 
 impl People {
@@ -72,7 +72,7 @@ impl People {
         CellClient::connect_as(Some(&access), router.endpoint(), "simulated", SOON).unwrap()
     }
 
-    /// Opens a session for what no honest client does.
+    /// Opens a session for actions of a dishonest client.
     fn session(&self, way: &str, who: &str, router: &Router) -> Session {
         let mut config = zenoh::Config::from_file(self.file(way, who)).unwrap();
         let endpoints = format!("[\"{}\"]", router.endpoint());
@@ -155,14 +155,14 @@ fn unauthenticated_peer_is_refused() {
         let hint = err.hint().unwrap();
         assert!(hint.contains("dispatcher.json5"), "{hint}");
     }
-    // Somebody who was known once.
+    // An expired certificate.
     let once = People::new();
     let router = once.router("certificates");
     once.0.certify("dispatcher", 2020);
     let access = once.access("certificates", "dispatcher");
     let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
     assert!(refused.is_err());
-    // Whoever knows the authority, but has no certificate or not the right password.
+    // Clients that know the authority but have no certificate, or a wrong name or password.
     let router = papers.router("certificates");
     let access = papers.access("passwords", "dispatcher");
     let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
@@ -233,7 +233,7 @@ fn watcher_sees_everything_and_moves_nothing() {
             .unwrap();
         assert!(dispatcher.capabilities(SOON).is_ok(), "one cell answers");
 
-        // What a viewer publishes in the cell's name is heard by nobody.
+        // Publications of a viewer in the cell's name reach nobody.
         for key in [keys.state(), keys.outcome("00"), keys.motion()] {
             liar.put(key, "{}\n").wait().unwrap();
         }
@@ -268,7 +268,7 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
     };
     let _cell = papers.cell(way, &router, service);
     let keys = Keys::new("simulated").unwrap();
-    // A dispatcher who falls silent right after its goal, while another beats.
+    // A dispatcher that falls silent right after its goal, while another sends heartbeats.
     let ended = |beats: &Session, attempt: u32| {
         let dispatcher = papers.session(way, "dispatcher", &router);
         let mut goal = goal(0.04);
@@ -287,7 +287,7 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
         let (over, beating) = mpsc::channel::<()>();
         let beat_key = keys.heartbeat();
         thread::scope(|scope| {
-            // Moved into this closure, so that a failure in it ends the beats, too.
+            // Moved into this closure, so that a failure in it ends the heartbeats, too.
             let over = over;
             scope.spawn(move || {
                 let pause = Duration::from_millis(50);

@@ -1,4 +1,4 @@
-//! Motions that are broken off: by a word, or because nobody is heard.
+//! Aborted motions: by a request, or by a heartbeat timeout.
 
 use std::{
     sync::atomic::{AtomicBool, Ordering},
@@ -12,7 +12,7 @@ use zenoh::Wait;
 
 use crate::lab::{SOON, connect, execute, goal, report, start, start_with};
 
-/// How long the hand is watched after it stopped, in seconds.
+/// Time for which the hand is watched after it stopped, in seconds.
 const HOLD_S: f64 = 0.5;
 /// Seconds after which the gripper lifts, and after which it has lifted.
 const LIFT_S: [f64; 2] = [0.9, 1.3];
@@ -24,7 +24,8 @@ fn in_real_time() -> ServiceConfig {
     }
 }
 
-/// Makes sure that the cube stayed in the hand where the motion was broken off, and returns when.
+/// Checks that the cube stayed in the hand where the motion was aborted; returns the time of the
+/// abort.
 fn held_s(report: &Report) -> f64 {
     let stopped_s = report.duration_s() - HOLD_S;
     let height = |time_s: f64| {
@@ -95,7 +96,7 @@ fn canceled_motion_halts_and_fingers_keep_pressing() {
 fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
     let cell = start_with(in_real_time());
     let keys = Keys::new("simulated").unwrap();
-    // Somebody who sends a goal and is never heard again, and others who are.
+    // A dispatcher that sends a goal and then falls silent, and others that send heartbeats.
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let goal = goal(0.04);
     let sealed = goal.encode().sent(SendInfo::now("one", SOON));

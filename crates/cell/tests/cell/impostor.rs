@@ -1,4 +1,4 @@
-//! A cell that somebody else made, by the protocol's page alone, and those who only say that they are one.
+//! A cell implemented from the protocol's page alone, and impostors that only claim to be a cell.
 
 use std::{
     sync::Arc,
@@ -29,7 +29,7 @@ impl Key {
         hex(self.0.public_key().as_ref())
     }
 
-    /// Returns an answer to a question.
+    /// Returns a signed answer to a query.
     pub(crate) fn sign(&self, query: &Query, body: &[u8]) -> Vec<u8> {
         let nonce = query.parameters().get("nonce").unwrap_or_default();
         let digest = blake3::hash(body).to_hex();
@@ -45,7 +45,7 @@ fn hex(bytes: &[u8]) -> String {
     digits.collect::<Vec<_>>().concat()
 }
 
-/// What the cell `simulated` can do whose journal this is.
+/// Returns the capabilities of the cell `simulated` with this journal.
 pub(crate) fn capabilities(key: &Key) -> Value {
     let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
     json!({
@@ -69,7 +69,7 @@ pub(crate) fn line(value: &Value) -> Vec<u8> {
     format!("{value}\n").into_bytes()
 }
 
-/// Somebody with a session.
+/// A party with a session.
 pub(crate) struct Somebody {
     session: Session,
     queryables: Vec<Queryable<()>>,
@@ -83,7 +83,7 @@ impl Somebody {
         }
     }
 
-    /// Answers whoever asks for `key` with what `answers` says.
+    /// Answers queries for `key` with the messages that `answers` returns.
     pub(crate) fn answers(
         &mut self,
         key: String,
@@ -108,7 +108,7 @@ impl Somebody {
         self.answers(asked, move |query| vec![key.sign(query, &body())]);
     }
 
-    /// Asks as anybody may; returns what is answered first.
+    /// Sends a query; returns the first answer.
     pub(crate) fn ask(&self, selector: &str) -> Vec<u8> {
         let replies = self.session.get(selector).timeout(SOON).wait().unwrap();
         let reply = replies.recv().unwrap().into_result().unwrap();

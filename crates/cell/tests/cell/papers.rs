@@ -11,22 +11,22 @@ use rcgen::{
 };
 use tempfile::TempDir;
 
-/// What a shipped file says instead of a password.
+/// Placeholder for a password in a shipped file.
 const PLACEHOLDER: &str = "a password of its own";
 
-/// A year that no test sees.
+/// A year in the far future.
 const AGES_HENCE: i32 = 4000;
 
 /// A folder of certificates and access files.
 pub(crate) struct Papers {
     folder: TempDir,
-    /// Where the shipped files are.
+    /// Folder of the shipped files.
     shipped: PathBuf,
     authority: Issuer<'static, KeyPair>,
 }
 
 impl Papers {
-    /// Makes an authority and what it says of a router, a cell, a dispatcher and a viewer.
+    /// Makes an authority, and certificates and passwords of router, cell, dispatcher and viewer.
     pub(crate) fn new(shipped: &Path) -> Self {
         let folder = TempDir::new().unwrap();
         let mut authority = CertificateParams::default();
@@ -49,7 +49,7 @@ impl Papers {
         papers
     }
 
-    /// Has the authority say who somebody is, until the end of a year.
+    /// Issues a certificate that is valid until the end of a year.
     pub(crate) fn certify(&self, name: &str, year: i32) {
         let mut person = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
         person.distinguished_name.push(DnType::CommonName, name);
@@ -69,7 +69,7 @@ impl Papers {
         write("key", key.serialize_pem());
     }
 
-    /// Returns a copy of a shipped file that names what is in this folder.
+    /// Returns a copy of a shipped file that names this folder's certificates and passwords.
     pub(crate) fn file(&self, way: &str, who: &str) -> PathBuf {
         let shipped = self.shipped.join(way).join(format!("{who}.json5"));
         let text = fs::read_to_string(shipped).unwrap();

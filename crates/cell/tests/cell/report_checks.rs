@@ -54,7 +54,7 @@ impl Loose {
         bytes
     }
 
-    /// Returns why it is refused, if it is.
+    /// Returns the reason for which it is refused, if it is.
     fn refused(&self) -> Option<String> {
         refused(&self.bytes(), &goal(0.04), &robot())
     }
@@ -74,7 +74,7 @@ fn config(mismatch: ModelMismatch) -> SimulatedCellConfig {
     }
 }
 
-/// Cancels a motion by a person after so many seconds.
+/// Cancels a motion, as a person does, after `until_s` seconds.
 fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<Abort> {
     (sample.time_s > until_s).then(|| Abort {
         outcome: Outcome::Stopped,
@@ -82,7 +82,7 @@ fn broken_off_after(until_s: f64, sample: &cell::Sample) -> Option<Abort> {
     })
 }
 
-/// What a cell with this mismatch reports, broken off after so many seconds.
+/// Returns the report of a cell with this mismatch on a motion that is canceled after `until_s` seconds.
 fn reported(goal: &Goal, mismatch: ModelMismatch, until_s: f64) -> Report {
     let mut see = |sample: &cell::Sample| broken_off_after(until_s, sample);
     execute_offline(&config(mismatch), GRIPPER, &cube(), goal, &mut see).unwrap()
@@ -162,7 +162,7 @@ fn arm_report_is_accepted_in_the_goal_s_joint_order() {
     }
 }
 
-/// Changes of a report on a success, each with what is said of it.
+/// Changes of a report on a success, each with the expected refusal.
 type Change = (&'static str, fn(&mut Loose), &'static str);
 
 const CHANGES: &[Change] = &[
@@ -509,7 +509,7 @@ fn contradictory_outcome_is_never_recorded() {
             matches!(&executed, GoalResult::Unknown(why) if why.contains(part)),
             "{what}: {executed:?}"
         );
-        // Asked again, it is a motion of which nobody will know.
+        // Queried again, the motion's outcome is unknown.
         let Recovered::Report(report) = client.recover(&goal(0.04), &robot(), SOON, SOON) else {
             panic!("{what}: it has a report");
         };
@@ -536,7 +536,7 @@ fn contradiction_names_its_numbers() {
     );
 }
 
-/// A way to spoil a report on a success so that it cannot be one any more.
+/// Corruptions of a report on a success that make it contradictory.
 fn spoiling() -> impl Strategy<Value = (String, Loose)> {
     let whole = success();
     let n = whole.rows.len();
@@ -551,7 +551,7 @@ fn spoiling() -> impl Strategy<Value = (String, Loose)> {
                 let from = row.min(n - 15);
                 drop(rows.drain(from..from + 12));
             }
-            // Times are not times.
+            // The times do not increase.
             2 => rows[row.max(1)][0] = rows[row.max(1) - 1][0] - share,
             3 => rows.swap(row.min(n - 2), n - 1),
             // Everything stops before the fingers have closed.
@@ -562,7 +562,7 @@ fn spoiling() -> impl Strategy<Value = (String, Loose)> {
                     row[1..].copy_from_slice(&still[1..]);
                 }
             }
-            // A number is out of all proportion.
+            // A number is implausibly large.
             5 => rows[row][column] = 1e3 + share * 1e300,
             6 => rows[row][column] = -1e3 - share * 1e300,
             7 => rows[row][column] = f64::NAN,

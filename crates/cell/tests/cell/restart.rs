@@ -1,4 +1,4 @@
-//! What a cell knows of goals that came before.
+//! A restarted cell's memory of earlier goals.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 

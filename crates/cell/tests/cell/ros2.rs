@@ -1,4 +1,4 @@
-//! What a ROS 2 machine on the same router sees.
+//! A cell's topics as a ROS 2 machine on the same router sees them.
 
 use cell::{ServiceConfig, subscribe};
 use schemas::ros2::{CdrReader, JointState, JointTrajectory, Message};

@@ -1,4 +1,4 @@
-//! What a cell answers.
+//! Answers of a cell.
 
 use std::time::Duration;
 
@@ -208,7 +208,7 @@ fn palm_keeps_the_limits_of_the_cell() {
         assert_eq!(rejection.code, RejectionCode::Limits, "{reason}");
         assert!(rejection.reason.contains(reason), "{}", rejection.reason);
     };
-    // What a row says, and what is between two rows that say nothing of it.
+    // Violations in a row, and one between two rows that no row shows.
     check(
         |p| p[1].velocity.linear.x = 1000.0,
         "would move at 1000 m/s",
@@ -282,7 +282,7 @@ fn a_second_subscriber_sees_motions_states_and_outcomes() {
     let cell = start();
     let keys = Keys::new("simulated").unwrap();
     let (_session, watched) = subscribe(cell.endpoint(), &keys.all(), SOON).unwrap();
-    // Asking something proves that the subscription arrived: one connection keeps its order.
+    // A query proves that the subscription arrived: one connection keeps its order.
     let report = execute(&connect(&cell), &goal(0.04));
     let outcome_key = keys.outcome(&report.goal_id);
     let (mut motions, mut states, mut outcome) = (0, 0, None);
@@ -358,7 +358,7 @@ fn hand_without_collision_shapes_is_refused() {
         .unwrap_err();
     assert!(matches!(err, CellError::Simulation(_)), "{err}");
     assert!(err.hint().unwrap().contains("with_mesh_shapes"), "{err}");
-    // With the shapes it is another matter, whatever they are.
+    // With any shapes given, the start succeeds.
     let read = RobotModel::from_urdf(GRIPPER).unwrap();
     SimulatedCell::start_with(config(), &of_mesh, read).unwrap();
 }

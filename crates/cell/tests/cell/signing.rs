@@ -1,4 +1,4 @@
-//! Which answers are accepted by their signature.
+//! Acceptance of answers by their signature.
 
 use std::{
     sync::{
@@ -20,7 +20,7 @@ use crate::{
     lab::{GRIPPER, LISTEN, SOON, body, config, connect, cube, execute, goal, robot, scene, start},
 };
 
-/// How long is waited for what does not come.
+/// Timeout for an answer that does not come.
 const SHORT: Duration = Duration::from_millis(500);
 
 fn keys() -> Keys {
@@ -35,7 +35,7 @@ fn client(router: &Router) -> CellClient {
     CellClient::connect(router.endpoint(), "simulated", SOON).unwrap()
 }
 
-/// A report that says that a goal succeeded, as a cell gives it.
+/// Returns a cell's report on a goal that succeeded.
 fn success() -> Vec<u8> {
     let service = ServiceConfig::default();
     let report = execute_offline(&config(service), GRIPPER, &cube(), &goal(0.04), &mut |_| {
@@ -46,7 +46,7 @@ fn success() -> Vec<u8> {
     report.to_bytes()
 }
 
-/// What answers a question of each kind, so that somebody would be glad to hear it.
+/// Returns, for a query of each kind, its key and an answer that the client hopes for.
 fn bodies() -> Vec<(String, Vec<u8>)> {
     let id = goal(0.04).encode().goal_id;
     let word = |word: &str| line(&json!({ "answer": word }));
@@ -62,7 +62,7 @@ fn bodies() -> Vec<(String, Vec<u8>)> {
     ]
 }
 
-/// Asks a cell what this key is asked for; returns why its answer is not taken.
+/// Sends a cell this key's query; returns the reason for which its answer is not accepted.
 fn refused(client: &CellClient, key: &str) -> Option<String> {
     let id = goal(0.04).encode().goal_id;
     let halted = |halt: Result<ControlReply, CellError>| halt.err().map(|err| err.to_string());
@@ -125,7 +125,7 @@ fn unsigned_responder_is_not_accepted_as_cell() {
         cell.says(keys().capabilities(), &known, move || {
             line(&capabilities(&signer))
         });
-        // It takes the goal, and says nothing more.
+        // It accepts the goal, and answers nothing more.
         if key != keys().goal() {
             cell.says(keys().goal(), &known, || {
                 line(&json!({ "answer": "accepted", "known": false }))
@@ -166,7 +166,7 @@ fn cell_that_follows_the_protocol_page_passes_every_check() {
     );
 }
 
-/// What a client says of somebody who answers so what they can do.
+/// Returns a client's error about a cell that answers the capabilities query like this.
 fn capabilities_of(answer: impl Fn(&Key) -> Value + Send + Sync + 'static) -> CellError {
     let router = router();
     let key = Key::new(1);
@@ -315,7 +315,7 @@ fn oversized_answer_is_refused() {
         line(&json!({ "answer": "accepted", "known": false }))
     });
     cell.says(keys().stop(), &key, || vec![b' '; 1 << 20]);
-    // What is longer than any report does not come through at all.
+    // A message longer than any report does not arrive at all.
     cell.answers(keys().result("*"), |_| vec![vec![b' '; 66 << 20]]);
     let client = client(&router);
     let err = client.stop(SOON).unwrap_err();
@@ -422,7 +422,7 @@ fn watcher_refuses_two_cells_of_one_name() {
     made_up.store(false, Ordering::SeqCst);
     let (outcomes, _) = seen(Duration::from_secs(2));
     assert_eq!(outcomes, [goal.encode().goal_id]);
-    // What it answered is signed, and reads as the page says.
+    // Its answer is signed, and has the format of the protocol's page.
     let answer = stranger.ask(&format!("{}?from=0;nonce=1", keys().results()));
     assert!(body(&answer).starts_with(b"{\"journal\":"));
 }

@@ -1,4 +1,4 @@
-//! What somebody sees who watches, whenever they come and whatever is lost.
+//! Events that a watcher receives, with late starts and lost messages.
 
 use std::{
     sync::{Arc, Mutex},
@@ -18,14 +18,14 @@ use crate::{
     lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, scene, start, start_with},
 };
 
-/// Longest time in which nothing is seen of a cell that says something.
+/// Longest wait for an event of a cell that publishes some.
 const LONG: Duration = Duration::from_secs(5);
 
 fn watch(endpoint: &str) -> Watcher {
     Watcher::start(None, endpoint, "simulated", SOON).unwrap()
 }
 
-/// Watches until so many samples were seen, and returns them.
+/// Watches until `n` samples were received, and returns them.
 fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
     let mut states = Vec::new();
     while states.len() < n {
@@ -36,7 +36,7 @@ fn states(watcher: &mut Watcher, n: usize) -> Vec<State> {
     states
 }
 
-/// Watches until so many goals have ended, and returns how.
+/// Watches until `n` goals have ended, and returns their outcomes.
 fn outcomes(watcher: &mut Watcher, n: usize) -> Vec<GoalOutcome> {
     let mut outcomes = Vec::new();
     while outcomes.len() < n {
@@ -47,7 +47,7 @@ fn outcomes(watcher: &mut Watcher, n: usize) -> Vec<GoalOutcome> {
     outcomes
 }
 
-/// Makes sure that each sample follows the one before.
+/// Checks that each sample follows the one before.
 fn follow_each_other(states: &[State]) {
     for pair in states.windows(2) {
         assert_eq!(pair[0].seq + 1, pair[1].seq);
@@ -156,7 +156,7 @@ fn lost_messages_are_requested_again_and_counted() {
         bytes.extend(row(seq));
         session.put(keys.state(), bytes).wait().unwrap();
     };
-    // What is asked at the start proves that the subscriptions arrived.
+    // The queries at the start prove that the subscriptions arrived.
     assert_eq!(watcher.next(Duration::ZERO), None);
     // Watched from 10 on; 11 comes by itself, 12 is lost, and of 13 to 19 the cell still has 16 to 19.
     for seq in [10, 11, 13, 20] {

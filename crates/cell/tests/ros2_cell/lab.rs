@@ -32,7 +32,7 @@ const ARM: &str = include_str!("../../../../data/robots/xarm6_allegro.urdf");
 const HAND: &str = include_str!("../../../../data/robots/allegro_right.urdf");
 /// The arm's joints at the start of the goal, where the hand points down.
 const ABOVE: [f64; 6] = [0.0, -0.6, -0.6, 0.0, 1.2, 0.0];
-/// How far the first joint turns in the reach, and the second to lift, in radians.
+/// Rotations of the first joint in the reach, and of the second in the lift, in radians.
 const TURN_RAD: f64 = 0.5;
 const LIFT_RAD: f64 = 0.3;
 /// Height of the object, in meters.
@@ -45,8 +45,8 @@ pub(crate) struct Lab {
 }
 
 impl Lab {
-    /// A lab with the shipped cell: limits that fit emulated joints, and a way to the start that may
-    /// be as long as it likes.
+    /// Returns a lab with the shipped cell: its limits fit emulated joints, and the way to the start may
+    /// have any length.
     pub(crate) fn new() -> Self {
         let folder = tempfile::tempdir().unwrap();
         let router = Router::start("tcp/127.0.0.1:0", None).unwrap();
@@ -75,7 +75,7 @@ impl Lab {
         self.config.load().unwrap()
     }
 
-    /// Starts controllers whose joints are at the goal's start, and something that measures the
+    /// Starts controllers whose joints are at the goal's start, and publishes measurements of the
     /// object.
     pub(crate) fn emulate(&self, behaviors: [Behavior; 2]) -> Emulated {
         let emulated = self.emulate_joints(behaviors);
@@ -230,7 +230,7 @@ pub(crate) fn goal(lab: &Lab, attempt: u32) -> Goal {
     let closed: Vec<f64> = open.iter().map(|q| q + 0.3).collect();
     let mut beside = ABOVE;
     beside[0] += TURN_RAD;
-    // Whichever way lifts.
+    // The direction that lifts.
     let lifted = [LIFT_RAD, -LIFT_RAD].map(|lift_rad| {
         let mut lifted = beside;
         lifted[1] += lift_rad;
@@ -274,7 +274,7 @@ pub(crate) fn joints() -> Vec<Joint> {
     RobotModel::from_urdf(ARM).unwrap().joints().to_vec()
 }
 
-/// Has a goal executed to its end.
+/// Executes a goal to its end.
 pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
     match client.execute(goal, &joints(), SOON, SOON).unwrap() {
         GoalResult::Report(report) | GoalResult::EarlierReport(report) => report,

@@ -2,8 +2,8 @@
 //!
 //! Damped least squares (Nakamura and Hanafusa, *Inverse Kinematic Solutions With Singularity Robustness
 //! for Robot Manipulator Control*, 1986; Wampler, *Manipulator Inverse Kinematic Solutions Based on Vector
-//! Formulations and Damped Least-Squares Methods*, 1986), with the damping in proportion to what is
-//! missing (Sugihara, *Solvability-Unconcerned Inverse Kinematics by the Levenberg–Marquardt Method*,
+//! Formulations and Damped Least-Squares Methods*, 1986), with the damping in proportion to the squared
+//! residual (Sugihara, *Solvability-Unconcerned Inverse Kinematics by the Levenberg–Marquardt Method*,
 //! 2011, §III): far off it goes downhill, near the end it is Newton's method.
 
 use nalgebra::Vector6;
@@ -11,18 +11,18 @@ use spatial::{Base, Palm, Pose};
 
 use super::{Chain, KinematicState};
 
-/// What may be missing of a pose, in meters and in radians.
+/// Residual of a pose at which the search ends, in meters and in radians.
 const TARGET_RESIDUAL: f64 = 1e-12;
-/// What must not be missing where rounding keeps it from being less.
+/// Largest accepted residual, where rounding keeps it above the target.
 const MAX_RESIDUAL: f64 = 1e-10;
 /// Maximum number of steps; on a path it takes 2, from anywhere about 12.
 const STEPS: usize = 60;
 /// Halvings of a step that does not come nearer.
 const HALVINGS: usize = 5;
-/// Damping per square of what is missing, in meters and radians.
+/// Damping per square of the residual, in meters and radians.
 const DAMPING: f64 = 0.02;
-/// A step that leaves more than this share of what is missing comes to nothing; so many may follow each
-/// other.
+/// Share of the residual above which a step counts as a stall, and the maximum number of stalls in a
+/// row.
 const STALL: f64 = 0.98;
 const MAX_STALLS: usize = 4;
 
@@ -32,8 +32,7 @@ impl Chain {
     /// come to none.
     ///
     /// From near enough that is the solution that `near` passes into as the target moves: on a path,
-    /// start from the joints extrapolated, and see that they are found close to where they were looked
-    /// for.
+    /// start from the extrapolated joints, and check that the solution is close to them.
     pub fn inverse_kinematics(
         &self,
         base_from_palm: &Pose<Base, Palm>,
@@ -66,7 +65,7 @@ impl Chain {
         (missing.norm() <= MAX_RESIDUAL).then_some(q)
     }
 
-    /// Goes along a step as far as it comes nearer.
+    /// Halves a step until it reduces the residual; `None` if it does not.
     fn downhill(
         &self,
         base_from_palm: &Pose<Base, Palm>,

@@ -10,9 +10,9 @@ use crate::{RobotError, near::near_names};
 pub(super) struct TreePosition {
     /// Which link of the file it is.
     pub(super) link: usize,
-    /// Which joint of the file it hangs on.
+    /// Index in the file of the joint that it hangs on.
     pub(super) joint: Option<usize>,
-    /// Which place its parent has.
+    /// Index of its parent's place.
     pub(super) parent: Option<usize>,
 }
 
@@ -102,7 +102,7 @@ pub(super) fn walk(
                 }),
         );
     }
-    // Each link has at most one parent, so what the walk misses hangs on a loop.
+    // Each link has at most one parent, so a link that the walk misses hangs on a loop.
     match is_reached.iter().position(|&reached| !reached) {
         Some(missed) => Err(RobotError::Loop { link: name(missed) }),
         None => Ok(order),

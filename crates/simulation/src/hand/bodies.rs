@@ -64,7 +64,7 @@ pub(crate) fn rigid_groups(model: &RobotModel) -> Vec<RigidGroup> {
 /// none.
 ///
 /// A root without any has those of the whole hand with its joints at 0: it yields to nothing, and
-/// whatever they are, the equations of what it carries can be solved.
+/// with any values the equations of the links that it carries can be solved.
 pub(crate) fn mass_properties(
     model: &RobotModel,
     group: &RigidGroup,
@@ -159,9 +159,9 @@ pub(crate) enum Part {
 /// A link's collision shape as the engine has it.
 #[derive(Debug, Clone)]
 pub(crate) struct LinkShape {
-    /// Which of the model's links.
+    /// Index of the link in the model.
     pub(crate) link: usize,
-    /// What the link belongs to.
+    /// The part of the hand that the link belongs to.
     pub(crate) part: Part,
     /// The shape about its center as the model has it.
     pub(crate) shape: Shape,

@@ -1,4 +1,4 @@
-//! What must come out of the hand's physics by theory.
+//! The hand's physics against closed-form theory.
 
 use nalgebra::{DVector, UnitQuaternion, Vector3};
 use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
@@ -175,7 +175,7 @@ fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
     assert!(worst < 0.6, "{worst} rad/s²");
 }
 
-/// Linear and angular momentum about the origin, and the energy, of what moves freely.
+/// Returns linear and angular momentum about the origin, and the energy, of freely moving bodies.
 fn carried(
     hand: &HandBodies,
     world: &World,
@@ -258,7 +258,7 @@ fn a_free_hand_keeps_its_momentum_and_its_energy() {
 /// Physics steps in which a pressed block is watched.
 const SINKING_STEPS: u32 = 35;
 
-/// Returns how far a block sinks that a finger presses against a wall with a torque limit, in meters.
+/// Returns the distance in meters by which a block sinks that a finger presses against a wall with a torque limit.
 fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
     const ARM_M: f64 = 0.1;
     const HALF_M: f64 = 0.025;

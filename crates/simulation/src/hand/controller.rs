@@ -20,8 +20,8 @@ pub(crate) struct Controller {
     pub(crate) inverse_inertia: f32,
 }
 
-/// What the engine integrates implicitly: `stiffness (rest − q) − damping q̇`, in its units, which are Nm and
-/// radians where the joint turns.
+/// Torque that the engine integrates implicitly: `stiffness (rest − q) − damping q̇`, in its units, which are Nm
+/// and radians where the joint turns.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Spring {
     pub(crate) stiffness: f32,
@@ -46,14 +46,14 @@ impl Controller {
         }
     }
 
-    /// Returns what a drive gives beside its spring and its brake to go on at a speed: the torque that
-    /// this takes, and what the brake takes away.
+    /// Returns the feedforward of a drive beside its spring and damper to continue at a speed: the torque
+    /// that this takes, and compensation for the damper.
     pub(crate) fn ahead(&self, torque: f32, speed: f32) -> f32 {
         torque + self.damping * speed
     }
 
-    /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`, with a
-    /// torque that is `ahead` of command and brake.
+    /// Returns the spring for the next physics step of a joint at `q` that moves at `speed`, with the
+    /// feedforward torque `ahead`.
     ///
     /// A drive that saturates, and still will at the end of the step even if nothing is in its way,
     /// gives its limit and neither spring nor damper. Close to the limit,

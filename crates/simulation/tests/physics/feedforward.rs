@@ -17,7 +17,7 @@ fn with(controller: ControllerKind) -> SceneConfig {
     scene
 }
 
-/// How far along a wave is after a share of the reach, with its first two derivatives by the share.
+/// Returns the position of a wave after a share of the reach, with its first two derivatives by the share.
 fn wave(share: f64) -> [f64; 3] {
     let turns = 1.5 * std::f64::consts::TAU;
     let (sin, cos) = (turns * share).sin_cos();
@@ -195,7 +195,7 @@ fn hand_mass_changes_the_motion() {
     assert!(light != heavy, "{light}");
 }
 
-/// The steps of a hand that waves, so many physics steps late.
+/// Returns the steps of a hand that waves, `delay_n` physics steps late.
 fn waved(controller: ControllerKind, steps_per_control: u32, delay_n: u32) -> Vec<TraceStep> {
     let mut scene = with(controller);
     scene.steps_per_control = steps_per_control;
@@ -228,7 +228,7 @@ fn delayed_fingers_follow_the_same_course_later() {
             assert!(apart < 3e-3, "{controller:?}, {delay_n} steps: {apart}");
             let apart = most(&prompt[..reach_n], &late);
             assert!(apart > 5e-3 * f64::from(delay_n), "{controller:?}: {apart}");
-            // The palm and what is commanded are as they are.
+            // The palm and the commands are unchanged.
             assert_eq!(prompt[50].q_command, late[50].q_command);
             assert_eq!(prompt[50].table_from_palm, late[50].table_from_palm);
         }

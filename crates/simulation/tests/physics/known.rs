@@ -7,7 +7,7 @@ use crate::{
     scene::{hand, protocol, q, scene, side_grasp},
 };
 
-/// How far the fingers close around each body, in radians per joint: to its middle.
+/// Closing of the fingers around each body, in radians per joint: to its middle.
 const CLOSED: [(&str, f64); 6] = [
     ("can", 0.85),
     ("wide can", 0.75),

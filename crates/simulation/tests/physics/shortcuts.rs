@@ -1,4 +1,4 @@
-//! What is not simulated does not change a verdict. `cargo bench --bench shortcuts` looks at thousands
+//! Shortcuts of the simulation do not change a verdict. `cargo bench --bench shortcuts` checks thousands
 //! of rollouts.
 
 use motion::Motion;
