@@ -12,15 +12,9 @@ pub struct RestDistribution {
     weighted: Vec<(RestingPose, f64)>,
 }
 
-<<<<<<< HEAD:crates/approach/src/rest_distribution.rs
 impl RestDistribution {
-    /// Returns how an object can lie, as `sample` puts it: as often as it was seen so, or else as probable as it
-    /// is; upright on its lowest point if no resting pose is known.
-=======
-impl Lies {
     /// Returns the resting poses of an object, weighted as `sample` does: by how often each was seen, or else by its
     /// probability; upright on its lowest point if no resting pose is known.
->>>>>>> docs:crates/approach/src/lies.rs
     pub fn of(object: &Object, choice: RestChoice) -> Self {
         let seen = || {
             let rests = object.rests.iter();

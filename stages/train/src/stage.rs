@@ -197,7 +197,7 @@ fn train(
     match found {
         SavedTraining::Nothing => {}
         SavedTraining::Epochs(done) => {
-            cx.progress(share(done), &format!("goes on after epoch {done}"))
+            cx.progress(share(done), &format!("goes on after epoch {done}"));
         }
         SavedTraining::Damaged(why) => {
             cx.progress(0.0, &format!("restarting: saved state is unusable: {why}"));
