@@ -136,7 +136,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
         nodes: vec![NodeRecord {
             node,
             description: String::new(),
-            shown: true,
+            published: true,
             n_made_now: units.len(),
             n_made: units.len(),
             n_skipped: 0,

@@ -238,7 +238,7 @@ fn infeasible(candidate: &Candidate) -> rollouts::Rollout {
 
 #[cfg(test)]
 mod tests {
-    use motion::{HandRates, HandState, Step};
+    use motion::{HandRates, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::DrawSource;
 
