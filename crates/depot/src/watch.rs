@@ -14,13 +14,13 @@ use std::{
 /// Messages that the work may be ahead of its receiver.
 const AHEAD: usize = 16;
 
-/// What a piece of work says.
+/// Message from the work.
 enum Said<T, R> {
     Part(T),
     End(R),
 }
 
-/// How the work passes a part on; returns whether there is still a receiver.
+/// Passes a part of the work on; returns whether there is still a receiver.
 pub(crate) type Pass<'a, T> = dyn FnMut(T) -> bool + 'a;
 
 /// Runs `work` in a thread and passes its parts to `each`, which says whether it wants more. Returns

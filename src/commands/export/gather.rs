@@ -24,28 +24,28 @@ use crate::{
     outcome::CommandError,
 };
 
-/// Motions, and what of the artifact is not among them.
+/// Motions, and the parts of the artifact that are not among them.
 pub(super) struct Gathered {
     /// The motions, in the order of the artifact's rows.
     pub(super) episodes: Vec<Episode>,
     /// The hand's name.
     pub(super) hand: String,
-    /// What was left out, one fact each.
+    /// Omissions, one fact each.
     pub(super) left_out: Vec<String>,
     /// The run that has them.
     run: Run,
 }
 
-/// What of a rollout or an execution is exported.
+/// Exported part of a rollout or an execution.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Part {
-    /// What was measured and commanded, of those that were recorded.
+    /// The measured and commanded motion, of those that were recorded.
     Recording,
     /// The candidate that was executed.
     Candidate,
 }
 
-/// How a candidate ended.
+/// Outcome of a candidate.
 struct Ended {
     candidate_id: String,
     outcome: String,
