@@ -7,7 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::{PartitionKey, Sweep};
 
-/// What every command takes, and where to begin.
+/// End of the help: options of every command, and a first command.
 const LONG: &str = "
 Options of every command:
   -q, --quiet       Print only errors
@@ -50,7 +50,7 @@ pub(crate) enum Command {
     Run(RunArgs),
     /// Show a run that was started with `--detach`
     ///
-    /// What it has said and what it says until it ends, with its exit code. Ctrl-C leaves it running.
+    /// Its output so far and until it ends, with its exit code. Ctrl-C leaves it running.
     Attach(AttachArgs),
     /// Show what `run` would do, and why
     Plan(PlanArgs),
@@ -118,7 +118,7 @@ pub(crate) struct NewArgs {
     pub(crate) name: String,
 }
 
-/// Which pipeline, with which values.
+/// A pipeline file, its values, and the stages to run.
 #[derive(Args, Clone)]
 pub(crate) struct PipelineArgs {
     /// Pipeline file, e.g. `pipelines/cgf.toml`
@@ -140,7 +140,7 @@ pub(crate) struct PipelineArgs {
     pub(crate) fresh: Vec<String>,
 }
 
-/// Which runs, and how they are shown.
+/// Runs to report, and the page to write.
 #[derive(Args)]
 pub(crate) struct ReportArgs {
     /// Runs by number, tag, `newest` or `newest~1`; several are compared [default: newest]
@@ -156,7 +156,7 @@ pub(crate) struct ReportArgs {
     pub(crate) motions: usize,
 }
 
-/// What is written as a file for other programs.
+/// Format of an export.
 #[derive(Args)]
 pub(crate) struct ExportArgs {
     #[command(subcommand)]
@@ -192,7 +192,7 @@ true masses; the hand's limits and shapes, of which the evaluator has its own.";
 const CSV_LOSES: &str = "\
 Lost: rates, contacts, forces, latent codes, metrics, shapes.";
 
-/// Which motions, and where they go.
+/// Motions to export, and the folder to write.
 #[derive(Args)]
 pub(crate) struct MotionsArgs {
     /// The artifact: candidates, trajectories, rollouts or executions, e.g. `screen.rollouts`
@@ -215,7 +215,7 @@ pub(crate) struct MotionsArgs {
     pub(crate) hand: Option<PathBuf>,
 }
 
-/// Which motions, at which rate.
+/// Motions to export, and their rate.
 #[derive(Args)]
 pub(crate) struct LerobotArgs {
     #[command(flatten)]
@@ -225,7 +225,7 @@ pub(crate) struct LerobotArgs {
     pub(crate) fps: u32,
 }
 
-/// Which motions, and which of their moments are the grasp.
+/// Motions to export, and the times of their grasps.
 #[derive(Args)]
 pub(crate) struct DexgraspbenchArgs {
     #[command(flatten)]
@@ -243,7 +243,7 @@ pub(crate) struct DexgraspbenchArgs {
     pub(crate) objects_at: Option<String>,
 }
 
-/// Which motion.
+/// Motion to export, and the file to write.
 #[derive(Args)]
 pub(crate) struct GlbArgs {
     /// The artifact: candidates, trajectories, rollouts or executions, e.g. `screen.rollouts`
@@ -263,12 +263,12 @@ pub(crate) struct GlbArgs {
     pub(crate) hand: Option<PathBuf>,
 }
 
-/// Which cell, and how it serves.
+/// Simulated cell to serve, and its connections.
 #[derive(Args)]
 pub(crate) struct CellArgs {
     /// Pipeline file
     ///
-    /// Its `dispatch` says what the simulated cell is like.
+    /// Its `dispatch` describes the simulated cell.
     #[arg(default_value = "pipelines/cgf.toml")]
     pub(crate) file: PathBuf,
     #[command(flatten)]
@@ -276,7 +276,7 @@ pub(crate) struct CellArgs {
     /// URDF of the robot hand [default: that of the stage]
     #[arg(long, value_name = "FILE")]
     pub(crate) hand: Option<PathBuf>,
-    /// Where to listen
+    /// Endpoint to listen on
     ///
     /// `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`; port 0 takes any
     /// free one, which is printed.
@@ -320,10 +320,10 @@ pub(crate) struct CellArgs {
     pub(crate) fault: Vec<PlannedFault>,
 }
 
-/// Where to forward, and for whom.
+/// Endpoint and access rules of a router.
 #[derive(Args)]
 pub(crate) struct RouterArgs {
-    /// Where to listen
+    /// Endpoint to listen on
     ///
     /// `tcp/HOST:PORT` on the loopback interface, or `tls/HOST:PORT` with `--access`; port 0 takes any
     /// free one, which is printed.
@@ -562,7 +562,7 @@ pub(crate) struct DoctorArgs {
     pub(crate) on: Option<String>,
     /// Check this robot [default: check the pipeline file]
     ///
-    /// What its URDF describes, what is unphysical in it, and a first proposal of a hand table.
+    /// The contents of its URDF, the unphysical values in it, and a first proposal of a hand table.
     #[arg(long, value_name = "URDF", conflicts_with_all = ["file", "profile", "overrides"])]
     pub(crate) robot: Option<PathBuf>,
 }
@@ -575,7 +575,7 @@ pub(crate) struct CompletionsArgs {
     pub(crate) shell: Shell,
 }
 
-/// What is fetched.
+/// Outputs to fetch.
 #[derive(Args)]
 pub(crate) struct PullArgs {
     /// Outputs to fetch, e.g. `train.checkpoint` [default: all]

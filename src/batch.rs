@@ -1,9 +1,9 @@
 //! Units made by the jobs of a scheduler, as Slurm.
 //!
-//! Orders go out as arrays of jobs, and come back as files in the depot: how each unit ended, beside its
-//! record. What the scheduler says of a job is a hint: a job that is over and has left nothing is lost.
+//! Orders go out as arrays of jobs, and come back as files in the depot: the outcome of each unit, beside its
+//! record. The scheduler's answer about a job is a hint: a job that is over and has left nothing is lost.
 //! An array is known by a name that is never given twice, since schedulers that have lost their state
-//! give numbers again. Which arrays are out is in the depot too, so that a run whose process was killed
+//! give numbers again. The list of arrays that are out is in the depot too, so that a run whose process was killed
 //! goes on with the jobs that it left.
 
 mod adopt;
@@ -38,8 +38,8 @@ use crate::{
 /// Time between two looks at jobs.
 const POLL_PERIOD: Duration = Duration::from_secs(2);
 
-/// Times that an array is submitted before it counts as refused: what a scheduler says does not tell
-/// whether it refuses or is about to go.
+/// Times that an array is submitted before it counts as refused: a scheduler's message does not distinguish a
+/// refusal from a shutdown.
 const SUBMISSIONS: usize = 3;
 
 /// Looks for the jobs of a submission that failed: they may be shown late.
@@ -58,24 +58,24 @@ const JOB_S: f64 = 45.0;
 const SHORT_S: f64 = 5.0;
 const SHORT_WAVE_S: f64 = 60.0;
 
-/// Jobs for units of which is not known how long they take.
+/// Number of jobs for units of unknown duration.
 const JOBS_OF_UNKNOWN_TIME: usize = 64;
 
 /// Most jobs for one output, unless its units have a time limit, which a job of many would multiply: a
 /// controller of Slurm holds 10,000 by default, of all users.
 const MOST_JOBS: usize = 4000;
 
-/// Jobs of an array where the scheduler does not say how many it takes.
+/// Number of jobs of an array where the scheduler reports no limit.
 const DEFAULT_ARRAY_JOBS: usize = 1000;
 
-/// How to cancel the arrays that are out, by their names.
+/// Commands that cancel the arrays that are out, by the arrays' names.
 static OUT: Mutex<BTreeMap<String, Vec<String>>> = Mutex::new(BTreeMap::new());
 
 /// Makes units by the jobs of a scheduler.
 pub(crate) struct Batch<'a> {
     /// The name of its configuration.
     pub(crate) name: String,
-    /// How it is spoken to.
+    /// Its commands and the format of its answers.
     pub(crate) table: Table,
     /// The lake, with a depot.
     pub(crate) lake: &'a Lake,
@@ -89,7 +89,7 @@ pub(crate) struct Batch<'a> {
 #[derive(Serialize, Deserialize)]
 struct Array {
     name: String,
-    /// What the scheduler calls it, once it has taken it.
+    /// Identifier that the scheduler gave it, once it has taken it.
     id: Option<String>,
     /// The configuration by which it was submitted.
     on: String,
@@ -139,7 +139,7 @@ fn out<R>(change: impl FnOnce(&mut BTreeMap<String, Vec<String>>) -> R) -> R {
     change(&mut OUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// What the names in a table stand for, of an array.
+/// Returns the values of the names in a table, for an array.
 fn values_of(array: &Array) -> Values {
     let values = Values::default().with("name", &array.name);
     values.with_some("id", array.id.as_ref().map(|id| id as _))
@@ -161,7 +161,7 @@ fn failed(err: LakeError) -> Failure {
 }
 
 impl Batch<'_> {
-    /// Has units made by jobs, new ones or those that a dead run has left.
+    /// Makes units by jobs, new ones or those that a dead run has left.
     fn make(
         &self,
         wave: &Wave,
@@ -183,18 +183,18 @@ impl Batch<'_> {
         };
         let is_left = watched.is_err() || !open.is_empty();
         for array in &arrays {
-            // A job that is stuck, or that makes what nobody waits for any more.
+            // A job that is stuck, or whose result is no longer needed.
             if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
                 let _gone = ask(&self.cancellation(array), "");
             }
             out(|out| out.remove(&array.name));
-            // What a depot that is down keeps, its garbage collection removes.
+            // Files left in a depot that is down are removed by its garbage collection.
             let _left = self.forget(wave, array);
         }
         watched.map(drop)
     }
 
-    /// Has a job come up that makes nothing; returns the name of its machine.
+    /// Starts a job that makes nothing; returns the name of its machine.
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         let refused = |err: io::Error| self.refused(&err);
         let array = Array {
@@ -422,7 +422,7 @@ impl Batch<'_> {
         self.logs.join(name).display().to_string()
     }
 
-    /// Removes what was left in the depot for an array.
+    /// Removes the files left in the depot for an array.
     fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
         let mut keys = vec![key(wave, &array.name)];
         for below in ["orders", "here", "ends"] {
@@ -439,7 +439,7 @@ impl Batch<'_> {
     }
 }
 
-/// Number of units that a job makes which take so long each: more where there would be too many jobs for
+/// Returns the number of units per job for units of this duration: more where there would be too many jobs for
 /// `n_units`.
 #[expect(
     clippy::cast_possible_truncation,

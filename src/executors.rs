@@ -1,4 +1,4 @@
-//! Who else makes units, by the names that a machine's own file gives them.
+//! Executors beside this process, by their names in a machine's own file.
 
 use std::{env, fs, path::PathBuf};
 
@@ -70,7 +70,7 @@ impl Executor for RemoteExecutor<'_> {
 }
 
 impl RemoteExecutor<'_> {
-    /// Has a worker come up that makes nothing; returns the name of its machine.
+    /// Starts a worker that makes nothing; returns the name of its machine.
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         match self {
             Self::Launch(processes) => processes.try_out(),

@@ -1,4 +1,4 @@
-//! How a command ends.
+//! Outcomes of commands.
 
 use dataflow::{Advise, Failure, FileError};
 use lake::LakeError;

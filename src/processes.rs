@@ -14,19 +14,19 @@ use lake::Lake;
 
 use crate::{jobs::JobOrders, outcome::CommandError, sharing};
 
-/// Makes each unit in a process of its own, which gets its order on stdin and tells its events on stdout.
+/// Makes each unit in a process of its own, which reads its order from stdin and writes its events to stdout.
 pub(crate) struct Processes<'a> {
     /// The lake, whose depot the processes use.
     pub(crate) lake: &'a Lake,
     /// The command line of a worker, without the order.
     pub(crate) worker: Vec<OsString>,
-    /// Which lake the workers use.
+    /// Lake that the workers use.
     pub(crate) reach: Reach,
     /// Processes at once.
     pub(crate) at_once: usize,
 }
 
-/// Which lake a worker uses.
+/// Lake that a worker uses.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Reach {
     /// That of the run.
@@ -73,7 +73,7 @@ impl<'a> Processes<'a> {
         }
     }
 
-    /// Has a worker come up that makes nothing; returns the name of its machine.
+    /// Starts a worker that makes nothing; returns the name of its machine.
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         let failed = |why: String| Failure::Executor {
             message: format!("no worker comes up: {why}"),

@@ -17,7 +17,7 @@ use crate::{command_line::Program, outcome::CommandError, report};
 /// Variable with the depot's URL or folder.
 pub(crate) const VARIABLE: &str = "PIPELINE_DEPOT";
 
-/// Time that the end of a run waits for what is still being sent.
+/// Time that the end of a run waits for results that are still being sent.
 const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 
 /// Units of one kind that are named in a line.
@@ -44,13 +44,13 @@ impl Program<'_> {
         Ok(Lake::open(&self.lake).with_depot(depot))
     }
 
-    /// Sends what is left to send, for a while, and says what was shared.
+    /// Sends the remaining results, for a while, and reports the shared ones.
     pub(crate) fn end_sharing(&self, lake: &Lake) -> Result<(), CommandError> {
         lake.finish_sending(SEND_TIMEOUT)?;
         self.say_shared(lake)
     }
 
-    /// Says what was shared, and what is wrong with the depot.
+    /// Reports the shared results, and faults of the depot.
     pub(crate) fn say_shared(&self, lake: &Lake) -> Result<(), CommandError> {
         let Some(shared) = lake.sharing()? else {
             return Ok(());
@@ -107,7 +107,7 @@ pub(crate) fn say_unlocked(lake: &Lake) {
     }
 }
 
-/// What to do instead of a lake on a folder that machines share.
+/// Returns the alternative to a lake on a folder that machines share.
 pub(crate) fn instead() -> String {
     format!(
         "keep the lake on a disk of this machine with `--lake DIR`, and share results in a folder by \
@@ -115,7 +115,7 @@ pub(crate) fn instead() -> String {
     )
 }
 
-/// Has what an order reads in the depot; returns the order's end if that cannot be.
+/// Uploads the inputs of an order to the depot; returns the order's outcome if that fails.
 pub(crate) fn offer(lake: &Lake, order: &Order) -> Option<End> {
     let mut lacks = Vec::new();
     for (unit, file) in order.reads() {

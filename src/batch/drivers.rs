@@ -23,7 +23,7 @@ pub(super) const TIMEOUT: Duration = Duration::from_secs(45);
 pub(super) struct Heartbeat {
     pub(super) host: String,
     pub(super) process: u32,
-    /// What tells this process from a later one of the same number.
+    /// Start time of the process, which distinguishes it from a later one with the same id.
     start: String,
     /// Number of the heartbeat.
     n: u64,
@@ -46,7 +46,7 @@ impl Heartbeat {
     }
 }
 
-/// When a process of this machine was started, in ticks since this boot, and the boot.
+/// Returns the start time of a process of this machine, in ticks since this boot, and the boot.
 fn start(process: u32) -> Option<String> {
     // The name, in parentheses, may contain blanks; the 22nd field is the 20th after it.
     const FIELD: usize = 19;
@@ -78,7 +78,7 @@ impl Batch<'_> {
         leave()?;
         // One that is missed is followed by others.
         let done = heartbeats::during(PERIOD, || drop(leave()), work);
-        // What a depot that is down keeps, its garbage collection removes.
+        // Files left in a depot that is down are removed by its garbage collection.
         let _gone = self.lake.remove_message(&key);
         done
     }

@@ -1,4 +1,4 @@
-//! What a scheduler says of jobs, in one answer for all of them.
+//! Job states from a scheduler, in one answer for all jobs.
 
 use std::{
     collections::HashMap,
@@ -61,7 +61,7 @@ pub(crate) fn read(table: &Table, said: &str) -> Queue {
     lines.collect()
 }
 
-/// Runs a command of a scheduler with this on its stdin; returns what it says on stdout.
+/// Runs a command of a scheduler with this on its stdin; returns its stdout.
 pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
     let mut rest = words.iter();
     let program = rest.next().ok_or(io::ErrorKind::InvalidInput)?;

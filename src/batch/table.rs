@@ -1,10 +1,10 @@
-//! The table that says how a scheduler is spoken to: command lines with names in braces.
+//! The table of a scheduler's commands: command lines with names in braces.
 
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
 
-/// How a scheduler takes, shows and cancels arrays of jobs.
+/// Commands of a scheduler for arrays of jobs, and the format of its answers.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Table {
@@ -14,9 +14,9 @@ pub(crate) struct Table {
     /// Words after the first one of `submit`, for a machine's own file, e.g. `--partition=main`.
     #[serde(default)]
     pub(crate) extra: Vec<String>,
-    /// What the array's jobs run.
+    /// Script that the array's jobs run.
     pub(crate) script: String,
-    /// What `submit` says, with `{id}` in it.
+    /// Output of `submit`, with `{id}` in it.
     pub(crate) id: String,
     /// Name of a job's log among the logs.
     pub(crate) log: String,
@@ -26,7 +26,7 @@ pub(crate) struct Table {
     pub(crate) program: Option<String>,
     /// Lists all jobs at once.
     pub(crate) query: Vec<String>,
-    /// What stands between the columns of a line.
+    /// Separator between the columns of a line.
     pub(crate) separator: String,
     /// The columns: `name`, `index`, `state`, `host`, `reason`, or any other word.
     pub(crate) columns: Vec<String>,
@@ -46,7 +46,7 @@ pub(crate) struct Table {
     pub(crate) heartbeat_timeout_s: u64,
     /// Cancels an array.
     pub(crate) cancel: Vec<String>,
-    /// Says how many jobs an array may have.
+    /// Prints the maximum number of jobs of an array.
     #[serde(default)]
     pub(crate) limit: Vec<String>,
     /// The word before that number, and ` = `.
@@ -129,7 +129,7 @@ impl Table {
         words
     }
 
-    /// Finds the array's number in what the submission said.
+    /// Finds the array's number in the output of the submission.
     pub(crate) fn id_in(&self, said: &str) -> Option<String> {
         let (before, after) = self.id.split_once("{id}").unwrap_or_default();
         let rest = match before {
@@ -142,7 +142,7 @@ impl Table {
         (!id.is_empty()).then(|| id.to_owned())
     }
 
-    /// Finds the largest number of jobs of an array in what `limit` said.
+    /// Finds the largest number of jobs of an array in the output of `limit`.
     pub(crate) fn limit_in(&self, said: &str) -> Option<usize> {
         let mut lines = said.lines().filter_map(|line| line.split_once('='));
         let (_, number) = lines.find(|(key, _)| key.trim() == self.limit_key)?;

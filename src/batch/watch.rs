@@ -19,16 +19,16 @@ use crate::{jobs::here_key, report};
 /// may be seen late.
 const LOOKS: usize = 4;
 
-/// Where the units of a wave are.
+/// Places of a wave's units: in the queue or on machines.
 #[derive(Default)]
 struct Places {
     n_waiting: usize,
     running: BTreeMap<String, usize>,
-    /// Whether a job waits for what never comes.
+    /// Whether a job would wait for ever.
     is_stuck: bool,
 }
 
-/// What was seen of jobs, by their array and index.
+/// Observations of jobs, by their array and index.
 #[derive(Default)]
 struct JobObservations {
     /// Looks at which a job was over and had left nothing.
@@ -42,7 +42,7 @@ struct WorkerHeartbeat {
     /// Its last heartbeat, if it has begun.
     heartbeat: Option<Vec<u8>>,
     at: Instant,
-    /// When its heartbeat was last looked at.
+    /// Time of the last look at its heartbeat.
     looked: Instant,
 }
 
@@ -61,7 +61,8 @@ impl Batch<'_> {
         let mut is_told = false;
         let mut is_stuck = false;
         loop {
-            // What a job left that is over now is seen by the look into the depot that follows.
+            // The outcomes of a job that is over now are seen in the look into the depot that
+            // follows.
             let queue = self.look(arrays);
             if self.collect(wave, arrays, open, ended)? || open.is_empty() {
                 return Ok(is_stuck);
@@ -94,7 +95,7 @@ impl Batch<'_> {
         }
     }
 
-    /// Compares what the scheduler says with the units that are still open: those of jobs that are over
+    /// Compares the scheduler's answer with the units that are still open: those of jobs that are over
     /// and have left nothing for a while are lost.
     fn compare(
         &self,
@@ -189,7 +190,8 @@ impl Batch<'_> {
         }))
     }
 
-    /// Takes what the jobs have left in the depot; returns whether a unit has failed.
+    /// Collects the outcomes that the jobs have left in the depot; returns whether a unit has
+    /// failed.
     fn collect(
         &self,
         wave: &Wave,
@@ -227,7 +229,7 @@ impl Batch<'_> {
     }
 }
 
-/// Adds where the log is to the hint of a failure.
+/// Adds the path of the log to the hint of a failure.
 fn with_log(end: End, log: &str) -> End {
     match end {
         End::Failed(Failure::Remote {

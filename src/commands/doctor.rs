@@ -22,7 +22,7 @@ struct Check {
     state: State,
     subject: String,
     finding: String,
-    /// What to do about it.
+    /// Suggested fix.
     hint: Option<String>,
 }
 
@@ -111,7 +111,7 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
     Ok(found)
 }
 
-/// Has a worker of an executor come up and answer.
+/// Checks that a worker of an executor starts and answers.
 fn remote_executor(program: &Program, name: &str) -> Result<Check, CommandError> {
     let lake = program.open_shared_lake()?;
     let tried = RemoteExecutor::named(name, &lake)?.try_out();

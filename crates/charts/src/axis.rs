@@ -2,7 +2,7 @@
 
 use crate::style::{TICK_SIZE, text_width};
 
-/// How numbers are laid out along an axis.
+/// Scale of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Scale {
     /// Equal differences have equal lengths.
@@ -11,7 +11,7 @@ pub enum Scale {
     Log,
 }
 
-/// Where an axis begins and ends.
+/// Ends of an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum AxisRange {
     /// At the smallest and the largest number.
@@ -22,7 +22,7 @@ pub(crate) enum AxisRange {
     Zero,
 }
 
-/// Which numbers are shown.
+/// Kind of numbers along an axis.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Count {
     /// Only whole ones, such as epochs.
@@ -182,13 +182,13 @@ impl Axis {
         }
     }
 
-    /// Where a number stands, in 0..=1 along the axis, or `None` if it has no place on it.
+    /// Returns the position of a number, in 0..=1 along the axis, or `None` if it has none.
     pub(crate) fn place(&self, value: f64) -> Option<f64> {
         let position = self.scale.position(value)?;
         Some((position - self.from) / (self.to - self.from))
     }
 
-    /// How much room the longest name takes.
+    /// Returns the width of the longest label, in pixels.
     pub(crate) fn text_width(&self) -> f64 {
         let widths = self
             .ticks
@@ -220,8 +220,8 @@ fn count_of(number: f64) -> usize {
     number.clamp(0.0, MAX_VALUE) as usize
 }
 
-/// A number with the digits that tell it from its neighbors at this step, on an axis whose numbers
-/// are up to this large.
+/// A number with the digits that distinguish it from its neighbors at this step, on an axis whose
+/// numbers are up to this large.
 fn in_words(value: f64, largest: f64, step: f64) -> String {
     const SMALL: f64 = 1e-3;
     const LARGE: f64 = 1e6;

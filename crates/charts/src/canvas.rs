@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use crate::style::{DARK, INK};
 
-/// Where a text stands relative to its place.
+/// Alignment of a text relative to its place.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Anchor {
     Start,
@@ -12,7 +12,7 @@ pub(crate) enum Anchor {
     End,
 }
 
-/// How a text looks.
+/// Style of a text.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Text {
     pub(crate) size: f64,
@@ -21,14 +21,14 @@ pub(crate) struct Text {
     pub(crate) weight: Weight,
 }
 
-/// How heavy a text is.
+/// Weight of a text's font.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Weight {
     Normal,
     Bold,
 }
 
-/// How a line looks.
+/// Style of a line.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Stroke {
     pub(crate) color: &'static str,
@@ -81,7 +81,7 @@ impl Canvas {
         self.put("/>\n");
     }
 
-    /// A rectangle by two corners, of which a viewer says the title where it is pointed at.
+    /// A rectangle by two corners, whose title a viewer shows where it is pointed at.
     pub(crate) fn titled_rectangle(&mut self, corners: [[f64; 2]; 2], color: &str, title: &str) {
         self.put("<g>");
         self.title(title);
@@ -89,9 +89,9 @@ impl Canvas {
         self.put("</g>\n");
     }
 
-    /// A dot of which a viewer says the title where it is pointed at, or near it.
+    /// A dot whose title a viewer shows where it is pointed at, or near it.
     pub(crate) fn titled_dot(&mut self, place: [f64; 2], radius: f64, color: &str, title: &str) {
-        /// How far from its place a dot is still pointed at.
+        /// Distance within which a dot counts as pointed at, in pixels.
         const NEAR: f64 = 7.0;
         self.put("<g>");
         self.title(title);

@@ -1,13 +1,13 @@
-//! What a chart says beside its data.
+//! Title and axis labels of a chart, and its series.
 
 /// The words around the data.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Captions<'a> {
     /// Above the data.
     pub title: &'a str,
-    /// Below the data: what goes to the right, with its unit, e.g. `time [s]`.
+    /// Below the data: the horizontal quantity with its unit, e.g. `time [s]`.
     pub x: &'a str,
-    /// Beside the data: what goes up, with its unit, e.g. `error at the tips [mm]`.
+    /// Beside the data: the vertical quantity with its unit, e.g. `error at the tips [mm]`.
     pub y: &'a str,
 }
 

@@ -10,7 +10,7 @@ use crate::{
     },
 };
 
-/// What a legend shows of a series.
+/// Mark of a series in a legend.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Mark {
     Line,

@@ -1,4 +1,4 @@
-//! How often values occur.
+//! Histograms of values.
 
 use crate::{
     axis::{Axis, AxisRange, Scale},

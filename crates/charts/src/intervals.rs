@@ -36,7 +36,7 @@ const EACH: f64 = 12.0;
 const HALF_END: f64 = 3.5;
 
 /// Draws a dot for each name, from the top, and a line from the lower to the upper end of its interval; of
-/// several series, one below the other. `captions.x` says what is estimated, and with what confidence;
+/// several series, one below the other. `captions.x` names the estimated quantity and the confidence;
 /// `captions.y` may be empty where the names speak for themselves. The axis begins at zero. An estimate
 /// that is not finite is left out; `None` if none is left.
 pub fn intervals(captions: &Captions, names: &[String], series: &[Estimates]) -> Option<String> {
@@ -86,7 +86,7 @@ impl Estimate {
         self.low.is_finite() && self.value.is_finite() && self.high.is_finite()
     }
 
-    /// Where its numbers stand on an axis.
+    /// Returns the positions of its numbers on an axis.
     fn places(&self, axis: &Axis) -> Option<[f64; 3]> {
         let place = |number| axis.place(number);
         Some([place(self.low)?, place(self.value)?, place(self.high)?])

@@ -1,4 +1,4 @@
-//! How every chart looks: colors, sizes in pixels.
+//! Style of all charts: colors, sizes in pixels.
 
 /// Colors of series, darkest contrasts first: those of Okabe and Ito that show on white.
 const COLORS: [&str; 7] = [

@@ -1,4 +1,4 @@
-//! What is in a chart: every point, name and caption, inside the picture, and nothing else.
+//! Contents of a chart: every point, name and caption, inside the picture, and nothing else.
 
 use charts::{
     Bars, Captions, Estimate, Estimates, Sample, Scale, Series, bars, histogram, intervals, lines,
@@ -42,7 +42,7 @@ fn elements(svg: &str) -> Vec<Element> {
     all
 }
 
-/// What a viewer says of the points and bars of a chart.
+/// Returns the titles that a viewer shows for the points and bars of a chart.
 fn titles(svg: &str) -> Vec<String> {
     let all = all_elements(svg).into_iter();
     let titles = all.filter(|element| element.name == "title");

@@ -21,10 +21,10 @@ use crate::{
     unit::ListedUnit,
 };
 
-/// Times that a unit is tried whose maker is lost.
+/// Maximum number of attempts at a unit whose worker is lost.
 const TRIES: usize = 3;
 
-/// Units of an output whose times are looked at.
+/// Number of an output's units from which the median time is taken.
 const TIMED: usize = 9;
 
 /// The outcome of one unit.
@@ -65,7 +65,7 @@ pub(crate) struct Attempts<'a> {
     repaired: Mutex<BTreeSet<NodeName>>,
 }
 
-/// How the units of a wave ended.
+/// Outcomes of the units of a wave.
 #[derive(Default)]
 struct WaveOutcomes {
     /// Those that are made or have failed.
@@ -155,7 +155,7 @@ impl<'a> Attempts<'a> {
             n_workers: self.maker.worker_count(),
         };
         let executor: &dyn Executor = match (wave.node.output.execution, self.executor) {
-            // What moves a robot stays in the process that was told to move it.
+            // Units that move a robot stay in the run's own process.
             (Execution::OneByOne | Execution::Physical, _) => &one_by_one,
             (Execution::Parallel, Some(executor)) if executor.takes(wave) => executor,
             (Execution::Parallel, _) => &threads,
@@ -183,7 +183,7 @@ impl<'a> Attempts<'a> {
         ends
     }
 
-    /// Reports a unit that is made; of one that is lost, returns why, and what it lacked.
+    /// Reports a made unit; of a lost one, returns the reason and the units that it lacked.
     fn settle(
         &self,
         wave: &Wave,

@@ -1,4 +1,4 @@
-//! What a stage sees while it makes one partition.
+//! Execution context and inputs of one unit.
 
 use std::{
     collections::BTreeMap,
@@ -22,7 +22,7 @@ pub struct Context<'a> {
     pub(crate) resume_folder: PathBuf,
     /// File for the unit's log.
     pub(crate) log_file: PathBuf,
-    /// Where progress goes.
+    /// Receiver of progress reports.
     pub(crate) progress: &'a Progress<'a>,
 }
 
@@ -68,10 +68,9 @@ impl Context<'_> {
         &self.resume_folder
     }
 
-    /// A file for what the making of the unit says about itself, which is not part of the artifact: it
-    /// may differ between attempts, and is kept after a failure too. Its folder does not exist before
-    /// the first log is written (`lake::write_atomic` makes it); the next attempt finds that of the last
-    /// one.
+    /// A file for the unit's log, which is not part of the artifact: it may differ between attempts, and is kept
+    /// after a failure too. Its folder does not exist before the first log is written (`lake::write_atomic` makes
+    /// it); the next attempt finds that of the last one.
     pub fn log_file(&self) -> &Path {
         &self.log_file
     }
@@ -82,7 +81,7 @@ impl Context<'_> {
     }
 }
 
-/// What one unit reads: artifacts, verified against their digests, and files outside the lake.
+/// Inputs of one unit: artifacts, verified against their digests, and files outside the lake.
 #[derive(Debug, Clone, Default)]
 pub struct Inputs {
     artifacts: BTreeMap<String, Vec<Artifact>>,
@@ -106,7 +105,7 @@ impl Inputs {
         Self { facts, ..self }
     }
 
-    /// Returns what was found out under this name while the unit was listed.
+    /// Returns the fact of this name, found while the unit was listed.
     pub fn fact(&self, name: &str) -> Option<&str> {
         self.facts.get(name).map(String::as_str)
     }
@@ -116,7 +115,7 @@ impl Inputs {
         self.artifacts.keys().map(String::as_str)
     }
 
-    /// Iterates over everything that was found out while the unit was listed, by name.
+    /// Iterates over the facts found while the unit was listed, by name.
     pub fn facts(&self) -> impl Iterator<Item = (&str, &str)> {
         let facts = self.facts.iter();
         facts.map(|(name, value)| (name.as_str(), value.as_str()))
@@ -138,14 +137,14 @@ impl Inputs {
 pub struct Artifact {
     /// The partition's key.
     pub key: PartitionKey,
-    /// What its maker said about it.
+    /// Labels that its stage gave it.
     pub labels: BTreeMap<String, String>,
-    /// Where each of its files lies, by file name.
+    /// Paths of its files, by file name.
     pub files: BTreeMap<String, PathBuf>,
 }
 
 impl Artifact {
-    /// Returns where the file of this name lies, if the artifact has it.
+    /// Returns the path of the file of this name, if the artifact has it.
     pub fn file(&self, name: &str) -> Option<&Path> {
         self.files.get(name).map(PathBuf::as_path)
     }

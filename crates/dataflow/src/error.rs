@@ -20,11 +20,11 @@ pub struct FileError {
 /// One fault of a pipeline file.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Problem {
-    /// What is wrong.
+    /// Description of the fault.
     pub message: String,
     /// Where, if it has one location.
     pub location: Option<Location>,
-    /// What to do.
+    /// Suggested fix.
     pub hint: Option<String>,
 }
 
@@ -144,14 +144,14 @@ pub enum Failure {
         /// The unit.
         unit: UnitName,
     },
-    /// Whoever made a unit was lost, several times.
+    /// The worker that made a unit was lost, several times.
     #[error("`{}` partition `{}` was lost {n_tries} times, at last because {why}", unit.node, unit.partition)]
     LostOften {
         /// The unit.
         unit: UnitName,
-        /// How often it was tried.
+        /// Number of attempts.
         n_tries: usize,
-        /// Why, the last time.
+        /// Reason of the last loss.
         why: String,
     },
     /// A worker is built of other code than the run that sent it an order.
@@ -184,9 +184,9 @@ pub enum Failure {
     /// The executor cannot make units.
     #[error("{message}")]
     Executor {
-        /// What is wrong.
+        /// Description of the fault.
         message: String,
-        /// What to do.
+        /// Suggested fix.
         hint: Option<String>,
     },
     /// A unit failed in another process.
@@ -204,7 +204,7 @@ pub enum Failure {
     Protocol {
         /// The unit.
         unit: UnitName,
-        /// What it reported.
+        /// Description of the violation.
         message: String,
     },
     /// The pipeline has no output of this name.
@@ -264,7 +264,7 @@ pub enum Failure {
         stage: StageName,
         /// The key or name.
         name: String,
-        /// What it names.
+        /// Set of items that has the name twice, e.g. the partitions of an output.
         what: String,
     },
     /// A unit and its outcome both say which labels its artifact has, or neither does.

@@ -47,7 +47,8 @@ pub enum Event {
         /// Current activity.
         message: String,
     },
-    /// Whoever made a unit is gone; it is tried again, unless that has happened often.
+    /// The worker that made a unit was lost; the unit is tried again, unless that has happened
+    /// often.
     UnitLost {
         /// The unit.
         unit: UnitName,
@@ -94,7 +95,7 @@ pub enum Event {
         unit: UnitName,
         /// The error and its causes.
         message: String,
-        /// What to do.
+        /// Suggested fix.
         hint: Option<String>,
         /// The upstream output that left out too many items, if that is why.
         left_out: Option<NodeName>,

@@ -1,4 +1,4 @@
-//! Who makes units: a wave of orders goes out, and `Done`, `Failed` or `Lost` comes back for each.
+//! Executors: a wave of orders goes out, and `Done`, `Failed` or `Lost` comes back for each.
 
 use std::ops::ControlFlow;
 
@@ -22,8 +22,8 @@ pub trait Executor: Sync {
         true
     }
 
-    /// Makes the units of a wave, and tells of each how it ended, by its position. A unit of which
-    /// nothing is told was not begun, because another has failed.
+    /// Makes the units of a wave, and reports the outcome of each, by its position. A unit without
+    /// a report was not begun, because another has failed.
     ///
     /// # Errors
     ///
@@ -31,10 +31,10 @@ pub trait Executor: Sync {
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure>;
 }
 
-/// Receives how the unit at a position of its wave ended, from any thread.
+/// Receives the outcome of the unit at a position of its wave, from any thread.
 pub type Ended<'a> = dyn Fn(usize, End) + Sync + 'a;
 
-/// How the making of a unit ended.
+/// Outcome of an attempt to make a unit.
 #[derive(Debug)]
 pub enum End {
     /// Its result is in the store.
@@ -44,7 +44,7 @@ pub enum End {
     },
     /// It cannot be made: another try would fail as well.
     Failed(Failure),
-    /// Whoever made it is gone, or lacked what it needs: another try may succeed.
+    /// Its worker was lost, or lacked something that it needs: another try may succeed.
     Lost {
         /// Why, as a sentence without a final period.
         why: String,
@@ -107,7 +107,7 @@ impl Wave<'_> {
         &self.state.pipeline().name
     }
 
-    /// What a unit needs of the machine that makes it.
+    /// Resources that a unit needs (cores, memory, GPUs, time).
     pub fn resources(&self) -> &Resources {
         &self.state.pipeline().stage(self.node).resources
     }

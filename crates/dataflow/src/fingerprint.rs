@@ -117,7 +117,7 @@ pub enum Cause {
         input: ArtifactName,
         /// The partition's key.
         partition: PartitionKey,
-        /// What happened to it.
+        /// Kind of change.
         change: Change,
         /// Its digest last time; `null` if it was not read.
         old: Option<Digest>,
@@ -128,7 +128,7 @@ pub enum Cause {
     File {
         /// The file's name.
         file: String,
-        /// What happened to it.
+        /// Kind of change.
         change: Change,
         /// Its digest last time; `null` if it was not read.
         old: Option<Digest>,
@@ -174,7 +174,7 @@ pub enum Cause {
     },
 }
 
-/// How an input of a unit changed.
+/// Kind of change in an input of a unit.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {

@@ -16,8 +16,8 @@ pub struct Node {
     pub(crate) stage_idx: usize,
     /// Position of its output in [`crate::Kind::outputs`].
     pub(crate) output_idx: usize,
-    /// What it makes.
+    /// Metadata of the artifact that it makes.
     pub output: OutputInfo,
-    /// Where each input comes from: wired ones, and earlier outputs of the same stage.
+    /// Source of each input: the wired output, or an earlier output of the same stage.
     pub reads: BTreeMap<ArtifactName, NodeName>,
 }

@@ -28,15 +28,15 @@ use crate::{
 pub struct Kind {
     /// The value of `kind`.
     pub name: &'static str,
-    /// What it does, in one sentence.
+    /// Description, in one sentence.
     pub about: &'static str,
     /// The artifacts it reads; of a stage of [`Wiring::Free`], its inputs as the file names them.
     pub inputs: Vec<String>,
     /// Further artifacts that it reads where they are wired.
     pub optional_inputs: &'static [&'static str],
-    /// Whether the kind or the pipeline file says which inputs there are.
+    /// Whether the kind or the pipeline file declares the inputs.
     pub wiring: Wiring,
-    /// What its page of options ends with.
+    /// Text at the end of its page of options.
     pub example: Option<&'static str>,
     /// The artifacts it makes, in the order in which they are made: results, then reports.
     pub outputs: Vec<OutputInfo>,
@@ -54,7 +54,7 @@ pub struct OptionInfo {
     pub key: String,
     /// Its type, e.g. `number`.
     pub value: String,
-    /// What it means, with its unit.
+    /// Meaning, with its unit.
     pub about: String,
     /// Its default, if it may be left out.
     pub default: Option<String>,
@@ -97,7 +97,7 @@ struct ConfiguredStage<S: Stage> {
     parts: Arc<Parts<S>>,
 }
 
-/// What all stages of a kind have in common.
+/// Parts that all stages of a kind share.
 struct Parts<S: Stage> {
     outputs: Vec<KindOutput<S>>,
     generate: Option<Generate<S>>,

@@ -28,7 +28,7 @@ impl StageEntry {
     }
 }
 
-/// What came of an order.
+/// Outcome of an order.
 pub(crate) enum OrderOutcome {
     /// The result is in the store; `made_now` if it was not there before.
     Made { made_now: bool },

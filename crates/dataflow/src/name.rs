@@ -12,7 +12,7 @@ use crate::shared::SHARED;
 pub struct InvalidName {
     /// The text.
     pub text: String,
-    /// What it should name, e.g. `a stage`.
+    /// Kind of thing that it should name, e.g. `a stage`.
     pub what: &'static str,
     /// The rule that it breaks.
     pub rule: &'static str,

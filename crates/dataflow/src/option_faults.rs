@@ -10,7 +10,7 @@ use std::{
 pub struct OptionFault {
     /// Dotted key in the stage's table, e.g. `training.epochs`.
     pub key: String,
-    /// What is wrong, to be read after the key: `is 0, and must be from 1 to 100: …`.
+    /// Description of the fault, to be read after the key: `is 0, and must be from 1 to 100: …`.
     pub problem: String,
 }
 
@@ -66,8 +66,8 @@ impl OptionFaults {
         });
     }
 
-    /// Adds the faults of a table inside the stage's, e.g. `scene`: each a key in it and what is
-    /// wrong.
+    /// Adds the faults of a table inside the stage's, e.g. `scene`: each a key in it and a
+    /// description.
     pub fn of_table<F: Into<(&'static str, String)>>(&mut self, table: &str, found: Vec<F>) {
         for (key, problem) in found.into_iter().map(Into::into) {
             self.note(&format!("{table}.{key}"), problem);

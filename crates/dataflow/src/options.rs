@@ -1,8 +1,8 @@
-//! What to run and how.
+//! Options of a run: stages, reruns and threads.
 
 use crate::{error::Failure, graph::Node, name::StageName, pipeline::Pipeline};
 
-/// What to run and how.
+/// Options of a run: stages, reruns and threads.
 #[derive(Debug, Clone, Default)]
 pub struct RunOptions {
     /// Stop after this stage.

@@ -54,7 +54,7 @@ pub struct OutputInfo {
     pub artifact: &'static str,
     /// Name and version of its schema.
     pub schema: &'static str,
-    /// What one partition stands for.
+    /// Kind of item that one partition holds.
     pub partition: &'static str,
     /// Whether its units may run concurrently.
     pub execution: Execution,

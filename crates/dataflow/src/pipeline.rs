@@ -44,11 +44,11 @@ pub struct StageEntry {
     pub name: StageName,
     /// Its kind.
     pub kind: Kind,
-    /// Where each input comes from.
+    /// Source of each input.
     pub inputs: BTreeMap<ArtifactName, NodeName>,
     /// Share of items that may be skipped before the stage fails.
     pub max_skipped_fraction: f64,
-    /// What a unit needs of the machine that makes it.
+    /// Resources that a unit needs (cores, memory, GPUs, time).
     pub resources: Resources,
     /// Its options as TOML, merged from all files and values given.
     pub(crate) text: String,
@@ -145,7 +145,7 @@ impl Pipeline {
         Ok(())
     }
 
-    /// Returns what stages may tell of the pipeline.
+    /// Returns the facts of the pipeline that stages may report.
     pub(crate) fn facts(&self) -> RunFacts {
         let options: BTreeMap<String, serde_json::Value> = self
             .stages

@@ -1,4 +1,4 @@
-//! What a run would do, and why.
+//! Plans: the units that a run would make, and the reasons.
 //!
 //! A unit whose fingerprint is known is either cached or runs. A unit with an input that is not
 //! made yet has no fingerprint: it may run, since a rerun of equal bytes stops there. If open
@@ -29,14 +29,14 @@ use crate::{
     unit::ListedUnit,
 };
 
-/// What a run would do.
+/// Prediction of a run.
 #[derive(Debug, Clone, Serialize)]
 pub struct Plan {
     /// Every output in the order in which it would be made.
     pub nodes: Vec<PlannedNode>,
 }
 
-/// What a run would do for one output.
+/// Prediction for one output.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlannedNode {
     /// The output.
@@ -47,7 +47,7 @@ pub struct PlannedNode {
     pub may_grow: bool,
 }
 
-/// What a run would do for one unit.
+/// Prediction for one unit.
 #[derive(Debug, Clone, Serialize)]
 pub struct PlannedUnit {
     /// The partition's key.
@@ -300,7 +300,7 @@ impl Planner<'_> {
     }
 
     /// The known differences from the last time of a unit whose fingerprint is incomplete, and
-    /// whether they alone tell it from every stored unit.
+    /// whether they alone distinguish it from every stored unit.
     fn causes_so_far(&self, node: &Node, unit: &ListedUnit) -> Result<(Vec<Cause>, bool), Failure> {
         let Some((own, _)) = self.state.own_fingerprint(node, unit)? else {
             return Ok((Vec::new(), false));

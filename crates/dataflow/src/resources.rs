@@ -1,9 +1,9 @@
-//! What a stage's units need of the machine that makes them.
+//! Resources that the units of a stage need.
 
 use serde::{Deserialize, Serialize};
 
-/// What one unit of a stage needs of the machine that makes it: `resources` in its table. Only machines
-/// that a scheduler chooses are asked for it; no result depends on it.
+/// Resources that one unit of a stage needs: `resources` in its table. They are requested only from schedulers; no
+/// result depends on them.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Resources {

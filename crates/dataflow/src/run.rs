@@ -27,7 +27,7 @@ use crate::{
     unit::ListedUnit,
 };
 
-/// What a run did.
+/// Report of a run.
 #[derive(Debug, Clone)]
 pub struct RunReport {
     /// The run's number in the store; `None` if everything was cached and unchanged since an

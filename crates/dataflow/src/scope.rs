@@ -20,7 +20,7 @@ pub struct Scope {
     run: RunFacts,
 }
 
-/// A partition of an input that there is not.
+/// A partition that an input lacks, because it was skipped or filtered.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct SkippedItem {
@@ -28,11 +28,11 @@ pub struct SkippedItem {
     pub key: String,
     /// Whether it could not be used, rather than excluded by the options.
     pub is_fault: bool,
-    /// Why, as its stage says.
+    /// Reason that its stage gave.
     pub reason: String,
 }
 
-/// What a stage may tell of the pipeline it runs in.
+/// Facts of a pipeline that its stages may report.
 ///
 /// A unit that depends on any of it lists it among its [`facts`](crate::Unit::facts).
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -151,7 +151,7 @@ pub struct Partition {
     asked: Option<Arc<AtomicBool>>,
 }
 
-/// Where a partition's labels are.
+/// Storage of a partition's labels.
 #[derive(Debug, Clone)]
 enum LabelsOf {
     Own(Labels),

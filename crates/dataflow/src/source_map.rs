@@ -17,7 +17,7 @@ pub(crate) struct Texts {
 struct File {
     path: PathBuf,
     text: String,
-    /// Where it begins among all texts.
+    /// Offset of its start among all texts, in bytes.
     start: usize,
 }
 

@@ -39,7 +39,7 @@ pub trait Stage: Sized + 'static {
 
     /// The value of `kind` in the pipeline file.
     const KIND: &'static str;
-    /// What it does, in one sentence for the list of stages.
+    /// Description in one sentence, for the list of stages.
     const ABOUT: &'static str;
     /// The sources that the outputs depend on, digested at build time by `dataflow::code!()`.
     const CODE: Code;
@@ -51,7 +51,7 @@ pub trait Stage: Sized + 'static {
     const OPTIONAL_INPUTS: &'static [&'static str] = &[];
     /// Whether its inputs are those of [`Stage::INPUTS`], or those that the pipeline file names.
     const WIRING: Wiring = Wiring::Declared;
-    /// What its page of options ends with, e.g. a whole example.
+    /// Text at the end of its page of options, e.g. a whole example.
     const EXAMPLE: Option<&'static str> = None;
     /// The artifacts it makes, in the order in which they are made: each may read those before it.
     const OUTPUTS: Outputs<Self>;
@@ -64,7 +64,7 @@ pub trait Stage: Sized + 'static {
         Vec::new()
     }
 
-    /// As [`Stage::check`], of options that name inputs, with the inputs and where each comes from;
+    /// As [`Stage::check`], of options that name inputs, with the inputs and the source of each;
     /// for [`Wiring::Free`].
     fn check_wired(
         _config: &Self::Config,
@@ -83,7 +83,7 @@ pub trait Stage: Sized + 'static {
     }
 }
 
-/// Which inputs a stage has.
+/// Declaration of a stage's inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Wiring {
     /// Those that its kind declares, each with an artifact of the input's name.
@@ -92,7 +92,7 @@ pub enum Wiring {
     Free,
 }
 
-/// The names of an output: its artifact, its schema, and what one partition stands for.
+/// The names of an output: its artifact, its schema, and the kind of item that one partition holds.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct OutputNames {
     /// As [`Output::ARTIFACT`].
@@ -119,7 +119,7 @@ pub trait Output: Sync + 'static {
     const ARTIFACT: &'static str;
     /// Name and version of its schema, e.g. `demonstrations/1`.
     const SCHEMA: &'static str;
-    /// What one partition stands for, e.g. `sequence`: the name of the Hive partition column.
+    /// Kind of item in one partition, e.g. `sequence`: the name of the Hive partition column.
     const PARTITION: &'static str;
     /// Whether units of this output may run concurrently.
     const EXECUTION: Execution = Execution::Parallel;
@@ -134,7 +134,7 @@ pub trait Output: Sync + 'static {
     /// [`Report`](crate::Report) has the line instead.
     const LINE: Option<Line<Self::Metrics>> = None;
 
-    /// Returns how its units run, which the options of some kinds decide.
+    /// Returns whether its units may run concurrently, which the options of some kinds decide.
     fn execution(_config: &ConfigOf<Self>) -> Execution {
         Self::EXECUTION
     }
@@ -148,7 +148,7 @@ pub trait Output: Sync + 'static {
         }
     }
 
-    /// Lists the partitions and what each of them reads.
+    /// Lists the partitions and the inputs of each.
     ///
     /// # Errors
     ///

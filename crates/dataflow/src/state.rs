@@ -59,13 +59,13 @@ pub(crate) enum LabelsPredicted {
 pub(crate) struct Listing {
     /// The units in the order of their keys.
     pub(crate) units: Vec<ListedUnit>,
-    /// How much of each unit is certain whatever the outcome of open partitions.
+    /// Certainty of each unit, whatever the outcome of open partitions.
     pub(crate) certainty: Vec<Certainty>,
     /// Whether unlisted units may be added.
     pub(crate) may_grow: bool,
 }
 
-/// How much of a unit is certain before all inputs of its node are made; more is greater.
+/// Certainty of a unit before all inputs of its node are made; more is greater.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Certainty {
     /// Nothing: it may not exist.
@@ -263,7 +263,7 @@ impl<'a> State<'a> {
         }))
     }
 
-    /// Returns how much of each unit is certain, whichever open partitions are made.
+    /// Returns the certainty of each unit, whichever open partitions are made.
     fn certainty(&self, node: &Node, units: &[ListedUnit]) -> Vec<Certainty> {
         let asked = Arc::default();
         let without = self.list(node, &self.scope(node, Presence::Denied(None), &asked));
@@ -368,7 +368,8 @@ impl<'a> State<'a> {
             })
     }
 
-    /// Returns the state of a partition with this outcome; of one that was skipped or filtered, remembers why.
+    /// Returns the state of a partition with this outcome; of one that was skipped or filtered, remembers the
+    /// reason.
     pub(crate) fn learn(
         &mut self,
         node: &NodeName,
@@ -494,7 +495,7 @@ pub(crate) fn digest_source(
     }
 }
 
-/// Which open partitions are assumed to be made.
+/// Open partitions that are assumed to be made.
 #[derive(Debug, Clone, Copy)]
 enum Presence<'a> {
     /// All of them.
@@ -503,7 +504,7 @@ enum Presence<'a> {
     Denied(Option<(&'a NodeName, Option<&'a PartitionKey>)>),
 }
 
-/// Returns how much of a unit is certain, given its counterpart in another listing.
+/// Returns the certainty of a unit, given its counterpart in another listing.
 fn present(unit: &ListedUnit, other: Option<&ListedUnit>) -> Certainty {
     match other {
         None => Certainty::Unknown,

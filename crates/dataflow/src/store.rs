@@ -20,7 +20,7 @@ use crate::{
 
 /// A unit in progress: locked, with an empty folder.
 pub trait UnitTransaction {
-    /// Where the unit's files go.
+    /// Folder for the unit's files.
     fn folder(&self) -> &Path;
 
     /// Folder for the unit's resume state: kept until the unit's result is stored. Created by the
@@ -101,7 +101,7 @@ pub struct RunRecord {
     pub nodes: Vec<NodeRecord>,
     /// Every unit, in the order of the graph.
     pub units: Vec<UnitRef>,
-    /// How it ended.
+    /// Its status.
     pub status: RunStatus,
     /// Seconds it took.
     pub seconds: f64,
@@ -125,7 +125,7 @@ pub struct StageRecord {
     pub kind: String,
     /// Its configuration, as fingerprints hold it.
     pub config: serde_json::Value,
-    /// Where each input came from, by input name.
+    /// Source of each input, by input name.
     pub inputs: BTreeMap<ArtifactName, NodeName>,
 }
 
@@ -134,7 +134,7 @@ pub struct StageRecord {
 pub struct OutputRecord {
     /// The output.
     pub node: NodeName,
-    /// What one partition of it is, e.g. `object`: the column of its key in tables.
+    /// Kind of item that one partition holds, e.g. `object`: the column of its key in tables.
     pub partition: String,
 }
 
@@ -163,7 +163,7 @@ pub struct NodeRecord {
     pub seconds: f64,
 }
 
-/// How a run ended.
+/// Status of a run.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum RunStatus {
@@ -205,15 +205,16 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
 
-    /// Fetches what a run shows of these results and is not here. Returns whether each is complete; one
-    /// that is not is made again.
+    /// Fetches those files of these results that a run publishes and that are not here. Returns whether each is
+    /// complete; one that is not is made again.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
     fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised>;
 
-    /// Returns how many bytes of a result are not here, but would be fetched when they are needed.
+    /// Returns the number of bytes of a result that are not here, but would be fetched when they
+    /// are needed.
     fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64;
 
     /// Returns a result that another process has just stored, here or where this store shares its results.
@@ -223,7 +224,7 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
 
-    /// Returns how many seconds a unit took to make, if its result is stored.
+    /// Returns the seconds that a unit took to make, if its result is stored.
     ///
     /// # Errors
     ///
@@ -238,7 +239,7 @@ pub trait Store: Sync {
     /// Fails if another has claimed it, or if that cannot be known.
     fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised>;
 
-    /// Has files shared anew which another machine could not read where results are shared.
+    /// Shares files anew that another machine could not read where results are shared.
     ///
     /// # Errors
     ///

@@ -12,7 +12,7 @@ use crate::{
 
 /// Name of the tables in a pipeline file.
 const TABLES: &str = "sweep";
-/// How they are written.
+/// Example of these tables, for hints.
 const HINT: &str = "write, e.g., `[[sweep]]` and below it `\"train.training.epochs\" = [50, 100]`";
 
 /// Several values for one key, or for keys that change together: one `--set` with one value or several,

@@ -1,4 +1,4 @@
-//! Where a hand could take an object: opposed places for thumb and fingers, and a way to come.
+//! Ways to grasp an object: opposed contacts for thumb and fingers, and an approach direction.
 
 use std::f64::consts::TAU;
 
@@ -30,13 +30,13 @@ pub(crate) struct Approach {
     pub(crate) cost: f64,
 }
 
-/// Where each finger's line lies beside the middle finger's, towards the thumb's side, in meters.
+/// Offset of each finger's line from the middle finger's, towards the thumb's side, in meters.
 const BESIDE_M: [f64; FINGERS] = [0.006, 0.022, 0.0, -0.020, -0.038];
 /// Widths that a hand can span, in meters.
 const GRASPABLE_M: std::ops::Range<f64> = 0.002..0.108;
 /// Wider than this is uncomfortable, in meters.
 const WIDE_M: f64 = 0.075;
-/// Where what is grasped lies in the hand's frame of a right hand, in meters.
+/// Position of the grasped part in the frame of a right hand, in meters.
 const GRIP_IN_HAND_M: [f64; 3] = [0.082, 0.004, -0.060];
 
 /// Draws one way to take an object; `None` if thumb and fingers would not oppose each other.

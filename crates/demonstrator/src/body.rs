@@ -26,8 +26,8 @@ pub(crate) struct Body {
 
 /// Rests within this cosine of the frame's z axis are not another way to lie.
 const UPRIGHT_COSINE: f64 = 0.9;
-/// How far an object that lies firmly may be tilted, in radians, and how much that must lift its
-/// center of mass, in meters: boxes lie firmly, cans roll.
+/// Tilt that an object that lies firmly comes back from, in radians, and the least lift of its
+/// center of mass by that tilt, in meters: boxes lie firmly, cans roll.
 const TILT_RAD: f64 = 0.14;
 const TILT_LIFT_M: f64 = 0.0008;
 

@@ -1,4 +1,4 @@
-//! The cameras, the table's frame in the world, and how they are written down.
+//! The cameras, the table's frame in the world, and the calibration files.
 
 use std::fmt::Write;
 
@@ -18,7 +18,7 @@ const FY: f64 = 612.6;
 const PPX: f64 = 318.7;
 const PPY: f64 = 243.2;
 
-/// Where the cameras stand and what they look at, in the table's frame, in meters.
+/// Positions of the cameras and the point that they look at, in the table's frame, in meters.
 const MASTER_AT: [f64; 3] = [0.62, -0.62, 0.78];
 const LABELED_AT: [f64; 3] = [1.38, 0.05, 0.72];
 const MIDDLE: [f64; 3] = [0.58, 0.30, 0.05];

@@ -14,13 +14,13 @@ pub enum DemonstratorError {
     Option {
         /// The option's key.
         option: &'static str,
-        /// What is wrong with it.
+        /// Description of the fault.
         problem: &'static str,
     },
     /// A file or folder could not be read or written.
     #[error("cannot {action} `{}`", path.display())]
     File {
-        /// What was tried.
+        /// Operation that failed.
         action: &'static str,
         /// The file or folder.
         path: PathBuf,
@@ -38,7 +38,7 @@ pub enum DemonstratorError {
 }
 
 impl DemonstratorError {
-    /// Returns what to do about it, where that is known.
+    /// Returns a suggested fix, where one is known.
     pub fn hint(&self) -> Option<String> {
         match self {
             Self::Recipe(_) | Self::Option { .. } => Some(

@@ -26,11 +26,11 @@ const ROUNDS: usize = 30;
 const SOFT_M: f64 = 0.0005;
 /// Room between flesh and table, in meters.
 const ABOVE_TABLE_M: f64 = 0.004;
-/// How high the wrist and a point on the forearm should be, in meters.
+/// Least height of the wrist and of a point on the forearm, in meters.
 const WRIST_HEIGHT_M: f64 = 0.045;
-/// How much the knuckles are opened before the fit, in radians.
+/// Angle by which the knuckles are opened before the fit, in radians.
 const OPEN_RAD: f64 = 0.3;
-/// Where the point on the forearm is in the hand's frame, in meters.
+/// Coordinate x of the point on the forearm in the hand's frame, in meters.
 const FOREARM_M: f64 = -0.12;
 
 /// The sum of squares and its derivatives.
@@ -171,7 +171,7 @@ fn assemble(
             (nearest.distance_m - radius) * weight,
             &(row(pad, &nearest.normal) * weight),
         );
-        // It is about where it should be.
+        // The pad is near its target.
         let place = target.point + target.normal * radius;
         let weight = share / if finger == 0 { 0.010 } else { 0.014 };
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
@@ -230,7 +230,8 @@ fn same_side(nearest: NearestPoint, target: &NearestPoint, pad: &Point3<f64>) ->
     }
 }
 
-/// Adds what keeps the joints natural: near the posture, and neighboring fingers alike.
+/// Adds the residuals that keep the joints natural: near the posture, and neighboring fingers
+/// alike.
 fn near_posture(system: &mut System, approach: &Approach, q: &Joints) {
     for (joint, &angle) in q.iter().enumerate() {
         system.add(

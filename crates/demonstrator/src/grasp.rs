@@ -18,11 +18,11 @@ pub(crate) struct Grasp {
     pub(crate) placed: FittedHand,
     /// From the hand to the object, unit.
     pub(crate) toward: Vector3<f64>,
-    /// What is good and bad about it.
+    /// Its quality.
     pub(crate) quality: Quality,
 }
 
-/// What is good and bad about a grasp.
+/// Quality of a grasp: gaps, depths and balance.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Quality {
     /// Gap between each finger's skin and the surface, in meters; negative where flesh is pressed.
@@ -46,7 +46,8 @@ pub(crate) const MAX_DEPTH_M: f64 = 0.0025;
 const MAX_IMBALANCE: f64 = 0.25;
 
 impl Quality {
-    /// Says whether the thumb and two fingers touch, and nothing is where it cannot be.
+    /// Says whether the thumb and two fingers touch, flesh is neither too deep in the object nor in
+    /// the table, and the contacts can hold it.
     pub(crate) fn is_good(&self) -> bool {
         let [thumb, fingers @ ..] = self.gaps_m;
         let touching = fingers.iter().filter(|gap| gap.abs() < TOUCHING_M).count();
@@ -150,9 +151,9 @@ fn judge(
     }
 }
 
-/// What is left over when the thumb does not touch: worse than any grasp.
+/// Imbalance when the thumb does not touch: worse than any grasp.
 const NO_THUMB: f64 = 9.0;
-/// How much larger than the person's the hand may be that learns from the grasp.
+/// Maximum size of the hand that learns from the grasp, relative to the person's.
 const LARGER: f64 = 1.2;
 /// The corners of such a hand's palm in the hand's frame, in meters.
 const LARGER_PALM_M: [[f64; 3]; 8] = [
@@ -165,7 +166,7 @@ const LARGER_PALM_M: [[f64; 3]; 8] = [
     [0.095, 0.057, -0.02],
     [0.095, 0.057, 0.02],
 ];
-/// How far such a hand opens each joint before it closes, in radians.
+/// Angle by which such a hand opens each joint before it closes, in radians.
 const OPENING_RAD: f64 = 0.3;
 /// Half the thickness of its fingertips, in meters.
 const TIP_RADIUS_M: f64 = 0.012;
@@ -199,12 +200,12 @@ const TIPS: [usize; 4] = [4, 8, 12, 16];
 
 /// Edges of a friction cone.
 const EDGES: usize = 6;
-/// Friction assumed, below what the object really has.
+/// Friction assumed, below the object's real one.
 const FRICTION: f64 = 0.7;
 /// Torques are divided by this length, in meters.
 const LEVER_M: f64 = 0.04;
 
-/// Returns what is left over when contacts push within their friction cones, the thumb with force
+/// Returns the residual when contacts push within their friction cones, the thumb with force
 /// one, to balance each other and a load: the length of force and scaled torque.
 fn imbalance(
     contacts: &[(usize, Point3<f64>, Vector3<f64>)],

@@ -10,7 +10,7 @@ use spatial::Pose;
 
 use crate::noise::normal;
 
-/// Which hand.
+/// Side of a hand.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Side {
     Left,
@@ -95,7 +95,7 @@ const BONES_MM: [[f64; 3]; FINGERS] = [
     [41.4, 25.7, 21.3],
     [32.7, 18.1, 19.7],
 ];
-/// Where each finger starts, in millimeters.
+/// Base of each finger, in millimeters.
 const BASES_MM: [[f64; 3]; FINGERS] = [
     [28.0, 26.0, -14.0],
     [92.0, 24.0, 0.0],
@@ -115,7 +115,7 @@ const RADII_MM: [[f64; 4]; FINGERS] = [
 ];
 /// Radius of the flesh of the palm, in millimeters.
 const PALM_RADIUS_MM: f64 = 13.0;
-/// Where on the last bone the pad is.
+/// Position of the pad along the last bone, as a share of its length.
 const PAD_AT: f64 = 0.6;
 
 /// One person's hand.
@@ -188,7 +188,7 @@ impl Hand {
         hand
     }
 
-    /// Returns which hand it is.
+    /// Returns the side of the hand.
     pub(crate) fn side(&self) -> Side {
         self.side
     }
@@ -280,8 +280,8 @@ impl Hand {
     }
 }
 
-/// Returns how the thumb starts: its axis about 45° out of the palm's plane, its pad turned towards
-/// the fingers.
+/// Returns the rotation of the thumb's base: its axis about 45° out of the palm's plane, its pad
+/// turned towards the fingers.
 fn thumb_rotation() -> Rotation3<f64> {
     let along = Vector3::new(0.62, 0.42, -0.66).normalize();
     let pad = Vector3::new(0.72, -0.68, 0.0);

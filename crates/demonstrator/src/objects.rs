@@ -9,7 +9,7 @@ use nalgebra::{Point3, Vector3};
 
 use crate::solid::{Builder, Ring, ellipse, level_set, loft, oriented_ellipse, rounded_rectangle};
 
-/// How objects of a kind are put down and taken up.
+/// Placement and grasp of objects of a kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Handling {
     /// It may also lie on its side; it is taken across its body.
@@ -26,7 +26,7 @@ pub(crate) struct ObjectKind {
     pub(crate) id: i32,
     /// The dataset's name.
     pub(crate) name: &'static str,
-    /// How it is put down and taken up.
+    /// Its placement and grasp.
     pub(crate) handling: Handling,
     /// Makes its mesh.
     pub(crate) mesh: fn() -> TriMesh,

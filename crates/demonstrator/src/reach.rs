@@ -12,7 +12,8 @@ use crate::{
     noise::{LowPass, between, direction, normal3},
 };
 
-/// What is where in one frame; the table's frame has z up and z = 0 at its surface.
+/// Poses of hand and object in one frame of a recording; the table's frame has z up and z = 0 at
+/// its surface.
 #[derive(Debug, Clone)]
 pub(crate) struct RecordedFrame {
     /// The wrist's pose and the joints; `None` while the hand is out of sight.

@@ -1,4 +1,4 @@
-//! What the made-up recordings are like: every number of the generator that one may want to change.
+//! Recipe of the synthetic recordings: every number of the generator that one may want to change.
 
 use serde::Deserialize;
 

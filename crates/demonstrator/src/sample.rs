@@ -22,14 +22,14 @@ const CODE: &str = env!("PIPELINE_CODE");
 
 /// The recipe's file in a folder of made-up recordings.
 pub const RECIPE_FILE: &str = "recipe.toml";
-/// Says by what the recordings were made; written last.
+/// Names the recipe and code that made the recordings; written last.
 const STAMP_FILE: &str = ".made";
 /// Recordings in the making.
 const MAKING_FOLDER: &str = ".making";
 /// Held while recordings are checked and made.
 const LOCK_FILE: &str = ".lock";
 
-/// What [`ensure_sample`] found or did.
+/// Outcome of [`ensure_sample`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum SampleOutcome {
     /// The folder has no recipe: its recordings are not ours to make.
@@ -100,7 +100,7 @@ fn make_all(recipe: &Recipe, making: &Path) -> Result<SampleOutcome, Demonstrato
     })
 }
 
-/// Moves what was made into place, over what older recipes made.
+/// Moves the new recordings into place, over those of older recipes.
 fn replace(
     root: &Path,
     making: &Path,
@@ -117,7 +117,7 @@ fn replace(
                 .into_owned(),
         );
     }
-    // From here on the folder is ours to clear, also for whoever comes after an interruption.
+    // From here on the folder is ours to clear, also for a call after an interruption.
     let old = old_stamp
         .lines()
         .filter_map(|line| line.strip_prefix("entry "));
@@ -154,7 +154,7 @@ fn write_stamp(root: &Path, text: &str) -> Result<(), DemonstratorError> {
     fs::rename(&beside, root.join(STAMP_FILE)).map_err(failed("move", &beside))
 }
 
-/// Removes a folder; that there is none is fine.
+/// Removes a folder, if there is one.
 fn remove(folder: &Path) -> Result<(), DemonstratorError> {
     match fs::remove_dir_all(folder) {
         Err(err) if err.kind() != io::ErrorKind::NotFound => Err(failed("remove", folder)(err)),

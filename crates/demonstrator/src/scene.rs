@@ -23,22 +23,22 @@ pub(crate) struct Scene {
     pub(crate) hand: Hand,
     /// Indices into the bodies, in the order of `ycb_ids`.
     pub(crate) objects: Vec<usize>,
-    /// Where in `objects` the grasped one is.
+    /// Index of the grasped one in `objects`.
     pub(crate) grasped: usize,
     /// Poses of all objects in the first frame; the grasped one's is also in the frames.
     pub(crate) table_from_objects: Vec<Pose<Table, Object>>,
     pub(crate) frames: Vec<RecordedFrame>,
 }
 
-/// Where grasped objects lie on the table, in meters.
+/// Ranges of the positions of grasped objects on the table, in meters.
 const GRASPED_X_M: [f64; 2] = [0.45, 0.75];
 const GRASPED_Y_M: [f64; 2] = [0.20, 0.42];
-/// Where other objects may stand, in meters.
+/// Ranges of the positions of other objects, in meters.
 const OTHERS_X_M: [f64; 2] = [0.08, 1.12];
 const OTHERS_Y_M: [f64; 2] = [-0.04, 0.64];
 /// Room between objects, and between the hand and other objects, in meters.
 const ROOM_M: f64 = 0.04;
-/// How often the drawing of grasps may start over.
+/// Maximum number of rounds of drawing grasps.
 const ROUNDS: usize = 12;
 
 /// Makes one recording.
@@ -110,7 +110,7 @@ fn placed(rest: &RestingPose, place: Vector3<f64>, rng: &mut ChaCha8Rng) -> Pose
     Pose::<Table, Table>::from_parts(place, yaw) * rest.table_from_object()
 }
 
-/// Puts other objects where neither hand nor objects come.
+/// Places other objects clear of the paths of hand and objects.
 fn place_others(
     recipe: &Recipe,
     bodies: &[Body],
@@ -121,7 +121,7 @@ fn place_others(
 ) -> Vec<(usize, Pose<Table, Object>)> {
     let [fewest, most] = recipe.distractors;
     let wanted = rng.random_range(fewest..=most);
-    // What moves, as points with a radius.
+    // Moving bodies, as points with a radius.
     let mut taken: Vec<(Vector3<f64>, f64)> = Vec::new();
     for frame in frames {
         taken.push((
@@ -192,7 +192,7 @@ mod tests {
         seen[..=end].to_vec()
     }
 
-    /// Where the largest value is, as a share of the length.
+    /// Position of the largest value, as a share of the length.
     fn peak(values: &[f64]) -> f64 {
         let largest = values.iter().copied().fold(f64::MIN, f64::max);
         values.iter().position(|&value| value == largest).unwrap() as f64

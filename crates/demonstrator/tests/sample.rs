@@ -1,4 +1,4 @@
-//! What lies on disk: layout, consistency, determinism, and what is left alone.
+//! Files on disk: layout, consistency, determinism, and files that are left alone.
 
 use std::{
     collections::BTreeMap,

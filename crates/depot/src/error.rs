@@ -1,25 +1,25 @@
-//! Why a depot did not do what it was asked.
+//! Failures of a depot.
 
 use std::{error::Error, io, time::Duration};
 
-/// Why a depot did not do what it was asked.
+/// Failures of a depot.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DepotError {
     /// A file or folder of a shared folder could not be used.
     #[error("cannot {action} `{key}` in the depot")]
     Io {
-        /// What was tried, e.g. `get`.
+        /// Operation that failed, e.g. `get`.
         action: &'static str,
         /// The key.
         key: String,
         /// Why it failed.
         source: io::Error,
     },
-    /// A store of another kind did not do what it was asked.
+    /// A request to a store of another kind failed.
     #[error("cannot {action} `{key}` in the depot")]
     Store {
-        /// What was tried, e.g. `get`.
+        /// Operation that failed, e.g. `get`.
         action: &'static str,
         /// The key.
         key: String,
@@ -29,17 +29,17 @@ pub enum DepotError {
     /// A request was not answered.
     #[error("the depot did not answer within {} s: {action} `{key}`", waited.as_secs())]
     Silent {
-        /// What was tried, e.g. `get`.
+        /// Operation that failed, e.g. `get`.
         action: &'static str,
         /// The key.
         key: String,
-        /// How long it was waited for, without any progress.
+        /// Time waited without any progress.
         waited: Duration,
     },
-    /// A depot answers, but not as one must.
+    /// A depot answers, but violates its contract.
     #[error("the depot cannot be relied on: {why}")]
     Unreliable {
-        /// What it does.
+        /// Behavior that violates the contract.
         why: String,
     },
     /// A depot that failed before is not asked again by this process.

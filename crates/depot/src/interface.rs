@@ -1,4 +1,4 @@
-//! What a depot does.
+//! Interface of a depot.
 
 use std::{
     io::{Cursor, Read},
@@ -78,7 +78,7 @@ pub enum PutMode {
     Always,
 }
 
-/// What became of a file that was put.
+/// Outcome of an upload.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Put {
     /// It is stored.

@@ -24,7 +24,7 @@ const SLOWEST: u64 = 1_000_000;
 /// A connection to a depot.
 ///
 /// After a request has failed or was not answered, the depot is *offline* for this process: further
-/// requests fail at once, so that whoever makes them does without.
+/// requests fail at once, so that their callers go on without the depot.
 pub struct Link {
     depot: Arc<dyn Depot>,
     offline: OnceLock<String>,
@@ -33,7 +33,7 @@ pub struct Link {
     bytes_put: AtomicU64,
 }
 
-/// What went over a link.
+/// Traffic of a link.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Traffic {
     /// Number of requests.
@@ -66,7 +66,7 @@ impl Link {
         self.offline.get_or_init(|| why);
     }
 
-    /// Returns what went over the link so far.
+    /// Returns the traffic of the link so far.
     pub fn traffic(&self) -> Traffic {
         Traffic {
             n_requests: self.n_requests.load(Ordering::Relaxed),

@@ -20,7 +20,7 @@ enum WorkMessage<T, R> {
     End(R),
 }
 
-/// How the work passes a part on; returns whether there is still a receiver.
+/// Passes a part of the work on; returns whether there is still a receiver.
 pub(crate) type Pass<'a, T> = dyn FnMut(T) -> bool + 'a;
 
 /// Runs `work` in a thread and passes its parts to `each`, which says whether it wants more. Returns

@@ -27,9 +27,9 @@ const JOINTS_N: usize = 16;
 /// end.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct GraspTimes {
-    /// Where the evaluator begins: the hand must not be more than 10 mm in the object there.
+    /// Pregrasp, where the evaluator begins: the hand must be at most 10 mm in the object.
     pub pregrasp: f64,
-    /// Where the fingers touch, before they squeeze.
+    /// Grasp, where the fingers touch, before they squeeze.
     pub grasp: f64,
 }
 
@@ -94,7 +94,7 @@ pub fn to_dexgraspbench(
     Ok(export)
 }
 
-/// Says what the grasps and folders do not hold.
+/// Lists the information that the grasps and folders do not hold.
 fn lost(masses: &[f64], times: GraspTimes) -> Vec<String> {
     let (low, high) = masses
         .iter()
@@ -117,7 +117,7 @@ fn lost(masses: &[f64], times: GraspTimes) -> Vec<String> {
     ]
 }
 
-/// Where each of the evaluator's joints is among those of a motion.
+/// Returns the index of each of the evaluator's joints among those of a motion.
 fn allegro_order(episode: &Episode) -> Result<Vec<usize>, FormatError> {
     let joints = episode.joints();
     let expected: Vec<String> = (0..JOINTS_N).map(|idx| format!("joint_{idx}.0")).collect();

@@ -15,7 +15,7 @@ pub enum FormatError {
     Motion {
         /// The motion.
         name: String,
-        /// What is wrong.
+        /// The fault.
         source: MotionError,
     },
     /// Some steps of a motion have a commanded position, and others none.
@@ -73,7 +73,7 @@ pub enum FormatError {
     Part {
         /// The object.
         object: String,
-        /// What is wrong.
+        /// The fault.
         source: GeometryError,
     },
     /// A table cannot be encoded.

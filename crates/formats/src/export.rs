@@ -1,13 +1,13 @@
-//! What is exported.
+//! Result of an export.
 
 use std::collections::BTreeMap;
 
-/// The files of an export, and what its format could not hold.
+/// The files of an export, and the information that its format could not hold.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Export {
     /// Bytes by path, relative to the export's folder, with `/` between its parts.
     pub files: BTreeMap<String, Vec<u8>>,
-    /// What is not in it, one fact each.
+    /// Information that the format could not hold, one fact each.
     pub lost: Vec<String>,
 }
 

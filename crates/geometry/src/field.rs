@@ -12,7 +12,7 @@ use crate::{GeometryError, SurfaceDistance, TriMesh, winding::inside};
 /// that from a corner.
 /// Deep inside, where two sides are equally far, it is off by up to half a spacing, and walls thinner
 /// than two spacings read thinner than they are.
-/// Whether a node is inside is decided by how often the surface winds around it, so that scanned
+/// Whether a node is inside is decided by the surface's winding number around it, so that scanned
 /// surfaces that fold over themselves are no trouble.
 #[derive(Debug, Clone, PartialEq)]
 pub struct DistanceField {
@@ -31,12 +31,12 @@ pub struct DistanceField {
 
 /// Greatest number of nodes: 128 MiB.
 const MAX_NODES: usize = 1 << 26;
-/// Where nodes lie relative to the mesh, as a share of the spacing: such that the round coordinates
-/// of made shapes fall between them.
+/// Offset of the nodes relative to the mesh, as a share of the spacing: the round coordinates of
+/// made shapes fall between them.
 const SHIFT: f64 = 0.381_966;
 /// Distance from the surface up to which every node is searched, in meters.
 const SURE_M: f64 = 0.012;
-/// What a written field begins with.
+/// First bytes of a written field.
 const MAGIC: &[u8; 8] = b"sdfield1";
 /// Bytes before the distances: the mark, the least node, the spacing, the quantum and the counts.
 const HEADER: usize = 8 + 8 * 8;
@@ -217,7 +217,7 @@ impl DistanceField {
     }
 }
 
-/// Where the nodes of a field are.
+/// Positions of a field's nodes.
 struct Grid {
     least: Point3<f64>,
     spacing_m: f64,

@@ -8,7 +8,7 @@ use crate::TriMesh;
 /// bowl's thin wall.
 const SANE_SHARE_OF_HULL: std::ops::Range<f64> = 0.02..1.02;
 
-/// How a rigid body resists forces.
+/// Mass properties of a rigid body.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct MassProperties {
     /// Mass, in kilograms.

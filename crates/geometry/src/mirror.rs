@@ -36,7 +36,7 @@ const EQUAL_M: f64 = 2e-4;
 pub struct MirrorPlane {
     /// The plane's normal, in the mesh's frame; its largest coordinate is positive.
     pub normal: Unit<Vector3<f64>>,
-    /// Where the plane is, in meters: its points x have `normal` · x = `offset_m`.
+    /// Offset of the plane, in meters: its points x have `normal` · x = `offset_m`.
     pub offset_m: f64,
     /// Distance to the surface, in meters, that 99 % of the surface stay within when reflected.
     ///

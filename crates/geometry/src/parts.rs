@@ -31,7 +31,7 @@ const DEEP: f64 = 0.15;
 /// Voxels along the longest side: a bowl's wall is then about two voxels.
 const RESOLUTION: u32 = 100;
 
-/// How far a part may stick out of the mesh where more parts could follow it, in meters.
+/// Maximum protrusion of a part from the mesh where more parts could follow it, in meters.
 const THICKER_M: f64 = 0.002;
 
 /// Points of a hull at which it is compared with the mesh.
@@ -164,10 +164,10 @@ fn merged(mut bodies: Vec<TriMesh>, limit: usize, surface: &SurfaceDistance) -> 
     alive.iter().map(|&idx| bodies[idx].clone()).collect()
 }
 
-/// What joining two bodies costs.
+/// Cost of joining two bodies.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 struct Cost {
-    /// How far the hull of both sticks out of the mesh, in meters, at least [`THICKER_M`] / 2.
+    /// Protrusion of the hull of both from the mesh, in meters, at least [`THICKER_M`] / 2.
     thicker_m: f64,
     /// The volume that it adds, in cubic meters.
     added_m3: f64,

@@ -1,4 +1,4 @@
-//! How a body can lie on a table.
+//! Stable resting orientations of a body on a table.
 
 use std::collections::BTreeMap;
 
@@ -20,9 +20,9 @@ pub struct StablePose {
 const SAME_REST_RAD: f64 = 0.2;
 /// Rests less likely than this are bumps of the mesh, not ways to lie.
 const MIN_PROBABILITY: f64 = 0.005;
-/// How far the center of mass may be outside a facet's edge and still rest on it, in meters.
+/// Tolerance for a center of mass outside the edge of the facet that it rests on, in meters.
 const EDGE_TOLERANCE_M: f64 = 1e-5;
-/// How far rounding may put the center of mass beyond a facet, in meters.
+/// Tolerance for a center of mass that rounding puts beyond a facet, in meters.
 const INSIDE_M: f64 = 1e-6;
 
 /// A facet of the hull as a floor to lie on.

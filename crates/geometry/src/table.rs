@@ -1,4 +1,4 @@
-//! The table that still objects stand on, found from how they can stand.
+//! The table that still objects stand on, found from their stable rests.
 
 use nalgebra::{Matrix2, Matrix3x2, Point3, Unit, Vector2, Vector3};
 use spatial::{Object, Pose, World};
@@ -15,17 +15,17 @@ const SAME_M: f64 = 0.012;
 const BELOW_M: f64 = 0.03;
 /// Probability that an object does not stand on the table, or does and reaches through it.
 const STRANGE: f64 = 1e-4;
-/// How far off an object's own up is taken to be, in radians, and its own height, in meters: what
-/// weighs them against each other.
+/// Standard deviations of an object's own up, in radians, and of its own height, in meters: they
+/// weigh the two against each other.
 const DEVIATION_RAD: f64 = 2.5 * std::f64::consts::PI / 180.0;
 const DEVIATION_M: f64 = 0.003;
 
-/// A still object and how it can lie.
+/// A still object and its stable rests.
 #[derive(Debug, Clone, Copy)]
 pub struct StillObject<'a> {
-    /// Where the object is.
+    /// Pose of the object.
     pub world_from_object: Pose<World, Object>,
-    /// How its shape lets it lie on a table: see [`crate::stable_rests`].
+    /// Stable rests of its shape on a table: see [`crate::stable_rests`].
     pub rests: &'a [StablePose],
     /// Vertices of the mesh or of its hull, in meters in the object's frame.
     pub vertices_m: &'a [Point3<f64>],
@@ -36,7 +36,7 @@ pub struct StillObject<'a> {
 pub struct TablePlane {
     /// Direction against gravity, in the world's frame.
     pub up: Unit<Vector3<f64>>,
-    /// Where the table is, in meters: its points x have `up` · x = `height_m`.
+    /// Height of the table along `up`, in meters: its points x have `up` · x = `height_m`.
     pub height_m: f64,
     /// Objects that stand on it, with a stable side down.
     ///

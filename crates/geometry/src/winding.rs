@@ -1,4 +1,4 @@
-//! Which nodes of a grid a surface winds around.
+//! Nodes of a grid inside a surface, by their winding numbers.
 
 use nalgebra::Point3;
 
@@ -6,11 +6,10 @@ use crate::TriMesh;
 
 /// Returns for each node of a grid whether it is inside a mesh; x runs fastest, then y.
 ///
-/// Along each line of the grid, the signed crossings of the surface beyond a node add up to how
-/// often the surface winds around it (Nooruddin and Turk, "Simplification and repair of polygonal
-/// models using volumetric techniques", 2003, §3.1, with signs in place of parity). What lines along
-/// the three axes say is put to the vote, so that a hole misleads those lines alone that leave
-/// through it.
+/// Along each line of the grid, the signed crossings of the surface beyond a node add up to the
+/// surface's winding number around it (Nooruddin and Turk, "Simplification and repair of polygonal
+/// models using volumetric techniques", 2003, §3.1, with signs in place of parity). The lines along
+/// the three axes vote, so that a hole misleads those lines alone that leave through it.
 pub(crate) fn inside(
     mesh: &TriMesh,
     least: &Point3<f64>,

@@ -178,7 +178,7 @@ fn brute_distance(mesh: &TriMesh, p: &Point3<f64>) -> f64 {
     best
 }
 
-/// How often the surface winds around a point (van Oosterom and Strackee 1983).
+/// Returns the winding number of the surface around a point (van Oosterom and Strackee 1983).
 fn winding(mesh: &TriMesh, p: &Point3<f64>) -> f64 {
     let mut sum = 0.0;
     for &triangle in &mesh.triangles {

@@ -16,18 +16,18 @@ pub const CONTACTS_N: usize = 10;
 const CONTACT_STEP_S: f64 = 0.04;
 /// Radius of a contact that presses with nothing, in meters.
 const CONTACT_RADIUS_M: f64 = 0.002;
-/// What a newton adds to the radius of a contact, in meters; the radius is bounded by four times the least.
+/// Growth of a contact's radius with its force, in meters per newton; the radius is at most four times the least.
 const CONTACT_RADIUS_M_PER_N: f64 = 0.0006;
 /// A contact of robot and object.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Contact {
-    /// Where it is, table frame, in meters.
+    /// Position in the table's frame, in meters.
     pub point_in_table_m: [f64; 3],
     /// Size of its force, in newtons.
     pub force_n: f64,
 }
 
-/// Adds a ball for each contact, as large as its force; one that there is not has no size.
+/// Adds a ball for each contact, as large as its force; an absent one has no size.
 pub(crate) fn add(scene: &mut Scene, world: usize, moments: &[Moment]) {
     let mut shown: Vec<(usize, Vec<Contact>)> = Vec::new();
     let mut next_s = f64::NEG_INFINITY;

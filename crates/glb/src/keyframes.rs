@@ -1,6 +1,6 @@
 //! The fewest moments between which linear interpolation stays within a tolerance.
 
-/// How far a link may be shown from where it was at any moment, in meters.
+/// Maximum error of a link's shown position at any moment, in meters.
 pub const TOLERANCE_M: f64 = 5e-5;
 
 /// Returns the places of the moments to keep, the first and the last among them. `error_m(from, to, at)` is

@@ -11,7 +11,7 @@ use crate::{
     shapes, write,
 };
 
-/// How far the farthest point of a robot's links may be from a joint that moves it, in meters: a rotation
+/// Largest distance of a point of a robot's links from a joint that moves it, in meters: a rotation
 /// error counts as that much error of position.
 const REACH_M: f64 = 0.2;
 /// Half of the table's sides and of its thickness, in meters.
@@ -26,7 +26,7 @@ pub struct ObjectMesh {
     pub triangles: Vec<[u32; 3]>,
 }
 
-/// What is the same at all moments of a motion.
+/// Parts of a motion that are the same at all moments.
 #[derive(Debug, Clone, Copy)]
 pub struct MotionScene<'a> {
     /// The animation's name.

@@ -1,4 +1,4 @@
-//! What a player shows of a file at a time, by the specification.
+//! Playback of a file as the specification defines it: poses and sizes at a time.
 
 use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion, Vector3};
 

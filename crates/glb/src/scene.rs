@@ -47,7 +47,7 @@ pub(crate) struct Material {
     pub(crate) color: [f32; 4],
 }
 
-/// How a node moves.
+/// Motion of a node.
 #[derive(Debug, Clone)]
 pub(crate) struct Track {
     pub(crate) node: usize,

@@ -1,4 +1,4 @@
-//! What a player shows at any time is where the motion had the hand and the object.
+//! Playback shows the hand and the object where the motion had them, at any time.
 
 mod motions;
 

@@ -1,4 +1,4 @@
-//! What others make of the files: Khronos' validator and trimesh.
+//! Other readers of the files: Khronos' validator and trimesh.
 //!
 //! `PIPELINE_NODE_MODULES` names a folder with `gltf-validator` from npm, `PIPELINE_PYTHON` a Python with
 //! `trimesh`; without them these tests skip, and say so.

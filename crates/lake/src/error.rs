@@ -17,7 +17,7 @@ pub enum LakeError {
     /// A file or folder could not be read or written.
     #[error("cannot {action} `{}`", path.display())]
     Io {
-        /// What was tried, e.g. `read`.
+        /// Operation that failed, e.g. `read`.
         action: &'static str,
         /// Where.
         path: PathBuf,
@@ -27,7 +27,7 @@ pub enum LakeError {
     /// A table is not valid Parquet.
     #[error("cannot {action} the table `{}`", path.display())]
     Parquet {
-        /// What was tried, e.g. `read`.
+        /// Operation that failed, e.g. `read`.
         action: &'static str,
         /// Where.
         path: PathBuf,
@@ -37,7 +37,7 @@ pub enum LakeError {
     /// A recording is not valid MCAP.
     #[error("cannot {action} the recording `{}`", path.display())]
     Mcap {
-        /// What was tried, e.g. `read`.
+        /// Operation that failed, e.g. `read`.
         action: &'static str,
         /// Where.
         path: PathBuf,
@@ -53,7 +53,7 @@ pub enum LakeError {
     /// A file of the lake is gone.
     #[error("`{}` is missing", path.display())]
     Lost {
-        /// Where it was.
+        /// Its path.
         path: PathBuf,
     },
     /// Another machine writes to the lake, and neither sees the locks of the other.
@@ -98,7 +98,7 @@ pub enum LakeError {
         /// Why not.
         source: Box<DepotError>,
     },
-    /// The depot did not do what it was asked.
+    /// A request to the depot failed.
     #[error(transparent)]
     Depot(#[from] DepotError),
     /// The depot lacks a file of a result, or has it damaged.
@@ -148,7 +148,7 @@ pub enum LakeError {
         table: &'static str,
         /// The partition's key.
         key: PartitionKey,
-        /// How it differs.
+        /// The difference from the schema.
         source: SchemaError,
     },
     /// A stage's result cannot be written as a table.
@@ -170,7 +170,7 @@ pub enum LakeError {
     /// A unit lacks an input: the plan is not its stage's.
     #[error("the unit reads no {what}")]
     MissingInput {
-        /// What is missing, e.g. `candidates`.
+        /// The missing input, e.g. `candidates`.
         what: &'static str,
     },
     /// A stage reported a metric that is NaN or infinite.
@@ -178,7 +178,7 @@ pub enum LakeError {
     Metric {
         /// The metric's name.
         metric: String,
-        /// What it is.
+        /// Its value.
         value: f64,
     },
     /// A file of an artifact is not of its format.

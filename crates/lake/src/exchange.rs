@@ -1,4 +1,4 @@
-//! What a person asks of a depot: to send, to fetch, to verify and to remove.
+//! Depot operations that a person starts: send, fetch, verify and remove.
 
 use std::{
     collections::{BTreeSet, HashSet},
@@ -105,7 +105,7 @@ impl Lake {
         Ok(n_lost)
     }
 
-    /// Stores a file in the depot, reads and removes it; returns whether what was read is what was stored.
+    /// Stores a file in the depot, reads and removes it; returns whether the bytes read are the bytes stored.
     ///
     /// # Errors
     ///
@@ -145,7 +145,7 @@ impl Lake {
         Ok(faults.len())
     }
 
-    /// Removes or counts what no kept run refers to in the depot: of each pipeline on each machine,
+    /// Removes or counts the unreferenced files of the depot: of each pipeline on each machine,
     /// the newest `n_runs` are kept, and everything younger than a week.
     ///
     /// # Errors

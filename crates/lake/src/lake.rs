@@ -38,7 +38,7 @@ pub struct Lake {
     pub(crate) dirty: DirtyMarks,
     pub(crate) sources: Sources,
     pub(crate) in_flight: InFlight,
-    /// Where results are shared with other machines, if they are.
+    /// Depot in which results are shared with other machines, if they are.
     pub(crate) shared: Option<Shared>,
     /// The type of its file system, if that has no locks between machines.
     unlocked: OnceLock<Option<String>>,
@@ -70,7 +70,7 @@ impl Lake {
         self
     }
 
-    /// Sends what is made so far to the depot, for at most `patience`; what is left is sent later.
+    /// Sends the results made so far to the depot, for at most `patience`; the rest is sent later.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl Lake {
             .map_or(Ok(()), |shared| shared.finish(patience))
     }
 
-    /// Returns what this process shared with its depot, if it has one.
+    /// Returns a report of the results that this process shared with its depot, if it has one.
     ///
     /// # Errors
     ///
@@ -230,8 +230,7 @@ impl Lake {
         Ok(found.map(|(record, _)| record))
     }
 
-    /// Returns the record kept under a fingerprint's digest, and when, where and by what its unit was
-    /// made.
+    /// Returns the record kept under a fingerprint's digest, and the provenance of its unit.
     ///
     /// # Errors
     ///
@@ -248,7 +247,7 @@ impl Lake {
         Ok(record.map(|record| (record, provenance)))
     }
 
-    /// Returns what was printed while the unit of this fingerprint was made, if anything was kept.
+    /// Returns the path of the log of the unit of this fingerprint, if one was kept.
     pub fn log(&self, fingerprint: &Digest) -> Option<PathBuf> {
         Some(self.folder.log(fingerprint)).filter(|path| path.is_file())
     }

@@ -24,12 +24,12 @@ use crate::{
     stamps::Stamps,
 };
 
-/// When, where and by what a unit was made: never part of an artifact.
+/// Provenance of a unit (time, machine, program): never part of an artifact.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
-    /// When its making began, in nanoseconds since 1970.
+    /// Start time, in nanoseconds since 1970.
     pub started_ns: u64,
-    /// How long it took, in seconds.
+    /// Duration, in seconds.
     pub took_s: f64,
     /// The program and its version.
     pub program: String,

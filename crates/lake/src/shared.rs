@@ -1,8 +1,8 @@
-//! Where a lake meets a depot, in which machines share their results.
+//! Sharing of results between a lake and a depot, which several machines use.
 //!
 //! A lake with a depot finds in it what it does not have: a record is looked up there, and a blob is
-//! fetched when something asks for its bytes. What the lake makes is sent there beside the work. All
-//! of it is optional: a depot that is down is done without, and its bytes are checked as they come.
+//! fetched when something asks for its bytes. What the lake makes is sent there beside the work. All of it is
+//! optional: a lake goes on without a depot that is down, and checks its bytes as they come.
 
 mod check;
 mod claims;
@@ -37,10 +37,10 @@ use self::{
     send::Sender,
 };
 
-/// What a lake shared with its depot, for people.
+/// Report of the results that a lake shared with its depot, for people.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct SharingReport {
-    /// What went over the link.
+    /// Traffic of the link.
     pub traffic: Traffic,
     /// Units whose results were found in the depot.
     pub n_units_found: usize,
@@ -60,7 +60,7 @@ pub struct SharingReport {
     pub offline: Option<String>,
 }
 
-/// The depot of a lake, and what is known of it.
+/// The depot of a lake, and its known content.
 pub(crate) struct Shared {
     remote: Arc<Remote>,
     folder: Folder,
@@ -102,12 +102,12 @@ impl Shared {
         self.index.enter(pipeline);
     }
 
-    /// Has the record of a unit asked for, which another machine has just made.
+    /// Asks for the record of a unit that another machine has just made.
     pub(crate) fn expect(&self, fingerprint: &Digest) {
         self.index.expect(&self.remote, fingerprint);
     }
 
-    /// Has files sent again of which the depot may have lost some.
+    /// Marks files to be sent again, of which the depot may have lost some.
     pub(crate) fn doubt<'f>(&self, files: impl Iterator<Item = &'f FileRef>) {
         lock(&self.lost).extend(files.map(|file| file.digest));
     }
@@ -189,12 +189,12 @@ impl Shared {
         Ok(())
     }
 
-    /// Has a unit sent that is about to be stored.
+    /// Puts a unit that is about to be stored into the outbox.
     pub(crate) fn send_unit(&self, fingerprint: &Digest) -> Result<(), LakeError> {
         self.outbox.add(Item::Unit(*fingerprint))
     }
 
-    /// Has a run sent, after its units.
+    /// Puts a run into the outbox, to be sent after its units.
     pub(crate) fn send_run(&self, number: u64) -> Result<(), LakeError> {
         self.outbox.add(Item::Run(number))
     }

@@ -132,7 +132,7 @@ pub struct ColumnDescription {
     pub data_type: String,
     /// The unit of its numbers, empty if it holds none.
     pub unit: String,
-    /// What it means.
+    /// Its meaning.
     pub description: String,
 }
 

@@ -30,7 +30,7 @@ use crate::{
 pub struct Fault {
     /// The file, below the lake, or a file outside.
     pub path: PathBuf,
-    /// What is wrong with it.
+    /// Description of the fault.
     pub what: String,
     /// Whether the file is useless, so that it can be dropped and rebuilt.
     #[serde(skip)]

@@ -33,7 +33,7 @@ pub(super) enum Source {
     },
 }
 
-/// How it differs.
+/// A difference in an input of two runs.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct InputChange {
     #[serde(flatten)]

@@ -18,7 +18,7 @@ pub(super) struct ValueChange {
     pub(super) new: Value,
 }
 
-/// Where a stage's input came from.
+/// A stage's input that is wired differently in two runs.
 #[derive(Debug, PartialEq, Serialize)]
 pub(super) struct WireChange {
     /// `stage.inputs.name`

@@ -16,7 +16,7 @@ use crate::outcome::CommandError;
 pub(super) struct Folder {
     /// Its place, absolute.
     path: PathBuf,
-    /// Where it is made: beside its place, and removed unless it is finished.
+    /// Temporary folder beside its place, in which it is made; removed unless it is finished.
     beside: TempDir,
 }
 
@@ -49,7 +49,7 @@ impl Folder {
         })
     }
 
-    /// Returns where it will be.
+    /// Returns its final path.
     pub(super) fn path(&self) -> &Path {
         &self.path
     }

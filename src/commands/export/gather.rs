@@ -30,13 +30,13 @@ pub(super) struct GatheredMotions {
     pub(super) episodes: Vec<Episode>,
     /// The hand's name.
     pub(super) hand: String,
-    /// What was left out, one fact each.
+    /// Omissions, one fact each.
     pub(super) left_out: Vec<String>,
     /// The run that has them.
     run: Run,
 }
 
-/// What of a rollout or an execution is exported.
+/// Exported part of a rollout or an execution.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ExportedPart {
     /// What was measured and commanded, of those that were recorded.

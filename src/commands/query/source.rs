@@ -1,4 +1,4 @@
-//! Where a query's tables come from: the lake, or the depot of several machines.
+//! Source of a query's tables: the lake, or the depot of several machines.
 
 use std::{collections::BTreeSet, path::PathBuf};
 
@@ -7,7 +7,7 @@ use lake::{DepotTables, Lake, LakeError, Run, TableFiles};
 
 use crate::{commands::lookup, outcome::CommandError, sharing};
 
-/// Where tables come from.
+/// Source of tables.
 pub(super) enum Source<'a> {
     /// The lake: the tables of artifacts are those of a run, or else of the newest run that made each.
     Lake {

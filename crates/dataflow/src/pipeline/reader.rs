@@ -29,7 +29,7 @@ use crate::{
     tables::{found, merge_values, set_value},
 };
 
-/// How resources are written.
+/// Example of `resources`, for hints.
 const RESOURCES_HINT: &str =
     "write, e.g., `resources = { cores = 4, memory_gb = 16, gpus = 1, time_min = 30 }`";
 

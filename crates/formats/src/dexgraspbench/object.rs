@@ -6,7 +6,7 @@ use serde_json::json;
 
 use crate::FormatError;
 
-/// What the bench knows of an object, in the object's frame and in meters.
+/// Properties of an object in the bench, in the object's frame and in meters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct BenchObject {
     /// True mass, in kilograms.
@@ -22,8 +22,8 @@ pub struct BenchObject {
 impl BenchObject {
     /// Returns its files, by their paths in its folder.
     ///
-    /// The density is the mass by the volume of the convex parts together, because the evaluator gives each part
-    /// of the mass what its volume takes: so all parts together have the mass that it is told.
+    /// The density is the mass by the volume of the convex parts together, because the evaluator splits the mass
+    /// among the parts by their volumes: all parts together then have the given mass.
     pub(super) fn files(&self, name: &str) -> Result<Vec<(String, String)>, FormatError> {
         let hull = |part: &Vec<[f64; 3]>| {
             let cloud = TriMesh {

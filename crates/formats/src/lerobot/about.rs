@@ -1,4 +1,4 @@
-//! What the dataset's numbers mean: `info.json`, `stats.json` and the page for people.
+//! Metadata of the dataset: `info.json`, `stats.json` and `README.md`.
 
 use serde_json::{Map, Value, json};
 

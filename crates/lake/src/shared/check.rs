@@ -26,10 +26,10 @@ use crate::{
 /// Files read at once.
 const AT_ONCE: usize = 8;
 
-/// What a depot is tried out with.
+/// Content of the file by which a depot is tested.
 const TRIED: &[u8] = b"tried";
 
-/// A fault in a depot: the key, and what is wrong.
+/// A fault in a depot: the key, and a description.
 pub(crate) type KeyFault = (PathBuf, String);
 
 impl Shared {
@@ -71,7 +71,7 @@ impl Shared {
         Ok((entries.len(), total, faults))
     }
 
-    /// Stores a file in the depot, reads and removes it; returns whether what was read is what was stored.
+    /// Stores a file in the depot, reads and removes it; returns whether the bytes read are the bytes stored.
     pub(crate) fn try_out(&self) -> Result<bool, DepotError> {
         let link = self.remote.to_write()?;
         let key = format!("doctor/{}", atomic::process_name());
@@ -108,7 +108,7 @@ impl Shared {
     }
 }
 
-/// Returns what is wrong with a file of a depot.
+/// Returns the fault of a file of a depot, if it has one.
 fn fault(link: &Link, entry: &Entry, there: &BTreeSet<&str>) -> Result<Option<String>, DepotError> {
     let key = entry.key.as_str();
     let path = Path::new(key);

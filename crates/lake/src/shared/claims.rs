@@ -40,7 +40,8 @@ impl Shared {
         })
     }
 
-    /// What tells this lake from all others, on this machine too, and from its own copies.
+    /// Returns the identity of this lake, which distinguishes it from all others, on this machine
+    /// too, and from its own copies.
     fn identity(&self) -> Result<String, LakeError> {
         let path = self.folder.join("identity");
         let root = self.folder.root();
@@ -76,8 +77,8 @@ impl Shared {
 /// Times that an identity is looked for, while other processes do the same.
 const TRIES: usize = 8;
 
-/// What a folder keeps when it is moved and its copies do not have: its number in the file system, and when it
-/// was made, where that is known.
+/// Returns properties of a folder that a move keeps and a copy does not: its inode number, and its creation time,
+/// where that is known.
 fn place(folder: &Path) -> io::Result<String> {
     let found = fs::metadata(folder)?;
     let made = found.created().map_or(0, nanoseconds);

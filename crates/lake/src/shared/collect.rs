@@ -23,7 +23,7 @@ use crate::{
 /// Age below which nothing is removed.
 const GRACE: Duration = Duration::from_hours(7 * 24);
 
-/// What is removed from a depot.
+/// Files to remove from a depot.
 #[derive(Debug, Default)]
 pub(crate) struct Garbage {
     /// Keys, in an order in which nothing refers to what is gone already.
@@ -36,7 +36,7 @@ pub(crate) struct Garbage {
     pub(crate) n_kept: usize,
 }
 
-/// What kept units refer to.
+/// Digests to which kept units refer.
 #[derive(Default)]
 struct ReferencedKeys {
     units: BTreeSet<Digest>,
@@ -54,7 +54,7 @@ impl ReferencedKeys {
 }
 
 impl Shared {
-    /// Lists what no kept run refers to; of each pipeline on each machine the newest `n_runs` count.
+    /// Lists the unreferenced files; of each pipeline on each machine the newest `n_runs` are kept.
     pub(crate) fn garbage(&self, records: &Records, n_runs: usize) -> Result<Garbage, LakeError> {
         let link = self.remote.link();
         let before = oldest_kept(link)?;

@@ -1,4 +1,4 @@
-//! What is known of a depot's records, learned in few requests.
+//! Index of a depot's records, built with few requests.
 //!
 //! The first records are asked for one by one. From then on the names of all are listed, and most
 //! records come together: a run leaves those of all its units in one file.
@@ -51,7 +51,7 @@ pub(crate) struct SharedRun {
 /// A record that was found, and its recipe.
 pub(crate) type FoundRecord = (Arc<Stored>, Arc<OutputFingerprint>);
 
-/// What is known of a depot's records.
+/// Index of a depot's records, as far as they are known.
 #[derive(Default)]
 pub(crate) struct Index(Mutex<IndexedRecords>);
 

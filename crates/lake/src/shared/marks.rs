@@ -1,5 +1,5 @@
-//! Empty files that stand for facts which must survive the process: what is to be sent, and which
-//! blobs were left in the depot.
+//! Empty files that stand for facts which must survive the process: the items to be sent, and the
+//! blobs that were left in the depot.
 
 use std::{
     collections::BTreeSet,
@@ -20,7 +20,7 @@ use crate::{
 /// Prefix, before a run's number, of its mark in the outbox.
 const RUN: &str = "run-";
 
-/// What is to be sent to the depot.
+/// An item to be sent to the depot.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Item {
     /// A unit, by its fingerprint.
@@ -29,7 +29,7 @@ pub(crate) enum Item {
     Run(u64),
 }
 
-/// Marks of what is to be sent.
+/// Marks of the items to be sent.
 #[derive(Debug, Clone)]
 pub(crate) struct Outbox(PathBuf);
 
@@ -38,7 +38,7 @@ impl Outbox {
         Self(folder.outbox())
     }
 
-    /// Lists what is to be sent, the units first.
+    /// Lists the items to be sent, the units first.
     pub(crate) fn list(&self) -> Result<Vec<Item>, LakeError> {
         let names = names_in(&self.0)?;
         let items = names

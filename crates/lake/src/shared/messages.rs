@@ -1,4 +1,4 @@
-//! Small files in the depot by which a run and its workers speak: orders, and how they ended.
+//! Small files in the depot by which a run and its workers communicate: orders and their outcomes.
 
 use dataflow::FileRef;
 use depot::{Content, PutMode};
@@ -6,7 +6,7 @@ use depot::{Content, PutMode};
 use super::keys;
 use crate::{LakeError, lake::Lake};
 
-/// What a run and its workers tell each other in the depot.
+/// Messages between a run and its workers in the depot.
 impl Lake {
     /// Leaves a message under a key, e.g. `NAME/orders/7`.
     ///

@@ -33,7 +33,7 @@ use crate::{
 /// Items sent at once.
 const AT_ONCE: usize = 8;
 
-/// Time between looks at what other processes have put into the outbox.
+/// Time between looks for items that other processes have put into the outbox.
 const EVERY: Duration = Duration::from_millis(500);
 
 /// Age from which a blob that is there is sent again, so that garbage collection, which removes
@@ -51,7 +51,7 @@ pub(crate) enum Unsent {
     Lake(#[from] LakeError),
 }
 
-/// What was sent.
+/// Result of sending.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub(crate) struct SendReport {
     /// Number of units.
@@ -63,7 +63,7 @@ pub(crate) struct SendReport {
     pub(crate) differing: BTreeSet<(String, String)>,
 }
 
-/// Sends what is in the outbox, in a thread that is started by the first to ask for it.
+/// Sends the items in the outbox, in a thread that is started by the first to ask for it.
 pub(crate) struct Sender {
     work: Arc<Work>,
     is_started: Mutex<bool>,
@@ -165,7 +165,7 @@ impl Work {
     fn go_on(&self) {
         loop {
             let asked = lock(&self.passes).n_asked;
-            // What cannot be read now is tried again in the next pass.
+            // Items that cannot be read now are tried again in the next pass.
             let _tried = self.outbox.list().map(|items| self.pass(&items));
             let is_offline = self.remote.idle().offline().is_some();
             let mut passes = lock(&self.passes);
@@ -411,7 +411,7 @@ impl Read for VerifiedBytes {
         self.hasher.update(into.get(..n_read).unwrap_or_default());
         let left = self.left.checked_sub(n_read as u64);
         self.left = left.ok_or_else(damaged)?;
-        // Whoever stores it may not ask for more than its size.
+        // The reader may stop at the blob's size, so the digest is checked there.
         if self.left == 0 && Digest::from(*self.hasher.finalize().as_bytes()) != self.expected {
             return Err(damaged());
         }
