@@ -1,8 +1,8 @@
-//! What a contact can press with: the wrenches of its friction cone.
+//! Wrenches of a contact's friction cone.
 
 use nalgebra::{Point3, Unit, Vector3, Vector6};
 
-/// What contacts are measured by.
+/// Parameters of contact wrenches: center of torques and characteristic length.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Measure {
     /// Torques are about it, object frame, in meters.

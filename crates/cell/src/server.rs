@@ -98,7 +98,7 @@ pub type OutcomeListener = Box<dyn Fn(&Report) + Send + Sync>;
 /// Called at each step of the control loop.
 pub type TickListener = Box<dyn Fn(Tick) + Send + Sync>;
 
-/// What keeps the cell reachable.
+/// Threads and sessions that keep the cell reachable.
 struct CellServices {
     _alive: LivelinessToken,
     _queryables: Vec<Queryable<()>>,

@@ -161,7 +161,7 @@ pub struct InvalidOption {
     pub key: &'static str,
     /// Its value.
     pub value: String,
-    /// What would be valid, and why.
+    /// Valid values and the reason.
     pub expected: String,
 }
 

@@ -83,7 +83,7 @@ pub(crate) struct State<'a> {
     pipeline: &'a Pipeline,
     store: &'a dyn Store,
     made: BTreeMap<NodeName, BTreeMap<PartitionKey, PartitionState>>,
-    /// What nodes skipped or filtered.
+    /// Items that nodes skipped or filtered.
     left_out: BTreeMap<NodeName, Vec<SkippedItem>>,
     run: RunFacts,
     /// Nodes that may get more partitions than are known.

@@ -20,7 +20,7 @@ use crate::{
 pub(crate) struct Approach {
     /// From the hand to the object, object frame, unit.
     pub(crate) toward: Vector3<f64>,
-    /// Where each finger's pad should touch; `None` where the object does not reach.
+    /// Contact point of each finger's pad; `None` where the object does not reach.
     pub(crate) targets: [Option<NearestPoint>; FINGERS],
     /// The hand's pose from which the fit starts.
     pub(crate) object_from_hand: Pose<Object, Hand>,

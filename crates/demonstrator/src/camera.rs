@@ -23,7 +23,7 @@ const MASTER_AT: [f64; 3] = [0.62, -0.62, 0.78];
 const LABELED_AT: [f64; 3] = [1.38, 0.05, 0.72];
 const MIDDLE: [f64; 3] = [0.58, 0.30, 0.05];
 
-/// Where the labeled camera and the table are in the world.
+/// Poses of the labeled camera and the table in the world.
 pub(crate) struct CameraRig {
     pub(crate) world_from_table: Pose<World, Table>,
     pub(crate) world_from_camera: Pose<World, Camera>,

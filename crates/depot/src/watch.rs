@@ -14,7 +14,7 @@ use std::{
 /// Messages that the work may be ahead of its receiver.
 const AHEAD: usize = 16;
 
-/// What a piece of work says.
+/// Message of a piece of work.
 enum WorkMessage<T, R> {
     Part(T),
     End(R),

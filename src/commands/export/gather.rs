@@ -39,13 +39,13 @@ pub(super) struct GatheredMotions {
 /// Exported part of a rollout or an execution.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ExportedPart {
-    /// What was measured and commanded, of those that were recorded.
+    /// Measured and commanded motions, of rollouts that were recorded.
     Recording,
     /// The candidate that was executed.
     Candidate,
 }
 
-/// How a candidate ended.
+/// Outcome of a candidate.
 struct CandidateOutcome {
     candidate_id: String,
     outcome: String,

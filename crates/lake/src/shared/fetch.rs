@@ -25,7 +25,7 @@ const AT_ONCE: usize = 8;
 /// Times that bytes which came damaged are asked for.
 const TRIES: usize = 2;
 
-/// What came of a blob that was asked for.
+/// Outcome of fetching a blob.
 enum FetchOutcome {
     Whole,
     Damaged,

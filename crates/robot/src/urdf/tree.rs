@@ -8,7 +8,7 @@ use crate::{RobotError, near::near_names};
 /// A link's place in the tree.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct TreePosition {
-    /// Which link of the file it is.
+    /// Index of the link in the file.
     pub(super) link: usize,
     /// Index in the file of the joint that it hangs on.
     pub(super) joint: Option<usize>,
