@@ -39,7 +39,7 @@ pub struct IngestConfig {
     /// Images per second of the recordings (Hz): that of DexYCB's cameras
     #[serde(default = "defaults::rate_hz")]
     pub rate_hz: f64,
-    /// Where the hand's landmarks come from
+    /// Source of the hand's landmarks
     #[serde(default)]
     pub landmarks: Landmarks,
     /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
@@ -127,7 +127,7 @@ pub enum Format {
     Tracks,
 }
 
-/// Where a hand's landmarks come from. If both sources exist, their difference is reported.
+/// Source of a hand's landmarks. If both sources exist, their difference is reported.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Landmarks {

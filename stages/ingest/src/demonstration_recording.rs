@@ -123,7 +123,7 @@ pub(crate) fn write(
     recording.finish()
 }
 
-/// What is shown at one time.
+/// The scene at one time.
 struct RecordedScene {
     time_s: f64,
     table_from_object: Pose<Table, Object>,

@@ -38,7 +38,7 @@ pub(crate) struct Rule {
 /// An object's rest pose and its departure from it.
 #[derive(Debug, Clone)]
 pub(crate) struct Departure {
-    /// Where it rests.
+    /// Rest pose.
     pub(crate) world_from_object: Pose<World, Object>,
     /// The last image before it leaves; `None` if it is away from the first image on.
     pub(crate) last: Option<usize>,
@@ -168,7 +168,7 @@ fn departure(
     Some(idx)
 }
 
-/// How far a pose is from another.
+/// Distance between two poses.
 #[derive(Debug, Clone, Copy)]
 struct Deviation {
     m: f64,

@@ -129,7 +129,7 @@ impl Reader for DexYcb<'_> {
     }
 }
 
-/// What the labels show.
+/// Fused observations of the labels, and the cameras' agreement.
 struct FusedLabels {
     images: Vec<Observation>,
     agreement: Agreement,

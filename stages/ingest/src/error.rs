@@ -81,7 +81,7 @@ pub enum IngestError {
     NoneTold {
         /// Recordings that there are.
         found: usize,
-        /// What is wrong with the first one.
+        /// The fault of the first one.
         source: RecordingError,
     },
     /// Landmarks are asked of hand models, but no folder of them is named.
@@ -93,7 +93,7 @@ pub enum IngestError {
     /// The folder of hand models lacks one, or there is no such folder.
     #[error("no hand model at `{}`", path.display())]
     NoHandModel {
-        /// Where it should be.
+        /// The expected path.
         path: PathBuf,
     },
     /// A hand model cannot be read.
@@ -120,7 +120,7 @@ pub enum IngestError {
     Mesh {
         /// The object's name.
         object: String,
-        /// What is wrong with the file named.
+        /// The fault of the file named.
         source: RecordingError,
     },
     /// A directory of the dataset could not be listed.
@@ -218,7 +218,7 @@ impl Advise for IngestError {
     }
 }
 
-/// Where the root of a dataset may be instead, if it is not there at all.
+/// Suggested root of a dataset, if the given one does not exist.
 fn elsewhere(root: &Path) -> String {
     if root.is_dir() {
         return String::new();
@@ -270,7 +270,7 @@ pub enum RecordingError {
     NotAFile {
         /// The file's name in the dataset.
         file: String,
-        /// What lies there.
+        /// What was found there instead.
         found: &'static str,
     },
     /// A name cannot be written.
@@ -297,7 +297,7 @@ pub enum RecordingError {
     Npz {
         /// Its name in the dataset.
         file: String,
-        /// What is wrong.
+        /// The fault.
         source: NpzError,
     },
     /// A YAML file is damaged or lacks a key.
@@ -305,13 +305,13 @@ pub enum RecordingError {
     Yaml {
         /// Its name in the dataset.
         file: String,
-        /// What is wrong.
+        /// The fault.
         source: YamlError,
     },
     /// A number is outside of what the format allows.
     #[error("{what} in `{file}`")]
     Value {
-        /// What is wrong.
+        /// The fault.
         what: String,
         /// Its name in the dataset.
         file: String,
@@ -353,7 +353,7 @@ pub enum RecordingError {
     HandModel {
         /// Its name in the dataset.
         file: String,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// Landmarks are asked of a hand model, but there is none.
@@ -388,7 +388,7 @@ pub enum RecordingError {
     NotMirrored {
         /// The recorded hand.
         hand: &'static str,
-        /// What is in the way.
+        /// The obstacle.
         reason: String,
     },
     /// The object's mesh cannot be used.
@@ -396,7 +396,7 @@ pub enum RecordingError {
     Mesh {
         /// Its name in the dataset.
         file: String,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
 }

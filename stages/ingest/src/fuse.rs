@@ -9,7 +9,7 @@ use spatial::Pose;
 
 use crate::recording::Keypoints;
 
-/// How far apart a meter and a radian are: objects are about this large, in meters per radian.
+/// Meters that count as one radian in distances between poses: about the size of objects.
 const METERS_PER_RADIAN: f64 = 0.1;
 
 /// The estimate of the cameras that agree.
@@ -19,7 +19,7 @@ pub(crate) struct Fused<T> {
     pub(crate) value: T,
     /// Number of cameras that agree.
     pub(crate) agreeing_n: usize,
-    /// How far the farthest of them is from their center, in meters.
+    /// Distance of the farthest of them from their center, in meters.
     pub(crate) spread_m: f64,
 }
 

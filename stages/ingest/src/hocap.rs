@@ -93,7 +93,7 @@ struct Grasped {
     departure: Departure,
 }
 
-/// What a recording's metadata and its objects' poses say.
+/// Metadata of a recording and poses of its objects.
 struct RecordingFiles {
     meta: Meta,
     poses: Poses,
@@ -339,7 +339,7 @@ fn check_nearer_hand(
     }
 }
 
-/// Where the cameras are.
+/// Poses of the cameras.
 struct Calibration {
     /// By serial number, in the recording's order.
     world_from_cameras: Vec<(String, Pose<World, Camera>)>,

@@ -35,7 +35,7 @@ const AXES: usize = 3;
 /// Numbers of one object's pose: `[R|t]`.
 const POSE_NUMBERS: usize = 12;
 
-/// How the names of a dataset's label files begin; they go on with the image's number and `.npz`.
+/// Prefix of a dataset's label file names, which the image's number and `.npz` follow.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct LabelNames(pub(crate) &'static str);
 
@@ -110,7 +110,7 @@ impl LabelNames {
     }
 }
 
-/// What one camera saw in one image, in the camera's frame: x right, y down, z forward, in meters.
+/// Labels of one camera's image, in the camera's frame: x right, y down, z forward, in meters.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Labels {
     /// The hand's landmarks; `None` where the file marks them as not there (all −1).
@@ -119,7 +119,7 @@ pub struct Labels {
     pub camera_from_object: Option<Pose<Camera, Object>>,
 }
 
-/// What one camera of `HO-Cap` saw in one image, in the camera's frame.
+/// Labels of one image of a camera of `HO-Cap`, in the camera's frame.
 #[derive(Debug)]
 pub(crate) struct HandLabels {
     /// The right and the left hand's landmarks; `None` for a hand of which one is marked as not there (all −1).

@@ -31,7 +31,7 @@ pub enum ManoError {
     /// The bytes are not a pickle, are damaged or end early.
     #[error("no pickle that can be read: {what} at byte {at}")]
     Pickle {
-        /// What is wrong.
+        /// The fault.
         what: &'static str,
         /// Where, from the file's start.
         at: usize,
@@ -44,7 +44,7 @@ pub enum ManoError {
     Array {
         /// The part.
         key: &'static str,
-        /// What is wrong, as the rest of a sentence.
+        /// The fault, as the rest of a sentence.
         what: &'static str,
     },
     /// An array has other dimensions.

@@ -43,7 +43,7 @@ pub enum NpzError {
     Damaged {
         /// The array.
         array: String,
-        /// What is wrong.
+        /// The fault.
         reason: String,
     },
     /// An array has other dimensions.
@@ -72,7 +72,7 @@ pub enum NpzError {
     },
 }
 
-/// What reading archives needs besides their bytes; worth keeping from one file to the next.
+/// Buffers for reading archives; worth keeping from one file to the next.
 #[derive(Debug)]
 pub(crate) struct Unpacker {
     directory: Directory,

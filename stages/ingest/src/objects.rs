@@ -6,7 +6,7 @@ use schemas::objects::{Mirror, Object, RestingOrientation};
 
 use crate::error::RecordingError;
 
-/// What a shape is made from.
+/// Inputs of a shape.
 pub(crate) struct Source<'a> {
     /// The dataset's name of it.
     pub(crate) name: &'a str,

@@ -120,10 +120,10 @@ impl ListedRecording {
     }
 }
 
-/// What a recording is about.
+/// Metadata of a recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct About {
-    /// Who grasps.
+    /// The person who grasps.
     pub(crate) subject: String,
     /// The grasped object's name.
     pub(crate) object: String,
@@ -154,7 +154,7 @@ pub(crate) fn those_there(
 pub(crate) const MAX_YAML_BYTES: u64 = 1 << 20;
 /// Largest accepted mesh file: the dataset's own have 1 MB.
 pub(crate) const MAX_MESH_BYTES: u64 = 256 << 20;
-/// Where the datasets' meshes lie.
+/// Folders of the datasets' meshes.
 pub(crate) const MODELS: &str = "models/";
 
 /// Returns where an object's mesh lies, relative to a dataset.

@@ -25,11 +25,11 @@ pub(crate) struct Recording {
     pub(crate) ground: TableSource,
     /// The content of each image, by the image's number.
     pub(crate) images: Vec<Observation>,
-    /// How well the sources agree.
+    /// Agreement of the sources.
     pub(crate) agreement: Agreement,
 }
 
-/// What says where the table is.
+/// Source of the table's pose.
 #[derive(Debug, Clone)]
 pub(crate) enum TableSource {
     /// A tag lies on it.

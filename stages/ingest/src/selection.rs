@@ -1,4 +1,4 @@
-//! Which recordings are taken: hand, subjects, objects and the dataset's own splits.
+//! Selection of recordings: hand, subjects, objects and the dataset's own splits.
 //!
 //! Splits s0 to s3: Chao et al., *DexYCB: A Benchmark for Capturing Hand Grasping of Objects*, 2021,
 //! section 4. The split by objects: Ye et al., *Learning Continuous Grasping Function with a
@@ -79,7 +79,7 @@ impl Cameras {
     }
 }
 
-/// What becomes of a listed recording.
+/// Decision on a listed recording.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum Selection {
     /// It is read, as these cameras saw it.

@@ -71,7 +71,7 @@ pub(crate) fn lying(
     }
 }
 
-/// What a shape says about how it can stand.
+/// Stable orientations of a shape.
 struct Shape {
     rests: Vec<StablePose>,
     vertices_m: Vec<Point3<f64>>,

@@ -50,7 +50,7 @@ pub(crate) struct Meta {
     pub(crate) extrinsics: String,
     /// Numbers of the objects in the scene.
     pub(crate) ycb_ids: Vec<u32>,
-    /// Which of them is grasped, as index into `ycb_ids`.
+    /// Index in `ycb_ids` of the object that is grasped.
     pub(crate) ycb_grasp_ind: usize,
     /// Sides of the hands.
     pub(crate) mano_sides: Vec<String>,

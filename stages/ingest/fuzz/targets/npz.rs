@@ -23,7 +23,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
     Corpus::Keep
 });
 
-/// What is read has its shape's count of numbers, all finite.
+/// Arrays that are read have as many numbers as their shape says, all finite.
 fn read_all(archive: &[u8]) {
     for (array, shape) in ARRAYS {
         if let Ok(numbers) = read::npz(archive, array, shape) {

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use libfuzzer_sys::{Corpus, fuzz_target};
 use stage_ingest::ManoModel;
 
-/// How near to a word a place is, in bytes.
+/// Distance of a position from a word, in bytes.
 const NEAR: usize = 64;
 
 fuzz_target!(|bytes: &[u8]| -> Corpus {
@@ -32,7 +32,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
 /// A model to change.
 struct Base {
     bytes: Vec<u8>,
-    /// Where its instructions are.
+    /// Position of its instructions.
     places: Vec<usize>,
 }
 

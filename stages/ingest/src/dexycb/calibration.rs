@@ -1,4 +1,4 @@
-//! Where the cameras and the table's tag are.
+//! Poses of the cameras and of the table's tag.
 
 use dataflow::SourceFile;
 use nalgebra::{Point3, Vector3};

@@ -83,9 +83,9 @@ impl Shaped {
 #[derive(Debug, Clone)]
 pub(super) struct Tip {
     pub(super) rest: Shaped,
-    /// How it moves with each entry of the rotation matrices less the identity.
+    /// Derivative of its position by each entry of the rotation matrices less the identity.
     pub(super) pose_directions: Vec<Vector3<f64>>,
-    /// How much it follows each joint; sums to one.
+    /// Skinning weight of each joint; they sum to one.
     pub(super) weights: [f64; JOINTS],
 }
 

@@ -32,7 +32,7 @@ pub(super) enum Value<'a> {
     Dict(Vec<(Ref, Ref)>),
     /// A function or class by its name, without its module: modules were renamed over the years.
     Global(&'a [u8]),
-    /// What a function or class would return, with the state given to it afterwards.
+    /// Result of a call of a function or class, with the state given to it afterwards.
     Object {
         callable: Ref,
         args: Ref,

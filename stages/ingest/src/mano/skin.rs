@@ -4,7 +4,7 @@ use nalgebra::{Point3, Rotation3, Vector3};
 
 use super::model::{ANGLES, BETAS, JOINTS, ManoModel, PARENTS, POSE_FEATURES};
 
-/// Where the 21 landmarks are in joints 0 to 15 followed by the five tips: wrist, then thumb,
+/// Indices of the 21 landmarks in joints 0 to 15 followed by the five tips: wrist, then thumb,
 /// index, middle, ring and little finger, each from base to tip.
 const LANDMARKS: [usize; 21] = [
     0, 13, 14, 15, 16, 1, 2, 3, 17, 4, 5, 6, 18, 10, 11, 12, 19, 7, 8, 9, 20,

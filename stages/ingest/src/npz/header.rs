@@ -8,7 +8,7 @@ pub(super) const PREFIX_BYTES: usize = 12;
 /// Maximum number of accepted axes; the arrays of this dataset have three.
 const MAX_AXES: usize = 8;
 
-/// What an array file says about its array.
+/// Header of an array file: type, order and shape.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Header<'a> {
     /// The elements' type in `numpy`'s words, without quotes.
@@ -123,7 +123,7 @@ impl Element {
     }
 }
 
-/// What is left of a dictionary's text.
+/// Rest of a dictionary's text.
 struct Text<'a>(&'a [u8]);
 
 impl<'a> Text<'a> {

@@ -27,7 +27,7 @@ const FOLLOWED_BY_LENGTHS: u16 = 1 << 3;
 /// Stands for a length that ZIP64's extra field holds; `numpy` writes it before every array.
 const IN_EXTRA_FIELD: u32 = u32::MAX;
 
-/// How an entry is stored.
+/// Compression method of an entry.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Method {
     /// As it is.
@@ -39,7 +39,7 @@ pub(super) enum Method {
 /// One file in an archive.
 #[derive(Debug, Clone)]
 pub(super) struct Entry {
-    /// Where its name is in the archive's directory.
+    /// Range of its name in the archive's directory.
     name: Range<usize>,
     flags: u16,
     method: u16,
@@ -49,9 +49,9 @@ pub(super) struct Entry {
     pub(super) stored_len: usize,
     /// Length of its content in bytes, as announced.
     pub(super) len: usize,
-    /// Where its local header begins.
+    /// Offset of its local header.
     start: usize,
-    /// Where its data begins.
+    /// Offset of its data.
     data: usize,
 }
 
@@ -219,10 +219,10 @@ pub(super) fn ends_without_comment(bytes: &[u8]) -> bool {
 
 /// The record that ends an archive.
 struct End {
-    /// Where it begins.
+    /// Offset of its start.
     start: usize,
     n_entries: usize,
-    /// Where the directory begins.
+    /// Offset of the directory.
     directory: usize,
 }
 

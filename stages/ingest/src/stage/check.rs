@@ -1,4 +1,4 @@
-//! What is refused before anything is planned.
+//! Checks before planning.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

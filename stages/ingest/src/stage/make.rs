@@ -1,4 +1,4 @@
-//! How each unit is made.
+//! Making of each unit.
 
 use std::mem;
 

@@ -21,13 +21,13 @@ dataflow::metrics! {
         steps_n: Sum,
         /// Number of those in which the hand was not seen.
         bridged_n: Sum,
-        /// How well its sources agree.
+        /// Agreement of its sources.
         agreement: With<Agreement>,
     }
 }
 
 dataflow::metrics! {
-    /// How well the sources of a recording agree, as far as it has several.
+    /// Agreement of a recording's sources, where it has several.
     #[derive(Default)]
     pub struct Agreement {
         /// Number of cameras.
@@ -44,9 +44,9 @@ dataflow::metrics! {
         mano_largest_difference_m: Option<Max>,
         /// Number of objects that say where the table is.
         table_objects_n: Option<Mean>,
-        /// How far these objects' tables are apart, in meters.
+        /// Distance between the tables of these objects, in meters.
         table_spread_m: Option<Mean>,
-        /// How far these objects' tables are inclined to each other, in radians.
+        /// Angle between the tables of these objects, in radians.
         table_spread_rad: Option<Mean>,
     }
 }

@@ -51,7 +51,7 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
     }
 }
 
-/// What came out.
+/// The outcome.
 pub(crate) struct Bench {
     folder: TempDir,
     pub(crate) config: IngestConfig,
@@ -127,7 +127,7 @@ impl Bench {
         Ok(O::make(&self.config, &inputs, &cx)?.stored())
     }
 
-    /// Where an artifact's files lie.
+    /// Folder of an artifact's files.
     pub(crate) fn path(&self, output: &str, key: &str) -> PathBuf {
         self.folder.path().join(output).join(key)
     }

@@ -1,4 +1,4 @@
-//! What comes out for objects.
+//! Results for objects.
 
 use std::fs;
 

@@ -1,4 +1,4 @@
-//! What lies in a file's place and is no such file: each is told at once, with where it lies and what to do,
+//! Wrong things in a file's place: each is reported at once, with its path and what to do,
 //! for every kind of file that a dataset has.
 
 use std::{
@@ -30,7 +30,7 @@ const SOON: Duration = Duration::from_mins(1);
 /// Something in a file's place.
 type Bad = (&'static str, fn(&Path), &'static str);
 
-/// What can lie there, and what is said of it.
+/// Kinds of wrong files, each with its message.
 const BADS: [Bad; 6] = [
     (
         "a folder",

@@ -35,7 +35,7 @@ const OTHERS: [(&str, u32); 2] = [("003_cracker_box", 2), ("005_tomato_soup_can"
 /// Everything about the recording that a test may want different.
 pub(crate) struct Rig {
     pub(crate) side: &'static str,
-    /// How many of the cameras there are.
+    /// Number of cameras.
     pub(crate) cameras: usize,
     /// Cameras that see the hand and the object where they are not.
     pub(crate) wrong: Vec<usize>,
@@ -82,7 +82,7 @@ impl Default for Rig {
 }
 
 impl Rig {
-    /// Where the sequence lies.
+    /// Folder of the sequence.
     pub(crate) fn sequence(root: &Path) -> PathBuf {
         root.join("20200709-subject-01/20200709_141754")
     }
@@ -112,7 +112,7 @@ impl Rig {
         )
     }
 
-    /// What a camera takes for the world's point: a wrong one is 6 cm and 20 degrees off.
+    /// A camera's estimate of a point in the world: a wrong one is 6 cm and 20 degrees off.
     fn camera_from_world(&self, camera: usize) -> Isometry3<f64> {
         let camera_from_world = self.world_from_camera(camera).inverse();
         if self.wrong.contains(&camera) {
@@ -123,7 +123,7 @@ impl Rig {
         }
     }
 
-    /// How the other objects stand: the box upright and turned, the can beside it, each with its
+    /// Poses of the other objects: the box upright and turned, the can beside it, each with its
     /// base on the table.
     fn tag_from_other(other: usize) -> Isometry3<f64> {
         let (place, yaw) = [
@@ -160,7 +160,7 @@ impl Rig {
     /// The shape of the person's hand.
     pub(crate) const BETAS: [f64; 10] = [0.5, -0.25, 0.0, 1.0, 0.0, 0.0, -0.5, 0.0, 0.0, 0.125];
 
-    /// What a hand model is told in an image: another hand than that of the labels, somewhere else.
+    /// Input of a hand model in an image: another hand than that of the labels, somewhere else.
     pub(crate) fn hand_numbers(image: usize) -> [f32; 51] {
         std::array::from_fn(|k| match k {
             _ if image < FIRST => 0.0,

@@ -1,4 +1,4 @@
-//! Which recordings are taken.
+//! Selection of recordings.
 
 use std::{fs, path::Path};
 

@@ -14,10 +14,10 @@ use stage_ingest::ManoModel;
 
 /// Largest accepted error, in meters: rounding of sums of a few thousand numbers below one.
 const EXACT_M: f64 = 1e-13;
-/// What `make.py` calls one unit of length, in meters.
+/// Unit of length of `make.py`, in meters.
 const UNIT_M: f64 = 1.0 / 8192.0;
 
-/// What `make.py` computed.
+/// Results of `make.py`.
 #[derive(Deserialize)]
 struct Golden {
     flat: Vec<Flat>,
