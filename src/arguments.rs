@@ -93,8 +93,8 @@ pub(crate) enum Command {
     Gc(GcArgs),
     /// Send results to the depot that machines share
     ///
-    /// Every result of the lake's runs that it lacks. `run` sends what it makes by itself; this is for
-    /// results from before, and for those that a run without a network left. `PIPELINE_DEPOT` names the
+    /// Sends the results of the lake's runs that the depot lacks. `run` sends new results by itself; this
+    /// is for older ones, and for those of runs without a network. `PIPELINE_DEPOT` names the
     /// depot, e.g. `/mnt/lab/depot`.
     Push,
     /// Fetch files of the newest results from the depot
@@ -181,7 +181,7 @@ pub(crate) enum ExportFormat {
 }
 
 const GLB_LOSES: &str = "\
-Lost: names and numbers of what is measured, joint limits, masses, and times between keyframes
+Lost: names and values of measurements, joint limits, masses, and times between keyframes
 to 0.1 mm.";
 const LEROBOT_LOSES: &str = "\
 Lost: motion between samples, digits beyond 32 bits, rates, contacts, forces, latent codes,
@@ -513,7 +513,7 @@ pub(crate) struct LineageArgs {
 pub(crate) struct TagArgs {
     /// The run: its number, a tag, `newest`, `newest~1`, …
     pub(crate) run: String,
-    /// The name, e.g. `best`; another run that has it loses it
+    /// The name, e.g. `best`; it moves here if another run has it
     pub(crate) name: String,
 }
 
@@ -586,12 +586,12 @@ pub(crate) struct PullArgs {
 pub(crate) struct VerifyArgs {
     /// Check also the files outside the lake that it has read
     ///
-    /// Finds those that were changed behind an unchanged size, time and inode, and has them read again.
+    /// Detects changes that size, time and inode do not show, and has these files read again.
     #[arg(long)]
     pub(crate) inputs: bool,
     /// Check the depot instead of the lake
     ///
-    /// Every byte in it, and that nothing in it lacks a file.
+    /// Every byte in it, and that no file is missing.
     #[arg(long, conflicts_with = "inputs")]
     pub(crate) depot: bool,
     /// Delete damaged artifacts; the next run makes them again

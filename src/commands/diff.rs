@@ -9,7 +9,7 @@ mod values;
 use lake::Lake;
 use serde::Serialize;
 
-use self::{inputs::InputChange, outputs::OutputChange, values::RequestedValues};
+use self::{inputs::InputChange, outputs::OutputChange, values::RequestDiff};
 use crate::{
     arguments::DiffArgs,
     command_line::Program,
@@ -24,7 +24,7 @@ struct Difference {
     old: u64,
     new: u64,
     #[serde(flatten)]
-    asked: RequestedValues,
+    diff: RequestDiff,
     inputs: Vec<InputChange>,
     outputs: Vec<OutputChange>,
     /// Outputs that only the old run visited.
@@ -44,7 +44,7 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<CommandOutcome,
     let difference = Difference {
         old: old.number,
         new: new.number,
-        asked: RequestedValues::compare(&old.record, &new.record),
+        diff: RequestDiff::compare(&old.record, &new.record),
         inputs: inputs::compare(&pairs),
         outputs: outputs::compare(&old.record, &new.record, &pairs),
         only_old: outputs::only_in(&old.record, &new.record),

@@ -48,6 +48,11 @@ fn detached_run_goes_on_and_is_attached_to_again_and_again() {
         stdout(&last)
     );
     assert_eq!(place.take_log().len(), 2);
+    let full = fs::File::options().write(true).open("/dev/full").unwrap();
+    let unwritten = attach(&place).stdout(full).output().unwrap();
+    assert_eq!(unwritten.status.code(), Some(1));
+    let said = stderr(&unwritten);
+    assert!(said.contains("no space left on the disk"), "{said}");
 }
 
 #[test]

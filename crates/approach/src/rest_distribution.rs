@@ -13,8 +13,9 @@ pub struct RestDistribution {
 }
 
 impl RestDistribution {
-    /// Returns the resting poses of an object, weighted as `sample` does: by how often each was seen, or else by its
-    /// probability; upright on its lowest point if no resting pose is known.
+    /// Returns the resting poses of an object, weighted by how often each was recorded, or else by its probability;
+    /// upright on its lowest point if no resting pose is known. Unlike `sample`, which weights those of objects not in
+    /// training by probability.
     pub fn of(object: &Object, choice: RestChoice) -> Self {
         let seen = || {
             let rests = object.rests.iter();

@@ -193,35 +193,35 @@ impl PointNet {
             .par_chunks_exact(3 * clouds.points)
             .map(Cloud::of_neighbors)
             .collect();
-        let mut ladder = LayerStack::new(self);
+        let mut layer_stack = LayerStack::new(self);
         let mut moments = Vec::new();
         match statistics {
             Statistics::Measured => {
                 for level in 0..self.layers.len() {
                     let parts: Vec<Moments> = states
                         .par_iter_mut()
-                        .map(|cloud| cloud.measure(&ladder, level))
+                        .map(|cloud| cloud.measure(&layer_stack, level))
                         .collect();
                     let mut all = Moments::default();
                     for part in &parts {
                         all.add(part);
                     }
-                    ladder.normalize(self.layers[level].normalized_from(&all));
+                    layer_stack.normalize(self.layers[level].normalized_from(&all));
                     moments.push(all);
                 }
             }
             Statistics::Stored => {
                 for layer in &self.layers {
-                    ladder.normalize(layer.stored.clone());
+                    layer_stack.normalize(layer.stored.clone());
                 }
                 states
                     .par_iter_mut()
-                    .for_each(|cloud| cloud.search(&ladder));
+                    .for_each(|cloud| cloud.search(&layer_stack));
             }
         }
         let LayerStack {
             normalized, affine, ..
-        } = ladder;
+        } = layer_stack;
         let mut features = Vec::with_capacity(states.len() * self.layers[self.last()].outputs);
         let top = &affine[self.last()];
         for cloud in &states {

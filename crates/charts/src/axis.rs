@@ -43,7 +43,7 @@ pub(crate) struct Tick {
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Axis {
     scale: Scale,
-    /// The ends, as logarithms on a logarithmic axis.
+    /// The range, as logarithms on a logarithmic axis.
     from: f64,
     to: f64,
     pub(crate) ticks: Vec<Tick>,
@@ -57,7 +57,7 @@ const MAX_ABS: f64 = 1e300;
 const RESOLUTION: f64 = 1e-9;
 
 impl Scale {
-    /// Position of a number before the ends of the axis are known.
+    /// Position of a number before the range of the axis is known.
     fn position(self, value: f64) -> Option<f64> {
         let is_number = value.is_finite() && value.abs() <= MAX_ABS;
         match self {
@@ -72,7 +72,7 @@ impl Axis {
     /// position.
     pub(crate) fn new(
         scale: Scale,
-        ends: AxisRange,
+        range: AxisRange,
         n_ticks: usize,
         values: impl Iterator<Item = f64>,
     ) -> Option<Self> {
@@ -88,19 +88,19 @@ impl Axis {
         Some(match scale {
             Scale::Linear => {
                 // Along a line, whole numbers count something.
-                let count = if are_whole && ends == AxisRange::Tight {
+                let count = if are_whole && range == AxisRange::Tight {
                     Count::Whole
                 } else {
                     Count::Any
                 };
-                Self::linear((ends, count), n_ticks, from, to)
+                Self::linear((range, count), n_ticks, from, to)
             }
             Scale::Log => Self::log(from, to),
         })
     }
 
-    fn linear((ends, count): (AxisRange, Count), n_ticks: usize, from: f64, to: f64) -> Self {
-        let (mut from, mut to) = match ends {
+    fn linear((range, count): (AxisRange, Count), n_ticks: usize, from: f64, to: f64) -> Self {
+        let (mut from, mut to) = match range {
             AxisRange::Zero => (from.min(0.0), to.max(0.0)),
             // Zero is shown where it takes no more than half of the axis.
             AxisRange::Round if from > 0.0 && from <= to / 2.0 => (0.0, to),
@@ -118,7 +118,7 @@ impl Axis {
             (Count::Whole, wanted) if wanted > 2.0 && wanted < 5.0 => 5.0,
             (_, wanted) => round_step(wanted),
         };
-        if ends != AxisRange::Tight {
+        if range != AxisRange::Tight {
             from = (from / step + RESOLUTION).floor() * step;
             to = (to / step - RESOLUTION).ceil() * step;
         }
@@ -263,8 +263,8 @@ fn without_zeros(text: &str) -> &str {
 mod tests {
     use super::*;
 
-    fn check(scale: Scale, ends: AxisRange, values: &[f64], expected: &[&str]) {
-        let axis = Axis::new(scale, ends, 5, values.iter().copied()).unwrap();
+    fn check(scale: Scale, range: AxisRange, values: &[f64], expected: &[&str]) {
+        let axis = Axis::new(scale, range, 5, values.iter().copied()).unwrap();
         let named = axis.ticks.iter().map(|tick| tick.text.as_str());
         let named: Vec<&str> = named.filter(|text| !text.is_empty()).collect();
         assert_eq!(named, expected, "{values:?}");
@@ -342,8 +342,8 @@ mod tests {
             &[f64::NAN, 3.0, f64::INFINITY],
         ] {
             for scale in [Linear, Log] {
-                for ends in [Tight, Round, Zero] {
-                    let axis = Axis::new(scale, ends, 5, values.iter().copied());
+                for range in [Tight, Round, Zero] {
+                    let axis = Axis::new(scale, range, 5, values.iter().copied());
                     let is_small = |value: &f64| *value < 1e-300;
                     assert_eq!(axis.is_none(), scale == Log && values.iter().all(is_small));
                     let Some(axis) = axis else { continue };

@@ -48,7 +48,7 @@ pub(crate) fn draw(
 ) -> Option<Approach> {
     let up = rest.up_in_object.into_inner();
     let side = hand.side();
-    let rim = body.thing.handling == Handling::Rim;
+    let rim = body.kind.handling == Handling::Rim;
     let elevation = if rim {
         between(rng, [0.95, 1.45])
     } else {

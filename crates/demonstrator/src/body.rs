@@ -12,7 +12,7 @@ use crate::objects::{Handling, ObjectKind};
 
 /// An object with what is computed from its mesh once.
 pub(crate) struct Body {
-    pub(crate) thing: &'static ObjectKind,
+    pub(crate) kind: &'static ObjectKind,
     pub(crate) mesh: TriMesh,
     pub(crate) surface: SurfaceDistance,
     /// Center of mass, object frame, in meters.
@@ -52,8 +52,8 @@ fn lies_firmly(mesh: &TriMesh, center: &Point3<f64>, rest: &RestingPose) -> bool
 
 impl Body {
     /// Makes the mesh and what follows from it.
-    pub(crate) fn new(thing: &'static ObjectKind) -> Self {
-        let mesh = (thing.mesh)();
+    pub(crate) fn new(kind: &'static ObjectKind) -> Self {
+        let mesh = (kind.mesh)();
         let center = mass_properties(&mesh, 1.0).center_of_mass_m;
         let stable = stable_rests(&mesh, &center);
         let upright = stable
@@ -76,7 +76,7 @@ impl Body {
             .map(|v| v.coords.norm())
             .fold(0.0, f64::max);
         Self {
-            thing,
+            kind,
             surface: SurfaceDistance::new(&mesh),
             mesh,
             center,
@@ -88,7 +88,7 @@ impl Body {
 
     /// Draws how it lies: mostly upright.
     pub(crate) fn draw_rest(&self, rng: &mut ChaCha8Rng, lying_share: f64) -> RestingPose {
-        let lies = rng.random::<f64>() < lying_share && self.thing.handling == Handling::Any;
+        let lies = rng.random::<f64>() < lying_share && self.kind.handling == Handling::Any;
         let all: f64 = self.lying.iter().map(|(_, share)| share).sum();
         let mut target = rng.random::<f64>() * all;
         for (rest, share) in &self.lying {

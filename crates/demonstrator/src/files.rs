@@ -90,10 +90,10 @@ pub(crate) fn write_shared(
         }
     }
     for body in bodies {
-        let folder = root.join("models").join(body.thing.name);
+        let folder = root.join("models").join(body.kind.name);
         let mesh = format!(
             "# {}, made by a program\n{}",
-            body.thing.name,
+            body.kind.name,
             body.mesh.to_obj()
         );
         write(&folder.join("textured_simple.obj"), mesh.as_bytes())?;
@@ -148,7 +148,7 @@ fn meta_yaml(bodies: &[Body], scene: &Scene) -> String {
     let mut ids = String::new();
     for &idx in &scene.objects {
         // Writing to a string cannot fail.
-        let _ = writeln!(ids, "- {}", bodies[idx].thing.id);
+        let _ = writeln!(ids, "- {}", bodies[idx].kind.id);
     }
     let side = scene.hand.side();
     format!(

@@ -120,7 +120,7 @@ fn judge(
         penetration_m = penetration_m.max(radius - body.surface.signed_distance(flesh).distance_m);
         clearance_m = clearance_m.min(height_m(rest, flesh) - radius);
     }
-    let lift = if body.thing.handling == Handling::Rim {
+    let lift = if body.kind.handling == Handling::Rim {
         0.0
     } else {
         0.3

@@ -33,7 +33,7 @@ pub(crate) struct ObjectKind {
 }
 
 /// Every object, by number.
-pub(crate) const THINGS: [ObjectKind; 15] = [
+pub(crate) const OBJECT_KINDS: [ObjectKind; 15] = [
     ObjectKind {
         id: 1,
         name: "002_master_chef_can",
@@ -434,37 +434,37 @@ mod tests {
 
     #[test]
     fn meshes_are_closed_of_moderate_size_and_wind_outward() {
-        for thing in &THINGS {
-            let mesh = (thing.mesh)();
+        for kind in &OBJECT_KINDS {
+            let mesh = (kind.mesh)();
             let (low, high) = mesh.bounds();
             println!(
                 "{}: {} faces, {:.1} cm3, {:.1?} to {:.1?}",
-                thing.name,
+                kind.name,
                 mesh.triangles.len(),
                 mesh.volume_m3() * 1e6,
                 (low.coords * 1e3).as_slice(),
                 (high.coords * 1e3).as_slice()
             );
-            assert!(mesh.is_watertight(), "{}", thing.name);
-            assert!(mesh.volume_m3() > 1e-5, "{}", thing.name);
+            assert!(mesh.is_watertight(), "{}", kind.name);
+            assert!(mesh.volume_m3() > 1e-5, "{}", kind.name);
             assert!(
                 (500..=2600).contains(&mesh.triangles.len()),
                 "{}: {}",
-                thing.name,
+                kind.name,
                 mesh.triangles.len()
             );
             let hull = mesh.convex_hull().unwrap().volume_m3();
-            assert!(mesh.volume_m3() < hull * 1.001, "{}", thing.name);
+            assert!(mesh.volume_m3() < hull * 1.001, "{}", kind.name);
         }
     }
 
     #[test]
     fn numbers_and_names_are_those_of_the_dataset() {
-        for pair in THINGS.windows(2) {
+        for pair in OBJECT_KINDS.windows(2) {
             assert!(pair[0].id < pair[1].id);
             // The ball is YCB's but none of the dataset's 21, so it comes behind them.
             assert!(pair[0].name < pair[1].name || pair[1].id == 22);
         }
-        assert!(THINGS.iter().all(|thing| (1..=22).contains(&thing.id)));
+        assert!(OBJECT_KINDS.iter().all(|kind| (1..=22).contains(&kind.id)));
     }
 }

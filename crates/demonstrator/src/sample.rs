@@ -13,7 +13,7 @@ use crate::{
     DemonstratorError, Recipe,
     body::Body,
     files::{subject_folder, write, write_recording, write_shared},
-    objects::THINGS,
+    objects::OBJECT_KINDS,
     scene,
 };
 
@@ -83,7 +83,7 @@ pub fn ensure_sample(root: &Path) -> Result<SampleOutcome, DemonstratorError> {
 
 /// Makes all recordings in a folder of their own.
 fn make_all(recipe: &Recipe, making: &Path) -> Result<SampleOutcome, DemonstratorError> {
-    let bodies: Vec<Body> = THINGS.par_iter().map(Body::new).collect();
+    let bodies: Vec<Body> = OBJECT_KINDS.par_iter().map(Body::new).collect();
     write_shared(making, &bodies, recipe.subjects)?;
     let sequences = bodies.len() * recipe.sequences_per_object;
     let frames = (0..sequences)

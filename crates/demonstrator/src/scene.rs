@@ -99,7 +99,7 @@ pub(crate) fn make(
         }
     }
     Err(DemonstratorError::NoGrasp {
-        object: body.thing.name,
+        object: body.kind.name,
         recording,
     })
 }
@@ -168,7 +168,7 @@ mod tests {
     use crate::{
         grasp::TOUCHING_M,
         hand::{FINGERS, ranges},
-        objects::THINGS,
+        objects::OBJECT_KINDS,
     };
 
     /// The committed recipe without noise, with few recordings.
@@ -202,12 +202,12 @@ mod tests {
     #[test]
     fn recordings_look_like_people_reaching_and_grasping() {
         let recipe = recipe();
-        let bodies: Vec<Body> = THINGS.iter().map(Body::new).collect();
+        let bodies: Vec<Body> = OBJECT_KINDS.iter().map(Body::new).collect();
         for recording in 0..bodies.len() * recipe.sequences_per_object {
             let scene = make(&recipe, &bodies, recording).unwrap();
             let name = format!(
                 "{recording} {}",
-                bodies[scene.objects[scene.grasped]].thing.name
+                bodies[scene.objects[scene.grasped]].kind.name
             );
             assert!((40..=110).contains(&scene.frames.len()), "{name}");
             holds_well(&scene, &bodies, &name);

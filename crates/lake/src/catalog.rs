@@ -66,7 +66,7 @@ impl Lake {
             if !asked.insert(pipeline.clone()) {
                 continue;
             }
-            let mut promised = Vec::new();
+            let mut expected = Vec::new();
             let mut found = TableFiles::default();
             for published in recorded.published_nodes(&pipeline, |node| node.artifact == *table)? {
                 let mut files = BTreeMap::new();
@@ -75,14 +75,14 @@ impl Lake {
                     let stored = stored.ok_or_else(|| self.lost_record(&unit.fingerprint))?;
                     if let Some(file) = stored.outcome.file(table::FILE) {
                         let path = self.every_path(&published.column, unit);
-                        promised.push((path.clone(), file.digest));
+                        expected.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
                     }
                 }
                 found.add(&pipeline, &published.node.stage, &published.column, files);
             }
             if !found.stages.is_empty() {
-                check(&promised)?;
+                check(&expected)?;
                 return Ok(found);
             }
         }
@@ -120,9 +120,9 @@ impl Lake {
     ///
     /// Fails if a record or a file of it is lost or damaged.
     pub fn table_of_run(&self, table: &str, run: &Run) -> Result<TableFiles, LakeError> {
-        let mut promised = Vec::new();
-        let found = self.table_had_by(table, run, &mut promised)?;
-        check(&promised)?;
+        let mut expected = Vec::new();
+        let found = self.table_had_by(table, run, &mut expected)?;
+        check(&expected)?;
         Ok(found)
     }
 
@@ -132,7 +132,7 @@ impl Lake {
     ///
     /// Fails if a record or a file of it is lost or damaged.
     pub fn table_of_all_runs(&self, table: &str) -> Result<TableFiles, LakeError> {
-        let mut promised = Vec::new();
+        let mut expected = Vec::new();
         let mut all = TableFiles::default();
         let mut lists = BTreeSet::new();
         for number in self.register.numbers()? {
@@ -140,14 +140,14 @@ impl Lake {
             // Runs that had the same units share their list.
             if lists.insert((run.record.pipeline.clone(), run.manifest)) {
                 let run = self.run(number)?;
-                let found = self.table_had_by(table, &run, &mut promised)?;
+                let found = self.table_had_by(table, &run, &mut expected)?;
                 all.stages.extend(found.stages);
                 all.n_collected += found.n_collected;
             }
         }
-        promised.sort();
-        promised.dedup();
-        check(&promised)?;
+        expected.sort();
+        expected.dedup();
+        check(&expected)?;
         Ok(all)
     }
 
@@ -156,7 +156,7 @@ impl Lake {
         &self,
         table: &str,
         run: &Run,
-        promised: &mut Vec<ExpectedFile>,
+        expected: &mut Vec<ExpectedFile>,
     ) -> Result<TableFiles, LakeError> {
         let mut found = TableFiles::default();
         for node in run.published().filter(|node| node.artifact == *table) {
@@ -175,7 +175,7 @@ impl Lake {
                     continue;
                 };
                 if let Some(file) = stored.outcome.file(table::FILE) {
-                    promised.push((path.clone(), file.digest));
+                    expected.push((path.clone(), file.digest));
                     files.insert(unit.partition.clone(), path);
                 }
             }
@@ -191,16 +191,16 @@ impl Lake {
     /// Fails if a record of a run or a file is lost or damaged.
     pub fn history_table(&self, name: &str) -> Result<BTreeMap<u64, PathBuf>, LakeError> {
         let mut files = BTreeMap::new();
-        let mut promised = Vec::new();
+        let mut expected = Vec::new();
         for number in self.register.numbers()? {
             let run = self.register.read(number)?;
             if let Some(file) = run.history.get(name) {
                 let path = self.folder.run_table(name, number);
-                promised.push((path.clone(), file.digest));
+                expected.push((path.clone(), file.digest));
                 files.insert(number, path);
             }
         }
-        check(&promised)?;
+        check(&expected)?;
         Ok(files)
     }
 
@@ -213,7 +213,7 @@ impl Lake {
 
     /// Paths of the tables of units that runs have published; some of the units made none.
     pub(crate) fn every_promised(&self) -> Result<BTreeMap<PathBuf, Digest>, LakeError> {
-        let mut promised = BTreeMap::new();
+        let mut expected = BTreeMap::new();
         let mut lists = BTreeSet::new();
         for number in self.register.numbers()? {
             let Ok(run) = self.register.read(number) else {
@@ -227,11 +227,11 @@ impl Lake {
             let units = self.register.units(&run).unwrap_or_default();
             for unit in units.iter().filter(|unit| nodes.contains(&unit.node)) {
                 if let Some(column) = run.column_of(&unit.node) {
-                    promised.insert(self.every_path(column, unit), unit.fingerprint);
+                    expected.insert(self.every_path(column, unit), unit.fingerprint);
                 }
             }
         }
-        Ok(promised)
+        Ok(expected)
     }
 
     fn lost_record(&self, fingerprint: &Digest) -> LakeError {
@@ -249,7 +249,7 @@ impl Lake {
         &self,
         pipeline: &str,
     ) -> Result<(BTreeMap<String, Digest>, Vec<Digest>), LakeError> {
-        let (mut promised, mut lost) = (BTreeMap::new(), Vec::new());
+        let (mut expected, mut lost) = (BTreeMap::new(), Vec::new());
         for node in Recorded::of(self)?.published_nodes(pipeline, |_| true)? {
             for unit in &node.units {
                 let Some(stored) = self.records.read(&unit.fingerprint)? else {
@@ -259,11 +259,11 @@ impl Lake {
                 let folders = PublishedFolders::of(pipeline, &node.node);
                 for (name, file) in stored.outcome.files().into_iter().flatten() {
                     let path = folders.path(&node.column, &unit.partition, name);
-                    promised.insert(path, file.digest);
+                    expected.insert(path, file.digest);
                 }
             }
         }
-        Ok((promised, lost))
+        Ok((expected, lost))
     }
 
     /// Units of the newest partitions of every pipeline.
@@ -398,8 +398,8 @@ impl<'a> Recorded<'a> {
 }
 
 /// Checks files against their expected digests.
-pub(crate) fn check(promised: &[ExpectedFile]) -> Result<(), LakeError> {
-    let (wrong, _) = check_digests(promised, &|_, _| {}, Path::to_owned);
+pub(crate) fn check(expected: &[ExpectedFile]) -> Result<(), LakeError> {
+    let (wrong, _) = check_digests(expected, &|_, _| {}, Path::to_owned);
     match wrong.into_iter().next() {
         None => Ok(()),
         Some(path) if path.exists() => Err(LakeError::Damaged { path }),

@@ -313,12 +313,12 @@ impl<'a> DepotTables<'a> {
             return Err(err);
         }
         // Those that were here before may be damaged.
-        let promised = here
+        let expected = here
             .iter()
             .map(|(file, _)| (blobs.path(&file.digest), file.digest));
-        check(&promised.collect::<Vec<ExpectedFile>>())?;
+        check(&expected.collect::<Vec<ExpectedFile>>())?;
         for (file, path) in here {
-            published::show(self.lake, &file.digest, path)?;
+            published::link_file(self.lake, &file.digest, path)?;
         }
         Ok(lost)
     }

@@ -98,7 +98,7 @@ impl Lake {
             for (path, blob) in self.promised_by(&pipeline)?.0 {
                 let path = self.folder.join(path);
                 if !path.exists() && self.blobs.path(&blob).exists() {
-                    published::show(self, &blob, &path)?;
+                    published::link_file(self, &blob, &path)?;
                 }
             }
         }

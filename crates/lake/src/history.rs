@@ -30,7 +30,7 @@ pub(crate) fn keep(
         table::write_batch(folder.path(), &batch)?;
         let file = lake.blobs.take(&folder.path().join(table::FILE))?;
         // A copy, not a link: irreplaceable files are stored twice.
-        published::show_copy(lake, &lake.file(&file), &path)?;
+        published::copy_file(lake, &lake.file(&file), &path)?;
         kept.insert(name.to_owned(), file);
     }
     Ok(kept)

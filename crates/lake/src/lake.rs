@@ -264,7 +264,7 @@ impl Lake {
     }
 
     /// Whether a blob was left in the depot.
-    pub(crate) fn is_elsewhere(&self, blob: &Digest) -> bool {
+    pub(crate) fn is_only_in_depot(&self, blob: &Digest) -> bool {
         let shared = self.shared.as_ref();
         shared.is_some_and(|shared| shared.has(blob)) && !self.blobs.path(blob).exists()
     }

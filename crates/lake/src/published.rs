@@ -56,7 +56,7 @@ pub(crate) fn publish(
     let mut published = PublishedFiles::new();
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
-        show(lake, &file.file.digest, &target)?;
+        link_file(lake, &file.file.digest, &target)?;
         if file.is_table {
             let every = lake.folder.every_table(
                 &node.name.artifact,
@@ -64,7 +64,7 @@ pub(crate) fn publish(
                 file.partition,
                 file.fingerprint,
             );
-            show(lake, &file.file.digest, &every)?;
+            link_file(lake, &file.file.digest, &every)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
         let file = PublishedFile {
@@ -75,7 +75,7 @@ pub(crate) fn publish(
         published.insert(path.clone(), file);
     }
     for folder in folders {
-        hide_others(lake, &lake.folder.join(folder), before, &published)?;
+        remove_unpublished(lake, &lake.folder.join(folder), before, &published)?;
     }
     Ok(Some(published))
 }
@@ -93,7 +93,7 @@ fn wanted<'a>(
     for unit in made {
         for (name, file) in unit.outcome.files().into_iter().flatten() {
             let path = folders.path(node.output.partition, unit.partition, name);
-            if lake.is_elsewhere(&file.digest) {
+            if lake.is_only_in_depot(&file.digest) {
                 continue;
             }
             let file = FileToPublish {
@@ -179,7 +179,7 @@ pub(crate) fn retire(
     lake.dirty.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
-        hide_others(lake, &folder, Some(before), &PublishedFiles::new())?;
+        remove_unpublished(lake, &folder, Some(before), &PublishedFiles::new())?;
         let _kept = fs::remove_dir(&folder);
         let _kept = folder.parent().map(fs::remove_dir);
     }
@@ -187,7 +187,7 @@ pub(crate) fn retire(
 }
 
 /// Hard-links the blob at `path`, or copies it if the file system has no hard links.
-pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
+pub(crate) fn link_file(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), LakeError> {
     let blob = lake.blobs.path(digest);
     let same = fs::metadata(path).is_ok_and(|published| {
         fs::metadata(&blob)
@@ -214,7 +214,7 @@ pub(crate) fn show(lake: &Lake, digest: &Digest, path: &Path) -> Result<(), Lake
 }
 
 /// Copies a file to `path`, so that damage to one does not affect the other.
-pub(crate) fn show_copy(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
+pub(crate) fn copy_file(lake: &Lake, from: &Path, path: &Path) -> Result<(), LakeError> {
     atomic::place(&lake.folder.staging(), path, |beside| copy(from, beside))
 }
 
@@ -235,7 +235,7 @@ fn has_no_links(err: &io::Error) -> bool {
 }
 
 /// Removes every unpublished file below `folder`, and empty folders.
-fn hide_others(
+fn remove_unpublished(
     lake: &Lake,
     folder: &Path,
     before: Option<&PublishedFiles>,
@@ -248,7 +248,7 @@ fn hide_others(
     for entry in entries {
         let path = entry.map_err(io_error("read", folder))?.path();
         if path.is_dir() {
-            hide_others(lake, &path, before, published)?;
+            remove_unpublished(lake, &path, before, published)?;
             // Fails, as it should, if something is left in it.
             let _kept = fs::remove_dir(&path);
             continue;

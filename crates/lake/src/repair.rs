@@ -143,8 +143,8 @@ impl Repair<'_> {
             self.holds(&blob, &file.digest),
         ) {
             (true, true) => {}
-            (true, false) => published::show_copy(self.lake, path, &blob)?,
-            (false, true) => published::show_copy(self.lake, &blob, path)?,
+            (true, false) => published::copy_file(self.lake, path, &blob)?,
+            (false, true) => published::copy_file(self.lake, &blob, path)?,
             (false, false) => return Ok(false),
         }
         Ok(true)
@@ -153,14 +153,14 @@ impl Repair<'_> {
     /// Tables of all units that runs refer to.
     fn every(&mut self) -> Result<(), LakeError> {
         let there = files_below(&self.lake.folder.every())?;
-        let promised = self.lake.every_promised()?;
-        for (path, unit) in &promised {
+        let expected = self.lake.every_promised()?;
+        for (path, unit) in &expected {
             if !self.is_known(path) {
                 self.of_unit(path, unit)?;
             }
         }
         for path in there {
-            if !promised.contains_key(&path) && !self.may_be_published(&path)? {
+            if !expected.contains_key(&path) && !self.may_be_published(&path)? {
                 self.remove(&path)?;
             }
         }
@@ -176,7 +176,7 @@ impl Repair<'_> {
             return Ok(());
         };
         if self.lake.blobs.is_unchanged(file)? {
-            return published::show(self.lake, &file.digest, path);
+            return published::link_file(self.lake, &file.digest, path);
         }
         if digest_file(path).is_ok_and(|there| there == file.digest) {
             return self.lake.blobs.put_back(path, file);

@@ -142,8 +142,8 @@ impl Store for Lake {
         }
         let published = |outcome: &&RecordOutcome| -> Vec<FileRef> {
             let files = outcome.files().into_iter().flatten();
-            let published =
-                files.filter(|(name, file)| is_published(name) && self.is_elsewhere(&file.digest));
+            let published = files
+                .filter(|(name, file)| is_published(name) && self.is_only_in_depot(&file.digest));
             published.map(|(_, file)| file.clone()).collect()
         };
         let absent: Vec<Vec<FileRef>> = outcomes.iter().map(published).collect();
@@ -156,7 +156,7 @@ impl Store for Lake {
 
     fn bytes_elsewhere(&self, outcome: &RecordOutcome) -> u64 {
         let files = outcome.files().into_iter().flat_map(BTreeMap::values);
-        let absent = files.filter(|file| self.is_elsewhere(&file.digest));
+        let absent = files.filter(|file| self.is_only_in_depot(&file.digest));
         absent.map(|file| file.size).sum()
     }
 

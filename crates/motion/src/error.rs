@@ -2,7 +2,7 @@
 
 use robot::{JointMismatch, WrongDof};
 
-/// Why steps do not form a motion, or a motion has no motion.
+/// Why steps do not form a motion, or a motion has no spline.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MotionError {

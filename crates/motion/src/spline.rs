@@ -17,7 +17,7 @@ pub struct MotionSpline<F> {
 }
 
 impl<F: Copy> MotionSpline<F> {
-    /// Creates the motion of a motion.
+    /// Creates the spline through a motion's steps.
     ///
     /// # Errors
     ///
@@ -81,7 +81,7 @@ impl<F: Copy> MotionSpline<F> {
 }
 
 impl<F: Copy> Step<F> {
-    /// Returns the palm's motion.
+    /// Returns the palm's state.
     fn palm(&self) -> PoseState<F> {
         PoseState {
             frame_from_palm: self.frame_from_palm,

@@ -17,7 +17,7 @@ use crate::{
     units::{EngineFrame, LENGTH_UNITS_PER_M, length, lengths, meters, pose_from_engine, real},
 };
 
-/// Standard gravity in meters per second squared.
+/// Gravity in meters per second squared, rounded as MuJoCo's default is.
 const GRAVITY_M_PER_S2: f64 = 9.81;
 /// Damping ratio of contacts: overlapping bodies part as fast as they can without swinging. With the engine's
 /// default of 10, which is for stacks of boxes, they part seven times slower, and held objects sink in.

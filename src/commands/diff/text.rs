@@ -9,7 +9,7 @@ use super::{
     Difference,
     inputs::{InputChange, Source},
     outputs::{MetricChange, OutputChange},
-    values::RequestedValues,
+    values::RequestDiff,
 };
 use crate::{
     numbers::number,
@@ -34,7 +34,7 @@ const NONE: &str = "-";
 /// All differences, in sections; equal values are left out.
 pub(super) fn text(difference: &Difference) -> String {
     let mut text = String::new();
-    section(&mut text, "values", asked(&difference.asked), &[]);
+    section(&mut text, "values", request(&difference.diff), &[]);
     section(&mut text, "inputs", inputs(&difference.inputs), &[]);
     section(
         &mut text,
@@ -82,17 +82,17 @@ fn row(key: &str, old: String, new: String) -> Vec<String> {
     vec![key.to_owned(), old, ARROW.to_owned(), new]
 }
 
-fn asked(asked: &RequestedValues) -> Vec<Vec<String>> {
+fn request(request: &RequestDiff) -> Vec<Vec<String>> {
     let alone = |stage: &StageName, what: &str| vec![stage.to_string(), what.to_owned()];
-    let added = asked.added_stages.iter();
+    let added = request.added_stages.iter();
     let mut rows: Vec<_> = added.map(|stage| alone(stage, "added")).collect();
-    let removed = asked.removed_stages.iter();
+    let removed = request.removed_stages.iter();
     rows.extend(removed.map(|stage| alone(stage, "removed")));
-    for change in &asked.rewired {
+    for change in &request.rewired {
         let name = |node: &Option<String>| node.clone().unwrap_or_else(|| NONE.to_owned());
         rows.push(row(&change.key, name(&change.old), name(&change.new)));
     }
-    let values = asked.values.iter();
+    let values = request.values.iter();
     rows.extend(values.map(|change| row(&change.key, value(&change.old), value(&change.new))));
     rows
 }

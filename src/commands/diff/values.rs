@@ -29,17 +29,17 @@ pub(super) struct WireChange {
 
 /// Differences in the requests of two runs.
 #[derive(Debug, Default, PartialEq, Serialize)]
-pub(super) struct RequestedValues {
+pub(super) struct RequestDiff {
     pub(super) values: Vec<ValueChange>,
     pub(super) added_stages: Vec<StageName>,
     pub(super) removed_stages: Vec<StageName>,
     pub(super) rewired: Vec<WireChange>,
 }
 
-impl RequestedValues {
+impl RequestDiff {
     /// Compares the requests of two runs.
     pub(super) fn compare(old: &RunRecord, new: &RunRecord) -> Self {
-        let mut asked = Self::default();
+        let mut diff = Self::default();
         let general = |run: &RunRecord| {
             [
                 ("pipeline", Value::from(run.pipeline.as_str())),
@@ -48,18 +48,18 @@ impl RequestedValues {
             ]
         };
         for ((key, old), (_, new)) in general(old).iter().zip(&general(new)) {
-            asked.compare_values(key, Some(old), Some(new));
+            diff.compare_values(key, Some(old), Some(new));
         }
         for (name, stage) in &new.stages {
             match old.stages.get(name) {
-                Some(before) => asked.compare_stage(name, before, stage),
-                None => asked.added_stages.push(name.clone()),
+                Some(before) => diff.compare_stage(name, before, stage),
+                None => diff.added_stages.push(name.clone()),
             }
         }
         let removed = old.stages.keys();
         let removed = removed.filter(|name| !new.stages.contains_key(*name));
-        asked.removed_stages = removed.cloned().collect();
-        asked
+        diff.removed_stages = removed.cloned().collect();
+        diff
     }
 
     fn compare_stage(&mut self, name: &StageName, old: &StageRecord, new: &StageRecord) {
@@ -121,9 +121,9 @@ mod tests {
     use super::*;
 
     fn changes(old: &Value, new: &Value) -> Vec<(String, Value, Value)> {
-        let mut asked = RequestedValues::default();
-        asked.compare_values("s", Some(old), Some(new));
-        let changes = asked.values.into_iter();
+        let mut diff = RequestDiff::default();
+        diff.compare_values("s", Some(old), Some(new));
+        let changes = diff.values.into_iter();
         changes
             .map(|change| (change.key, change.old, change.new))
             .collect()

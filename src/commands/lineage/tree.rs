@@ -3,7 +3,7 @@
 use crate::report;
 
 /// Maximum children shown per group.
-const URDF_FORM: usize = 3;
+const MAX_CHILDREN: usize = 3;
 
 /// A node of the tree.
 pub(super) struct TreeNode {
@@ -44,7 +44,7 @@ struct Tree<'a> {
 
 /// A child line.
 enum ChildLine<'a> {
-    TreeNode(usize),
+    Node(usize),
     Leaf(&'a [String]),
     More(String),
 }
@@ -69,7 +69,7 @@ impl Tree<'_> {
         let mut below = Vec::new();
         for group in &node.groups {
             cut(&mut below, &group.members, &group.name, |&idx| {
-                ChildLine::TreeNode(idx)
+                ChildLine::Node(idx)
             });
         }
         cut(&mut below, &node.leaves, "files", |leaf| {
@@ -84,7 +84,7 @@ impl Tree<'_> {
             };
             let first = format!("{others}{branch}");
             match below {
-                ChildLine::TreeNode(position) => {
+                ChildLine::Node(position) => {
                     self.grow(position, &first, &format!("{others}{line}"));
                 }
                 ChildLine::Leaf(cells) => self.rows.push(with_prefix(&first, cells.to_vec())),
@@ -102,10 +102,10 @@ fn cut<'a, T>(
     of: impl Fn(&'a T) -> ChildLine<'a>,
 ) {
     // Replacing a single line by a count saves nothing.
-    let n_shown = if list.len() == URDF_FORM + 1 {
-        URDF_FORM + 1
+    let n_shown = if list.len() == MAX_CHILDREN + 1 {
+        MAX_CHILDREN + 1
     } else {
-        URDF_FORM
+        MAX_CHILDREN
     };
     below.extend(list.iter().take(n_shown).map(of));
     if list.len() > n_shown {

@@ -38,14 +38,14 @@ pub(crate) struct ControlledMotion {
     /// Whether the fingertips came to the grasp's.
     pub(crate) reached: bool,
     /// Distances from the grasp, and cost, at the start.
-    pub(crate) first: GraspDistance,
+    pub(crate) first: GoalDistance,
     /// The same at the end, with the last command held to the end of the motion.
-    pub(crate) last: GraspDistance,
+    pub(crate) last: GoalDistance,
 }
 
 /// Distances of a hand and an object from the grasp, and their cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct GraspDistance {
+pub(crate) struct GoalDistance {
     /// Cost of a control step that ends here.
     pub(crate) cost: f64,
     /// Mean distance of the fingertips from the grasp's, in meters.
@@ -94,13 +94,13 @@ impl Controller<'_> {
             object: scene.table_from_object().translation.vector.into(),
         };
         let mut episode = scene.begin(&start)?;
-        let first = self.standing(&goal, &scene.observe(&episode));
+        let first = self.distance_to_grasp(&goal, &scene.observe(&episode));
         let config = self.config;
         let method = config.method();
         let mut mean = vec![0.0; self.actions.len() * config.horizon];
         let mut commands = vec![start];
         let (mut searched_n, mut executed_n) = (0, 0);
-        let mut standing = first;
+        let mut distance = first;
         let mut reached = first.tip_error_m < config.tip_tolerance_m;
         while !reached && commands.len() <= self.steps_n {
             let before = commands[commands.len() - 1].clone();
@@ -118,8 +118,8 @@ impl Controller<'_> {
                 // Screened, it diverges again, and is a row of its own.
                 break;
             }
-            standing = self.standing(&goal, &scene.observe(&episode));
-            reached = standing.tip_error_m < config.tip_tolerance_m;
+            distance = self.distance_to_grasp(&goal, &scene.observe(&episode));
+            reached = distance.tip_error_m < config.tip_tolerance_m;
             // The next search starts where this one left off; its last action is repeated.
             mean.drain(..self.actions.len());
             let kept_n = mean.len();
@@ -133,7 +133,7 @@ impl Controller<'_> {
         let last_command = commands[commands.len() - 1].clone();
         while commands.len() <= self.steps_n {
             if scene.advance(&mut episode, &last_command).is_ok() {
-                standing = self.standing(&goal, &scene.observe(&episode));
+                distance = self.distance_to_grasp(&goal, &scene.observe(&episode));
             }
             commands.push(last_command.clone());
         }
@@ -143,7 +143,7 @@ impl Controller<'_> {
             executed_n,
             reached,
             first,
-            last: standing,
+            last: distance,
         })
     }
 
@@ -165,21 +165,21 @@ impl Controller<'_> {
             if scene.advance(&mut episode, &command).is_err() {
                 return (f64::INFINITY, steps_n);
             }
-            cost += self.standing(goal, &scene.observe(&episode)).cost
+            cost += self.distance_to_grasp(goal, &scene.observe(&episode)).cost
                 + self.config.table_weight_per_m * scene.below_table_m(&command);
         }
         (cost, steps_n)
     }
 
     /// Returns the distances of a state from the goal, and their cost.
-    fn standing(&self, goal: &Goal, state: &EpisodeState) -> GraspDistance {
+    fn distance_to_grasp(&self, goal: &Goal, state: &EpisodeState) -> GoalDistance {
         let tips = self
             .tips
             .places(self.hand, &state.table_from_palm, &state.q);
         let object: Point3<f64> = state.table_from_object.translation.vector.into();
         let object_moved_m = (object - goal.object).norm();
         let config = self.config;
-        GraspDistance {
+        GoalDistance {
             cost: config.tip_weight_per_m * distance_m(&tips, &goal.tips)
                 + config.object_weight_per_m * object_moved_m,
             tip_error_m: mean_distance_m(&tips, &goal.tips),

@@ -36,7 +36,7 @@ impl Journal {
 
     /// Looks a goal up, for a robot with these joints. An unreadable or contradictory report is
     /// ignored: the cell has it.
-    pub(crate) fn past(&self, goal: &Goal, robot: &[Joint]) -> GoalHistory {
+    pub(crate) fn history(&self, goal: &Goal, robot: &[Joint]) -> GoalHistory {
         let goal_id = goal.encode().goal_id;
         let report = fs::read(self.file(&goal_id, "report")).ok();
         let report = report

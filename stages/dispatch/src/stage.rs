@@ -255,7 +255,7 @@ fn send(
     let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
     let connected = cells::connect(config, robots, object, first).map_err(|err| {
         // The outcome of an earlier run's motion is unknown until a cell can be queried.
-        let is_open = |goal: &&Goal| matches!(journal.past(goal, &joints), GoalHistory::Sent(_));
+        let is_open = |goal: &&Goal| matches!(journal.history(goal, &joints), GoalHistory::Sent(_));
         match feasible.find(is_open) {
             Some(goal) => unknown(&config.cell_name, goal, with_causes(&err)),
             None => err,
@@ -375,7 +375,7 @@ impl Sender<'_> {
     /// this robot until a person has looked, and the next run queries the cell again.
     fn carry_out(&self, goal: &Goal) -> Result<(Report, ExecutedDuring), DispatchError> {
         let id = goal.encode().goal_id;
-        if let GoalHistory::Over(report) = self.journal.past(goal, self.joints) {
+        if let GoalHistory::Over(report) = self.journal.history(goal, self.joints) {
             return Ok((*report, ExecutedDuring::Earlier));
         }
         let answer = self.config.answer_timeout();
@@ -387,7 +387,7 @@ impl Sender<'_> {
         let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
         let id = goal.encode().goal_id;
         let unknown = |message: String| unknown(self.cell, goal, message);
-        match self.journal.past(goal, self.joints) {
+        match self.journal.history(goal, self.joints) {
             GoalHistory::Over(report) => return Ok((*report, ExecutedDuring::Earlier)),
             GoalHistory::New => {
                 // A second cell of the same name may have started: it would move too.

@@ -142,7 +142,7 @@ impl Output for Eigengrasp {
             body: &body,
             basis: &basis,
             field: Arc::new(field),
-            lies: RestDistribution::of(&object, config.approach.rests),
+            rests: RestDistribution::of(&object, config.approach.rests),
             object: &object,
             seed: cx.seed(),
         };
@@ -182,7 +182,7 @@ struct Annealer<'a> {
     basis: &'a Basis,
     contacts: Vec<SurfacePoint>,
     field: Arc<DistanceField>,
-    lies: RestDistribution,
+    rests: RestDistribution,
     object: &'a Object,
     seed: u64,
 }
@@ -220,7 +220,7 @@ impl Annealer<'_> {
     fn run(&self, number: usize) -> Result<(RestingPose, RunResult), EigengraspError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
-        let rest = self.lies.at(rng.random());
+        let rest = self.rests.at(rng.random());
         let environment = Environment::new(Arc::clone(&self.field), rest);
         let center_in_object = Point3::from(self.object.center_of_mass_m);
         let run = Run {

@@ -147,7 +147,7 @@ impl Output for ForceClosure {
             field: &field,
             object: &object,
             tips: &tips(&hand)?,
-            lies: RestDistribution::of(&object, config.approach.rests),
+            rests: RestDistribution::of(&object, config.approach.rests),
             starts: &starts,
             seed: cx.seed(),
         };
@@ -184,7 +184,7 @@ struct Maker<'a> {
     field: &'a Arc<DistanceField>,
     object: &'a Object,
     tips: &'a [Tip],
-    lies: RestDistribution,
+    rests: RestDistribution,
     starts: &'a [Start],
     seed: u64,
 }
@@ -198,7 +198,7 @@ impl Maker<'_> {
     ) -> Result<Option<(Candidate, FoundGrasp)>, ForceClosureError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
-        let rest = self.lies.at(rng.random());
+        let rest = self.rests.at(rng.random());
         let start = &self.starts[rng.random_range(0..self.starts.len())];
         let environment = Environment::new(Arc::clone(self.field), rest);
         let search = Search {

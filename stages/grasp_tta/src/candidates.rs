@@ -116,7 +116,7 @@ impl Output for AdaptedCandidates {
             networks: &networks,
             surface: hand_surface(&body, config.hand_points)?,
             object: &object,
-            lies: RestDistribution::of(&object, config.approach.rests),
+            rests: RestDistribution::of(&object, config.approach.rests),
             starts: &starts,
             seed: cx.seed(),
         };
@@ -163,7 +163,7 @@ struct GraspDrawer<'a> {
     networks: &'a GraspNetworks,
     surface: HandSurface,
     object: &'a Object,
-    lies: RestDistribution,
+    rests: RestDistribution,
     starts: &'a [Start],
     seed: u64,
 }
@@ -183,7 +183,7 @@ impl GraspDrawer<'_> {
         let latent_dim = self.networks.description().network.latent_dim;
         let codes = |number: usize| {
             let mut random = Random::new(self.seed, number as u64);
-            let rest = self.lies.at(random.uniform());
+            let rest = self.rests.at(random.uniform());
             let start = random.index(self.starts.len());
             let latent = (0..latent_dim).map(|_| random.normal()).collect();
             (rest, start, latent)

@@ -167,7 +167,7 @@ impl JobFolder {
     }
 
     /// Returns the program's violation of the folder's rules, if there is one.
-    pub(crate) fn offense(&self) -> Result<Option<FolderViolation>, ProgramError> {
+    pub(crate) fn violation(&self) -> Result<Option<FolderViolation>, ProgramError> {
         const KNOWN: [&str; 6] = [IN, OWN_FILES, OUT, TMP, JOB, TEMPLATE];
         for entry in fs::read_dir(&self.path).map_err(ProgramError::at(&self.path))? {
             let name = entry.map_err(ProgramError::at(&self.path))?.file_name();

@@ -143,12 +143,12 @@ impl<A: Artifacts> Output for Program<A> {
         let ended = process::run(config, &command, folder.path(), &log, &|share, message| {
             cx.progress(share, message);
         })?;
-        let failed = |offense: FolderViolation| ProgramError::Folder {
+        let failed = |violation: FolderViolation| ProgramError::Folder {
             command: process::words(config),
-            problem: offense.problem,
+            problem: violation.problem,
             last_lines: log.last_lines(),
             log: log.path().to_owned(),
-            advice: offense.advice,
+            advice: violation.advice,
         };
         match ended.status.code() {
             Some(0) => {}
@@ -168,8 +168,8 @@ impl<A: Artifacts> Output for Program<A> {
                 });
             }
         }
-        if let Some(offense) = folder.offense()? {
-            return Err(failed(offense));
+        if let Some(violation) = folder.violation()? {
+            return Err(failed(violation));
         }
         let made = folder.made()?.map_err(&failed)?;
         let asked = schema.iter().map(|_| lake::table::FILE);

@@ -160,7 +160,7 @@ impl PageData {
             let contents = recording::read(path)?;
             let mut motion = RecordedMotion::read(file, &contents, hand)?;
             let id = rollout.candidate_id.as_str();
-            let standing = OutcomeGroup::of(rollout);
+            let outcome = OutcomeGroup::of(rollout);
             motion.about = BTreeMap::from(
                 [
                     ("candidate_id", id),
@@ -175,7 +175,7 @@ impl PageData {
                 generator: rollout.generator.clone(),
                 origin: rollout.source.origin.as_str().to_owned(),
                 verdict: rollout.verdict.as_str().to_owned(),
-                standing,
+                outcome,
                 lift_m: rollout.lift_m,
                 slip_m: rollout.slip_m,
                 duration_s: motion.moments.last().map_or(0.0, |last| last.time_s),

@@ -16,7 +16,7 @@ pub enum OutcomeGroup {
 }
 
 impl OutcomeGroup {
-    /// Returns the standing of a rollout.
+    /// Returns the outcome group of a rollout.
     pub fn of(rollout: &Rollout) -> Self {
         match rollout.verdict {
             Verdict::Held => Self::Success,
@@ -57,7 +57,7 @@ pub struct Motion {
     /// The verdict's word.
     pub verdict: String,
     /// Its class.
-    pub standing: OutcomeGroup,
+    pub outcome: OutcomeGroup,
     /// Rise of the object at the end, in meters.
     pub lift_m: f64,
     /// Slip in the hand, in meters.
@@ -83,9 +83,8 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
     let mut picked: Vec<usize> = Vec::new();
     let mut reasons: BTreeSet<&str> = BTreeSet::new();
     let mut objects: BTreeSet<&str> = BTreeSet::new();
-    let standing = |idx: usize| all.get(idx).map(|one| OutcomeGroup::of(one.rollout));
-    let of =
-        |wanted: OutcomeGroup| (0..all.len()).filter(move |&idx| standing(idx) == Some(wanted));
+    let outcome = |idx: usize| all.get(idx).map(|one| OutcomeGroup::of(one.rollout));
+    let of = |wanted: OutcomeGroup| (0..all.len()).filter(move |&idx| outcome(idx) == Some(wanted));
     for (idx, one) in all.iter().enumerate() {
         let is_new = reasons.insert(one.rollout.verdict.as_str());
         if one.rollout.verdict != Verdict::Held && is_new {

@@ -50,7 +50,7 @@ fn motion(object: &str, n: usize, verdict: Verdict) -> Motion {
         generator: "cgf".to_owned(),
         origin: "prior".to_owned(),
         verdict: verdict.as_str().to_owned(),
-        standing: OutcomeGroup::of(&rollout),
+        outcome: OutcomeGroup::of(&rollout),
         lift_m: 0.1,
         slip_m: 0.0,
         duration_s: 1.0,

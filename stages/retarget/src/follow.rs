@@ -1,4 +1,4 @@
-//! One step of a demonstration: from what it asks to the posture that answers.
+//! One step of a demonstration: from what it context to the posture that answers.
 
 use nalgebra::Point3;
 use posture::{
@@ -44,7 +44,7 @@ pub(crate) struct Solved {
 
 /// Searches the steps of one demonstration.
 pub(crate) struct Follower<'a> {
-    asks: StepContext<'a>,
+    context: StepContext<'a>,
     solver: Solver<'a>,
 }
 
@@ -73,7 +73,7 @@ impl<'a> Follower<'a> {
         config: &'a RetargetConfig,
     ) -> Self {
         Self {
-            asks: StepContext {
+            context: StepContext {
                 hand,
                 environment,
                 config,
@@ -85,7 +85,12 @@ impl<'a> Follower<'a> {
     /// Searches a step from the one solved before it.
     pub(crate) fn step(&mut self, goal: &Goal, before: &Solved) -> Result<Solved, RetargetError> {
         let start = before.posture.clone();
-        self.search(goal, Some(before), start, self.asks.config.max_iterations)
+        self.search(
+            goal,
+            Some(before),
+            start,
+            self.context.config.max_iterations,
+        )
     }
 
     /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
@@ -97,7 +102,7 @@ impl<'a> Follower<'a> {
         let Some(afresh) = self.afresh(goal, None)? else {
             return Ok(None);
         };
-        let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
+        let iterations = GRASP_ITERATIONS * self.context.config.max_iterations;
         let best = match self.approach(before)? {
             Some(start) => cheaper(afresh, self.search(goal, None, start, iterations)?),
             None => afresh,
@@ -116,8 +121,8 @@ impl<'a> Follower<'a> {
             last = Some(if let Some(last) = last {
                 self.step(goal, &last)?
             } else {
-                let start = self.aligned_to_targets(goal, self.asks.hand.mid_range.clone())?;
-                self.search(goal, None, start, self.asks.config.max_iterations)?
+                let start = self.aligned_to_targets(goal, self.context.hand.mid_range.clone())?;
+                self.search(goal, None, start, self.context.config.max_iterations)?
             });
         }
         Ok(last.map(|last| last.posture))
@@ -130,22 +135,22 @@ impl<'a> Follower<'a> {
         goal: &Goal,
         before: Option<&Solved>,
     ) -> Result<Option<Solved>, RetargetError> {
-        let targets = self.asks.targets(goal);
-        let task = self.asks.task(&targets, before);
+        let targets = self.context.targets(goal);
+        let task = self.context.task(&targets, before);
         let mut starts = self.solver.initial_postures(&task)?;
-        let options = self.asks.options(self.asks.config.max_iterations);
+        let options = self.context.options(self.context.config.max_iterations);
         for start in &mut starts {
-            if self.asks.config.wrist == Wrist::Fixed {
+            if self.context.config.wrist == Wrist::Fixed {
                 *start = self.aligned_to_targets(goal, start.q.clone())?;
             }
-            let task = self.asks.task(&targets, before);
+            let task = self.context.task(&targets, before);
             self.solver.minimize(&task, start, &options, &mut NoTerms)?;
         }
-        let iterations = GRASP_ITERATIONS * self.asks.config.max_iterations;
+        let iterations = GRASP_ITERATIONS * self.context.config.max_iterations;
         let mut best: Option<Solved> = None;
         for mut start in starts {
-            let mut soft = self.asks.terms(goal, SOFT);
-            let task = self.asks.task(&targets, before);
+            let mut soft = self.context.terms(goal, SOFT);
+            let task = self.context.task(&targets, before);
             self.solver
                 .minimize(&task, &mut start, &options, &mut soft)?;
             let found = self.search(goal, before, start, iterations)?;
@@ -166,7 +171,7 @@ impl<'a> Follower<'a> {
         iterations: usize,
     ) -> Result<Solved, RetargetError> {
         // Landmarks alone are cheap enough for it at every step.
-        let fingers = if self.asks.is_alone() {
+        let fingers = if self.context.is_alone() {
             Fingers::TriedBothWays
         } else {
             Fingers::AsTheyCome
@@ -183,14 +188,14 @@ impl<'a> Follower<'a> {
         iterations: usize,
         fingers: Fingers,
     ) -> Result<Solved, RetargetError> {
-        let mut posture = match self.asks.config.wrist {
+        let mut posture = match self.context.config.wrist {
             Wrist::Free => start,
             Wrist::Fixed => self.aligned_to_targets(goal, start.q)?,
         };
-        let targets = self.asks.targets(goal);
-        let task = self.asks.task(&targets, before);
-        let mut terms = self.asks.terms(goal, 1.0);
-        let options = self.asks.options(iterations);
+        let targets = self.context.targets(goal);
+        let task = self.context.task(&targets, before);
+        let mut terms = self.context.terms(goal, 1.0);
+        let options = self.context.options(iterations);
         let solver = &mut self.solver;
         let outcome = match fingers {
             Fingers::AsTheyCome => solver.minimize(&task, &mut posture, &options, &mut terms)?,
@@ -200,16 +205,23 @@ impl<'a> Follower<'a> {
         };
         let cost = self.solver.place(&task, &posture, &mut terms)?;
         let posed = self.solver.posed();
-        let points = (0..self.asks.hand.points.len())
+        let points = (0..self.context.hand.points.len())
             .filter_map(|idx| posed.point(idx))
             .collect::<Vec<_>>();
         let mut tracking = Tracking {
-            limit_margin_rad: self.asks.hand.limit_margin(&posture.q),
+            limit_margin_rad: self.context.hand.limit_margin(&posture.q),
             penetration_m: terms.object_depth_m(&posed),
             table_penetration_m: terms.table_depth_m(&posed),
             ..Tracking::default()
         };
-        for ((point, goal), found) in self.asks.hand.points.iter().zip(&goal.points).zip(&points) {
+        for ((point, goal), found) in self
+            .context
+            .hand
+            .points
+            .iter()
+            .zip(&goal.points)
+            .zip(&points)
+        {
             if point.weight == 0.0 {
                 continue;
             }
@@ -218,7 +230,7 @@ impl<'a> Follower<'a> {
             if let Some(radius_m) = point.tip_radius_m {
                 tracking.tip_errors_m.push(distance);
                 if goal.contact.is_some() {
-                    let gap = self.asks.environment.signed_distance(found).distance_m - radius_m;
+                    let gap = self.context.environment.signed_distance(found).distance_m - radius_m;
                     tracking.contact_gaps_m.push(gap);
                 }
             }
@@ -236,9 +248,9 @@ impl<'a> Follower<'a> {
     /// those on the palm alone, if the wrist is fixed.
     fn aligned_to_targets(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
         let posture = Posture::new(&Pose::identity(), q);
-        let mut targets = self.asks.targets(goal);
-        if self.asks.config.wrist == Wrist::Fixed {
-            targets.retain(|target| self.asks.hand.palm_points.contains(&target.point));
+        let mut targets = self.context.targets(goal);
+        if self.context.config.wrist == Wrist::Fixed {
+            targets.retain(|target| self.context.hand.palm_points.contains(&target.point));
             for target in &mut targets {
                 target.weight = 1.0;
             }

@@ -29,7 +29,7 @@ use crate::{
 impl PointNet {
     /// Takes the gradient of a loss by the features to its gradients by every layer's numbers.
     pub(crate) fn backward(&self, pass: Pass, by_features: &[f32]) -> Vec<LayerGradient> {
-        let ladder = LayerStack {
+        let layer_stack = LayerStack {
             normalized: pass.normalized,
             affine: pass.affine,
             ..LayerStack::new(self)
@@ -40,17 +40,17 @@ impl PointNet {
             Statistics::Stored => pass
                 .clouds
                 .into_par_iter()
-                .map(|cloud| cloud.critical_alone(&ladder))
+                .map(|cloud| cloud.critical_alone(&layer_stack))
                 .collect(),
         };
-        let (top, gradient) = Top::new(&ladder, &clouds, pass.moments.last(), by_features);
+        let (top, gradient) = Top::new(&layer_stack, &clouds, pass.moments.last(), by_features);
         let mut gradients = vec![gradient];
         let mut descents: Vec<Descent> = match self.last().checked_sub(1) {
             None => return gradients,
             Some(below) => clouds
                 .par_iter()
                 .enumerate()
-                .map(|(number, cloud)| top.descend(&ladder, below, cloud, number))
+                .map(|(number, cloud)| top.descend(&layer_stack, below, cloud, number))
                 .collect(),
         };
         for idx in (0..self.last()).rev() {
@@ -59,7 +59,7 @@ impl PointNet {
             for descent in &descents {
                 sums.add(&descent.sums);
             }
-            let slopes = Slopes::new(layer, &ladder.normalized[idx], &sums, &pass.moments);
+            let slopes = Slopes::new(layer, &layer_stack.normalized[idx], &sums, &pass.moments);
             if let Some(below) = idx.checked_sub(1) {
                 let transposed = Packed::new(layer.inputs, layer.outputs, |input, output| {
                     layer.weight[output * layer.inputs + input]
@@ -69,7 +69,7 @@ impl PointNet {
                     .zip(descents)
                     .map(|(cloud, descent)| {
                         let step = Step {
-                            ladder: &ladder,
+                            layer_stack: &layer_stack,
                             idx,
                             below,
                             slopes: &slopes,
@@ -207,7 +207,7 @@ impl WithSimd for Apply<'_> {
 
 /// From the output of layer `idx` to that of the layer below it.
 struct Step<'a> {
-    ladder: &'a LayerStack<'a>,
+    layer_stack: &'a LayerStack<'a>,
     idx: usize,
     below: usize,
     slopes: &'a Slopes,
@@ -217,10 +217,10 @@ struct Step<'a> {
 
 impl Step<'_> {
     fn descend(&self, cloud: &Cloud, from: Descent) -> Descent {
-        let layer = &self.ladder.layers[self.idx];
+        let layer = &self.layer_stack.layers[self.idx];
         let (inputs, outputs) = (layer.inputs, layer.outputs);
         let mut by = from.by;
-        let below = &self.ladder.layers[self.below];
+        let below = &self.layer_stack.layers[self.below];
         let mut running = Running::new(below, self.below);
         let kept = if self.below > 0 {
             cloud.patches() * inputs
@@ -244,11 +244,11 @@ impl Step<'_> {
             {
                 self.slopes.apply(cloud.linear(layer, self.idx, patch), by);
                 clear_beyond(by, cloud.points_of(patch));
-                cloud.input(self.ladder, self.idx, patch, x);
+                cloud.input(self.layer_stack, self.idx, patch, x);
                 sparse.take(by);
                 let alone = std::slice::from_ref(&sparse);
                 project(self.transposed, alone, &zeros, &mut g);
-                let place = Place::new(self.ladder, self.below, cloud, patch);
+                let place = Place::new(self.layer_stack, self.below, cloud, patch);
                 running.absorb(&place, x, &mut g);
                 if self.below > 0 {
                     down.extend_from_slice(&g);

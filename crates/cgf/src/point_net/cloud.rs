@@ -93,12 +93,18 @@ impl Cloud {
     }
 
     /// Computes the input of layer `level` at a patch.
-    pub(super) fn input(&self, ladder: &LayerStack, level: usize, patch: usize, out: &mut [Row]) {
+    pub(super) fn input(
+        &self,
+        layer_stack: &LayerStack,
+        level: usize,
+        patch: usize,
+        out: &mut [Row],
+    ) {
         let Some(below) = level.checked_sub(1) else {
             out.copy_from_slice(self.coordinates(patch));
             return;
         };
-        let (layer, affine) = (&ladder.layers[below], &ladder.affine[below]);
+        let (layer, affine) = (&layer_stack.layers[below], &layer_stack.affine[below]);
         if below == 0 {
             let xyz = self.coordinates(patch);
             Arch::new().dispatch(FirstHidden {
@@ -118,13 +124,13 @@ impl Cloud {
     }
 
     /// Computes the layers below `level`, each from the one below it.
-    pub(super) fn raise(&mut self, ladder: &LayerStack, level: usize) {
-        let mut room = LayerScratch::default();
+    pub(super) fn raise(&mut self, layer_stack: &LayerStack, level: usize) {
+        let mut scratch = LayerScratch::default();
         for level in 2..=level {
-            let below = ladder.layers[level - 1].outputs;
+            let below = layer_stack.layers[level - 1].outputs;
             self.linear.push(Vec::with_capacity(self.patches() * below));
             for patch in 0..self.patches() {
-                self.raise_patch(ladder, level, patch, &mut room);
+                self.raise_patch(layer_stack, level, patch, &mut scratch);
             }
         }
     }
@@ -132,14 +138,19 @@ impl Cloud {
     /// Computes the layer below `level` where it is not yet, and searches the last layer's maxima if
     /// `level` is the last; `see` gets the input of layer `level` block by block and the number of
     /// points of each.
-    fn climb(&mut self, ladder: &LayerStack, level: usize, mut see: impl FnMut(&[Row], usize)) {
-        let top = level + 1 == ladder.layers.len();
-        let width = ladder.layers[level].inputs;
-        let mut largest = Largest::new(&ladder.signed);
-        let (mut room, mut block) = (LayerScratch::default(), Vec::new());
+    fn climb(
+        &mut self,
+        layer_stack: &LayerStack,
+        level: usize,
+        mut see: impl FnMut(&[Row], usize),
+    ) {
+        let top = level + 1 == layer_stack.layers.len();
+        let width = layer_stack.layers[level].inputs;
+        let mut largest = Largest::new(&layer_stack.signed);
+        let (mut scratch, mut block) = (LayerScratch::default(), Vec::new());
         let raises = level >= 2 && self.linear.len() < level - 1;
         if raises {
-            let below = ladder.layers[level - 1].outputs;
+            let below = layer_stack.layers[level - 1].outputs;
             self.linear.push(Vec::with_capacity(self.patches() * below));
         }
         for first in (0..self.patches()).step_by(BLOCK) {
@@ -147,17 +158,17 @@ impl Cloud {
             block.resize(patches.len() * width, [0.0; LANES]);
             for (patch, x) in patches.clone().zip(block.chunks_exact_mut(width)) {
                 if raises {
-                    self.raise_patch(ladder, level, patch, &mut room);
+                    self.raise_patch(layer_stack, level, patch, &mut scratch);
                 }
-                self.input(ladder, level, patch, x);
+                self.input(layer_stack, level, patch, x);
                 if top {
-                    largest.search(&ladder.signed, x, patch * LANES);
+                    largest.search(&layer_stack.signed, x, patch * LANES);
                 }
             }
             see(&block, patches.map(|patch| self.points_of(patch)).sum());
         }
         if top {
-            let gain = &ladder.layers[level].gain;
+            let gain = &layer_stack.layers[level].gain;
             let (value, point) = largest.found();
             self.attained = value
                 .iter()
@@ -169,45 +180,45 @@ impl Cloud {
     }
 
     /// Climbs to layer `level` and measures the moments of its input.
-    pub(super) fn measure(&mut self, ladder: &LayerStack, level: usize) -> Moments {
-        let width = ladder.layers[level].inputs;
-        let mut room = Scratch::default();
+    pub(super) fn measure(&mut self, layer_stack: &LayerStack, level: usize) -> Moments {
+        let width = layer_stack.layers[level].inputs;
+        let mut scratch = Scratch::default();
         let mut all = Moments::default();
-        self.climb(ladder, level, |panel, n| {
-            all.add(&Moments::measure(panel, width, n, &mut room));
+        self.climb(layer_stack, level, |panel, n| {
+            all.add(&Moments::measure(panel, width, n, &mut scratch));
         });
         all
     }
 
     /// Computes all layers and searches the maxima.
-    pub(super) fn search(&mut self, ladder: &LayerStack) {
-        let last = ladder.layers.len() - 1;
+    pub(super) fn search(&mut self, layer_stack: &LayerStack) {
+        let last = layer_stack.layers.len() - 1;
         if last > 2 {
-            self.raise(ladder, last - 1);
+            self.raise(layer_stack, last - 1);
         }
-        self.climb(ladder, last, |_, _| ());
+        self.climb(layer_stack, last, |_, _| ());
         self.linear = Vec::new();
     }
 
     /// Adds a patch to the layer below `level`.
     fn raise_patch(
         &mut self,
-        ladder: &LayerStack,
+        layer_stack: &LayerStack,
         level: usize,
         patch: usize,
-        room: &mut LayerScratch,
+        scratch: &mut LayerScratch,
     ) {
-        let layer = &ladder.layers[level - 1];
-        room.rows.resize(layer.inputs, [0.0; LANES]);
-        self.input(ladder, level - 1, patch, &mut room.rows);
-        room.sparse.take(&room.rows);
-        room.zeros.resize(layer.outputs, 0.0);
+        let layer = &layer_stack.layers[level - 1];
+        scratch.rows.resize(layer.inputs, [0.0; LANES]);
+        self.input(layer_stack, level - 1, patch, &mut scratch.rows);
+        scratch.sparse.take(&scratch.rows);
+        scratch.zeros.resize(layer.outputs, 0.0);
         let linear = &mut self.linear[level - 2];
         let start = linear.len();
         linear.resize(start + layer.outputs, [0.0; LANES]);
         let out = &mut linear[start..];
-        let x = std::slice::from_ref(&room.sparse);
-        project(&ladder.packed[level - 2], x, &room.zeros, out);
+        let x = std::slice::from_ref(&scratch.sparse);
+        project(&layer_stack.packed[level - 2], x, &scratch.zeros, out);
     }
 }
 

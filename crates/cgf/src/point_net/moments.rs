@@ -25,28 +25,28 @@ pub(super) struct Moments {
 impl Moments {
     /// Measures the first `n` points of a panel of `width` channels. `f32` carries the products of
     /// differences from the panel's own mean, `f64` everything else.
-    pub(super) fn measure(panel: &[Row], width: usize, n: usize, room: &mut Scratch) -> Self {
+    pub(super) fn measure(panel: &[Row], width: usize, n: usize, scratch: &mut Scratch) -> Self {
         let mut mean = vec![0.0; width];
-        room.centered.resize(panel.len(), [0.0; LANES]);
+        scratch.centered.resize(panel.len(), [0.0; LANES]);
         Arch::new().dispatch(Center {
             panel,
             n,
             mean: &mut mean,
-            centered: &mut room.centered,
+            centered: &mut scratch.centered,
         });
-        room.products.resize(width * width, 0.0);
-        let (centered, patches) = (&room.centered, panel.len() / width);
+        scratch.products.resize(width * width, 0.0);
+        let (centered, patches) = (&scratch.centered, panel.len() / width);
         correlate(
             centered,
             centered,
             patches,
             Pairs::Upper,
-            &mut room.products,
+            &mut scratch.products,
         );
         let mut scatter = vec![0.0; width * width];
         for i in 0..width {
             for j in i..width {
-                let product = f64::from(room.products[i * width + j]);
+                let product = f64::from(scratch.products[i * width + j]);
                 scatter[i * width + j] = product;
                 scatter[j * width + i] = product;
             }

@@ -56,7 +56,7 @@ impl Verifier<'_> {
                 .collect(),
             changing: self.lake.dirty.pipelines()?,
         };
-        let mut promised = BTreeMap::new();
+        let mut expected = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
             Ok(pipelines) => pipelines,
             // Reported already; without it the published files cannot be checked.
@@ -65,7 +65,7 @@ impl Verifier<'_> {
         };
         for pipeline in pipelines {
             let (of_pipeline, lost) = match self.lake.promised_by(&pipeline) {
-                Ok(promised) => promised,
+                Ok(expected) => expected,
                 Err(
                     LakeError::Damaged { .. } | LakeError::Json { .. } | LakeError::Lost { .. },
                 ) => {
@@ -79,7 +79,7 @@ impl Verifier<'_> {
                     self.fault(&path, "is missing; its published file exists");
                 }
             }
-            promised.extend(of_pipeline);
+            expected.extend(of_pipeline);
         }
         for folder_name in [TABLES, FILES, REPORTS] {
             for path in files_below(&folder.join(folder_name))? {
@@ -90,11 +90,11 @@ impl Verifier<'_> {
                 {
                     continue;
                 }
-                let promise = promised.remove(&*name.to_string_lossy());
+                let promise = expected.remove(&*name.to_string_lossy());
                 self.check_published_file(&state, &path, promise);
             }
         }
-        for (name, digest) in promised {
+        for (name, digest) in expected {
             if !state.is_changing(Path::new(&name)) && !self.unfetched.contains(&digest) {
                 self.fault(&folder.join(&name), "is missing: a unit made it");
             }
@@ -109,7 +109,7 @@ impl Verifier<'_> {
         &mut self,
         state: &PublishedState,
         path: &Path,
-        promised: Option<Digest>,
+        expected: Option<Digest>,
     ) {
         self.verified.n_files += 1;
         let digest = match self.digest_published(path) {
@@ -120,11 +120,11 @@ impl Verifier<'_> {
         let name = self.lake.folder.below(path);
         // A run that is not recorded yet may have published its artifacts.
         let is_new = || state.is_changing(name) && self.lake.blobs.path(&digest).exists();
-        match promised {
+        match expected {
             _ if state.damaged.contains(&digest) => {
                 self.fault(path, "has the bytes of a damaged blob");
             }
-            Some(promised) if promised == digest => {}
+            Some(expected) if expected == digest => {}
             _ if is_new() => {}
             Some(_) => self.fault(path, "does not match the digest in its unit's record"),
             None => self.fault(path, "belongs to no current unit"),
@@ -180,10 +180,10 @@ impl Verifier<'_> {
     /// Checks the tables of all units.
     fn check_unit_tables(&mut self, state: &PublishedState) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
-        let mut promised = self.lake.every_promised()?;
+        let mut expected = self.lake.every_promised()?;
         for path in files_below(&folder.every())? {
             self.verified.n_files += 1;
-            let is_promised = promised.remove(&path).is_some();
+            let is_promised = expected.remove(&path).is_some();
             let Some((partition, unit)) = unit_of(&path) else {
                 self.fault(&path, "belongs to no unit");
                 continue;
@@ -211,7 +211,7 @@ impl Verifier<'_> {
                 (Err(err), _) => self.fault(&path, format!("cannot be read: {err}")),
             }
         }
-        for (path, unit) in promised {
+        for (path, unit) in expected {
             let stored = self.lake.records.read(&unit)?;
             if stored.is_some_and(|stored| stored.outcome.file(table::FILE).is_some()) {
                 self.fault(&path, "is missing: a unit made it");

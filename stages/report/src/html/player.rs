@@ -89,11 +89,11 @@ fn filters(all: &[Motion]) -> String {
         "Verdict",
         distinct(&|one| (one.verdict.clone(), words(&one.verdict))),
     ));
-    let standing = |one: &Motion| {
-        let word = one.standing.as_str();
+    let outcome = |one: &Motion| {
+        let word = one.outcome.as_str();
         (word.to_owned(), word.to_owned())
     };
-    text.push_str(&select("filter-standing", "Standing", distinct(&standing)));
+    text.push_str(&select("filter-outcome", "Outcome", distinct(&outcome)));
     text.push_str(&select(
         "filter-generator",
         "Generator",
@@ -107,12 +107,12 @@ fn filters(all: &[Motion]) -> String {
 fn list(all: &[Motion]) -> String {
     let mut text = String::new();
     for (idx, motion) in all.iter().enumerate() {
-        let standing = motion.standing.as_str();
+        let outcome = motion.outcome.as_str();
         text.push_str(&format!(
             "<li><button type=\"button\" id=\"motion-{idx}\" class=\"motion {}\" data-idx=\"{idx}\" data-id=\"{}\" data-object=\"{}\" \
-             data-verdict=\"{}\" data-standing=\"{standing}\" data-generator=\"{}\" data-recording=\"{}\">\
+             data-verdict=\"{}\" data-outcome=\"{outcome}\" data-generator=\"{}\" data-recording=\"{}\">\
              <span>{}</span> <span class=\"verdict\">{}</span></button></li>\n",
-            standing.replace(' ', "-"),
+            outcome.replace(' ', "-"),
             escaped(&motion.id),
             escaped(&motion.object),
             escaped(&motion.verdict),

@@ -6,7 +6,7 @@
   const player = new Player(one("view"));
   if (!player.gl) { one("no-webgl").hidden = false; one("view").hidden = true; }
   const all = Array.from(document.querySelectorAll(".motion"));
-  const filters = ["object", "verdict", "standing", "generator"];
+  const filters = ["object", "verdict", "outcome", "generator"];
   const state = { idx: -1, plays: false, last: 0, loading: null };
   window.report = { player, state, select, load, draw: () => player.draw() };
 
@@ -30,9 +30,9 @@
     if (state.loading !== loading) return;
     player.show(glb);
     one("scrub").max = String(glb.duration);
-    const { id, object, verdict, standing, generator, recording } = button.dataset;
+    const { id, object, verdict, outcome, generator, recording } = button.dataset;
     const name = one("motion-name");
-    name.textContent = `${id}: ${verdict.replaceAll("_", " ")} (${standing}, ${generator}, ${object}) `;
+    name.textContent = `${id}: ${verdict.replaceAll("_", " ")} (${outcome}, ${generator}, ${object}) `;
     if (recording) {
       const link = document.createElement("a");
       link.href = recording;

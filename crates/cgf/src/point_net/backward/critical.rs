@@ -51,15 +51,15 @@ impl Top {
     /// Returns the gradient by the last layer's input, and that by the layer's own numbers; `moments`
     /// are of its input, where statistics were measured.
     pub(super) fn new(
-        ladder: &LayerStack,
+        layer_stack: &LayerStack,
         clouds: &[Cloud],
         moments: Option<&Moments>,
         by_features: &[f32],
     ) -> (Self, LayerGradient) {
-        let idx = ladder.layers.len() - 1;
-        let layer = &ladder.layers[idx];
+        let idx = layer_stack.layers.len() - 1;
+        let layer = &layer_stack.layers[idx];
         let (inputs, outputs) = (layer.inputs, layer.outputs);
-        let sums = Outputs::new(ladder, clouds, by_features);
+        let sums = Outputs::new(layer_stack, clouds, by_features);
         let scale = narrow_all(&sums.scale);
         let (critical, rows): (Vec<Critical>, Vec<Vec<f32>>) = clouds
             .par_iter()
@@ -75,7 +75,7 @@ impl Top {
                         *sum += by * w;
                     }
                 }
-                let rows = critical.inputs(ladder, idx, cloud);
+                let rows = critical.inputs(layer_stack, idx, cloud);
                 (critical, rows)
             })
             .unzip();
@@ -105,7 +105,7 @@ impl Top {
                     }
                 }
             });
-        let dense = moments.map(|moments| Dense::new(ladder, &sums, moments));
+        let dense = moments.map(|moments| Dense::new(layer_stack, &sums, moments));
         let gradient = [
             narrow_all(&by_weight),
             narrow_all(&sums.by_gain),
@@ -117,14 +117,14 @@ impl Top {
     /// Takes the gradient down one cloud to the output of the layer below the last.
     pub(super) fn descend(
         &self,
-        ladder: &LayerStack,
+        layer_stack: &LayerStack,
         below: usize,
         cloud: &Cloud,
         number: usize,
     ) -> Descent {
-        let width = ladder.layers[below].outputs;
+        let width = layer_stack.layers[below].outputs;
         let critical = &self.critical[number];
-        let mut running = Running::new(&ladder.layers[below], below);
+        let mut running = Running::new(&layer_stack.layers[below], below);
         let kept = if below > 0 {
             cloud.patches() * width
         } else {
@@ -140,7 +140,7 @@ impl Top {
             .zip(critical.by.chunks_exact(width))
             .peekable();
         for patch in 0..cloud.patches() {
-            cloud.input(ladder, below + 1, patch, &mut x);
+            cloud.input(layer_stack, below + 1, patch, &mut x);
             if let Some(dense) = &self.dense {
                 sparse.take(&x);
                 let alone = std::slice::from_ref(&sparse);
@@ -155,7 +155,7 @@ impl Top {
                     g[lane] += by;
                 }
             }
-            let place = Place::new(ladder, below, cloud, patch);
+            let place = Place::new(layer_stack, below, cloud, patch);
             running.absorb(&place, &x, &mut g);
             if below > 0 {
                 down.extend_from_slice(&g);
@@ -170,9 +170,9 @@ impl Top {
 }
 
 impl Outputs {
-    fn new(ladder: &LayerStack, clouds: &[Cloud], by_features: &[f32]) -> Self {
-        let idx = ladder.layers.len() - 1;
-        let (layer, normalized) = (&ladder.layers[idx], &ladder.normalized[idx]);
+    fn new(layer_stack: &LayerStack, clouds: &[Cloud], by_features: &[f32]) -> Self {
+        let idx = layer_stack.layers.len() - 1;
+        let (layer, normalized) = (&layer_stack.layers[idx], &layer_stack.normalized[idx]);
         let inverse: Vec<f64> = normalized
             .variance
             .iter()
@@ -203,8 +203,8 @@ impl Outputs {
 impl Dense {
     /// `dx = − Σ_c w_c scale_c (a_c + b_c (w_c · x − mean_c) / sigma_c)` over the outputs c, with the
     /// means over all points `a` of g and `b` of g y'.
-    fn new(ladder: &LayerStack, outputs: &Outputs, moments: &Moments) -> Self {
-        let layer = &ladder.layers[ladder.layers.len() - 1];
+    fn new(layer_stack: &LayerStack, outputs: &Outputs, moments: &Moments) -> Self {
+        let layer = &layer_stack.layers[layer_stack.layers.len() - 1];
         let inputs = layer.inputs;
         let factors: Vec<f64> = (0..layer.outputs)
             .map(|c| outputs.scale[c] * outputs.inverse[c] * outputs.by_gain[c] / moments.n)
@@ -262,15 +262,15 @@ impl Critical {
     }
 
     /// The last layer's input at each of the points, one after the other.
-    fn inputs(&self, ladder: &LayerStack, last: usize, cloud: &Cloud) -> Vec<f32> {
-        let width = ladder.layers[last].inputs;
+    fn inputs(&self, layer_stack: &LayerStack, last: usize, cloud: &Cloud) -> Vec<f32> {
+        let width = layer_stack.layers[last].inputs;
         let mut rows = Vec::with_capacity(self.points.len() * width);
         let mut x: Vec<Row> = vec![[0.0; LANES]; width];
         let mut current = usize::MAX;
         for &point in &self.points {
             let (patch, lane) = (point as usize / LANES, point as usize % LANES);
             if patch != current {
-                cloud.input(ladder, last, patch, &mut x);
+                cloud.input(layer_stack, last, patch, &mut x);
                 current = patch;
             }
             rows.extend(x.iter().map(|row| row[lane]));
@@ -281,12 +281,12 @@ impl Critical {
 
 impl Cloud {
     /// Keeps the points that attain a maximum.
-    pub(super) fn critical_alone(self, ladder: &LayerStack) -> Self {
+    pub(super) fn critical_alone(self, layer_stack: &LayerStack) -> Self {
         let Critical { points, slots, .. } = Critical::of(&self);
         let mut alone = Self::new(points.iter().map(|&point| self.point(point)));
         alone.critical = slots.into_iter().map(row_index).collect();
         alone.attained = self.attained;
-        alone.raise(ladder, ladder.layers.len() - 1);
+        alone.raise(layer_stack, layer_stack.layers.len() - 1);
         alone
     }
 }

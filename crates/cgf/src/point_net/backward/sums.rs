@@ -41,13 +41,18 @@ pub(super) struct Place<'a> {
 }
 
 impl<'a> Place<'a> {
-    pub(super) fn new(ladder: &'a LayerStack, idx: usize, cloud: &'a Cloud, patch: usize) -> Self {
+    pub(super) fn new(
+        layer_stack: &'a LayerStack,
+        idx: usize,
+        cloud: &'a Cloud,
+        patch: usize,
+    ) -> Self {
         Self {
             cloud,
             patch,
             idx,
-            layer: &ladder.layers[idx],
-            normalized: &ladder.normalized[idx],
+            layer: &layer_stack.layers[idx],
+            normalized: &layer_stack.normalized[idx],
         }
     }
 }
