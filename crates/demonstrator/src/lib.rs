@@ -6,7 +6,7 @@
 //! // Makes what `data/sample/recipe.toml` says, once.
 //! match ensure_sample("data/sample".as_ref())? {
 //!     SampleOutcome::Written { sequences, frames } => assert!(sequences > 0 && frames > sequences),
-//!     SampleOutcome::Kept | Made::NoRecipe => {}
+//!     SampleOutcome::Kept | SampleOutcome::NoRecipe => {}
 //! }
 //! # Ok::<(), demonstrator::DemonstratorError>(())
 //! ```
