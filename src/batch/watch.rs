@@ -24,7 +24,7 @@ const LOOKS: usize = 4;
 struct Places {
     n_waiting: usize,
     running: BTreeMap<String, usize>,
-    /// Whether a job would wait for ever.
+    /// Whether a job will never start, or its worker sends no heartbeats.
     is_stuck: bool,
 }
 
@@ -37,7 +37,7 @@ struct JobObservations {
     workers: HashMap<(String, usize), WorkerHeartbeat>,
 }
 
-/// When the worker of a job was last heard.
+/// Last heartbeat of the worker of a job.
 struct WorkerHeartbeat {
     /// Its last heartbeat, if it has begun.
     heartbeat: Option<Vec<u8>>,
@@ -165,26 +165,26 @@ impl Batch<'_> {
     ) -> Result<Option<String>, Failure> {
         let (begin_s, timeout_s) = (self.table.begin_s, self.table.heartbeat_timeout_s);
         let now = Instant::now();
-        let heard = seen.workers.entry(job.clone()).or_insert(WorkerHeartbeat {
+        let last = seen.workers.entry(job.clone()).or_insert(WorkerHeartbeat {
             heartbeat: None,
             at: now,
             looked: now,
         });
-        let longest_s = heard.heartbeat.as_ref().map_or(begin_s, |_| timeout_s);
+        let longest_s = last.heartbeat.as_ref().map_or(begin_s, |_| timeout_s);
         let longest = Duration::from_secs(longest_s);
         // A request for each job at every look would be many.
         let pause = Duration::from_secs(begin_s.min(timeout_s) / 4);
-        if heard.at.elapsed() > longest || heard.looked.elapsed() > pause {
-            heard.looked = now;
+        if last.at.elapsed() > longest || last.looked.elapsed() > pause {
+            last.looked = now;
             let key = here_key(&format!("{}/{}", job.0, job.1));
             let heartbeat = self.lake.message(&key).map_err(failed)?;
-            if heartbeat != heard.heartbeat {
-                heard.heartbeat = heartbeat;
-                heard.at = now;
+            if heartbeat != last.heartbeat {
+                last.heartbeat = heartbeat;
+                last.at = now;
             }
         }
-        let is_silent = heard.at.elapsed() > longest;
-        Ok(is_silent.then(|| match heard.heartbeat {
+        let is_silent = last.at.elapsed() > longest;
+        Ok(is_silent.then(|| match last.heartbeat {
             None => format!("begun for {begin_s} s"),
             Some(_) => format!("been heard for {timeout_s} s"),
         }))

@@ -1,4 +1,4 @@
-//! The way from a start by a pregrasp to a grasp: two straight lines.
+//! The approach path from a start by a pregrasp to a grasp: two straight lines.
 
 use std::sync::Arc;
 
@@ -9,12 +9,12 @@ use spatial::{Object, Pose, Twist};
 
 use crate::{ApproachConfig, ApproachError, HandBody};
 
-/// Places of a straight way that are checked.
+/// Number of points of a straight line that are checked.
 const CHECKS: u32 = 16;
-/// Depth up to which a way counts as clear, in meters: the accuracy of the grid of distances.
+/// Depth up to which a path counts as clear, in meters: the accuracy of the grid of distances.
 const CLEAR_DEPTH_M: f64 = 1e-3;
 
-/// Timing of the two parts of the way.
+/// Timing of the two parts of the path.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct ApproachPath {
     steps: usize,
@@ -32,7 +32,7 @@ struct PathSegment<'a> {
 }
 
 impl ApproachPath {
-    /// Returns the way that the options describe.
+    /// Returns the path of the options.
     pub fn new(config: &ApproachConfig) -> Self {
         Self {
             steps: config.steps.max(2),
@@ -88,7 +88,7 @@ impl ApproachPath {
     }
 }
 
-/// Returns whether the straight way from one hand to another is clear of object and table.
+/// Returns whether the straight line from one hand to another is clear of object and table.
 ///
 /// # Errors
 ///

@@ -77,7 +77,7 @@ impl<'a> Reach<'a> {
                 break;
             }
         }
-        let way = ApproachPath::new(self.config);
+        let path = ApproachPath::new(self.config);
         Ok(Candidate {
             candidate_id: format!("{}-{number:05}", self.object),
             generator: self.generator.to_owned(),
@@ -92,7 +92,7 @@ impl<'a> Reach<'a> {
             limit_excess_rad: 0.0,
             depth_m: grasp.depth_m,
             residual_m2: grasp.residual_m2,
-            motion: way.motion(&self.joints, first, &before, &grasp.hand)?,
+            motion: path.motion(&self.joints, first, &before, &grasp.hand)?,
             refused: Vec::new(),
         })
     }

@@ -38,4 +38,4 @@ pub use rest_distribution::RestDistribution;
 pub use start::{Start, grasping_hands, grasps};
 pub use units::units;
 pub use virtual_contacts::virtual_contacts;
-pub use wrenches::Measure;
+pub use wrenches::ContactModel;

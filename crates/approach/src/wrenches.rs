@@ -2,20 +2,20 @@
 
 use nalgebra::{Point3, Unit, Vector3, Vector6};
 
-/// Parameters of contact wrenches: center of torques and characteristic length.
+/// Point contact with friction, and the scale of its wrenches.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Measure {
-    /// Torques are about it, object frame, in meters.
+pub struct ContactModel {
+    /// Center of the torques, object frame, in meters.
     pub center_in_object: Point3<f64>,
-    /// Length by which torques are divided, in meters.
+    /// Characteristic length by which torques are divided, in meters.
     pub length_m: f64,
     /// Friction coefficient of the contacts.
     pub friction: f64,
-    /// Edges of a linearized friction cone.
+    /// Number of edges of the linearized friction cone.
     pub edges: usize,
 }
 
-impl Measure {
+impl ContactModel {
     /// Returns the wrenches of a contact that presses with 1 along each edge of its linearized friction cone: force,
     /// and torque over the length, object frame. The axis that is farthest from `near`, the surface's outward normal
     /// or one like it, fixes the first edge.
@@ -51,14 +51,14 @@ mod tests {
 
     #[test]
     fn a_contact_presses_inward_within_its_cone() {
-        let measure = Measure {
+        let contact_model = ContactModel {
             center_in_object: Point3::new(0.0, 0.0, -0.2),
             length_m: 0.5,
             friction: 0.7,
             edges: 4,
         };
         let normal = Vector3::x();
-        let found = measure.wrenches(&Point3::new(0.1, 0.0, 0.0), &normal, &normal);
+        let found = contact_model.wrenches(&Point3::new(0.1, 0.0, 0.0), &normal, &normal);
         assert_eq!(found.len(), 4);
         let sum: Vector6<f64> = found.iter().sum::<Vector6<f64>>() / 4.0;
         // Straight in: force -x, torque (0.1, 0, 0.2) × (-1, 0, 0) = (0, -0.2, 0), over 0.5 m.

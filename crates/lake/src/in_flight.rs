@@ -26,7 +26,7 @@ pub(crate) struct InFlight {
 
 impl InFlight {
     /// Makes the folder of a unit; blocks forever once the flight is dropped, so that no unit begins
-    /// behind an interrupt's back.
+    /// after an interrupt.
     pub(crate) fn begin(&self, folder: &Path) -> io::Result<()> {
         let mut folders = lock(&self.folders);
         fs::create_dir_all(folder)?;

@@ -1,6 +1,6 @@
 //! Quality of a grasp: its resistance to any wrench.
 
-use approach::{Measure, Touch};
+use approach::{ContactModel, Touch};
 use nalgebra::{Point3, Vector6};
 
 use crate::hull::ball_radius;
@@ -17,7 +17,7 @@ pub(crate) fn epsilon(
     length_m: f64,
     friction: f64,
 ) -> f64 {
-    let measure = Measure {
+    let contact_model = ContactModel {
         center_in_object: *center,
         length_m,
         friction,
@@ -25,7 +25,7 @@ pub(crate) fn epsilon(
     };
     let wrenches = touches.iter().flat_map(|touch| {
         let normal = &touch.normal_in_object;
-        measure.wrenches(&touch.point_in_object, normal, normal)
+        contact_model.wrenches(&touch.point_in_object, normal, normal)
     });
     let wrenches: Vec<Vector6<f64>> = wrenches.collect();
     ball_radius(&wrenches).map_or(0.0, |radius| radius.max(0.0))

@@ -1,6 +1,6 @@
 //! Fingertips on a surface: their wrenches, and the min-weight metric as a term of the solver.
 
-use approach::Measure;
+use approach::ContactModel;
 use nalgebra::{Point3, Vector3};
 use posture::{Environment, EnvironmentTerms, Posed, Residual, Terms};
 
@@ -31,7 +31,7 @@ pub(crate) struct Tip {
 pub(crate) struct GraspTerms<'a> {
     pub(crate) surroundings: EnvironmentTerms<'a>,
     pub(crate) tips: &'a [Tip],
-    pub(crate) measure: Measure,
+    pub(crate) contact_model: ContactModel,
     /// Weight of the metric's shortfall, in meters.
     pub(crate) weight_m: f64,
     /// Number of evaluations of the metric.
@@ -77,13 +77,14 @@ impl GraspTerms<'_> {
 
     /// Returns the metric of tips at these places.
     pub(crate) fn metric_at(&mut self, places: &[Point3<f64>]) -> Option<MinWeight> {
-        let mut all = Vec::with_capacity(self.tips.len() * self.measure.edges);
+        let mut all = Vec::with_capacity(self.tips.len() * self.contact_model.edges);
         for (tip, at) in self.tips.iter().zip(places) {
             let contact = contact(self.surroundings.environment, at, tip.radius_m)?;
-            all.extend(
-                self.measure
-                    .wrenches(&contact.at_m, &contact.normal, &contact.normal),
-            );
+            all.extend(self.contact_model.wrenches(
+                &contact.at_m,
+                &contact.normal,
+                &contact.normal,
+            ));
         }
         self.evaluations += 1;
         MinWeight::of(&all)
@@ -106,7 +107,7 @@ impl GraspTerms<'_> {
             offset[axis] = sign * NEAR_M;
             let contact = contact(environment, &(at + offset), tip.radius_m)?;
             Some(
-                self.measure
+                self.contact_model
                     .wrenches(&contact.at_m, &contact.normal, &here.normal),
             )
         };
@@ -115,7 +116,7 @@ impl GraspTerms<'_> {
                 return 0.0;
             };
             let changes = after.iter().zip(&before).enumerate();
-            let first = idx * self.measure.edges;
+            let first = idx * self.contact_model.edges;
             changes
                 .map(|(edge, (after, before))| {
                     metric.change(first + edge, &((after - before) / (2.0 * NEAR_M)))

@@ -34,8 +34,8 @@ pub(crate) fn hand() -> (Hand, HandBody) {
 }
 
 /// Returns the parameters of the box's contacts.
-pub(crate) fn measure() -> approach::Measure {
-    approach::Measure {
+pub(crate) fn contact_model() -> approach::ContactModel {
+    approach::ContactModel {
         center_in_object: Point3::origin(),
         length_m: 0.05,
         friction: 0.7,

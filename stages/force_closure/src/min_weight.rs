@@ -54,7 +54,7 @@ impl MinWeight {
 
 #[cfg(test)]
 mod tests {
-    use approach::Measure;
+    use approach::ContactModel;
     use nalgebra::{Point3, Vector3};
     use rand::{Rng, SeedableRng};
     use rand_chacha::ChaCha8Rng;
@@ -66,13 +66,13 @@ mod tests {
             .iter()
             .flat_map(|(at, normal)| {
                 let normal = Vector3::from(*normal).normalize();
-                let measure = Measure {
+                let contact_model = ContactModel {
                     center_in_object: Point3::origin(),
                     length_m: 1.0,
                     friction,
                     edges,
                 };
-                measure.wrenches(&Point3::from(*at), &normal, &normal)
+                contact_model.wrenches(&Point3::from(*at), &normal, &normal)
             })
             .collect();
         MinWeight::of(&all).map(|metric| metric.normalized)

@@ -1,6 +1,6 @@
 //! One grasp: from a random palm to fingertips that close on the object.
 
-use approach::{ApproachError, HandBody, Measure, Palms};
+use approach::{ApproachError, ContactModel, HandBody, Palms};
 use motion::HandState;
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posture,
@@ -55,7 +55,7 @@ pub(crate) struct Search<'a> {
     pub(crate) body: &'a HandBody,
     pub(crate) config: &'a ForceClosureConfig,
     pub(crate) environment: &'a Environment,
-    pub(crate) measure: Measure,
+    pub(crate) contact_model: ContactModel,
     pub(crate) tips: &'a [Tip],
 }
 
@@ -103,7 +103,7 @@ impl Search<'_> {
         let palms = Palms {
             body: self.body,
             environment: self.environment,
-            center_in_object: self.measure.center_in_object,
+            center_in_object: self.contact_model.center_in_object,
             jitter_m: self.config.palm_jitter_m,
         };
         for _ in 0..MAX_PALMS {
@@ -205,7 +205,7 @@ impl Search<'_> {
                 contacts: contacts.collect(),
             },
             tips: self.tips,
-            measure: self.measure,
+            contact_model: self.contact_model,
             weight_m,
             evaluations: 0,
         }
@@ -228,7 +228,7 @@ mod tests {
             body: &body,
             config,
             environment: &environment,
-            measure: fixture::measure(),
+            contact_model: fixture::contact_model(),
             tips: &tips,
         };
         let grasp = |seed| {
@@ -281,7 +281,7 @@ mod tests {
             body: &body,
             config: &config,
             environment: &environment,
-            measure: fixture::measure(),
+            contact_model: fixture::contact_model(),
             tips: &tips,
         };
         let mut terms = search.terms(1.0);

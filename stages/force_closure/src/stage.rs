@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Measure, Reach, RestDistribution, Start};
+use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
     Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -206,7 +206,7 @@ impl Maker<'_> {
             body: self.body,
             config: self.config,
             environment: &environment,
-            measure: measure(self.config, self.object),
+            contact_model: contact_model(self.config, self.object),
             tips: self.tips,
         };
         let Some(found) = search.grasp(&mut rng)? else {
@@ -233,12 +233,12 @@ impl Maker<'_> {
 
 /// Returns the parameters of the contacts of an object: torques about its center of mass, over the mean distance of its
 /// surface from there.
-fn measure(config: &ForceClosureConfig, object: &Object) -> Measure {
+fn contact_model(config: &ForceClosureConfig, object: &Object) -> ContactModel {
     let center_in_object = Point3::from(object.center_of_mass_m);
     let points = object.points_m.iter();
     let far = points.map(|&point| (Point3::from(point) - center_in_object).norm());
     let mean_m = far.sum::<f64>() / object.points_m.len().max(1) as f64;
-    Measure {
+    ContactModel {
         center_in_object,
         length_m: mean_m.max(MIN_LENGTH_M),
         friction: config.friction,

@@ -270,7 +270,7 @@ pub enum RecordingError {
     NotAFile {
         /// The file's name in the dataset.
         file: String,
-        /// What was found there instead.
+        /// Kind of the item found instead.
         found: &'static str,
     },
     /// A name cannot be written.

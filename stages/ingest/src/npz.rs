@@ -72,7 +72,7 @@ pub enum NpzError {
     },
 }
 
-/// Buffers for reading archives; worth keeping from one file to the next.
+/// Inflater and buffers for reading archives; worth keeping from one file to the next.
 #[derive(Debug)]
 pub(crate) struct Unpacker {
     directory: Directory,

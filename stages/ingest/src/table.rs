@@ -71,7 +71,7 @@ pub(crate) fn lying(
     }
 }
 
-/// Stable orientations of a shape.
+/// Stable orientations and vertices of a shape.
 struct Shape {
     rests: Vec<StablePose>,
     vertices_m: Vec<Point3<f64>>,

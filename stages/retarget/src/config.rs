@@ -100,7 +100,7 @@ pub enum Wrist {
     /// With the joints, so that all points reach their landmarks as well as they can.
     #[default]
     Free,
-    /// Nearest to the landmarks of the palm's own points, of which there are at least three.
+    /// At the least distance of the palm's own points, at least three of them, from their landmarks.
     Fixed,
 }
 

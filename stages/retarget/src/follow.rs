@@ -1,4 +1,4 @@
-//! One step of a demonstration: from what it context to the posture that answers.
+//! One step of a demonstration: the posture for its goal.
 
 use nalgebra::Point3;
 use posture::{

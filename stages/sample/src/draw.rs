@@ -14,7 +14,7 @@ use crate::{
     config::{RestingPoses, SampleConfig},
 };
 
-/// Source of one motion: what it is decoded from.
+/// Resting orientation and code from which one motion is decoded.
 #[derive(Debug, Clone, PartialEq)]
 pub(crate) struct Draw {
     /// Index of the object's resting orientation.

@@ -16,7 +16,7 @@ pub struct CollisionModel<'a> {
     clusters: Vec<SphereCluster>,
 }
 
-/// Depth of a hand in object and table, in meters; 0 without contact.
+/// Depth of a hand in object and table, in meters; 0 without penetration.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Depth {
     /// In the object.

@@ -32,7 +32,7 @@ fuzz_target!(|bytes: &[u8]| -> Corpus {
 /// A model to change.
 struct Base {
     bytes: Vec<u8>,
-    /// Position of its instructions.
+    /// Byte offsets of its instructions.
     places: Vec<usize>,
 }
 

@@ -112,7 +112,7 @@ impl Rig {
         )
     }
 
-    /// A camera's estimate of a point in the world: a wrong one is 6 cm and 20 degrees off.
+    /// World-to-camera transform of a camera's labels: a wrong one is 6 cm and 20 degrees off.
     fn camera_from_world(&self, camera: usize) -> Isometry3<f64> {
         let camera_from_world = self.world_from_camera(camera).inverse();
         if self.wrong.contains(&camera) {
