@@ -106,11 +106,7 @@ pub(crate) fn is_clear(
         duration_s: 1.0,
     };
     for idx in (0..CHECKS).rev() {
-        let step = leg.at(f64::from(idx) / f64::from(CHECKS));
-        let hand = HandState {
-            frame_from_palm: step.frame_from_palm,
-            q_rad: step.q_rad,
-        };
+        let hand = HandState::from(leg.at(f64::from(idx) / f64::from(CHECKS)));
         if !body.is_clear(environment, &body.placed(&hand)?, CLEAR_DEPTH_M) {
             return Ok(false);
         }

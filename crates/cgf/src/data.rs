@@ -178,7 +178,7 @@ impl<F> TrainingMotion<F> {
     /// the rotation on the shortest arc.
     pub fn at(&self, t: f64) -> HandState<F> {
         let last = self.motion.grasp().time_s;
-        HandState::from(&self.motion.at(last - t * self.motion.duration_s()))
+        HandState::from(self.motion.at(last - t * self.motion.duration_s()))
     }
 }
 

@@ -24,6 +24,15 @@ impl<F> HandState<F> {
     }
 }
 
+impl<F, R> From<Step<F, R>> for HandState<F> {
+    fn from(step: Step<F, R>) -> Self {
+        Self {
+            frame_from_palm: step.frame_from_palm,
+            q_rad: step.q_rad,
+        }
+    }
+}
+
 impl<F, R> From<&Step<F, R>> for HandState<F> {
     fn from(step: &Step<F, R>) -> Self {
         Self {

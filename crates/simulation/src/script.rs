@@ -371,6 +371,6 @@ impl<R: Rates> Writer<'_, R> {
     }
 
     fn at(&self, fraction: f64) -> HandState<Object> {
-        HandState::from(&self.motion.at_fraction(fraction))
+        self.motion.at_fraction(fraction).into()
     }
 }

@@ -83,11 +83,8 @@ impl Controller<'_> {
         given: &Motion<Object>,
         rng: &mut impl Rng,
     ) -> Result<ControlledMotion, ControlError> {
-        let [start, grasp] = [given.first(), given.grasp()];
-        let start = HandState {
-            frame_from_palm: start.frame_from_palm,
-            q_rad: start.q_rad.clone(),
-        };
+        let start = HandState::from(given.first());
+        let grasp = given.grasp();
         let table_from_palm = scene.table_from_estimate() * grasp.frame_from_palm;
         let goal = Goal {
             tips: self.tips.places(self.hand, &table_from_palm, &grasp.q_rad),

@@ -79,7 +79,9 @@ impl Output for AdaptedCandidates {
         if scope.partitions(Object::NAME).is_empty() {
             return Err(GraspTtaError::NoObjects);
         }
-        let objects = scope.chosen(Object::NAME, &config.objects)?;
+        let objects = scope
+            .chosen(Object::NAME, &config.objects)
+            .map_err(GraspTtaError::UnknownObject)?;
         let networks = scope.partitions(grasp_networks::NAME).iter();
         let networks = networks.map(|model| model.key.as_str());
         let files = HandFiles::without_table(&config.hand)?;
@@ -241,14 +243,8 @@ impl GraspDrawer<'_> {
 impl DrawnGrasp {
     /// Returns the hand in the object's frame.
     fn hand_in_object(&self) -> HandState<spatial::Object> {
-        let HandState {
-            frame_from_palm,
-            q_rad,
-        } = &self.adapted.hand;
-        HandState {
-            frame_from_palm: self.rest.table_from_object().inverse() * *frame_from_palm,
-            q_rad: q_rad.clone(),
-        }
+        let object_from_table = self.rest.table_from_object().inverse();
+        self.adapted.hand.clone().expressed_in(&object_from_table)
     }
 }
 

@@ -26,13 +26,8 @@ pub enum GraspTtaError {
         sequence: String,
     },
     /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{object}`")]
-    UnknownObject {
-        /// The name.
-        object: String,
-        /// The objects that there are.
-        known: Vec<String>,
-    },
+    #[error("there is no object `{}`", .0.name)]
+    UnknownObject(UnknownPartition),
     /// The hand has no collision shape, and so no surface.
     #[error("the hand has no collision shape")]
     NoSurface,
@@ -50,19 +45,10 @@ pub enum GraspTtaError {
     Lake(#[from] LakeError),
 }
 
-impl From<UnknownPartition> for GraspTtaError {
-    fn from(unknown: UnknownPartition) -> Self {
-        Self::UnknownObject {
-            object: unknown.name,
-            known: unknown.known,
-        }
-    }
-}
-
 impl Advise for GraspTtaError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject { known, .. } => Some(format!("there are: {}", known.join(", "))),
+            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::NoTrajectories { .. } => Some("check `unseen_objects`".to_owned()),
             Self::NoObject { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())

@@ -7,10 +7,11 @@ use cgf::{
     RestingObject,
     grasp_tta::{DemonstratedGrasp, GraspNetworks, GraspOptions, GraspSet, train_grasps},
 };
-use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit, UnknownPartition,
+};
 use hand_files::HandFiles;
 use lake::ReadInputs;
-use motion::HandState;
 use nalgebra::Point3;
 use schemas::{Table, grasp_networks, objects::Object, trajectories::Trajectory};
 
@@ -67,7 +68,9 @@ impl Output for LearnedNetworks {
     fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
         let unseen = &config.unseen_objects;
         // Names that are no objects are errors.
-        scope.chosen(Object::NAME, unseen)?;
+        scope
+            .chosen(Object::NAME, unseen)
+            .map_err(GraspTtaError::UnknownObject)?;
         let all = scope.partitions(Trajectory::NAME);
         let mut keys = Vec::new();
         let mut objects = BTreeSet::new();
@@ -140,13 +143,12 @@ fn demonstrated(
     let mut set = GraspSet::default();
     let hands = grasping_hands(trajectories, joints)?;
     for (trajectory, hand) in trajectories.iter().zip(hands) {
-        let object =
-            known
-                .get(trajectory.object.as_str())
-                .ok_or_else(|| GraspTtaError::UnknownObject {
-                    object: trajectory.object.clone(),
-                    known: known.keys().map(|&name| name.to_owned()).collect(),
-                })?;
+        let object = known.get(trajectory.object.as_str()).ok_or_else(|| {
+            GraspTtaError::UnknownObject(UnknownPartition {
+                name: trajectory.object.clone(),
+                known: known.keys().map(|&name| name.to_owned()).collect(),
+            })
+        })?;
         let same = |one: &RestingObject| one.object == object.name && one.rest == trajectory.rest;
         let idx = set.objects.iter().position(same);
         let idx = idx.unwrap_or_else(|| {
@@ -157,13 +159,7 @@ fn demonstrated(
             });
             set.objects.len() - 1
         });
-        set.grasps.push(DemonstratedGrasp {
-            object: idx,
-            hand: HandState {
-                frame_from_palm: hand.frame_from_palm,
-                q_rad: hand.q_rad,
-            },
-        });
+        set.grasps.push(DemonstratedGrasp { object: idx, hand });
     }
     Ok(set)
 }

@@ -129,10 +129,7 @@ mod tests {
                 assert!(bends || after == before, "{joint}: {before} {after}");
             }
             assert_ne!(before.q_rad, after.q_rad);
-            let hand = HandState {
-                frame_from_palm: after.frame_from_palm,
-                q_rad: after.q_rad.clone(),
-            };
+            let hand = HandState::from(after);
             assert_eq!(body.closed(&environment, &hand).unwrap(), hand);
         }
     }

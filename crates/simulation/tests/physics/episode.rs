@@ -16,13 +16,7 @@ fn motion() -> Motion<Object, ()> {
 /// Returns the commands of a grasp from the side, the start first, one per control step of the reach.
 fn commands() -> Vec<HandState<Object>> {
     let motion = motion();
-    let at = |step: i32| {
-        let at = motion.at_fraction(f64::from(step) / 40.0);
-        HandState {
-            frame_from_palm: at.frame_from_palm,
-            q_rad: at.q_rad,
-        }
-    };
+    let at = |step: i32| HandState::from(motion.at_fraction(f64::from(step) / 40.0));
     (0..=40).map(at).collect()
 }
 
