@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use cell::PlannedFault;
+use cell::{PlannedFault, PublicKey};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::{PartitionKey, Sweep};
@@ -298,6 +298,12 @@ pub(crate) struct CellArgs {
     /// who may do what; see `data/access`. Without one it is reached on the loopback interface alone.
     #[arg(long, value_name = "FILE")]
     pub(crate) access: Option<PathBuf>,
+    /// Dispatcher whose goals are taken [default: any]
+    ///
+    /// Its public key; that of a lake is in `effects/dispatch/key.pub` once it has asked a cell. Goals that another
+    /// key signed are refused. May be repeated.
+    #[arg(long, value_name = "KEY")]
+    pub(crate) dispatcher: Vec<PublicKey>,
     /// Journal folder [default: LAKE/cells/NAME]
     ///
     /// The folder in which the cell records the goals that it has answered.

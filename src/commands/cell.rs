@@ -62,6 +62,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
         ros2_domain: args.ros2_domain,
         router: args.connect.clone(),
         access: args.access.clone(),
+        dispatchers: args.dispatcher.clone(),
         faults: args.fault.clone(),
     };
     let name = config.name.clone();

@@ -132,6 +132,7 @@ fn one(
         files,
         labels,
         metrics,
+        ..
     } = &record.outcome
     {
         for (name, file) in files {

@@ -26,9 +26,9 @@ use std::{
 };
 
 use cell::{
-    CellClient, Goal, GoalResult, JointPoint, JointRates, JointTrack, Keys, ModelMismatch, Pacer,
-    PalmPoint, PalmTrajectory, ServiceConfig, SimulatedCell, SimulatedCellConfig, Tick,
-    execute_offline, robot_digest, subscribe,
+    CellClient, Goal, GoalResult, Grasp, JointPoint, JointRates, JointTrack, Keys, ModelMismatch,
+    Pacer, PalmPoint, PalmTrajectory, Patience, ServiceConfig, SimulatedCell, SimulatedCellConfig,
+    Terms, Tick, execute_offline, robot_digest, subscribe,
 };
 use nalgebra::Isometry3;
 use robot::RobotModel;
@@ -84,12 +84,15 @@ fn over_zenoh(object: &ObjectShape) -> Measured {
         late_us: Vec::new(),
     };
     let robot = RobotModel::from_urdf(URDF).unwrap();
-    // The cell's capabilities are requested once.
-    client.capabilities(SOON).unwrap();
+    let terms = Terms::new(client.capabilities(SOON).unwrap(), false);
+    let patience = Patience {
+        answer: SOON,
+        result: SOON,
+    };
     for attempt in 0..GOALS {
         let sent = Instant::now();
         let done = client
-            .execute(&goal(attempt), robot.joints(), SOON, SOON)
+            .execute(&goal(attempt), &terms, robot.joints(), patience, &())
             .unwrap();
         let GoalResult::Report(report) = done else {
             panic!("{done:?}");
@@ -180,9 +183,9 @@ fn goal(attempt: u32) -> Goal {
         resumed: 0,
         table_from_object: can::upright().table_from_object(),
         start_tolerance_rad: 0.1,
-        grasp: simulation::Protocol {
+        grasp: Grasp {
             reach_s,
-            ..protocol
+            ..Grasp::try_from(&protocol).unwrap()
         },
         carrier: PalmTrajectory::Palm(vec![palm(0.0), palm(reach_s)]),
         hand: JointTrack {

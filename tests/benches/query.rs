@@ -111,6 +111,7 @@ fn make(folder: &Path, rows_per_file: usize) -> Result<Vec<PathBuf>, Box<dyn Err
             files: BTreeMap::new(),
             labels: BTreeMap::new(),
             metrics: BTreeMap::new(),
+            provisional: false,
         };
         let record = making.commit(Record {
             fingerprint,

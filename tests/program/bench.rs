@@ -48,6 +48,8 @@ fn sample() -> &'static Path {
 pub(crate) struct Bench {
     folder: TempDir,
     root: PathBuf,
+    /// Values beside [`SMALL`], as `stage.key=value`.
+    values: Vec<String>,
 }
 
 impl Bench {
@@ -70,7 +72,26 @@ impl Bench {
         Self {
             folder: TempDir::new().unwrap(),
             root,
+            values: Vec::new(),
         }
+    }
+
+    /// Takes the recordings of a few objects of the small sample.
+    pub(crate) fn of_objects(objects: &[&str]) -> Self {
+        Self {
+            values: vec![format!("ingest.objects={objects:?}")],
+            ..Self::new()
+        }
+    }
+
+    /// Takes what another bench has made so far.
+    pub(crate) fn after(other: &Self) -> Self {
+        let bench = Self {
+            values: other.values.clone(),
+            ..Self::on(other.root.clone())
+        };
+        copy_folder(&other.lake(), &bench.lake());
+        bench
     }
 
     pub(crate) fn root(&self) -> &Path {
@@ -96,7 +117,10 @@ impl Bench {
             .arg(self.lake())
             .arg("--set")
             .arg(format!("ingest.root={}", self.root.display()));
-        for value in SMALL {
+        let values = SMALL
+            .into_iter()
+            .chain(self.values.iter().map(String::as_str));
+        for value in values {
             program.args(["--set", value]);
         }
         program.args(arguments);

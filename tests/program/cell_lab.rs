@@ -7,6 +7,7 @@ use std::{
     net::TcpListener,
     path::{Path, PathBuf},
     process::{Child, ChildStderr, Command, Stdio},
+    sync::OnceLock,
     thread,
     time::{Duration, Instant},
 };
@@ -18,6 +19,12 @@ use crate::{
     papers::Papers,
 };
 
+/// Objects whose recordings are taken where a few are enough.
+const OBJECTS: [&str; 3] = [
+    "004_sugar_box",
+    "005_tomato_soup_can",
+    "010_potted_meat_can",
+];
 /// Way in which all programs authenticate.
 const WAY: &str = "certificates";
 
@@ -66,9 +73,24 @@ impl Lab {
         lab
     }
 
+    /// A lab with the motions of a few objects, which are made once for all tests of this program.
+    pub(crate) fn of_few_objects() -> Self {
+        static SCREENED: OnceLock<Bench> = OnceLock::new();
+        let screened = SCREENED.get_or_init(|| {
+            let bench = Bench::of_objects(&OBJECTS);
+            bench.run_well(&["--until", "screen"]);
+            bench
+        });
+        Self::with(Bench::after(screened), Behind::Nothing)
+    }
+
     fn of(behind: Behind) -> Self {
         let bench = Bench::new();
         bench.run_well(&["--until", "screen"]);
+        Self::with(bench, behind)
+    }
+
+    fn with(bench: Bench, behind: Behind) -> Self {
         let port = TcpListener::bind("127.0.0.1:0")
             .unwrap()
             .local_addr()

@@ -9,16 +9,20 @@ mod cell_lab;
 #[path = "../slurm/cluster.rs"]
 mod cluster;
 mod commands;
+mod dispatch_ledger;
 mod doctor;
 mod effective;
 mod errors;
 mod exports;
 mod extended;
+#[path = "../../stages/dispatch/tests/model/model.rs"]
+mod goal_model;
 mod history;
 mod imports;
 mod incremental;
 mod interpolation;
 mod messages;
+mod misbehavior;
 mod mujoco_judge;
 mod output;
 mod own_hand;
@@ -36,6 +40,7 @@ mod retargeting;
 mod rivals;
 mod ros2_cell;
 mod routing;
+mod sequences;
 mod shipped;
 mod slurm;
 mod stopping;

@@ -75,7 +75,7 @@ impl Drop for PythonCell {
 
 #[test]
 fn python_cell_executes_goals_and_contradictions_are_not_successes() {
-    let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
+    let Some(python) = python(&["numpy", "zenoh", "blake3", "cryptography"]) else {
         return;
     };
     let lab = Lab::new();
@@ -121,7 +121,7 @@ fn python_cell_executes_goals_and_contradictions_are_not_successes() {
 
 #[test]
 fn a_dispatcher_in_python_has_a_saved_goal_carried_out_once() {
-    let Some(python) = python(&["numpy", "zenoh", "blake3"]) else {
+    let Some(python) = python(&["numpy", "zenoh", "blake3", "cryptography"]) else {
         return;
     };
     let mut lab = Lab::new();

@@ -1,8 +1,8 @@
 //! Feeds damaged goals to the decoder for a while:
 //! `cargo run --release -p cell --example fuzz_goal -- [SECONDS [SEED]]`.
 //!
-//! Half of them have the digest of what they hold, so that the damage reaches what lies behind the
-//! seal. A decoder that panics, or opens what does not come out as it went in, ends the program.
+//! Half of them have the digest and the signature of what they hold, so that the damage reaches what
+//! lies behind the seal. A decoder that panics, or opens what does not come out as it went in, ends the program.
 
 #![expect(clippy::print_stdout, reason = "an example for a terminal")]
 
@@ -13,8 +13,8 @@ use std::{
 };
 
 use cell::{
-    EncodedGoal, Goal, JointPoint, JointRates, JointTrack, PROTOCOL, PalmPoint, PalmTrajectory,
-    robot_digest,
+    Address, EncodedGoal, Goal, GoalMessage, JointPoint, JointRates, JointTrack, PalmPoint,
+    PalmTrajectory, SigningKey, robot_digest,
 };
 use nalgebra::Isometry3;
 use spatial::{Pose, Twist};
@@ -50,9 +50,9 @@ impl Numbers {
 fn main() -> Result<(), Box<dyn Error>> {
     let seconds = env::args().nth(1).map_or(Ok(60), |text| text.parse())?;
     let deadline = Instant::now() + Duration::from_secs(seconds);
-    let whole = goal()?.encode().bytes;
-    let start = whole.iter().position(|&byte| byte == b'\n');
-    let content = start.and_then(|at| whole.get(at + 1..)).unwrap_or_default();
+    let key = SigningKey::fresh()?;
+    let content = goal()?.encode().bytes;
+    let whole = sealed(&content, &key);
     let seed = env::args()
         .nth(2)
         .map_or(Ok(1), |text| text.parse::<u64>())?;
@@ -63,14 +63,14 @@ fn main() -> Result<(), Box<dyn Error>> {
             let bytes = if numbers.below(2) == 0 {
                 damaged(&whole, &mut numbers)
             } else {
-                sealed(&damaged(content, &mut numbers))
+                sealed(&damaged(&content, &mut numbers), &key)
             };
             n += 1;
-            if let Ok((_, goal)) = EncodedGoal::decode(&bytes) {
+            if let Ok((_, goal)) = GoalMessage::decode(&bytes) {
                 opened_n += 1;
                 let again = goal.encode();
                 let (_, same) = EncodedGoal::decode(&again.bytes)
-                    .map_err(|rejection| format!("opened once, and then {}", rejection.reason))?;
+                    .map_err(|err| format!("opened once, and then {err}"))?;
                 if !is_same(&same, &goal) {
                     return Err(format!("opened as {goal:?}, and then as {same:?}").into());
                 }
@@ -139,14 +139,15 @@ fn is_same(a: &Goal, b: &Goal) -> bool {
 }
 
 /// The message with this content, whatever it is.
-fn sealed(content: &[u8]) -> Vec<u8> {
+fn sealed(content: &[u8], key: &SigningKey) -> Vec<u8> {
     let digest = blake3::hash(content).to_hex().to_string();
-    let id = digest.get(..32).unwrap_or_default();
-    let mut bytes =
-        format!("{{\"protocol\":{PROTOCOL},\"goal_id\":\"{id}\",\"digest\":\"{digest}\"}}\n")
-            .into_bytes();
-    bytes.extend_from_slice(content);
-    bytes
+    let encoded = EncodedGoal {
+        goal_id: digest.get(..32).unwrap_or_default().to_owned(),
+        digest,
+        bytes: content.to_vec(),
+    };
+    let address = Address::now("lab", "00", "me", true, Duration::from_secs(1));
+    GoalMessage::new(encoded, address, key).bytes
 }
 
 /// Changes, drops, doubles or puts in a few bytes.

@@ -3,13 +3,9 @@
 use motion::{JointTrack, PalmPoint, PalmTrajectory, Timed};
 use nalgebra::Vector3;
 use robot::{Joint, JointKind};
-use simulation::Protocol;
 use spatial::Peaks;
 
-use crate::{
-    CellRobot, PalmLimits,
-    goal::{Goal, Rejection, RejectionCode},
-};
+use crate::{CellRobot, Goal, Grasp, PalmLimits, Rejection, RejectionCode, text::number};
 
 /// Longest goal accepted, in bytes: a minute of 16 joints at 333 Hz.
 pub(crate) const MAX_GOAL_BYTES: usize = 8 * 1024 * 1024;
@@ -63,9 +59,6 @@ pub(crate) fn check(
             ),
         );
     }
-    if let Some(fault) = goal.grasp.cell_fault() {
-        return refuse(RejectionCode::Malformed, fault.to_string());
-    }
     check_phases(&goal.grasp)?;
     check_tolerances(goal)?;
     let tolerance = goal.grasp.limit_tolerance_rad.min(MAX_TOLERANCE_RAD);
@@ -78,7 +71,7 @@ pub(crate) fn check(
     match (&goal.carrier, &robot.arm) {
         (PalmTrajectory::Palm(points), None) => {
             check_times("palm", points)?;
-            check_palm(points)?;
+            check_palm(points, &PALM)?;
         }
         (PalmTrajectory::Arm(track), Some(arm)) => {
             check_track(track, "arm", arm.joints(), ROUNDING_RAD)?;
@@ -132,7 +125,7 @@ fn check_track(
 }
 
 /// Checks the durations of a motion's phases.
-fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
+fn check_phases(grasp: &Grasp) -> Result<(), Rejection> {
     let parts = [
         ("reach_s", grasp.reach_s),
         ("squeeze_s", grasp.squeeze_s),
@@ -142,12 +135,14 @@ fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
     ];
     for (name, part_s) in parts {
         if !(part_s.is_finite() && (0.0..=MAX_DURATION_S).contains(&part_s)) {
+            let part_s = number(part_s);
             let problem = format!("`{name}` is {part_s} s, expected 0 to {MAX_DURATION_S}");
             return refuse(RejectionCode::Times, problem);
         }
     }
     let all_s: f64 = parts.iter().map(|(_, part_s)| part_s).sum();
     if all_s > MAX_DURATION_S {
+        let all_s = number(all_s);
         let problem = format!("the motion lasts {all_s} s, expected up to {MAX_DURATION_S}");
         return refuse(RejectionCode::Times, problem);
     }
@@ -157,7 +152,7 @@ fn check_phases(grasp: &Protocol) -> Result<(), Rejection> {
 /// Checks a goal's tolerances.
 fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
     let grasp = &goal.grasp;
-    for (name, number) in [
+    for (name, tolerance) in [
         ("start_tolerance_rad", goal.start_tolerance_rad),
         ("limit_tolerance_rad", grasp.limit_tolerance_rad),
         ("table_tolerance_m", grasp.table_tolerance_m),
@@ -174,8 +169,9 @@ fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
         ),
         ("strict.start_tolerance_m", grasp.strict.start_tolerance_m),
     ] {
-        if !(number.is_finite() && number >= 0.0) {
-            let problem = format!("`{name}` is {number}, expected 0 or more");
+        if !(tolerance.is_finite() && tolerance >= 0.0) {
+            let tolerance = number(tolerance);
+            let problem = format!("`{name}` is {tolerance}, expected 0 or more");
             return refuse(RejectionCode::Limits, problem);
         }
     }
@@ -183,12 +179,18 @@ fn check_tolerances(goal: &Goal) -> Result<(), Rejection> {
     if (0.0..=1.0).contains(&fraction) {
         return Ok(());
     }
+    let fraction = number(fraction);
     let problem = format!("`close_fraction` is {fraction}, expected 0 to 1");
     refuse(RejectionCode::Limits, problem)
 }
 
-/// Checks the poses and rates of a free-flying palm, at its points and between them.
-fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
+/// Checks the poses and rates of a free-flying palm against a cell's limits, at its points and between them.
+///
+/// # Errors
+///
+/// Fails with the refusal of a cell of these limits.
+pub fn check_palm(points: &[PalmPoint], limits: &PalmLimits) -> Result<(), Rejection> {
+    let kept = peaks_kept(limits);
     for point in points {
         let (velocity, acceleration) = (&point.velocity, &point.acceleration);
         let there = Peaks {
@@ -197,16 +199,15 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
             angular_speed: velocity.angular.norm(),
             angular_acceleration: acceleration.angular.norm(),
         };
-        check_peaks(&there, &format!("after {} s", point.time_s))?;
+        check_peaks(&there, &kept, &format!("after {} s", point.time_s))?;
     }
-    let kept = peaks_kept();
     for (from, to) in points.iter().zip(points.iter().skip(1)) {
         let between = || format!("between {} and {} s", from.time_s, to.time_s);
         let Some(segment) = from.segment(to) else {
             let problem = format!("the palm's rotation cannot be interpolated {}", between());
             return refuse(RejectionCode::Limits, problem);
         };
-        let [least, most] = PALM.workspace_m.map(Vector3::from);
+        let [least, most] = limits.workspace_m.map(Vector3::from);
         let [low, high] = segment.range();
         let is_inside = |axis: usize| low[axis] >= least[axis] && high[axis] <= most[axis];
         if !(0..3).all(is_inside) {
@@ -219,25 +220,24 @@ fn check_palm(points: &[PalmPoint]) -> Result<(), Rejection> {
                 ),
             );
         }
-        check_peaks(&segment.peaks(&kept), &between())?;
+        check_peaks(&segment.peaks(&kept), &kept, &between())?;
     }
     Ok(())
 }
 
 /// Returns the limits of a free-flying palm.
-fn peaks_kept() -> Peaks {
+fn peaks_kept(limits: &PalmLimits) -> Peaks {
     Peaks {
-        speed: PALM.speed_m_per_s,
-        acceleration: PALM.acceleration_m_per_s2,
-        angular_speed: PALM.turn_rad_per_s,
-        angular_acceleration: PALM.turn_acceleration_rad_per_s2,
+        speed: limits.speed_m_per_s,
+        acceleration: limits.acceleration_m_per_s2,
+        angular_speed: limits.turn_rad_per_s,
+        angular_acceleration: limits.turn_acceleration_rad_per_s2,
     }
 }
 
 /// Checks a palm's speeds and accelerations at some time.
-fn check_peaks(found: &Peaks, when: &str) -> Result<(), Rejection> {
-    let kept = peaks_kept();
-    for (what, number, most, unit) in [
+fn check_peaks(found: &Peaks, kept: &Peaks, when: &str) -> Result<(), Rejection> {
+    for (what, found, most, unit) in [
         ("move at", found.speed, kept.speed, "m/s"),
         (
             "accelerate at",
@@ -253,10 +253,11 @@ fn check_peaks(found: &Peaks, when: &str) -> Result<(), Rejection> {
             "rad/s²",
         ),
     ] {
-        if number > most * (1.0 + PALM_ROUNDING) {
+        if found > most * (1.0 + PALM_ROUNDING) {
+            let found = number(found);
             return refuse(
                 RejectionCode::Limits,
-                format!("the palm would {what} {number} {unit} {when}, more than {most}"),
+                format!("the palm would {what} {found} {unit} {when}, more than {most}"),
             );
         }
     }
@@ -274,13 +275,14 @@ fn check_times<T: Timed>(controller: &str, points: &[T]) -> Result<(), Rejection
     if let Some(first) = points.first().filter(|first| first.time_s() != 0.0) {
         return wrong(format!(
             "the {controller}'s first point is at {} s, not at 0",
-            first.time_s()
+            number(first.time_s())
         ));
     }
     let mut last_s = f64::NEG_INFINITY;
     for (idx, point) in points.iter().enumerate() {
         let time_s = point.time_s();
         if time_s <= last_s || time_s > MAX_DURATION_S {
+            let time_s = number(time_s);
             return wrong(format!(
                 "point {idx} of the {controller} is at {time_s} s, expected after {last_s} and up to {MAX_DURATION_S}"
             ));
@@ -301,7 +303,7 @@ fn check_limits(track: &JointTrack, joints: &[&Joint], tolerance: f64) -> Result
             let [low, high] = segment.range();
             let is_inside = low >= lower - tolerance && high <= upper + tolerance;
             if joint.kind != JointKind::Continuous && !is_inside {
-                let q = if low < lower - tolerance { low } else { high };
+                let q = number(if low < lower - tolerance { low } else { high });
                 return refuse(
                     RejectionCode::Limits,
                     format!(
@@ -313,6 +315,7 @@ fn check_limits(track: &JointTrack, joints: &[&Joint], tolerance: f64) -> Result
             let most = joint.velocity;
             let speed = segment.max_speed(most);
             if most > 0.0 && speed > most * (1.0 + ROUNDING) {
+                let speed = number(speed);
                 return refuse(
                     RejectionCode::Limits,
                     format!(

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::goal::Rejection;
+use crate::{Rejection, text::plain_line};
 
 /// Capabilities of a cell.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -17,6 +17,10 @@ pub struct Capabilities {
     pub clock_unix_ms: u64,
     /// Whether the cell is a simulation: no hardware moves.
     pub simulated: bool,
+    /// Whether goals are refused until a person resumes the cell.
+    pub stopped: bool,
+    /// Id of the goal that is being executed; empty if none is.
+    pub executing: String,
     /// Digest of the robot's URDF ([`crate::robot_digest`]).
     pub robot: String,
     /// The robot's controllers: the palm's or arm's, then the hand's.
@@ -35,6 +39,65 @@ pub struct Capabilities {
     pub real_time: bool,
     /// Heartbeat timeout before a motion is aborted, in seconds; no timeout if absent.
     pub silence_s: Option<f64>,
+}
+
+impl Capabilities {
+    /// Returns the contradiction of these capabilities with themselves, if there is one.
+    pub(crate) fn contradiction(&self) -> Option<String> {
+        let PalmLimits {
+            speed_m_per_s,
+            acceleration_m_per_s2,
+            turn_rad_per_s,
+            turn_acceleration_rad_per_s2,
+            workspace_m: [least, most],
+        } = self.palm?;
+        let limits = [
+            ("speed_m_per_s", speed_m_per_s),
+            ("acceleration_m_per_s2", acceleration_m_per_s2),
+            ("turn_rad_per_s", turn_rad_per_s),
+            ("turn_acceleration_rad_per_s2", turn_acceleration_rad_per_s2),
+        ];
+        if let Some((name, limit)) = limits.iter().find(|(_, limit)| *limit <= 0.0) {
+            return Some(format!("`palm.{name}` is {limit}, expected more than 0"));
+        }
+        let is_inverted = least.iter().zip(&most).any(|(least, most)| least >= most);
+        is_inverted.then(|| {
+            format!("`palm.workspace_m` begins at {least:?} and ends at {most:?}: its least corner comes first")
+        })
+    }
+
+    /// Returns what differs from an earlier answer, if anything does but the clock, a stop and the goal
+    /// in execution.
+    pub fn change_since(&self, earlier: &Self) -> Option<String> {
+        let as_earlier = Self {
+            clock_unix_ms: earlier.clock_unix_ms,
+            stopped: earlier.stopped,
+            executing: earlier.executing.clone(),
+            ..self.clone()
+        };
+        if as_earlier == *earlier {
+            return None;
+        }
+        let fields = [self, earlier].map(|cell| serde_json::to_value(cell).unwrap_or_default());
+        let [now, before] = fields.each_ref().map(serde_json::Value::as_object);
+        let ignored = ["clock_unix_ms", "stopped", "executing"];
+        let keys = now
+            .into_iter()
+            .chain(before)
+            .flat_map(|fields| fields.keys());
+        let differing = keys
+            .filter(|key| !ignored.contains(&key.as_str()))
+            .find_map(|key| {
+                let [now, before] = [now, before].map(|fields| fields.and_then(|it| it.get(key)));
+                (now != before).then(|| {
+                    let shown = |value: Option<&serde_json::Value>| {
+                        plain_line(&value.map_or("absent".to_owned(), ToString::to_string))
+                    };
+                    format!("`{key}` was {} and is {}", shown(before), shown(now))
+                })
+            });
+        differing.or_else(|| Some("its capabilities changed".to_owned()))
+    }
 }
 
 /// A controller of a cell.

@@ -7,8 +7,8 @@ use std::{
     time::{Duration, Instant},
 };
 
+use lake::LakeError;
 use robot::Joint;
-use serde::Deserialize;
 use zenoh::{
     Session, Wait,
     qos::{CongestionControl, Priority},
@@ -16,14 +16,16 @@ use zenoh::{
 };
 
 use crate::{
-    Access, CellError, EncodedGoal, Goal, Keys, PROTOCOL, UncheckedReport,
+    Acceptance, Access, Address, CellError, Goal, GoalMessage, Keys, PROTOCOL, Rejection,
+    SigningKey, Terms, UncheckedReport,
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
-    error::with_causes,
-    goal::{CLOCKS_MS, SendInfo, now_unix_ms},
+    error::after_sending,
     heartbeat::Heartbeat,
+    message::{CLOCKS_MS, Version, now_unix_ms},
     report::Report,
     session,
-    signature::{Answer, Question, random_name},
+    signature::{Answer, Question, random_name, short},
+    text::plain_line,
     wire::{self, WireError},
 };
 
@@ -34,6 +36,8 @@ const PAUSE: Duration = Duration::from_millis(100);
 const QUERY_TIMEOUT: Duration = Duration::from_secs(1);
 /// Longest report accepted, in bytes: ten minutes of 22 joints at 200 Hz.
 pub(crate) const MAX_REPORT_BYTES: usize = 64 * 1024 * 1024;
+/// Queries for the report of a motion that is over, before it is taken without its samples.
+const REPORT_TRIES: u32 = 3;
 /// Longest other answer accepted, in bytes.
 pub(crate) const MAX_ANSWER_BYTES: usize = 1024 * 1024;
 
@@ -46,6 +50,62 @@ pub enum GoalResult {
     EarlierReport(Report),
     /// The outcome is unknown for this reason: the robot may have moved.
     Unknown(String),
+    /// The message would have more bytes than the cell takes: nothing was sent.
+    TooLong {
+        /// Its bytes.
+        bytes: usize,
+        /// The most that the cell takes.
+        most: usize,
+    },
+}
+
+/// How long a client waits.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Patience {
+    /// For a short answer, in which a cell checks at most.
+    pub answer: Duration,
+    /// For the end of a motion.
+    pub result: Duration,
+}
+
+/// Memory of what a dispatcher sends, which is written while it sends.
+pub trait SendRecord {
+    /// Records a goal, before its first transmission, with the cell's answer that permits it.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot be recorded; then it is not sent.
+    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError>;
+
+    /// Records the cell's acceptance.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot be recorded; the goal counts as sent all the same.
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError>;
+
+    /// Records the cell's refusal of a goal's only transmission: nothing has moved, and nothing of it is under
+    /// way.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it cannot be recorded; the goal counts as sent then.
+    fn refused(&self, goal_id: &str, why: &Rejection) -> Result<(), LakeError>;
+}
+
+/// No memory.
+impl SendRecord for () {
+    fn sending(&self, _message: &GoalMessage, _cell: &Capabilities) -> Result<(), LakeError> {
+        Ok(())
+    }
+
+    fn accepted(&self, _goal_id: &str, _acceptance: &Acceptance) -> Result<(), LakeError> {
+        Ok(())
+    }
+
+    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), LakeError> {
+        Ok(())
+    }
 }
 
 /// A cell's answer about a goal that was sent before.
@@ -80,12 +140,6 @@ enum UnknownOutcome {
     Untrusted(String),
 }
 
-/// The protocol version, which is readable in answers of every version.
-#[derive(Deserialize)]
-struct Version {
-    protocol: u32,
-}
-
 /// A connection to one cell: the first that answers the capabilities query.
 pub struct CellClient {
     session: Session,
@@ -95,6 +149,8 @@ pub struct CellClient {
     keys: Keys,
     /// This client's name in goals and heartbeats.
     dispatcher: String,
+    /// The key that signs its goals.
+    signing_key: SigningKey,
     /// The cell's journal, whose key signs all of its answers.
     journal: OnceLock<String>,
 }
@@ -124,11 +180,21 @@ impl CellClient {
         Ok(Self {
             keys: Keys::new(name)?,
             dispatcher: random_name().map_err(CellError::Random)?,
+            signing_key: SigningKey::fresh().map_err(CellError::Random)?,
             session: session::connect(endpoint, access, timeout)?,
             endpoint: endpoint.to_owned(),
             access: access.map(|access| access.path().to_owned()),
             journal: OnceLock::new(),
         })
+    }
+
+    /// Signs goals with this key, by which a cell may know its dispatchers, instead of a new one.
+    #[must_use]
+    pub fn signing_with(self, signing_key: SigningKey) -> Self {
+        Self {
+            signing_key,
+            ..self
+        }
     }
 
     /// Queries the cell's capabilities. From then on only this cell is trusted.
@@ -140,18 +206,19 @@ impl CellClient {
     pub fn capabilities(&self, timeout: Duration) -> Result<Capabilities, CellError> {
         let key = self.keys.capabilities();
         let (started, asked_ms) = (Instant::now(), now_unix_ms());
-        let (answers, _) = self.ask(&key, &[], MAX_ANSWER_BYTES, timeout)?;
+        let answers = self.ask(&key, timeout)?;
         let answered_ms = now_unix_ms();
+        let endpoint = self.endpoint.clone();
         let (journal, body) = match answers.as_slice() {
             [] => {
                 return Err(CellError::NoAnswer {
                     key,
-                    endpoint: self.endpoint.clone(),
+                    endpoint,
                     access: self.access.clone(),
                     waited: started.elapsed(),
                 });
             }
-            [Answer::Signed { journal, body }] => (journal, body),
+            [Answer::Signed { journal, body, .. }] => (journal, body),
             [answer] => {
                 // A cell of another version signs differently.
                 if let Answer::Unsigned(bytes) = answer {
@@ -159,16 +226,25 @@ impl CellClient {
                 }
                 return Err(CellError::Unsigned {
                     key,
-                    endpoint: self.endpoint.clone(),
+                    endpoint,
                     who: answer.who(),
                 });
             }
             several => {
-                return Err(CellError::SeveralCells {
-                    key,
-                    endpoint: self.endpoint.clone(),
-                    count: several.len(),
-                    who: who(several),
+                let count = several.len();
+                return Err(match sole_journal(several) {
+                    Some(journal) => CellError::DifferentAnswers {
+                        key,
+                        endpoint,
+                        count,
+                        journal: short(journal).to_owned(),
+                    },
+                    None => CellError::SeveralCells {
+                        key,
+                        endpoint,
+                        count,
+                        who: who(several),
+                    },
                 });
             }
         };
@@ -177,8 +253,9 @@ impl CellClient {
             key: key.clone(),
             source,
         };
-        let (found, _): (Capabilities, _) =
+        let (mut found, _): (Capabilities, _) =
             wire::split_line("capabilities", body).map_err(unreadable)?;
+        found.gap = plain_line(&found.gap);
         if found.journal != *journal {
             return Err(unreadable(WireError::Json {
                 part: "capabilities",
@@ -189,7 +266,13 @@ impl CellClient {
             return Err(CellError::OtherName {
                 endpoint: self.endpoint.clone(),
                 expected: self.keys.name().to_owned(),
-                found: found.cell,
+                found: plain_line(&found.cell),
+            });
+        }
+        if let Some(problem) = found.contradiction() {
+            return Err(CellError::Contradiction {
+                cell: found.cell,
+                problem,
             });
         }
         check_clock(found.clock_unix_ms, asked_ms, answered_ms)?;
@@ -204,13 +287,13 @@ impl CellClient {
         })
     }
 
-    /// Sends a goal and waits for its report: up to `answer` for the acknowledgment, then up to
-    /// `result` for the end of the motion. Sends heartbeats meanwhile. `robot` are the robot's
-    /// joints under the goal's names; the report is checked against them.
+    /// Sends a goal under these terms and waits for its report. Sends heartbeats meanwhile. `robot` are the
+    /// robot's joints under the goal's names; the report is checked against them.
     ///
-    /// The same goal is sent again while there is no answer: a cell moves once per goal. If no
-    /// answer comes at all, another party answers, or an answer cannot be read or fails its checks,
-    /// the robot may have moved, and only the cell or a person can tell. Ask again with
+    /// The same goal is sent again while there is no answer: a cell moves once per goal. Immediately before
+    /// each transmission the cell is asked what it is, and whether it may move. If no answer comes at all,
+    /// another party answers, the cell changed after the first transmission, or an answer cannot be read or
+    /// fails its checks, the robot may have moved, and only the cell or a person can tell. Ask again with
     /// [`CellClient::recover`]; never send the motion as another goal.
     ///
     /// # Errors
@@ -219,45 +302,60 @@ impl CellClient {
     pub fn execute(
         &self,
         goal: &Goal,
+        terms: &Terms,
         robot: &[Joint],
-        answer: Duration,
-        result: Duration,
+        patience: Patience,
+        record: &dyn SendRecord,
     ) -> Result<GoalResult, CellError> {
-        if self.journal.get().is_none() {
-            self.capabilities(answer)?;
+        let first = self.capabilities(patience.answer)?;
+        terms.check(&first)?;
+        let message = self.addressed(goal, terms, patience.answer);
+        let (bytes, most) = (message.bytes.len(), first.max_goal_bytes);
+        if bytes > most {
+            return Ok(GoalResult::TooLong { bytes, most });
         }
-        // A goal that arrives after its answer timeout must not start.
-        let encoded = goal.encode().sent(SendInfo::now(&self.dispatcher, answer));
         let _heartbeat = self.beat()?;
-        let sent = self.send(goal, &encoded, robot, answer, result);
+        record.sending(&message, &first)?;
+        let sent = self.send(goal, &message, terms, robot, patience, record);
         Ok(sent.unwrap_or_else(|unknown| GoalResult::Unknown(unknown.message())))
     }
 
-    /// Queries the outcome of a goal that was sent before, perhaps by a dispatcher that has exited;
-    /// waits up to `result` for the end of its motion.
+    /// Addresses a goal to the cell; one that arrives after its answer timeout must not start.
+    fn addressed(&self, goal: &Goal, terms: &Terms, answer: Duration) -> GoalMessage {
+        let address = Address::now(
+            self.keys.name(),
+            &terms.capabilities().journal,
+            &self.dispatcher,
+            terms.simulated_only(),
+            answer,
+        );
+        GoalMessage::new(goal.encode(), address, &self.signing_key)
+    }
+
+    /// Queries the outcome of a goal that was sent before under this id, perhaps by a dispatcher that has exited;
+    /// waits for the end of its motion.
     pub fn recover(
         &self,
+        goal_id: &str,
         goal: &Goal,
         robot: &[Joint],
-        answer: Duration,
-        result: Duration,
+        patience: Patience,
     ) -> Recovered {
         let query = || {
             if self.journal.get().is_none() {
-                self.capabilities(answer)?;
+                self.capabilities(patience.answer)?;
             }
             self.beat()
         };
         let _heartbeat = match query() {
             Ok(heartbeat) => heartbeat,
-            Err(err) => return Recovered::NoAnswer(with_causes(&err)),
+            Err(err) => return Recovered::NoAnswer(after_sending(&err)),
         };
-        let id = goal.encode().goal_id;
-        match self.report(goal, &id, robot, answer, result) {
+        match self.report(goal, goal_id, robot, patience) {
             Ok(recovered) => recovered,
             Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
             Err(UnknownOutcome::Untrusted(message)) => {
-                Recovered::Report(Report::unknown(&id, message))
+                Recovered::Report(Report::unknown(goal_id, message))
             }
         }
     }
@@ -290,7 +388,7 @@ impl CellClient {
     }
 
     fn control(&self, key: String, answer: Duration) -> Result<ControlReply, CellError> {
-        let (answers, _) = self.ask(&key, &[], MAX_ANSWER_BYTES, answer)?;
+        let answers = self.ask(&key, answer)?;
         let body = self.sole(&answers).map_err(|who| CellError::Strangers {
             key: key.clone(),
             endpoint: self.endpoint.clone(),
@@ -312,36 +410,46 @@ impl CellClient {
         Heartbeat::start(&self.session, self.keys.heartbeat(), &self.dispatcher)
     }
 
-    /// Sends a goal: from here on the robot may move.
+    /// Sends a goal that the cell's last answer permits: from here on the robot may move.
     fn send(
         &self,
         goal: &Goal,
-        encoded: &EncodedGoal,
+        message: &GoalMessage,
+        terms: &Terms,
         robot: &[Joint],
-        answer: Duration,
-        result: Duration,
+        patience: Patience,
+        record: &dyn SendRecord,
     ) -> Result<GoalResult, UnknownOutcome> {
         let key = self.keys.goal();
-        let id = encoded.goal_id.as_str();
-        let (answers, tries) = self
-            .ask(&key, &encoded.bytes, MAX_ANSWER_BYTES, answer)
-            .map_err(|err| UnknownOutcome::NoAnswer(with_causes(&err)))?;
-        let Some(body) = self.only(&key, &answers)? else {
-            return Err(silence("goal", answer));
-        };
+        let id = message.encoded.goal_id.as_str();
+        let (body, acceptance, tries) = self.transmit(&key, message, terms, patience.answer)?;
         let (word, _): (GoalAnswer, _) =
-            wire::split_line("answer", body).map_err(|err| unreadable(&key, &err))?;
+            wire::split_line("answer", &body).map_err(|err| unreadable(&key, &err))?;
         let is_old = match word {
-            GoalAnswer::Rejected(rejection) => {
+            GoalAnswer::Rejected(rejection) if tries == 1 => {
+                let _recorded = record.refused(id, &rejection);
                 return Ok(GoalResult::Report(Report::rejected(id, rejection)));
+            }
+            // An earlier transmission may have been accepted.
+            GoalAnswer::Rejected(rejection) => {
+                return match self.report(goal, id, robot, patience)? {
+                    Recovered::Report(report) => Ok(GoalResult::Report(report)),
+                    Recovered::NeverTaken => {
+                        Ok(GoalResult::Report(Report::rejected(id, rejection)))
+                    }
+                    Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
+                };
             }
             // A goal sent more than once may be known from its first transmission.
             GoalAnswer::Accepted { known } => known && tries == 1,
         };
+        // Without this record the goal counts as sent, which frees it no more than an accepted one while the
+        // cell knows it.
+        let _recorded = record.accepted(id, &acceptance);
         if !is_old {
-            self.show(encoded);
+            self.show(message);
         }
-        match self.report(goal, id, robot, answer, result)? {
+        match self.report(goal, id, robot, patience)? {
             Recovered::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
             Recovered::Report(report) => Ok(GoalResult::Report(report)),
             Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
@@ -351,60 +459,150 @@ impl CellClient {
         }
     }
 
+    /// Transmits a goal until it is answered; returns the answer, itself and as it is kept, and the number of
+    /// transmissions. Before each but the first the terms are checked again.
+    fn transmit(
+        &self,
+        key: &str,
+        message: &GoalMessage,
+        terms: &Terms,
+        timeout: Duration,
+    ) -> Result<(Vec<u8>, Acceptance, u32), UnknownOutcome> {
+        let unheard = |err: CellError| UnknownOutcome::NoAnswer(after_sending(&err));
+        for (round, until) in Rounds::new(timeout) {
+            let question = Question::new(key, "", &message.bytes).map_err(CellError::Random);
+            let question = question.map_err(unheard)?;
+            let answers = self.put(&question, &message.bytes, MAX_ANSWER_BYTES, until);
+            let answers = answers.map_err(unheard)?;
+            if let Some(body) = self.only(key, &answers)? {
+                let raw = answers.first().map(Answer::to_bytes).unwrap_or_default();
+                return Ok((body.to_vec(), Acceptance::new(&question, raw), round));
+            }
+            if Instant::now() < until {
+                thread::sleep(PAUSE);
+            }
+            let now = match self.capabilities(timeout.max(QUERY_TIMEOUT)) {
+                Err(CellError::NoAnswer { .. }) => break,
+                now => now,
+            };
+            let checked = now.and_then(|now| terms.check(&now));
+            checked.map_err(|err| {
+                UnknownOutcome::NoAnswer(format!(
+                    "{}; it was not sent a second time",
+                    after_sending(&err)
+                ))
+            })?;
+        }
+        Err(silence("goal", timeout))
+    }
+
     /// Queries a report until it arrives: with a short timeout per query, because query and answer
-    /// may both be lost. Gives up early if the cell does not even answer the capabilities query.
+    /// may both be lost. Gives up early if the cell does not even answer the capabilities query. A report
+    /// that does not arrive though the motion is over is taken without its samples.
     fn report(
         &self,
         goal: &Goal,
         goal_id: &str,
         robot: &[Joint],
-        answer: Duration,
-        result: Duration,
+        patience: Patience,
     ) -> Result<Recovered, UnknownOutcome> {
         let key = self.keys.result(goal_id);
-        let deadline = Instant::now() + result;
+        let deadline = Instant::now() + patience.result;
         let mut heard = Instant::now();
+        let mut unread_n = 0;
         loop {
             let left = deadline.saturating_duration_since(Instant::now());
             if left.is_zero() {
-                return Err(silence("result", result));
+                return Err(silence("result", patience.result));
             }
-            if heard.elapsed() > answer {
-                return Err(silence("result", answer));
+            if heard.elapsed() > patience.answer {
+                return Err(silence("result", patience.answer));
             }
-            let until = Instant::now() + left.min(QUERY_TIMEOUT);
-            let unheard = |err: CellError| UnknownOutcome::NoAnswer(with_causes(&err));
-            let answers = self
-                .ask_once(&key, &[], MAX_REPORT_BYTES, until)
-                .map_err(unheard)?;
-            if let Some(body) = self.only(&key, &answers)? {
-                if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", body) {
+            // A report that is there may take its time.
+            let wait = if unread_n > 0 {
+                patience.answer
+            } else {
+                QUERY_TIMEOUT
+            };
+            if let Some(body) = self.ask_report(&key, "", Instant::now() + left.min(wait))? {
+                if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", &body) {
                     return Ok(Recovered::NeverTaken);
                 }
                 let report =
-                    UncheckedReport::from_bytes(body).map_err(|err| unreadable(&key, &err))?;
-                let checked = report.check(goal, robot);
+                    UncheckedReport::from_bytes(&body).map_err(|err| unreadable(&key, &err))?;
+                let checked = report.check_as(goal_id, goal, robot);
                 return checked.map(Recovered::Report).map_err(|contradiction| {
                     UnknownOutcome::Untrusted(format!(
-                        "its report contradicts itself: {contradiction}"
+                        "its report contradicts itself: {}",
+                        plain_line(&contradiction.to_string())
                     ))
                 });
             }
-            let key = self.keys.capabilities();
-            let until = Instant::now() + left.min(QUERY_TIMEOUT);
-            let there = self
-                .ask_once(&key, &[], MAX_ANSWER_BYTES, until)
-                .map_err(unheard)?;
-            if self.only(&key, &there)?.is_some() {
-                heard = Instant::now();
-            } else {
-                thread::sleep(PAUSE.min(left));
+            match self.executing(left.min(QUERY_TIMEOUT))? {
+                None => thread::sleep(PAUSE.min(left)),
+                Some(executing) => {
+                    heard = Instant::now();
+                    if executing != goal_id {
+                        unread_n += 1;
+                        thread::sleep(QUERY_TIMEOUT.min(left));
+                    }
+                }
+            }
+            if unread_n == REPORT_TRIES {
+                return self.report_without_samples(goal_id, &key, patience.answer);
             }
         }
     }
 
+    /// Returns the goal that the cell executes, if it answers.
+    fn executing(&self, timeout: Duration) -> Result<Option<String>, UnknownOutcome> {
+        let key = self.keys.capabilities();
+        let body = self.ask_report(&key, "", Instant::now() + timeout)?;
+        let Some(body) = body else {
+            return Ok(None);
+        };
+        let found = wire::split_line::<Capabilities>("capabilities", &body);
+        let (found, _) = found.map_err(|err| unreadable(&key, &err))?;
+        Ok(Some(found.executing))
+    }
+
+    /// Takes the first line of a report whose samples do not arrive.
+    fn report_without_samples(
+        &self,
+        goal_id: &str,
+        key: &str,
+        timeout: Duration,
+    ) -> Result<Recovered, UnknownOutcome> {
+        let body = self.ask_report(key, "samples=none", Instant::now() + timeout)?;
+        let Some(body) = body else {
+            return Err(UnknownOutcome::NoAnswer(format!(
+                "its report did not arrive, and its outcome without samples neither; a report longer than {} \
+                 MiB is not read",
+                MAX_REPORT_BYTES >> 20
+            )));
+        };
+        let report = UncheckedReport::without_samples(&body, goal_id, MAX_REPORT_BYTES);
+        report
+            .map(Recovered::Report)
+            .map_err(|err| unreadable(key, &err))
+    }
+
+    /// Sends a query once about a goal that was sent; returns the cell's answer, if there is one.
+    fn ask_report(
+        &self,
+        key: &str,
+        parameters: &str,
+        until: Instant,
+    ) -> Result<Option<Vec<u8>>, UnknownOutcome> {
+        let question = Question::new(key, parameters, &[]).map_err(CellError::Random);
+        let answers = question
+            .and_then(|question| self.put(&question, &[], MAX_REPORT_BYTES, until))
+            .map_err(|err| UnknownOutcome::NoAnswer(after_sending(&err)))?;
+        Ok(self.only(key, &answers)?.map(ToOwned::to_owned))
+    }
+
     /// Publishes an accepted goal for watchers, who may miss it.
-    fn show(&self, goal: &EncodedGoal) {
+    fn show(&self, goal: &GoalMessage) {
         let _shown = self
             .session
             .put(self.keys.motion(), goal.bytes.as_slice())
@@ -417,76 +615,76 @@ impl CellClient {
         key: &str,
         answers: &'a [Answer],
     ) -> Result<Option<&'a [u8]>, UnknownOutcome> {
-        self.sole(answers).map_err(|who| {
-            UnknownOutcome::NoAnswer(format!(
+        self.sole(answers).map_err(|who| match sole_journal(answers) {
+            Some(journal) if self.is_the_cell(journal) && answers.len() > 1 => {
+                UnknownOutcome::Untrusted(format!(
+                    "the cell contradicts itself: {} different answers to key `{key}` by journal {}",
+                    answers.len(),
+                    short(journal)
+                ))
+            }
+            _ => UnknownOutcome::NoAnswer(format!(
                 "a party other than the cell answers to key `{key}`: {who}"
-            ))
+            )),
         })
     }
 
     /// Returns the cell's answer, if there is one; fails with the names of all parties that
     /// answered if there are others.
     fn sole<'a>(&self, answers: &'a [Answer]) -> Result<Option<&'a [u8]>, String> {
-        let is_the_cell = |found: &str| self.journal.get().is_none_or(|known| known == found);
         match answers {
             [] => Ok(None),
-            [Answer::Signed { journal, body }] if is_the_cell(journal) => Ok(Some(body)),
+            [Answer::Signed { journal, body, .. }] if self.is_the_cell(journal) => Ok(Some(body)),
             others => Err(who(others)),
         }
     }
 
-    fn check_version(&self, body: &[u8]) -> Result<(), CellError> {
-        let found = wire::split_line::<Version>("capabilities", body);
-        match found {
-            Ok((Version { protocol }, _)) if protocol != PROTOCOL => Err(CellError::Protocol {
-                endpoint: self.endpoint.clone(),
-                expected: PROTOCOL,
-                found: protocol,
-            }),
-            Ok(_) | Err(_) => Ok(()),
+    fn is_the_cell(&self, journal: &str) -> bool {
+        self.journal.get().is_none_or(|known| known == journal)
+    }
+
+    /// Fails if an answer, signed in whatever way, is that of a cell of another version.
+    fn check_version(&self, answer: &[u8]) -> Result<(), CellError> {
+        let after_signature = answer.splitn(2, |&byte| byte == b'\n').nth(1);
+        let lines = [Some(answer), after_signature].into_iter().flatten();
+        let mut versions =
+            lines.filter_map(|line| wire::split_line::<Version>("capabilities", line).ok());
+        match versions.next() {
+            Some((Version { protocol }, _)) if protocol != u64::from(PROTOCOL) => {
+                Err(CellError::Protocol {
+                    endpoint: self.endpoint.clone(),
+                    expected: PROTOCOL,
+                    found: protocol,
+                })
+            }
+            Some(_) | None => Ok(()),
         }
     }
 
-    /// Repeats a query until it is answered or `timeout` elapses; returns the number of tries too.
-    fn ask(
-        &self,
-        key: &str,
-        payload: &[u8],
-        most: usize,
-        timeout: Duration,
-    ) -> Result<(Vec<Answer>, u32), CellError> {
-        let deadline = Instant::now() + timeout;
-        let mut tries = 0;
-        // The first try gets most of the time, because an answer may only be late.
-        let mut piece = timeout / 2;
-        loop {
-            let left = deadline.saturating_duration_since(Instant::now());
-            if left.is_zero() {
-                return Ok((Vec::new(), tries));
-            }
-            tries += 1;
-            let until = Instant::now() + left.min(piece.max(QUERY_TIMEOUT));
-            let answers = self.ask_once(key, payload, most, until)?;
+    /// Repeats a query until it is answered or `timeout` elapses.
+    fn ask(&self, key: &str, timeout: Duration) -> Result<Vec<Answer>, CellError> {
+        for (_, until) in Rounds::new(timeout) {
+            let question = Question::new(key, "", &[]).map_err(CellError::Random)?;
+            let answers = self.put(&question, &[], MAX_ANSWER_BYTES, until)?;
             if !answers.is_empty() {
-                return Ok((answers, tries));
+                return Ok(answers);
             }
-            piece /= 2;
-            thread::sleep(PAUSE.min(deadline.saturating_duration_since(Instant::now())));
+            thread::sleep(PAUSE);
         }
+        Ok(Vec::new())
     }
 
     /// Sends a query once; returns the answers that arrived in time, possibly none.
-    fn ask_once(
+    fn put(
         &self,
-        key: &str,
+        question: &Question,
         payload: &[u8],
         most: usize,
         deadline: Instant,
     ) -> Result<Vec<Answer>, CellError> {
-        let question = Question::new(key).map_err(CellError::Random)?;
         let replies = self
             .session
-            .get(question.selector(None))
+            .get(question.selector())
             .payload(payload)
             // Ask all queryables: the nearest one need not be the cell.
             .target(QueryTarget::All)
@@ -502,6 +700,39 @@ impl CellClient {
                 source: source.into(),
             })?;
         Ok(question.collect(&replies, most, deadline))
+    }
+}
+
+/// The rounds of a repeated query, each with its number from 1 and the time until which it waits: the first one
+/// gets most of the time, because an answer may only be late.
+struct Rounds {
+    deadline: Instant,
+    piece: Duration,
+    round: u32,
+}
+
+impl Rounds {
+    fn new(timeout: Duration) -> Self {
+        Self {
+            deadline: Instant::now() + timeout,
+            piece: timeout / 2,
+            round: 0,
+        }
+    }
+}
+
+impl Iterator for Rounds {
+    type Item = (u32, Instant);
+
+    fn next(&mut self) -> Option<(u32, Instant)> {
+        let left = self.deadline.saturating_duration_since(Instant::now());
+        if left.is_zero() {
+            return None;
+        }
+        let until = Instant::now() + left.min(self.piece.max(QUERY_TIMEOUT));
+        self.piece /= 2;
+        self.round += 1;
+        Some((self.round, until))
     }
 }
 
@@ -524,6 +755,18 @@ fn check_clock(cell_ms: u64, asked_ms: u64, answered_ms: u64) -> Result<(), Cell
         return wrong(-seconds(asked_ms - cell_ms));
     }
     Ok(())
+}
+
+/// Returns the one journal that signs all these answers, if there is one.
+fn sole_journal(answers: &[Answer]) -> Option<&str> {
+    let mut journals = answers.iter().map(|answer| match answer {
+        Answer::Signed { journal, .. } => Some(journal.as_str()),
+        Answer::OfOtherBytes { .. } | Answer::Unsigned(_) | Answer::Long(_) => None,
+    });
+    let first = journals.next()??;
+    journals
+        .all(|journal| journal == Some(first))
+        .then_some(first)
 }
 
 /// Returns who answered, as text for people.

@@ -9,7 +9,10 @@ use robot::{Joint, JointKind};
 use schemas::executions::Outcome;
 use spatial::{Palm, Pose, Table};
 
-use crate::{Goal, Report, Sample};
+use crate::{
+    Goal, Report, Sample,
+    text::{number, rounded},
+};
 
 /// Longest time between two samples, before the first and after the last, in seconds.
 const GAP_S: f64 = 0.1;
@@ -79,7 +82,7 @@ pub enum Contradiction {
         outcome: &'static str,
     },
     /// The times of the samples do not increase, have a gap, or exceed the motion.
-    #[error("sample {row} is at {time_s} s, expected after {after_s} s and up to {until_s} s")]
+    #[error("sample {row} is at {time_s} s, expected after {after_s} s and up to {until_s} s", time_s = number(*.time_s), after_s = number(*.after_s), until_s = number(*.until_s))]
     Times {
         /// The sample, from 0.
         row: usize,
@@ -92,8 +95,7 @@ pub enum Contradiction {
     },
     /// The samples end before the motion.
     #[error(
-        "outcome `succeeded`, but the samples end after {time_s} s, the motion after {end_s} s"
-    )]
+        "outcome `succeeded`, but the samples end after {time_s} s, the motion after {end_s} s", time_s = number(*.time_s), end_s = number(*.end_s))]
     Short {
         /// Time of the last sample.
         time_s: f64,
@@ -101,7 +103,7 @@ pub enum Contradiction {
         end_s: f64,
     },
     /// A position is implausibly far away.
-    #[error("sample {row}: implausible {what} position, {far_m} m")]
+    #[error("sample {row}: implausible {what} position, {far_m} m", far_m = number(*.far_m))]
     Far {
         /// The sample.
         row: usize,
@@ -111,13 +113,13 @@ pub enum Contradiction {
         far_m: f64,
     },
     /// The object started away from the goal's pose.
-    #[error("the object is {off_m:.4} m from where the goal has it at first")]
+    #[error("the object is {off_m} m from where the goal has it at first", off_m = rounded(*.off_m))]
     StartPose {
         /// The distance.
         off_m: f64,
     },
     /// A joint is outside its limits.
-    #[error("sample {row} has joint `{joint}` at {q}, outside {lower} to {upper}")]
+    #[error("sample {row} has joint `{joint}` at {q}, outside {lower} to {upper}", q = number(*.q), lower = number(*.lower), upper = number(*.upper))]
     Limit {
         /// The sample.
         row: usize,
@@ -136,8 +138,7 @@ pub enum Contradiction {
     NoCommands,
     /// A commanded position differs from the goal's.
     #[error(
-        "sample {row} has joint `{joint}` commanded to {q}, the goal commands {least:.4} to {most:.4} then"
-    )]
+        "sample {row} has joint `{joint}` commanded to {q}, the goal commands {least} to {most} then", q = number(*.q), least = rounded(*.least), most = rounded(*.most))]
     Command {
         /// The sample.
         row: usize,
@@ -152,8 +153,7 @@ pub enum Contradiction {
     },
     /// A free-flying palm is off the goal's trajectory.
     #[error(
-        "sample {row} has the palm {off_m:.4} m and {off_rad:.4} rad from where the goal has it"
-    )]
+        "sample {row} has the palm {off_m} m and {off_rad} rad from where the goal has it", off_m = rounded(*.off_m), off_rad = rounded(*.off_rad))]
     Palm {
         /// The sample.
         row: usize,
@@ -164,8 +164,7 @@ pub enum Contradiction {
     },
     /// A joint did not move.
     #[error(
-        "joint `{joint}` is commanded to move by {commanded:.4} to the grasp and has moved by {moved:.4}"
-    )]
+        "joint `{joint}` is commanded to move by {commanded} to the grasp and has moved by {moved}", commanded = rounded(*.commanded), moved = rounded(*.moved))]
     Still {
         /// The joint.
         joint: String,
@@ -175,7 +174,7 @@ pub enum Contradiction {
         moved: f64,
     },
     /// The reported rise differs from that of the samples.
-    #[error("reported rise {reported_m} m differs from that of the samples, {sampled_m:.4} m")]
+    #[error("reported rise {reported_m} m differs from that of the samples, {sampled_m} m", reported_m = number(*.reported_m), sampled_m = rounded(*.sampled_m))]
     Lift {
         /// The reported rise.
         reported_m: f64,
@@ -184,9 +183,8 @@ pub enum Contradiction {
     },
     /// The object was not lifted high enough.
     #[error(
-        "outcome `succeeded`, but the object rose {rise_m:.4} m after {time_s} s, below the required \
-         {lifted_m} m"
-    )]
+        "outcome `succeeded`, but the object rose {rise_m} m after {time_s} s, below the required \
+         {lifted_m} m", rise_m = rounded(*.rise_m), time_s = number(*.time_s), lifted_m = number(*.lifted_m))]
     Low {
         /// Rise of the object.
         rise_m: f64,
@@ -197,8 +195,7 @@ pub enum Contradiction {
     },
     /// The object rose without the hand.
     #[error(
-        "outcome `succeeded`, but the object rose {object_m:.4} m and the palm only {palm_m:.4} m"
-    )]
+        "outcome `succeeded`, but the object rose {object_m} m and the palm only {palm_m} m", object_m = rounded(*.object_m), palm_m = rounded(*.palm_m))]
     PalmLow {
         /// Rise of the object.
         object_m: f64,
@@ -208,9 +205,14 @@ pub enum Contradiction {
 }
 
 /// Checks a report for contradictions.
-pub(crate) fn check(report: &Report, goal: &Goal, robot: &[Joint]) -> Result<(), Contradiction> {
+pub(crate) fn check(
+    report: &Report,
+    goal_id: &str,
+    goal: &Goal,
+    robot: &[Joint],
+) -> Result<(), Contradiction> {
     let outcome = report.outcome;
-    if report.goal_id != goal.encode().goal_id {
+    if report.goal_id != goal_id {
         return Err(Contradiction::Goal {
             found: report.goal_id.clone(),
         });

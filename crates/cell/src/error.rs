@@ -17,6 +17,18 @@ impl From<zenoh::Error> for Cause {
     }
 }
 
+/// Returns an error of asking a cell that a goal was sent to before, on one line.
+pub(crate) fn after_sending(err: &CellError) -> String {
+    let mut text = with_causes(err);
+    for claim in [
+        "; nothing was sent to the robot",
+        "; nothing was sent to a robot",
+    ] {
+        text = text.replace(claim, "");
+    }
+    text
+}
+
 /// Returns an error and its causes on one line.
 pub fn with_causes(err: &dyn Error) -> String {
     let mut text = err.to_string();
@@ -144,6 +156,52 @@ pub enum CellError {
         /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
     },
+    /// One cell gives different answers to one query.
+    #[error(
+        "the robot cell contradicts itself: {count} different answers to one query; nothing was sent to the \
+         robot: key `{key}`, session `{endpoint}`, journal {journal}"
+    )]
+    DifferentAnswers {
+        /// The key queried.
+        key: String,
+        /// The session's endpoint.
+        endpoint: String,
+        /// Number of answers.
+        count: usize,
+        /// Start of the name of the journal that signs them all.
+        journal: String,
+    },
+    /// The cell moves something real, and no person has allowed it.
+    #[error("cell `{cell}` moves something real now, and `execute` does not allow it")]
+    NotPermitted {
+        /// The cell's name.
+        cell: String,
+    },
+    /// The cell is not what it was when the first goal was sent.
+    #[error("cell `{cell}` changed since it was asked first: {change}")]
+    Changed {
+        /// The cell's name.
+        cell: String,
+        /// The first difference.
+        change: String,
+    },
+    /// The cell was stopped.
+    #[error("cell `{cell}` is stopped and has not been resumed")]
+    Stopped {
+        /// The cell's name.
+        cell: String,
+    },
+    /// The cell's capabilities contradict themselves.
+    #[error("cell `{cell}` contradicts itself, nothing was sent to the robot: {problem}")]
+    Contradiction {
+        /// The cell's name.
+        cell: String,
+        /// The contradiction.
+        problem: String,
+    },
+    /// What is sent cannot be recorded.
+    #[error("cannot record what is sent to the cell")]
+    Record(#[from] lake::LakeError),
     /// A party other than the cell answered a query to it.
     #[error(
         "a party other than the robot cell answers; the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
@@ -205,7 +263,8 @@ pub enum CellError {
     Random(#[source] std::io::Error),
     /// The cell uses another version of the protocol.
     #[error(
-        "the robot cell speaks version {found} of the protocol, expected {expected}: session `{endpoint}`"
+        "the robot cell speaks version {found} of the protocol, expected {expected}; nothing was sent to the \
+         robot: session `{endpoint}`"
     )]
     Protocol {
         /// The session's endpoint.
@@ -213,7 +272,7 @@ pub enum CellError {
         /// Version of this program.
         expected: u32,
         /// Version of the cell.
-        found: u32,
+        found: u64,
     },
     /// An answer cannot be read.
     #[error("the robot cell's answer cannot be read: key `{key}`")]
@@ -252,6 +311,18 @@ pub enum CellError {
         path: PathBuf,
         /// The cause.
         source: std::io::Error,
+    },
+    /// The journal is that of a robot of another kind.
+    #[error(
+        "the journal in `{}` is that of a cell that {}, and this one does not",
+        path.display(),
+        if *simulated { "is simulated" } else { "moves something real" }
+    )]
+    JournalKind {
+        /// The folder.
+        path: PathBuf,
+        /// Whether the journal is that of a simulated cell.
+        simulated: bool,
     },
     /// The robot's URDF cannot be used.
     #[error("the cell cannot use the robot's description")]
@@ -385,15 +456,44 @@ impl CellError {
                  `tcp/127.0.0.1:0`"
                     .to_owned(),
             ),
-            Self::Protocol { .. } | Self::Answer { .. } => {
+            Self::Protocol {
+                expected, found, ..
+            } => Some(format!(
+                "update {}: both sides must speak one version, `crates/cell/README.md` is version {expected}",
+                if *found < u64::from(*expected) {
+                    "the cell"
+                } else {
+                    "this program"
+                }
+            )),
+            Self::Answer { .. } => {
                 Some("run the same version of the program on both sides".to_owned())
             }
+            Self::DifferentAnswers { .. } => Some(
+                "look at the cell's program: it may run twice with one journal".to_owned(),
+            ),
+            Self::NotPermitted { .. } => Some(
+                "look at the robot; `--execute` lets a cell that is not simulated move".to_owned(),
+            ),
+            Self::Changed { .. } => Some(
+                "find out why, and look at the robot; the same command takes the cell as it is now"
+                    .to_owned(),
+            ),
+            Self::Stopped { .. } => Some("resume the cell, then run the same command".to_owned()),
+            Self::Contradiction { .. } => Some("correct the cell's own limits".to_owned()),
             Self::Journal { .. } => Some(
                 "give the cell a folder of its own that can be written to; another cell may be using this one"
                     .to_owned(),
             ),
+            Self::JournalKind { .. } => Some(
+                "give the cell a journal of its own: what a simulation did is nothing that a robot did".to_owned(),
+            ),
             Self::Simulation(err) => err.hint(),
-            Self::Zenoh { .. } | Self::Robot(_) | Self::Thread(_) | Self::Random(_) => None,
+            Self::Zenoh { .. }
+            | Self::Robot(_)
+            | Self::Thread(_)
+            | Self::Random(_)
+            | Self::Record(_) => None,
         }
     }
 }

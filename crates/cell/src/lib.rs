@@ -8,10 +8,11 @@
 //! - Goals and results are queries with replies, never bare publications: a missing answer is
 //!   always detected.
 //! - A goal's id is derived from its content. A cell that is asked twice answers twice and moves
-//!   once.
-//! - The cell signs its answers with its journal's key, and an answer counts only if no other party
-//!   answers too. A report is used only after it has been checked against its goal and itself
-//!   ([`UncheckedReport`]).
+//!   once. Its [`Address`] names the one cell and journal that may execute it, and whether anything
+//!   real may move.
+//! - The dispatcher signs its goals. The cell signs its answers, and the bytes that they answer, with
+//!   its journal's key; an answer counts only if no other party answers too. A report is used only
+//!   after it has been checked against its goal and itself ([`UncheckedReport`]).
 //! - Publications (states, motions, outcomes) are for monitoring. The report repeats every sample,
 //!   so nothing depends on a lossy stream. States and outcomes are numbered, and a [`Watcher`]
 //!   requests those that it missed.
@@ -30,12 +31,15 @@ mod client;
 mod contradiction;
 mod error;
 mod goal;
+mod grasp;
 mod heartbeat;
 mod keys;
 mod machine;
+mod message;
 mod outcome;
 mod pacer;
 mod points;
+mod rejection;
 mod report;
 mod ros2;
 mod router;
@@ -44,21 +48,27 @@ mod session;
 mod signature;
 mod simulated;
 mod state;
+mod terms;
+mod text;
 mod watch;
 mod wire;
 
+pub use acceptance::check_palm;
 pub use access::Access;
 pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
 pub use cell_robot::{CellArm, CellRobot};
-pub use client::{CellClient, ControlReply, GoalResult, Recovered};
+pub use client::{CellClient, ControlReply, GoalResult, Patience, Recovered, SendRecord};
 pub use contradiction::Contradiction;
 pub use error::{Cause, CellError, with_causes};
-pub use goal::{EncodedGoal, Goal, Rejection, RejectionCode, SendInfo};
+pub use goal::{EncodedGoal, Goal};
+pub use grasp::{Approach, Grasp};
 pub use keys::Keys;
 pub use machine::{Machine, MachineDescription};
+pub use message::{Address, GoalMessage};
 pub use motion::{JointPoint, JointRates, JointTrack, PalmPoint, PalmTrajectory};
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;
+pub use rejection::{Rejection, RejectionCode};
 pub use report::{Ending, Report, Sample, UncheckedReport};
 pub use ros2::{Ros2Node, Ros2Publisher, Ros2Subscriber, Urgency, ros2_now_ns};
 pub use router::Router;
@@ -67,12 +77,15 @@ pub use server::{
     ServiceConfig, Tick, TickListener,
 };
 pub use session::{check_endpoint, subscribe};
+pub use signature::{Acceptance, PublicKey, SigningKey};
 pub use simulated::{
     ModelMismatch, ObjectFinder, SimulatedCell, SimulatedCellConfig, execute_offline,
 };
 pub use state::State;
+pub use terms::Terms;
+pub use text::escaped;
 pub use watch::{Counts, WatchEvent, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 
 /// Protocol version; a cell refuses goals of any other version.
-pub const PROTOCOL: u32 = 4;
+pub const PROTOCOL: u32 = 5;

@@ -3,9 +3,8 @@
 use std::time::Duration;
 
 use crate::{
-    Goal,
+    EncodedGoal, Goal, Rejection,
     capabilities::{ControllerInfo, PalmLimits},
-    goal::{EncodedGoal, Rejection},
     report::{Report, Sample},
     server::MonitoredMotion,
 };

@@ -6,9 +6,9 @@ use serde::{Deserialize, Serialize};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
-    Goal,
+    Goal, Rejection,
     contradiction::{self, Contradiction},
-    goal::Rejection,
+    text::plain_line,
     wire::{self, WireError},
 };
 
@@ -73,6 +73,18 @@ struct Header {
     message: String,
     lift_m: f64,
     joints: Vec<String>,
+    /// Number of samples that follow; not in reports of version 4.
+    #[serde(default)]
+    samples_n: Option<usize>,
+}
+
+impl Header {
+    fn outcome(&self) -> Result<Outcome, WireError> {
+        Outcome::parse(&self.outcome).ok_or_else(|| WireError::Json {
+            part: "report",
+            message: format!("`{}` is not an outcome", plain_line(&self.outcome)),
+        })
+    }
 }
 
 impl Ending {
@@ -81,7 +93,7 @@ impl Ending {
         let (header, _): (Header, _) = wire::split_line("report", bytes).ok()?;
         Some(Self {
             outcome: Outcome::parse(&header.outcome)?,
-            message: header.message,
+            message: plain_line(&header.message),
             lift_m: header.lift_m,
         })
     }
@@ -196,6 +208,15 @@ impl Report {
         }
     }
 
+    /// Parses a report that was believed when it was recorded.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the bytes are not a report.
+    pub fn from_record(bytes: &[u8]) -> Result<Self, WireError> {
+        UncheckedReport::from_bytes(bytes).map(|UncheckedReport(report)| report)
+    }
+
     /// Returns the duration of the motion, in seconds.
     pub fn duration_s(&self) -> f64 {
         self.samples.last().map_or(0.0, |sample| sample.time_s)
@@ -218,6 +239,7 @@ impl Report {
             message: self.message.clone(),
             lift_m: self.lift_m,
             joints: self.joints.clone(),
+            samples_n: Some(self.samples.len()),
         })
     }
 
@@ -239,25 +261,74 @@ impl UncheckedReport {
     /// Fails if the bytes are not a report.
     pub fn from_bytes(bytes: &[u8]) -> Result<Self, WireError> {
         let (header, numbers): (Header, &[u8]) = wire::split_line("report", bytes)?;
-        let outcome = Outcome::parse(&header.outcome).ok_or_else(|| WireError::Json {
-            part: "report",
-            message: format!("`{}` is not an outcome", header.outcome),
-        })?;
+        let outcome = header.outcome()?;
         let dof = header.joints.len();
         let samples = wire::rows(numbers, Sample::width(dof))?
             .iter()
             .enumerate()
             .map(|(row, numbers)| Sample::from_row(row, numbers, dof))
-            .collect::<Result<_, WireError>>()?;
+            .collect::<Result<Vec<_>, WireError>>()?;
+        if let Some(told) = header.samples_n.filter(|told| *told != samples.len()) {
+            return Err(WireError::Json {
+                part: "report",
+                message: format!("it announces {told} samples and has {}", samples.len()),
+            });
+        }
         Ok(Self(Report {
             goal_id: header.goal_id,
             rejection: None,
             outcome,
-            message: header.message,
+            message: plain_line(&header.message),
             lift_m: header.lift_m,
             joints: header.joints,
             samples,
         }))
+    }
+
+    /// Parses the first line of a report whose samples did not arrive: the outcome is the cell's own word,
+    /// which no sample confirms, and the message says so.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the line is not that of a report on this goal, or its samples are no more than `most` bytes:
+    /// those should have arrived.
+    pub(crate) fn without_samples(
+        bytes: &[u8],
+        goal_id: &str,
+        most: usize,
+    ) -> Result<Report, WireError> {
+        let wrong = |message: String| WireError::Json {
+            part: "report",
+            message,
+        };
+        let (header, _): (Header, _) = wire::split_line("report", bytes)?;
+        let outcome = header.outcome()?;
+        if header.goal_id != goal_id {
+            let found = plain_line(&header.goal_id);
+            return Err(wrong(format!("it is about goal `{found}`")));
+        }
+        let row = Sample::width(header.joints.len()) * size_of::<f64>();
+        let size = match header
+            .samples_n
+            .map(|samples_n| samples_n.saturating_mul(row))
+        {
+            Some(bytes) if bytes <= most => {
+                return Err(wrong(format!("its samples, {bytes} bytes, do not arrive")));
+            }
+            Some(bytes) => format!("of {} MB ", bytes / 1_000_000),
+            None => String::new(),
+        };
+        let message = format!(
+            "{} (its report {size}was not read, so no sample confirms it: the longest has {} MiB)",
+            plain_line(&header.message),
+            most >> 20
+        );
+        let ending = Ending {
+            outcome,
+            message,
+            lift_m: header.lift_m,
+        };
+        Ok(Report::of_motion(goal_id, Vec::new(), ending, Vec::new()))
     }
 
     /// Checks the report against its goal, itself, and the robot, whose joints have the goal's
@@ -267,7 +338,18 @@ impl UncheckedReport {
     ///
     /// Fails with the contradiction: the goal's outcome is then unknown.
     pub fn check(self, goal: &Goal, robot: &[Joint]) -> Result<Report, Contradiction> {
-        contradiction::check(&self.0, goal, robot)?;
+        self.check_as(&goal.encode().goal_id, goal, robot)
+    }
+
+    /// Checks the report as [`UncheckedReport::check`] does, on a goal of this id: that of a goal that was parsed
+    /// is not that of its encoding, for a parsed rotation is made one again.
+    pub(crate) fn check_as(
+        self,
+        goal_id: &str,
+        goal: &Goal,
+        robot: &[Joint],
+    ) -> Result<Report, Contradiction> {
+        contradiction::check(&self.0, goal_id, goal, robot)?;
         Ok(self.0)
     }
 }
@@ -302,6 +384,11 @@ mod tests {
         assert_eq!(again.samples.len(), 3);
         assert!((again.tracking_error_rad() - 0.2).abs() < 1e-12);
         assert!(UncheckedReport::from_bytes(&bytes[..bytes.len() - 1]).is_err());
+        // A row is missing, or one that nobody announced is there.
+        let row = 8 * Sample::width(2);
+        assert!(UncheckedReport::from_bytes(&bytes[..bytes.len() - row]).is_err());
+        let twice = [&bytes[..], &bytes[bytes.len() - row..]].concat();
+        assert!(UncheckedReport::from_bytes(&twice).is_err());
         let mut reader = blake3::Hasher::new().update(b"reports").finalize_xof();
         for _ in 0..2000 {
             let mut bits = [0; 8];

@@ -23,12 +23,7 @@ use zenoh::{
     qos::{CongestionControl, Priority},
 };
 
-use crate::{
-    CellError,
-    goal::{Goal, now},
-    report::Sample,
-    session,
-};
+use crate::{CellError, Goal, message::now, report::Sample, session};
 
 /// `QoS`: reliable, volatile, keep the last ten; the default of ROS 2.
 const QOS: &str = "::,10:,:,:,,";

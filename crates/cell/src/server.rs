@@ -6,6 +6,7 @@ mod fault;
 mod journal;
 mod monitored;
 mod namesake;
+mod refused;
 mod stream;
 
 use std::{
@@ -33,6 +34,7 @@ use self::{
     control::Control,
     fault::Faults,
     journal::{Job, Journal, fresh_name},
+    refused::Refused,
     stream::Stream,
 };
 pub use self::{
@@ -41,9 +43,9 @@ pub use self::{
     monitored::{MonitoredMotion, Tick},
 };
 use crate::{
-    Access, CellError, Keys, Machine, MachineDescription, capabilities::Acknowledgment,
-    heartbeat::HeartbeatMessage, report::Report, ros2::Mirror, session, signature::JournalKey,
-    wire,
+    Access, CellError, Keys, Machine, MachineDescription, PublicKey, SigningKey,
+    capabilities::Acknowledgment, heartbeat::HeartbeatMessage, report::Report, ros2::Mirror,
+    session, wire,
 };
 
 /// Settings of a cell's service for its dispatcher.
@@ -63,6 +65,8 @@ pub struct ServiceConfig {
     pub router: Option<String>,
     /// Access file: credentials, trusted peers and access rules.
     pub access: Option<PathBuf>,
+    /// Public keys of the dispatchers whose goals it takes; those of any if empty.
+    pub dispatchers: Vec<PublicKey>,
     /// Injected faults.
     pub faults: Vec<PlannedFault>,
 }
@@ -114,8 +118,11 @@ struct Shared {
     listener: Mutex<Option<OutcomeListener>>,
     ticks: Mutex<Option<TickListener>>,
     journal: Mutex<Journal>,
+    refused: Mutex<Refused>,
     /// The journal's key, which signs every answer.
-    key: Arc<JournalKey>,
+    key: Arc<SigningKey>,
+    /// Public keys of the dispatchers whose goals it takes; those of any if empty.
+    dispatchers: Vec<PublicKey>,
     control: Control,
     stream: Stream,
     ended: AtomicBool,
@@ -137,8 +144,9 @@ impl CellServer {
             listen,
             service,
         } = config;
+        let description = machine.description();
         let journal = match &service.journal {
-            Some(folder) => Journal::open(folder)?,
+            Some(folder) => Journal::open(folder, description.simulated)?,
             None => Journal::in_memory()?,
         };
         let keys = Keys::new(&name)?;
@@ -148,7 +156,6 @@ impl CellServer {
             action: "serve the cell",
             source: source.into(),
         };
-        let description = machine.description();
         let joints = description.joints.clone();
         let stream = Stream::new(&session, &keys, fresh_name(), joints).map_err(serving)?;
         let shared = Arc::new(Shared {
@@ -161,6 +168,8 @@ impl CellServer {
             ticks: Mutex::default(),
             key: journal.key(),
             journal: Mutex::new(journal),
+            refused: Mutex::default(),
+            dispatchers: service.dispatchers,
             control: Control::new(description.silence),
             description,
             faults: Faults::new(service.faults),
@@ -361,7 +370,7 @@ fn work(shared: &Shared, session: &Session, mirror: Option<&Mirror>, queue: &mps
                 .wait();
         }
         for query in waiting {
-            shared.reply(&query, &bytes);
+            shared.reply_report(&query, &bytes);
         }
     }
 }

@@ -19,10 +19,9 @@ use spatial::Pose;
 
 pub use self::model_mismatch::ModelMismatch;
 use crate::{
-    CellArm, CellError, CellRobot, CellServer, Goal, Machine, MachineDescription, ServerConfig,
-    ServiceConfig,
+    CellArm, CellError, CellRobot, CellServer, EncodedGoal, Goal, Machine, MachineDescription,
+    Rejection, ServerConfig, ServiceConfig,
     acceptance::PALM,
-    goal::{EncodedGoal, Rejection},
     report::{Report, Sample},
     server::{Abort, MonitoredMotion, lock},
 };

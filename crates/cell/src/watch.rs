@@ -16,7 +16,7 @@ use zenoh::{
 };
 
 use crate::{
-    Access, CellError, EncodedGoal, Goal, GoalOutcome, Keys, State,
+    Access, CellError, Goal, GoalMessage, GoalOutcome, Keys, State,
     client::MAX_ANSWER_BYTES,
     outcome::Outcomes,
     session,
@@ -199,9 +199,10 @@ impl Watcher {
                 Ok(outcome) => self.outcome(outcome),
                 Err(_) => self.counts.unreadable_n += 1,
             },
-            Event::Motion(bytes) => match EncodedGoal::decode(&bytes) {
-                Ok((encoded, goal)) => {
-                    let seen = WatchEvent::Motion(encoded.goal_id, Box::new(goal));
+            Event::Motion(bytes) => match GoalMessage::decode(&bytes) {
+                Ok((message, goal)) => {
+                    let goal_id = message.encoded.goal_id;
+                    let seen = WatchEvent::Motion(goal_id, Box::new(goal));
                     self.ready.push_back(seen);
                 }
                 Err(_) => self.counts.unreadable_n += 1,
@@ -376,10 +377,10 @@ impl Watcher {
 
     /// Queries a cell from a number on; returns its journal and its answer, if exactly one comes.
     fn ask(&mut self, key: &str, from: u64) -> Option<(String, Vec<u8>)> {
-        let question = Question::new(key).ok()?;
+        let question = Question::new(key, &format!("from={from}"), &[]).ok()?;
         let replies = self
             .session
-            .get(question.selector(Some(from)))
+            .get(question.selector())
             .target(QueryTarget::All)
             .consolidation(ConsolidationMode::None)
             // Never queue before messages that move or stop a robot.
@@ -390,7 +391,7 @@ impl Watcher {
             .ok()?;
         let mut answers = question.collect(&replies, MAX_ANSWER_BYTES, Instant::now() + ANSWER);
         match (answers.pop(), answers.is_empty()) {
-            (Some(Answer::Signed { journal, body }), true) => Some((journal, body)),
+            (Some(Answer::Signed { journal, body, .. }), true) => Some((journal, body)),
             (None, _) => None,
             (Some(_), _) => {
                 self.counts.foreign_n += 1;

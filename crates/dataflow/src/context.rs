@@ -20,6 +20,8 @@ pub struct Context<'a> {
     pub(crate) folder: PathBuf,
     /// Folder for the resume state of an interrupted unit.
     pub(crate) resume_folder: PathBuf,
+    /// Folder for the records of what the stage's kind has done in the world.
+    pub(crate) effects_folder: PathBuf,
     /// File for the unit's log.
     pub(crate) log_file: PathBuf,
     /// Receiver of progress reports.
@@ -28,14 +30,15 @@ pub struct Context<'a> {
 
 impl Context<'_> {
     /// Returns a context for making an output outside a run, as tests do. Its resume folder is
-    /// `resume` in `folder`, its log beside it: a second context of the same folder continues where the first one
-    /// stopped.
+    /// `resume` in `folder`, that of effects is `effects`, its log beside it: a second context of the same folder
+    /// continues where the first one stopped.
     pub fn detached(partition: &PartitionKey, seed: u64, folder: &Path) -> Self {
         Self {
             partition: partition.clone(),
             seed,
             folder: folder.to_owned(),
             resume_folder: folder.join("resume"),
+            effects_folder: folder.join("effects"),
             log_file: folder.with_extension("log"),
             progress: &|_, _| {},
         }
@@ -66,6 +69,24 @@ impl Context<'_> {
     /// read back. The result must not depend on how often the unit was interrupted.
     pub fn resume_folder(&self) -> &Path {
         &self.resume_folder
+    }
+
+    /// A folder for the records of what stages of this kind have done in the world, such as moving a robot.
+    ///
+    /// It is shared by all units, options, pipelines and runs, and nothing removes it: neither a rerun
+    /// (`--fresh`) nor garbage collection. It does not exist before the first record is written
+    /// (`lake::write_atomic` makes it).
+    pub fn effects_folder(&self) -> &Path {
+        &self.effects_folder
+    }
+
+    /// Returns the context with another folder of effects, as tests of several units have.
+    #[must_use]
+    pub fn with_effects_in(self, folder: &Path) -> Self {
+        Self {
+            effects_folder: folder.to_owned(),
+            ..self
+        }
     }
 
     /// A file for the unit's log, which is not part of the artifact: it may differ between attempts, and is kept

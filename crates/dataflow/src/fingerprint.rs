@@ -91,6 +91,8 @@ pub enum Cause {
     New,
     /// It was made, but files in the lake are missing or damaged.
     Lost,
+    /// It was made for an earlier run alone.
+    Provisional,
     /// `--fresh` asked for it.
     Forced,
     /// A value of the pipeline file.
@@ -375,6 +377,7 @@ impl fmt::Display for Cause {
         match self {
             Self::New => f.write_str("never made"),
             Self::Lost => f.write_str("its files are missing or damaged in the lake"),
+            Self::Provisional => f.write_str("the last result was for its own run alone"),
             Self::Forced => f.write_str("asked for by `--fresh`"),
             Self::Config { key, old, new } => match (old, new) {
                 (Value::Null, new) => write!(f, "`{key}` set to {new}"),

@@ -81,6 +81,7 @@ impl<'a> Maker<'a> {
         // Another process may have made it while this one waited for the lock.
         if order.forced == Forced::No
             && let Some(outcome) = self.store.lookup(&order.fingerprint)?
+            && !outcome.is_provisional()
             && self
                 .store
                 .fetch_published(&[&*outcome])?
@@ -105,6 +106,7 @@ impl<'a> Maker<'a> {
             seed: stage.unit_seed(order.seed, &name.partition),
             folder: making.folder().to_owned(),
             resume_folder: making.resume_folder().to_owned(),
+            effects_folder: making.effects_folder().join(stage.kind.name),
             log_file: making.log_file().to_owned(),
             progress: &|fraction, message| {
                 events(&Event::UnitProgress {
@@ -198,17 +200,23 @@ impl<'a> Maker<'a> {
 /// Returns the result of a unit, without its files; `None` if not exactly one of order and outcome
 /// says which labels a made artifact has.
 fn result(order: &Order, outcome: Outcome) -> Option<RecordOutcome> {
+    let provisional = matches!(outcome, Outcome::Provisional(_));
     let (metrics, labels): (_, Labels) = match (outcome, &order.labels) {
         (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
         (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),
-        (Outcome::Made(metrics), Some(labels)) => (metrics, labels.clone()),
+        (Outcome::Made(metrics) | Outcome::Provisional(metrics), Some(labels)) => {
+            (metrics, labels.clone())
+        }
         (Outcome::Labeled(metrics, labels), None) => (metrics, labels),
-        (Outcome::Made(_), None) | (Outcome::Labeled(..), Some(_)) => return None,
+        (Outcome::Made(_) | Outcome::Provisional(_), None) | (Outcome::Labeled(..), Some(_)) => {
+            return None;
+        }
     };
     Some(RecordOutcome::Made {
         files: BTreeMap::new(),
         labels,
         metrics,
+        provisional,
     })
 }
 

@@ -15,6 +15,9 @@ pub enum Outcome<M = MetricValues> {
     Made(M),
     /// As made, with labels that are known only from the data.
     Labeled(M, Labels),
+    /// As made, but for this run alone: the next one finds nothing stored and makes it again, as after a dry
+    /// run.
+    Provisional(M),
     /// The item cannot be used; counted, listed, and the run ends with exit code 3.
     Skipped {
         /// Why, as one sentence without a final period.
@@ -49,6 +52,7 @@ impl<M: Metrics> Outcome<M> {
         match self {
             Self::Made(metrics) => Outcome::Made(metrics.metric_values()),
             Self::Labeled(metrics, labels) => Outcome::Labeled(metrics.metric_values(), labels),
+            Self::Provisional(metrics) => Outcome::Provisional(metrics.metric_values()),
             Self::Skipped { reason } => Outcome::Skipped { reason },
             Self::Filtered { reason } => Outcome::Filtered { reason },
         }

@@ -244,7 +244,8 @@ impl Planner<'_> {
         let cached = if forced {
             None
         } else {
-            self.store.lookup(&digest)?
+            let outcome = self.store.lookup(&digest)?;
+            outcome.filter(|outcome| !outcome.is_provisional())
         };
         let state = match &cached {
             Some(outcome) if certainty == Certainty::Exact => {
@@ -292,11 +293,15 @@ impl Planner<'_> {
             return Ok(vec![Cause::Lost]);
         };
         let differences = fingerprint.differences(&record.fingerprint);
-        Ok(if differences.is_empty() {
-            vec![Cause::Lost]
-        } else {
-            differences
-        })
+        Ok(
+            if differences.is_empty() && record.outcome.is_provisional() {
+                vec![Cause::Provisional]
+            } else if differences.is_empty() {
+                vec![Cause::Lost]
+            } else {
+                differences
+            },
+        )
     }
 
     /// The known differences from the last time of a unit whose fingerprint is incomplete, and

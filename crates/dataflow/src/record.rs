@@ -41,6 +41,9 @@ pub enum RecordOutcome {
         labels: Labels,
         /// Counts and other metrics.
         metrics: MetricValues,
+        /// Whether it is for the run that made it alone.
+        #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+        provisional: bool,
     },
     /// The item could not be used.
     Skipped {
@@ -58,6 +61,11 @@ impl RecordOutcome {
     /// Whether there is an artifact.
     pub fn is_made(&self) -> bool {
         matches!(self, Self::Made { .. })
+    }
+
+    /// Whether the outcome is for the run that made it alone: another run makes it again.
+    pub fn is_provisional(&self) -> bool {
+        matches!(self, Self::Made { provisional, .. } if *provisional)
     }
 
     /// Returns the outcome in one word: `made`, `skipped` or `filtered`.

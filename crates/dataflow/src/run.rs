@@ -246,7 +246,8 @@ impl Runner<'_> {
             return Ok(None);
         };
         let outcome = self.store.lookup(&digest)?;
-        Ok(outcome.map(|outcome| UnitReport {
+        let lasting = outcome.filter(|outcome| !outcome.is_provisional());
+        Ok(lasting.map(|outcome| UnitReport {
             partition: unit.partition.clone(),
             fingerprint: digest,
             outcome,

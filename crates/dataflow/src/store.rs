@@ -27,6 +27,10 @@ pub trait UnitTransaction {
     /// first writer.
     fn resume_folder(&self) -> &Path;
 
+    /// Folder for the records of what stages have done in the world, apart from units and runs: never
+    /// collected. Created by the first writer.
+    fn effects_folder(&self) -> &Path;
+
     /// File for the unit's log. Its folder is created by the first writer.
     fn log_file(&self) -> &Path;
 

@@ -90,6 +90,11 @@ impl Folder {
         self.join("resume")
     }
 
+    /// Records of what stages have done in the world, by the stage's kind.
+    pub(crate) fn effects(&self) -> PathBuf {
+        self.join("effects")
+    }
+
     /// Logs of units, by fingerprint.
     pub(crate) fn logs(&self) -> PathBuf {
         self.join("logs")

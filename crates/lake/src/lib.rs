@@ -28,6 +28,7 @@
 //! detached/N/              what the program's runs in the background said, and how they ended
 //! unfetched/               marks of blobs that are in the depot and not here, until they are asked for
 //! logs/abcd….log           what the program of a unit printed, until its unit is collected
+//! effects/KIND/            what stages of a kind have done in the world, apart from units and runs: never collected
 //! resume/abcd…/            resume state of an interrupted unit, until its result is stored
 //! ```
 //!

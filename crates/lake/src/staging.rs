@@ -22,6 +22,7 @@ pub(crate) struct UnitInProgress<'a> {
     lake: &'a Lake,
     folder: PathBuf,
     resume_folder: PathBuf,
+    effects_folder: PathBuf,
     log_file: PathBuf,
     started: SystemTime,
     /// Held until the unit is stored or abandoned.
@@ -46,6 +47,7 @@ impl<'a> UnitInProgress<'a> {
             folder,
             log_file: lake.folder.log(fingerprint),
             resume_folder: lake.folder.resume().join(name),
+            effects_folder: lake.folder.effects(),
             started: now(),
             _lock: lock,
         })
@@ -81,7 +83,9 @@ impl<'a> UnitInProgress<'a> {
             host: host(),
             threads: std::thread::available_parallelism().map_or(0, usize::from),
         };
-        if let Some(shared) = &self.lake.shared {
+        if let Some(shared) = &self.lake.shared
+            && !record.outcome.is_provisional()
+        {
             shared.send_unit(&record.fingerprint.digest())?;
         }
         self.lake.records.keep(&record, provenance)?;
@@ -110,6 +114,10 @@ impl UnitTransaction for UnitInProgress<'_> {
 
     fn resume_folder(&self) -> &Path {
         &self.resume_folder
+    }
+
+    fn effects_folder(&self) -> &Path {
+        &self.effects_folder
     }
 
     fn log_file(&self) -> &Path {

@@ -104,6 +104,7 @@ fn every_number_comes_back_from_records_runs_caches_and_tables() {
         files: BTreeMap::new(),
         labels: BTreeMap::new(),
         metrics: by_name(&numbers),
+        provisional: false,
     };
     let kept = making.commit(Record {
         fingerprint: fingerprint.clone(),

@@ -1,5 +1,6 @@
 //! Single values as text.
 
+use ::cell::escaped;
 use polars::prelude::*;
 
 use crate::numbers::number;
@@ -8,14 +9,14 @@ use crate::numbers::number;
 pub(super) fn cell(value: &AnyValue, elements: usize) -> String {
     match value {
         AnyValue::Null => "-".to_owned(),
-        AnyValue::String(text) => one_line(text),
-        AnyValue::StringOwned(text) => one_line(text),
+        AnyValue::String(text) => escaped(text),
+        AnyValue::StringOwned(text) => escaped(text),
         AnyValue::Float32(value) => number(f64::from(*value)),
         AnyValue::Float64(value) => number(*value),
         AnyValue::Binary(bytes) => format!("{} bytes", bytes.len()),
         AnyValue::BinaryOwned(bytes) => format!("{} bytes", bytes.len()),
         AnyValue::List(values) | AnyValue::Array(values, _) => list(values, elements),
-        other => one_line(&other.to_string()),
+        other => escaped(&other.to_string()),
     }
 }
 
@@ -83,22 +84,6 @@ fn list(values: &Series, elements: usize) -> String {
     format!("[{}]", shown.join(", "))
 }
 
-/// Text without line breaks and other characters that move a terminal's cursor.
-fn one_line(text: &str) -> String {
-    if !text.contains(char::is_control) {
-        return text.to_owned();
-    }
-    let mut line = String::new();
-    for c in text.chars() {
-        if c.is_control() {
-            line.extend(c.escape_default());
-        } else {
-            line.push(c);
-        }
-    }
-    line
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -118,6 +103,7 @@ mod tests {
             cell(&AnyValue::String("a\nb\u{1b}[0m"), 8),
             "a\\nb\\u{1b}[0m"
         );
+        assert_eq!(cell(&AnyValue::String("\u{202e}pots"), 8), "\\u{202e}pots");
     }
 
     #[test]

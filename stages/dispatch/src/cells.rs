@@ -1,13 +1,14 @@
 //! The configured cell.
 
 use std::{
+    collections::BTreeMap,
     fs,
     sync::{Arc, Mutex, PoisonError},
 };
 
 use cell::{
-    Capabilities, CellArm, CellClient, ControllerInfo, Goal, ModelMismatch, PalmTrajectory,
-    ServiceConfig, SimulatedCell, SimulatedCellConfig,
+    Capabilities, CellArm, CellClient, CellError, ControllerInfo, Goal, ModelMismatch,
+    PalmTrajectory, ServiceConfig, SigningKey, SimulatedCell, SimulatedCellConfig, Terms,
 };
 use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
@@ -22,6 +23,10 @@ use crate::{
 /// The simulated cell of this process: it outlives the units, so that watchers can stay connected,
 /// and it remembers its goals as a real one does.
 static RUNNING: Mutex<Option<Running>> = Mutex::new(None);
+
+/// What cells that outlive this process said of themselves first, by endpoint and name: a change ends the run, in
+/// whichever of its units it shows.
+static FIRST: Mutex<BTreeMap<(String, String), Capabilities>> = Mutex::new(BTreeMap::new());
 
 /// Largest difference between an arm's base pose and the planned one, in meters and in quaternion
 /// components.
@@ -42,18 +47,20 @@ struct CellSetup {
 /// A connected cell.
 pub(crate) struct Connected {
     pub(crate) client: Arc<CellClient>,
-    pub(crate) capabilities: Capabilities,
+    /// The terms under which goals may be sent to it.
+    pub(crate) terms: Terms,
     /// Keeps the simulated cell alive.
     _simulated: Option<Arc<SimulatedCell>>,
 }
 
 /// Connects to the configured cell, with `object` in front of it; starts the simulated one if it
-/// does not run yet. Checks that the cell accepts goals like `goal`.
+/// does not run yet. Checks that the cell accepts goals like `goal`, which are signed with `key`.
 pub(crate) fn connect(
     config: &DispatchConfig,
     robots: &Robots,
     object: &Object,
     goal: &Goal,
+    key: Option<SigningKey>,
 ) -> Result<Connected, DispatchError> {
     let simulated = if config.cell == SIMULATED {
         let cell = simulated(config, robots)?;
@@ -71,6 +78,10 @@ pub(crate) fn connect(
         &config.cell_name,
         config.answer_timeout(),
     )?;
+    let client = match key {
+        Some(key) => client.signing_with(key),
+        None => client,
+    };
     let capabilities = client.capabilities(config.answer_timeout())?;
     if capabilities.robot != robots.digest() {
         return Err(DispatchError::OtherRobot {
@@ -94,11 +105,33 @@ pub(crate) fn connect(
             });
         }
     }
+    let first = match &simulated {
+        Some(_) => capabilities,
+        None => first_of_run(config, capabilities)?,
+    };
     Ok(Connected {
         client: Arc::new(client),
-        capabilities,
+        terms: Terms::new(first, config.execute),
         _simulated: simulated,
     })
+}
+
+/// Returns a cell's first answer in this run, if the present one says nothing else.
+fn first_of_run(config: &DispatchConfig, now: Capabilities) -> Result<Capabilities, DispatchError> {
+    let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
+    let key = (config.cell.clone(), config.cell_name.clone());
+    let first = first.entry(key).or_insert_with(|| now.clone());
+    match now.change_since(first) {
+        None => Ok(Capabilities {
+            clock_unix_ms: now.clock_unix_ms,
+            ..first.clone()
+        }),
+        Some(change) => Err(CellError::Changed {
+            cell: now.cell,
+            change,
+        }
+        .into()),
+    }
 }
 
 /// Checks that a cell has the goals' controllers.
@@ -111,6 +144,9 @@ fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchErr
         let problem = format!("it has {} controllers, not two", cell.controllers.len());
         return Err(wrong(problem));
     };
+    if matches!(goal.carrier, PalmTrajectory::Palm(_)) && cell.palm.is_none() {
+        return Err(wrong("it says no limits of its palm".to_owned()));
+    }
     let none = Vec::new();
     let moved = match &goal.carrier {
         PalmTrajectory::Palm(_) => ("palm", &none),

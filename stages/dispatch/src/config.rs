@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
-use cell::{Access, Capabilities, CellError, Keys, with_causes};
+use cell::{Access, CellError, Keys, with_causes};
 use dataflow::{Advise, OptionFault, OptionFaults};
 use planning::{ArmConfig, CommandRatesConfig, LimitsConfig};
 use schemars::JsonSchema;
@@ -66,6 +66,12 @@ pub struct DispatchConfig {
     // Resending moves the robot again but must not invalidate finished results.
     #[serde(default, skip_serializing)]
     pub resume_stopped: bool,
+    /// What follows an outcome that the cell itself reports as unknown: `stop`, the run ends with code 1 so that a
+    /// person looks at the robot (the default), or `continue`, with the next motion. Without the cell's word a run
+    /// ends in any case.
+    // As `resume_stopped`.
+    #[serde(default, skip_serializing)]
+    pub after_unknown: AfterUnknown,
     /// Timeout for a cell to accept or refuse a goal (s): a check takes far less.
     #[serde(default = "defaults::answer_timeout_s")]
     pub answer_timeout_s: f64,
@@ -110,6 +116,18 @@ pub enum Order {
     Robust,
     /// As they were screened.
     Accepted,
+}
+
+/// What follows an outcome that the cell itself reports as unknown.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+#[schemars(inline)]
+pub enum AfterUnknown {
+    /// The run ends.
+    #[default]
+    Stop,
+    /// The next motion is sent.
+    Continue,
 }
 
 /// The simulated cell: where it differs from the screen is the gap that a motion must bridge.
@@ -196,12 +214,6 @@ impl DispatchConfig {
         access.map(Access::read).transpose()
     }
 
-    /// Whether goals may be sent: always to a cell that says it is simulated, to any other only if
-    /// a person allowed it.
-    pub(crate) fn permits(&self, cell: &Capabilities) -> bool {
-        cell.simulated || self.execute
-    }
-
     /// Returns the timeout of an answer.
     pub(crate) fn answer_timeout(&self) -> Duration {
         Duration::from_secs_f64(self.answer_timeout_s)
@@ -249,35 +261,4 @@ mod defaults {
     pub(super) fn start_tolerance_rad() -> f64 { 0.1 }
     pub(super) fn latency_s() -> f64 { 0.003 }
     pub(super) fn encoder_noise_rad() -> f64 { 0.002 }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_real_cell_moves_only_if_a_person_said_so() {
-        let mut config: DispatchConfig =
-            serde_json::from_str(include_str!("../tests/dispatch.json")).unwrap();
-        let mut cell = Capabilities {
-            protocol: cell::PROTOCOL,
-            cell: "lab".to_owned(),
-            journal: String::new(),
-            clock_unix_ms: 0,
-            simulated: true,
-            robot: String::new(),
-            controllers: Vec::new(),
-            palm: None,
-            table_from_base: None,
-            max_goal_bytes: 0,
-            gap: String::new(),
-            real_time: false,
-            silence_s: None,
-        };
-        assert!(config.permits(&cell));
-        cell.simulated = false;
-        assert!(!config.permits(&cell));
-        config.execute = true;
-        assert!(config.permits(&cell));
-    }
 }

@@ -104,7 +104,7 @@ pub enum DispatchError {
         /// The motion.
         candidate_id: String,
     },
-    /// An artifact cannot be read or written.
+    /// An artifact or the record of what was sent cannot be read or written.
     #[error(transparent)]
     Lake(#[from] LakeError),
 }

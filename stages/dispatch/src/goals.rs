@@ -1,6 +1,6 @@
 //! Motions as goals.
 
-use cell::Goal;
+use cell::{Goal, Grasp};
 use planning::{PlannedMotion, Planner};
 use schemas::candidates::{Candidate, Candidates};
 
@@ -21,6 +21,7 @@ pub(crate) fn goal(
         fingers,
         grasp,
     } = planner.plan(&candidate.motion, &candidate.table_from_object)?;
+    let grasp = Grasp::try_from(&grasp).map_err(|fault| Refusal::Protocol(fault.to_string()))?;
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),

@@ -20,19 +20,22 @@
 
 mod cells;
 mod config;
+mod earlier;
 mod error;
 mod goals;
 mod in_flight;
-mod journal;
+mod ledger;
 mod names;
 mod order;
 mod recording;
 mod refusal;
 mod robots;
+mod rows;
+mod sender;
 mod stage;
 
 pub use cells::simulated_cell;
-pub use config::{DispatchConfig, Order, SimulatedConfig};
+pub use config::{AfterUnknown, DispatchConfig, Order, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use stage::{Dispatch, DispatchMetrics};

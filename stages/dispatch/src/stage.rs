@@ -1,19 +1,13 @@
 //! The stage: one table of executions per object.
 
-use std::{
-    path::{Component, Path},
-    sync::Arc,
-};
+use std::path::{Component, Path};
 
-use cell::{
-    CellClient, Goal, GoalResult, Recovered, Rejection, RejectionCode, Report, with_causes,
-};
+use cell::{Goal, with_causes};
 use dataflow::{
     Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
     Unit,
 };
 use lake::{LakeError, ReadInputs, WriteArtifact};
-use robot::Joint;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -27,13 +21,14 @@ use crate::{
     DispatchConfig, DispatchError, cells,
     config::SIMULATED,
     goals::goal,
-    in_flight::MotionInFlight,
-    journal::{GoalHistory, Journal},
+    ledger::{CellFacts, GoalHistory, Ledger, signing_key},
     names::JointNames,
     order::Queue,
     recording::{Setting, record},
     refusal::Refusal,
     robots::Robots,
+    rows,
+    sender::{ExecutedDuring, Sender, Sent, unknown},
 };
 
 /// Sends accepted motions to a robot cell.
@@ -48,10 +43,14 @@ dataflow::metrics! {
         sent_n: Sum,
         /// Number of those not sent because they are infeasible.
         refused_n: Sum,
+        /// Number of those that the cell refused.
+        rejected_n: Sum,
         /// Number of those that the cell accepted.
         accepted_n: Sum,
         /// Number of those that succeeded.
         succeeded_n: Sum,
+        /// Number of those that the cell aborted.
+        aborted_n: Sum,
         /// Number of those with an unknown outcome.
         unknown_n: Sum,
         /// Number of those that a person stopped.
@@ -169,7 +168,12 @@ impl Output for Dispatch {
             send(config, &robots, &object, &candidates, motions, cx)?
         };
         cx.write(&sent.executions)?;
-        Ok(Outcome::Made(sent.metrics()))
+        // A dry run asked the cell of its moment, and another run asks again.
+        Ok(if sent.dry_n > 0 {
+            Outcome::Provisional(sent.metrics())
+        } else {
+            Outcome::Made(sent.metrics())
+        })
     }
 }
 
@@ -183,7 +187,6 @@ struct ObjectExecutions {
     known_n: usize,
     /// Motions that a dry run would have sent.
     dry_n: usize,
-    simulated: bool,
 }
 
 impl ObjectExecutions {
@@ -197,13 +200,17 @@ impl ObjectExecutions {
             motions_n: self.motions_n as f64,
             sent_n,
             refused_n: self.executions.len() as f64 - sent_n,
+            rejected_n: count(&|e| {
+                e.outcome == executions::Outcome::Rejected && !e.goal_id.is_empty()
+            }),
             accepted_n: count(&|e| e.accepted),
             succeeded_n: ended(executions::Outcome::Succeeded),
+            aborted_n: ended(executions::Outcome::Aborted),
             unknown_n: ended(executions::Outcome::Unknown),
             stopped_n: ended(executions::Outcome::Stopped),
             known_n: self.known_n as f64,
             dry_n: self.dry_n as f64,
-            simulated_n: if self.simulated { sent_n } else { 0.0 },
+            simulated_n: count(&|e| e.simulated && !e.goal_id.is_empty()),
         }
     }
 }
@@ -233,277 +240,112 @@ fn send(
         goals.push((candidate, goal));
     }
     let motions_n = goals.len();
-    if feasible_n == 0 {
-        let rows = goals.iter().filter_map(|(candidate, goal)| {
-            let refusal = goal.as_ref().err()?;
-            let cell = Cell {
-                name: &config.cell_name,
-                simulated: config.cell == SIMULATED,
-                gap: "",
-            };
-            Some(cell.refused(candidate, refusal))
-        });
-        return Ok(ObjectExecutions {
-            executions: rows.collect(),
-            motions_n,
-            ..ObjectExecutions::default()
-        });
-    }
-    let journal = Journal::new(cx.resume_folder().to_owned());
-    let joints = names.joints_on_wire(robots.whole());
-    let mut feasible = goals.iter().filter_map(|(_, goal)| goal.as_ref().ok());
-    let first = feasible.clone().next().ok_or_else(|| missing("motion"))?;
-    let connected = cells::connect(config, robots, object, first).map_err(|err| {
-        // The outcome of an earlier run's motion is unknown until a cell can be queried.
-        let is_open = |goal: &&Goal| matches!(journal.history(goal, &joints), GoalHistory::Sent(_));
-        match feasible.find(is_open) {
-            Some(goal) => unknown(&config.cell_name, goal, with_causes(&err)),
-            None => err,
-        }
-    })?;
-    let capabilities = &connected.capabilities;
-    let mut sent = ObjectExecutions {
-        simulated: capabilities.simulated,
+    let mut done = ObjectExecutions {
         motions_n,
         ..ObjectExecutions::default()
     };
-    if !config.permits(capabilities) {
-        sent.dry_n = feasible_n;
-        return Ok(sent);
+    if feasible_n == 0 {
+        let here = CellFacts {
+            simulated: config.cell == SIMULATED,
+            gap: String::new(),
+        };
+        let rows = goals.iter().filter_map(|(candidate, goal)| {
+            let refusal = goal.as_ref().err()?;
+            Some(rows::not_sent(&config.cell_name, &here, candidate, refusal))
+        });
+        done.executions = rows.collect();
+        return Ok(done);
     }
-    let cell = Cell {
-        name: &capabilities.cell,
-        simulated: capabilities.simulated,
-        gap: &capabilities.gap,
+    let ledger = ledger(config, cx)?;
+    let joints = names.joints_on_wire(robots.whole());
+    let feasible: Vec<&Goal> = goals
+        .iter()
+        .filter_map(|(_, goal)| goal.as_ref().ok())
+        .collect();
+    let first = feasible.first().ok_or_else(|| missing("motion"))?;
+    let key = match config.cell.as_str() {
+        SIMULATED => None,
+        _ => Some(signing_key(cx.effects_folder())?),
     };
+    let connected = cells::connect(config, robots, object, first, key).map_err(|err| {
+        // The outcome of an earlier run's motion is unknown until a cell can be queried.
+        let is_open = |goal: &&&Goal| {
+            let history = ledger.history(&goal.encode().goal_id);
+            matches!(history, Ok(GoalHistory::Open(_)))
+        };
+        match feasible.iter().find(is_open) {
+            Some(goal) => {
+                let id = goal.encode().goal_id;
+                unknown(&config.cell_name, &goal.candidate_id, id, with_causes(&err))
+            }
+            None => err,
+        }
+    })?;
+    if !connected.terms.permit() {
+        done.dry_n = feasible_n;
+        return Ok(done);
+    }
+    let capabilities = connected.terms.capabilities();
+    let cell = capabilities.cell.as_str();
     let sender = Sender {
         config,
         client: &connected.client,
-        cell: &capabilities.cell,
-        cell_journal: &capabilities.journal,
+        terms: &connected.terms,
         joints: &joints,
-        journal,
+        ledger,
     };
+    sender.settle()?;
     for (idx, (candidate, goal)) in goals.iter().enumerate() {
         cx.progress(idx as f64 / motions_n as f64, &candidate.candidate_id);
         check_name(candidate)?;
-        let goal = match goal {
-            Ok(goal) => goal,
+        let here = CellFacts::of(capabilities);
+        let not_sent = |refusal: &Refusal| rows::not_sent(cell, &here, candidate, refusal);
+        let sent = match goal {
+            Ok(goal) => sender.execute_or_resume(goal)?,
             Err(refusal) => {
-                sent.executions.push(cell.refused(candidate, refusal));
+                done.executions.push(not_sent(refusal));
                 continue;
             }
         };
-        let bytes = goal.encode().bytes.len();
-        if bytes > capabilities.max_goal_bytes {
-            let most = capabilities.max_goal_bytes;
-            let refusal = Refusal::Long { bytes, most };
-            sent.executions.push(cell.refused(candidate, &refusal));
-            continue;
-        }
-        let (goal, mut report, moved) = sender.execute_or_resume(goal)?;
-        sent.known_n += usize::from(moved == ExecutedDuring::Before);
+        let Sent {
+            goal,
+            mut report,
+            during,
+            cell: facts,
+        } = match sent {
+            Ok(sent) => sent,
+            Err(refusal) => {
+                done.executions.push(not_sent(&refusal));
+                continue;
+            }
+        };
+        done.known_n += usize::from(during == ExecutedDuring::Before);
         names.of_hand(&mut report.joints);
         let setting = Setting {
             robots,
             hand_path: &config.hand,
             object,
-            cell: &capabilities.cell,
-            gap: &capabilities.gap,
+            cell,
+            gap: &facts.gap,
             object_from_grasp: &candidate.motion.grasp().frame_from_palm,
         };
         record(&setting, &goal, &report, cx.folder())?;
-        sent.executions.push(cell.execution(candidate, &report));
+        let row = rows::execution(cell, &facts, candidate, &report);
+        done.executions.push(row);
     }
-    Ok(sent)
+    Ok(done)
 }
 
-/// Time of a goal's execution.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum ExecutedDuring {
-    /// During this process.
-    Now,
-    /// For this unit, during an earlier process or between processes.
-    Earlier,
-    /// For another dispatcher or unit, before.
-    Before,
-}
-
-/// Sends goals, each at most once even if this process is killed.
-struct Sender<'a> {
-    config: &'a DispatchConfig,
-    client: &'a Arc<CellClient>,
-    cell: &'a str,
-    /// The name of the cell's own goal journal.
-    cell_journal: &'a str,
-    /// The robot's joints under the goals' names.
-    joints: &'a [Joint],
-    journal: Journal,
-}
-
-impl Sender<'_> {
-    /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
-    /// the options say so. Returns the goal that ended.
-    fn execute_or_resume(
-        &self,
-        goal: &Goal,
-    ) -> Result<(Goal, Report, ExecutedDuring), DispatchError> {
-        let mut goal = goal.clone();
-        loop {
-            let (report, moved) = self.carry_out(&goal)?;
-            if report.outcome != executions::Outcome::Stopped {
-                return Ok((goal, report, moved));
-            }
-            if moved == ExecutedDuring::Now {
-                return Err(DispatchError::Stopped {
-                    cell: self.cell.to_owned(),
-                    candidate_id: goal.candidate_id.clone(),
-                    goal_id: report.goal_id,
-                    message: report.message,
-                });
-            }
-            if !self.config.resume_stopped {
-                return Ok((goal, report, moved));
-            }
-            goal.resumed += 1;
-        }
+/// Opens the memory of what was sent to the configured cell; there is none of a cell that ends with this process.
+fn ledger(config: &DispatchConfig, cx: &Context) -> Result<Ledger, DispatchError> {
+    if config.cell == SIMULATED {
+        return Ok(Ledger::none());
     }
-
-    /// Executes a goal, or queries its outcome if it was sent before.
-    ///
-    /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
-    /// this robot until a person has looked, and the next run queries the cell again.
-    fn carry_out(&self, goal: &Goal) -> Result<(Report, ExecutedDuring), DispatchError> {
-        let id = goal.encode().goal_id;
-        if let GoalHistory::Over(report) = self.journal.history(goal, self.joints) {
-            return Ok((*report, ExecutedDuring::Earlier));
-        }
-        let answer = self.config.answer_timeout();
-        let motion = MotionInFlight::new(self.client, &goal.candidate_id, self.cell, &id, answer);
-        motion.carry_out(|| self.send_or_recover(goal))
-    }
-
-    fn send_or_recover(&self, goal: &Goal) -> Result<(Report, ExecutedDuring), DispatchError> {
-        let (answer, result) = (self.config.answer_timeout(), self.config.result_timeout());
-        let id = goal.encode().goal_id;
-        let unknown = |message: String| unknown(self.cell, goal, message);
-        match self.journal.history(goal, self.joints) {
-            GoalHistory::Over(report) => return Ok((*report, ExecutedDuring::Earlier)),
-            GoalHistory::New => {
-                // A second cell of the same name may have started: it would move too.
-                self.client.capabilities(answer)?;
-                self.journal.send(&id, self.cell_journal)?;
-            }
-            GoalHistory::Sent(to) => {
-                // Another cell's `never_taken` says nothing about the cell that received the goal.
-                if to != self.cell_journal {
-                    let message = format!(
-                        "it was sent to the cell with journal `{to}`, the one that answers has `{}`",
-                        self.cell_journal
-                    );
-                    return Err(unknown(message));
-                }
-                match self.client.recover(goal, self.joints, answer, result) {
-                    Recovered::Report(report) => {
-                        self.journal.conclude(&report)?;
-                        return Ok((report, ExecutedDuring::Earlier));
-                    }
-                    // Only a goal that the cell never accepted is sent again, under its own id.
-                    Recovered::NeverTaken => {}
-                    Recovered::NoAnswer(message) => return Err(unknown(message)),
-                }
-                let there = self.client.capabilities(answer);
-                there.map_err(|err| unknown(with_causes(&err)))?;
-            }
-        }
-        let done = match self.client.execute(goal, self.joints, answer, result)? {
-            GoalResult::Report(report) => (report, ExecutedDuring::Now),
-            GoalResult::EarlierReport(report) => (report, ExecutedDuring::Before),
-            GoalResult::Unknown(message) => return Err(unknown(message)),
-        };
-        let (report, moved) = done;
-        if report.outcome != executions::Outcome::Rejected {
-            self.journal.conclude(&report)?;
-            return Ok((report, moved));
-        }
-        self.journal.withdraw(&id)?;
-        match report.rejection.as_ref().filter(|it| is_temporary(it)) {
-            None => Ok((report, moved)),
-            Some(rejection) => Err(DispatchError::NotNow {
-                cell: self.cell.to_owned(),
-                candidate_id: goal.candidate_id.clone(),
-                reason: rejection.reason.clone(),
-            }),
-        }
-    }
-}
-
-/// Returns the error for a motion with an unknown outcome.
-fn unknown(cell: &str, goal: &Goal, message: String) -> DispatchError {
-    DispatchError::Unknown {
-        cell: cell.to_owned(),
-        candidate_id: goal.candidate_id.clone(),
-        goal_id: goal.encode().goal_id,
-        message,
-    }
-}
-
-/// Whether a refusal is temporary: the motion may be accepted later.
-fn is_temporary(rejection: &Rejection) -> bool {
-    matches!(
-        rejection.code,
-        RejectionCode::Busy
-            | RejectionCode::Stopped
-            | RejectionCode::Expired
-            | RejectionCode::Clock
-            | RejectionCode::Storage
-    )
-}
-
-/// The cell's columns of a row.
-struct Cell<'a> {
-    name: &'a str,
-    simulated: bool,
-    gap: &'a str,
-}
-
-impl Cell<'_> {
-    /// Returns the row of a motion that was sent.
-    fn execution(&self, candidate: &Candidate, report: &Report) -> Execution {
-        Execution {
-            goal_id: report.goal_id.clone(),
-            candidate_id: candidate.candidate_id.clone(),
-            cell: self.name.to_owned(),
-            simulated: self.simulated,
-            gap: self.gap.to_owned(),
-            accepted: !matches!(
-                report.outcome,
-                executions::Outcome::Rejected | executions::Outcome::Unknown
-            ),
-            outcome: report.outcome,
-            message: report.message.clone(),
-            duration_s: report.duration_s(),
-            tracking_error_rad: report.tracking_error_rad(),
-            lift_m: report.lift_m,
-        }
-    }
-
-    /// Returns the row of a motion that was not sent.
-    fn refused(&self, candidate: &Candidate, refusal: &Refusal) -> Execution {
-        Execution {
-            goal_id: String::new(),
-            candidate_id: candidate.candidate_id.clone(),
-            cell: self.name.to_owned(),
-            simulated: self.simulated,
-            gap: self.gap.to_owned(),
-            accepted: false,
-            outcome: executions::Outcome::Rejected,
-            message: refusal.to_string(),
-            duration_s: 0.0,
-            tracking_error_rad: 0.0,
-            lift_m: 0.0,
-        }
-    }
+    let waiting = || {
+        let name = &config.cell_name;
+        cx.progress(0.0, &format!("waits: another unit sends to cell `{name}`"));
+    };
+    Ledger::open(cx.effects_folder(), &config.cell_name, waiting)
 }
 
 /// Checks that a motion's name is a valid file name.

@@ -11,12 +11,13 @@ use super::{
     lock,
 };
 use crate::{
-    Goal, PROTOCOL,
+    Goal, GoalMessage, PROTOCOL, PublicKey, Rejection, RejectionCode,
     acceptance::{MAX_GOAL_BYTES, check_length},
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
-    goal::{EncodedGoal, Rejection, RejectionCode, now_unix_ms},
     keys::goal_id_of,
+    message::now_unix_ms,
     signature::Question,
+    text::plain_line,
     wire,
 };
 
@@ -29,8 +30,18 @@ pub(super) fn requested_from(query: &Query) -> u64 {
 impl Shared {
     /// Answers a query; errors are ignored because the asker may be gone.
     pub(super) fn reply(&self, query: &Query, body: &[u8]) {
-        let bytes = self.key.sign(&Question::of(query), body);
+        let bytes = self.key.answer(&Question::of(query), body);
         let _sent = query.reply(query.key_expr(), bytes).wait();
+    }
+
+    /// Answers with a report: with its first line alone where the query has `samples=none`.
+    pub(super) fn reply_report(&self, query: &Query, report: &[u8]) {
+        let is_short = query.parameters().get("samples") == Some("none");
+        let line = report.split_inclusive(|&byte| byte == b'\n').next();
+        match line.filter(|_| is_short) {
+            Some(line) => self.reply(query, line),
+            None => self.reply(query, report),
+        }
     }
 
     /// Answers with a word.
@@ -46,6 +57,11 @@ impl Shared {
             journal: self.key.name().to_owned(),
             clock_unix_ms: now_unix_ms(),
             simulated: machine.simulated,
+            stopped: self.control.is_stopped(),
+            executing: lock(&self.journal)
+                .executing()
+                .unwrap_or_default()
+                .to_owned(),
             robot: machine.robot.clone(),
             controllers: machine.controllers.clone(),
             palm: machine.palm,
@@ -88,24 +104,68 @@ impl Shared {
     /// Accepts or refuses a goal; a goal accepted before stays known, whatever has changed since.
     fn take(&self, bytes: &[u8]) -> (GoalAnswer, Option<Job>) {
         let received = Instant::now();
-        let opened = check_length(bytes).and_then(|()| EncodedGoal::decode(bytes));
-        match opened.and_then(|(encoded, goal)| self.admit(encoded, goal, received)) {
+        let opened = check_length(bytes).and_then(|()| GoalMessage::decode(bytes));
+        let admitted = opened.and_then(|(message, goal)| {
+            let (digest, until) = (message.digest.clone(), message.address.valid_until_unix_ms);
+            self.admit(message, goal, received)
+                .inspect_err(|refusal| lock(&self.refused).keep(digest, until, refusal))
+        });
+        match admitted {
             Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
             Ok(None) => (GoalAnswer::Accepted { known: true }, None),
             Err(rejection) => (GoalAnswer::Rejected(rejection), None),
         }
     }
 
+    /// Checks that a new goal comes from a dispatcher of this cell, and that it may move what the cell moves.
+    fn check_permission(&self, message: &GoalMessage) -> Result<(), Rejection> {
+        let key = &message.dispatcher_key;
+        let is_known = |known: &PublicKey| known.as_str() == key;
+        if !self.dispatchers.is_empty() && !self.dispatchers.iter().any(is_known) {
+            return Err(Rejection::new(
+                RejectionCode::Dispatcher,
+                format!("the cell takes no goals from the dispatcher with key {key}"),
+            ));
+        }
+        if message.address.simulated_only && !self.description.simulated {
+            let reason = "nothing real may move for this goal, and this cell is not simulated";
+            return Err(Rejection::new(RejectionCode::Permission, reason.to_owned()));
+        }
+        Ok(())
+    }
+
+    /// Checks that a goal is for this cell and journal.
+    fn check_address(&self, message: &GoalMessage) -> Result<(), Rejection> {
+        let address = &message.address;
+        let here = (self.keys.name(), self.key.name());
+        if (address.cell.as_str(), address.journal.as_str()) != here {
+            return Err(Rejection::new(
+                RejectionCode::Address,
+                format!(
+                    "the goal is for cell `{}` with journal {}, this is `{}` with {}",
+                    plain_line(&address.cell),
+                    plain_line(&address.journal),
+                    here.0,
+                    here.1
+                ),
+            ));
+        }
+        Ok(())
+    }
+
     /// Journals a goal; returns it if it is to be executed now.
     fn admit(
         &self,
-        encoded: EncodedGoal,
+        message: GoalMessage,
         goal: Goal,
         received: Instant,
     ) -> Result<Option<Job>, Rejection> {
-        if lock(&self.journal).knows(&encoded.goal_id) {
+        self.check_address(&message)?;
+        if lock(&self.journal).knows(&message.encoded.goal_id) {
             return Ok(None);
         }
+        lock(&self.refused).check(&message)?;
+        self.check_permission(&message)?;
         // Refuse before the checks, so that they cannot delay a motion.
         lock(&self.journal).is_free()?;
         self.machine.check(&goal)?;
@@ -114,17 +174,13 @@ impl Shared {
             let reason = "the cell was stopped and has not been resumed";
             return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));
         }
-        if let Some(sending) = &encoded.sending {
-            sending.check(now_unix_ms())?;
-        }
-        if !journal.admit(&encoded)? {
+        message.address.check_time(now_unix_ms())?;
+        if !journal.admit(&message)? {
             return Ok(None);
         }
-        let sending = encoded.sending.as_ref();
-        self.control
-            .begin(sending.map(|sending| sending.dispatcher.as_str()));
+        self.control.begin(&message.address.dispatcher);
         Ok(Some(Job {
-            encoded,
+            encoded: message.encoded,
             goal,
             received,
         }))
@@ -143,7 +199,7 @@ impl Shared {
         let answer = lock(&self.journal).ask(id.as_deref().unwrap_or_default(), query);
         match answer {
             Lookup::Kept => {}
-            Lookup::Over(query, report) => self.reply(&query, &report),
+            Lookup::Over(query, report) => self.reply_report(&query, &report),
             Lookup::NeverTaken(query) => self.acknowledge(&query, Acknowledgment::NeverTaken),
         }
     }

@@ -40,7 +40,7 @@ struct Requests {
     /// Whether the cell is stopped until a person resumes it.
     stopped: bool,
     /// The dispatcher of the current goal: only its heartbeats count.
-    dispatcher: Option<String>,
+    dispatcher: String,
     /// Time of its last heartbeat.
     heard: Instant,
     /// Queries to answer when nothing moves any more.
@@ -54,7 +54,7 @@ impl Control {
             requests: Mutex::new(Requests {
                 cancel: None,
                 stopped: false,
-                dispatcher: None,
+                dispatcher: String::new(),
                 heard: Instant::now(),
                 awaiting_stop: Vec::new(),
             }),
@@ -63,17 +63,17 @@ impl Control {
     }
 
     /// Starts a goal's heartbeat timeout.
-    pub(super) fn begin(&self, dispatcher: Option<&str>) {
+    pub(super) fn begin(&self, dispatcher: &str) {
         let mut requests = self.requests();
         requests.cancel = None;
-        requests.dispatcher = dispatcher.map(ToOwned::to_owned);
+        requests.dispatcher = dispatcher.to_owned();
         requests.heard = Instant::now();
     }
 
     /// Records a heartbeat.
     pub(super) fn beat(&self, dispatcher: &str) {
         let mut requests = self.requests();
-        if requests.dispatcher.as_deref() == Some(dispatcher) {
+        if requests.dispatcher == dispatcher {
             requests.heard = Instant::now();
         }
     }

@@ -4,7 +4,8 @@
 //! In the journal's folder, `<goal id>.goal` is the goal as received, written before the cell
 //! acknowledges it, and `<goal id>.report` its report. A goal without a report was executing when
 //! the cell went down: its progress is lost, so its report is `unknown`. `taken` lists the goals in
-//! order of acceptance, below the journal's own name. `key` holds the private key with which the
+//! order of acceptance, below the journal's own name. `kind` says whether the machine is simulated or
+//! real: what a simulation did is nothing that a robot did. `key` holds the private key with which the
 //! cell signs its answers; the journal's name is the public key.
 
 use std::{
@@ -23,11 +24,10 @@ use std::{
 use zenoh::query::Query;
 
 use crate::{
-    CellError, GoalOutcome,
-    goal::{EncodedGoal, Goal, Rejection, RejectionCode, now},
+    CellError, EncodedGoal, Goal, GoalMessage, GoalOutcome, Rejection, RejectionCode, SigningKey,
+    message::now,
     outcome::{Outcomes, OutcomesHeader},
     report::{Ending, Report},
-    signature::JournalKey,
 };
 
 const GOAL: &str = "goal";
@@ -36,6 +36,8 @@ const REPORT: &str = "report";
 const LOCK: &str = "lock";
 /// The list of accepted goals.
 const TAKEN: &str = "taken";
+/// File that says whether the machine is simulated or real.
+const KIND: &str = "kind";
 /// Outcomes per answer: few enough not to delay other queries.
 const OUTCOMES: usize = 64;
 
@@ -64,7 +66,7 @@ pub(super) struct Job {
 
 /// Every accepted goal, by id. Ids are derived from the content, so one id is one content.
 pub(super) struct Journal {
-    key: Arc<JournalKey>,
+    key: Arc<SigningKey>,
     entries: BTreeMap<String, Entry>,
     /// The ids in order of acceptance.
     taken: Vec<String>,
@@ -109,7 +111,7 @@ impl Journal {
     /// Fails if the system's random number generator does.
     pub(super) fn in_memory() -> Result<Self, CellError> {
         Ok(Self {
-            key: Arc::new(JournalKey::fresh().map_err(CellError::Random)?),
+            key: Arc::new(SigningKey::fresh().map_err(CellError::Random)?),
             entries: BTreeMap::new(),
             taken: Vec::new(),
             endings: BTreeMap::new(),
@@ -117,8 +119,8 @@ impl Journal {
         })
     }
 
-    /// Opens the journal in a folder, creating it if it is missing.
-    pub(super) fn open(path: &Path) -> Result<Self, CellError> {
+    /// Opens the journal in a folder, creating it if it is missing, for a machine that is simulated or real.
+    pub(super) fn open(path: &Path, simulated: bool) -> Result<Self, CellError> {
         let failed = |source: io::Error| CellError::Journal {
             path: path.to_owned(),
             source,
@@ -142,8 +144,14 @@ impl Journal {
             }
             entries.insert(id.to_owned(), Entry::Stored);
         }
-        let key = JournalKey::open(path).map_err(failed)?;
         let list = path.join(TAKEN);
+        let is_lost = |path: &Path| Ok::<_, io::Error>(!path.try_exists()?);
+        if entries.is_empty() && is_lost(&list).map_err(failed)? {
+            // A key whose goals are lost would pass for the journal that knows them.
+            SigningKey::discard(path).map_err(failed)?;
+        }
+        check_kind(path, simulated)?;
+        let key = SigningKey::open(path).map_err(failed)?;
         let taken = list_of(&list, &entries).map_err(failed)?;
         let mut text = format!("{}\n", key.name());
         text.extend(taken.iter().map(|id| format!("{id}\n")));
@@ -164,13 +172,14 @@ impl Journal {
     }
 
     /// Returns the key that signs answers.
-    pub(super) fn key(&self) -> Arc<JournalKey> {
+    pub(super) fn key(&self) -> Arc<SigningKey> {
         Arc::clone(&self.key)
     }
 
     /// Records a goal; returns whether it is to be executed now, being new.
-    pub(super) fn admit(&mut self, goal: &EncodedGoal) -> Result<bool, Rejection> {
-        if self.knows(&goal.goal_id) {
+    pub(super) fn admit(&mut self, message: &GoalMessage) -> Result<bool, Rejection> {
+        let goal_id = &message.encoded.goal_id;
+        if self.knows(goal_id) {
             return Ok(false);
         }
         self.is_free()?;
@@ -178,18 +187,18 @@ impl Journal {
             let reason = format!("the cell cannot write down that it takes the goal: {err}");
             Rejection::new(RejectionCode::Storage, reason)
         };
-        if let Some(path) = self.file(&goal.goal_id, GOAL) {
-            lake::write_atomic(&path, &goal.bytes).map_err(|err| refused(err.to_string()))?;
-            if let Err(err) = self.list(&goal.goal_id) {
+        if let Some(path) = self.file(goal_id, GOAL) {
+            lake::write_atomic(&path, &message.bytes).map_err(|err| refused(err.to_string()))?;
+            if let Err(err) = self.list(goal_id) {
                 // A refused goal was not accepted. If not even the removal succeeds, a restarted
                 // cell reports it as unknown.
                 let _removed = fs::remove_file(path);
                 return Err(refused(err.to_string()));
             }
         }
-        self.taken.push(goal.goal_id.clone());
+        self.taken.push(goal_id.clone());
         self.entries
-            .insert(goal.goal_id.clone(), Entry::Executing(Vec::new()));
+            .insert(goal_id.clone(), Entry::Executing(Vec::new()));
         Ok(true)
     }
 
@@ -327,6 +336,30 @@ impl Journal {
     }
 }
 
+/// Checks that a journal is of a machine of this kind, and notes the kind of a new one.
+fn check_kind(path: &Path, simulated: bool) -> Result<(), CellError> {
+    let failed = |source: io::Error| CellError::Journal {
+        path: path.to_owned(),
+        source,
+    };
+    let file = path.join(KIND);
+    let (simulated_word, real) = ("simulated\n", "real\n");
+    let word = if simulated { simulated_word } else { real };
+    match fs::read_to_string(&file) {
+        Ok(found) if found == word => Ok(()),
+        Ok(found) => Err(CellError::JournalKind {
+            path: path.to_owned(),
+            simulated: found == simulated_word,
+        }),
+        // Journals of version 4 name no kind.
+        Err(err) if err.kind() == io::ErrorKind::NotFound => {
+            let written = lake::write_atomic(&file, word.as_bytes());
+            written.map_err(|err| failed(io::Error::other(err)))
+        }
+        Err(err) => Err(failed(err)),
+    }
+}
+
 /// Reads the list of accepted goals: each existing goal once; goals missing from the list come
 /// last.
 fn list_of(path: &Path, entries: &BTreeMap<String, Entry>) -> io::Result<Vec<String>> {
@@ -359,30 +392,34 @@ fn first_line(path: &Path) -> io::Result<Vec<u8>> {
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use schemas::executions::Outcome;
 
     use super::*;
+    use crate::Address;
 
-    fn encoded(id: &str) -> EncodedGoal {
-        EncodedGoal {
+    fn message(id: &str) -> GoalMessage {
+        let encoded = EncodedGoal {
             goal_id: id.to_owned(),
             digest: id.to_owned(),
-            sending: None,
             bytes: b"goal".to_vec(),
-        }
+        };
+        let address = Address::now("lab", "aa", "me", true, Duration::ZERO);
+        GoalMessage::new(encoded, address, &SigningKey::fresh().unwrap())
     }
 
     #[test]
     fn goal_interrupted_by_a_crash_has_unknown_outcome() {
         let folder = tempfile::tempdir().unwrap();
-        let mut journal = Journal::open(folder.path()).unwrap();
-        assert!(journal.admit(&encoded("00")).unwrap());
+        let mut journal = Journal::open(folder.path(), true).unwrap();
+        assert!(journal.admit(&message("00")).unwrap());
         journal.conclude("00", Report::aborted("00", "broken".to_owned()).to_bytes());
-        assert!(journal.admit(&encoded("01")).unwrap());
+        assert!(journal.admit(&message("01")).unwrap());
         drop(journal);
-        let mut journal = Journal::open(folder.path()).unwrap();
+        let mut journal = Journal::open(folder.path(), true).unwrap();
         for id in ["00", "01"] {
-            assert!(!journal.admit(&encoded(id)).unwrap());
+            assert!(!journal.admit(&message(id)).unwrap());
         }
         let report = |id: &str| {
             let bytes = fs::read(folder.path().join(format!("{id}.report"))).unwrap();
@@ -399,7 +436,7 @@ mod tests {
     fn outcome_numbers_survive_restarts() {
         let folder = tempfile::tempdir().unwrap();
         let over = |journal: &mut Journal, id: &str| {
-            assert!(journal.admit(&encoded(id)).unwrap());
+            assert!(journal.admit(&message(id)).unwrap());
             journal.conclude(id, Report::aborted(id, id.to_owned()).to_bytes());
         };
         let ids = |journal: &mut Journal, from: u64| -> Vec<(u64, String)> {
@@ -407,12 +444,12 @@ mod tests {
             outcomes.map(|o| (o.result_n, o.goal_id)).collect()
         };
         let named = |n: u64, id: &str| (n, id.to_owned());
-        let mut journal = Journal::open(folder.path()).unwrap();
+        let mut journal = Journal::open(folder.path(), true).unwrap();
         let name = journal.key.name().to_owned();
         // Not in the order of their names.
         over(&mut journal, "0b");
         over(&mut journal, "0a");
-        assert!(journal.admit(&encoded("0c")).unwrap());
+        assert!(journal.admit(&message("0c")).unwrap());
         assert_eq!(ids(&mut journal, 0), [named(0, "0b"), named(1, "0a")]);
         drop(journal);
         // One goal was listed and refused before it was taken, and the cell went down while it wrote
@@ -420,7 +457,7 @@ mod tests {
         let list = folder.path().join(TAKEN);
         let text = fs::read_to_string(&list).unwrap();
         fs::write(&list, text.replace("0b\n", "0c\n0b\n") + "00").unwrap();
-        let mut journal = Journal::open(folder.path()).unwrap();
+        let mut journal = Journal::open(folder.path(), true).unwrap();
         over(&mut journal, "01");
         assert_eq!(journal.key.name(), name);
         assert_eq!(
@@ -436,20 +473,52 @@ mod tests {
     #[test]
     fn one_folder_serves_one_cell_at_a_time() {
         let folder = tempfile::tempdir().unwrap();
-        let journal = Journal::open(folder.path()).unwrap();
-        assert!(Journal::open(folder.path()).is_err());
+        let journal = Journal::open(folder.path(), true).unwrap();
+        assert!(Journal::open(folder.path(), true).is_err());
         drop(journal);
-        assert!(Journal::open(folder.path()).is_ok());
+        assert!(Journal::open(folder.path(), true).is_ok());
+    }
+
+    #[test]
+    fn a_key_without_its_goals_begins_another_journal() {
+        let [first, second] = [(); 2].map(|()| tempfile::tempdir().unwrap());
+        let name = {
+            let mut journal = Journal::open(first.path(), true).unwrap();
+            assert!(journal.admit(&message("00")).unwrap());
+            journal.key.name().to_owned()
+        };
+        fs::copy(first.path().join("key"), second.path().join("key")).unwrap();
+        let other = Journal::open(second.path(), true).unwrap();
+        assert_ne!(other.key.name(), name);
+        assert_eq!(Journal::open(first.path(), true).unwrap().key.name(), name);
+    }
+
+    #[test]
+    fn a_simulations_journal_is_not_a_robots() {
+        let folder = tempfile::tempdir().unwrap();
+        drop(Journal::open(folder.path(), true).unwrap());
+        let refused = Journal::open(folder.path(), false).map(drop).unwrap_err();
+        assert!(
+            matches!(
+                refused,
+                CellError::JournalKind {
+                    simulated: true,
+                    ..
+                }
+            ),
+            "{refused}"
+        );
+        assert!(Journal::open(folder.path(), true).is_ok());
     }
 
     #[test]
     fn goal_is_rejected_when_the_journal_cannot_be_written() {
         let folder = tempfile::tempdir().unwrap();
-        let mut journal = Journal::open(folder.path()).unwrap();
+        let mut journal = Journal::open(folder.path(), true).unwrap();
         // A folder stands where the goal's file would.
         fs::create_dir(folder.path().join("00.goal")).unwrap();
         fs::write(folder.path().join("00.goal/file"), b"").unwrap();
-        let refused = journal.admit(&encoded("00")).unwrap_err();
+        let refused = journal.admit(&message("00")).unwrap_err();
         assert_eq!(refused.code, RejectionCode::Storage);
         assert!(!journal.knows("00"));
     }

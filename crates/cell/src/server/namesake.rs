@@ -21,10 +21,10 @@ const ANSWER: Duration = Duration::from_secs(1);
 ///
 /// Two cells that start at the same moment may both pass: dispatchers then send nothing to either.
 pub(super) fn refuse(session: &Session, keys: &Keys, endpoint: &str) -> Result<(), CellError> {
-    let question = Question::new(&keys.capabilities()).map_err(CellError::Random)?;
+    let question = Question::new(&keys.capabilities(), "", &[]).map_err(CellError::Random)?;
     let deadline = Instant::now() + ANSWER;
     let replies = session
-        .get(question.selector(None))
+        .get(question.selector())
         .target(QueryTarget::All)
         .consolidation(ConsolidationMode::None)
         .congestion_control(CongestionControl::Block)

@@ -11,8 +11,7 @@ use spatial::{Object, Pose, RestingPose, Table};
 
 use super::{SimulatedCellConfig, model_mismatch::EncoderNoise, playing};
 use crate::{
-    CellRobot, Goal,
-    goal::EncodedGoal,
+    CellRobot, EncodedGoal, Goal,
     report::{Report, Sample},
     server::Abort,
 };
@@ -84,7 +83,7 @@ pub(super) fn carry_out(
         }
     };
     let WatchedRollout { rollout, aborted } =
-        settled.execute(&steps, &goal.grasp, HOLD_S, &mut shown)?;
+        settled.execute(&steps, &goal.grasp.protocol(), HOLD_S, &mut shown)?;
     let aborted = reason.filter(|_| aborted);
     let samples = match rollout.verdict {
         Verdict::Diverged => Vec::new(),

@@ -1,10 +1,10 @@
 //! A goal's commands to palm and fingers at each control step.
 
 use motion::{JointTrack, PalmPoint, PalmTrajectory};
-use simulation::{CommandStep, Phase, Protocol, SimulationError};
+use simulation::{CommandStep, Phase, SimulationError};
 use spatial::{Object, Palm, Pose, Table};
 
-use crate::{CellRobot, goal::Goal};
+use crate::{CellRobot, Goal, Grasp};
 
 /// Rounding of a phase's duration, as a fraction of a control step.
 const ROUNDING: f64 = 1e-6;
@@ -100,18 +100,18 @@ struct Phases {
 
 impl Phases {
     /// As in a script, lift and hold take a control step at least.
-    fn new(protocol: &Protocol, control_s: f64) -> Self {
-        let closing_s = protocol.reach_s * protocol.close_fraction.clamp(0.0, 1.0);
-        let grasp_s = protocol.reach_s;
-        let squeezed_s = grasp_s + protocol.squeeze_s + protocol.pause_s;
-        let lifted_s = squeezed_s + protocol.lift_s.max(control_s);
+    fn new(grasp: &Grasp, control_s: f64) -> Self {
+        let closing_s = grasp.reach_s * grasp.close_fraction.clamp(0.0, 1.0);
+        let grasp_s = grasp.reach_s;
+        let squeezed_s = grasp_s + grasp.squeeze_s + grasp.pause_s;
+        let lifted_s = squeezed_s + grasp.lift_s.max(control_s);
         Self {
             reach_s: grasp_s - closing_s,
-            arrival_s: protocol.path_s(),
+            arrival_s: grasp.path_s(),
             grasp_s,
             squeezed_s,
             lifted_s,
-            end_s: lifted_s + protocol.hold_s.max(control_s),
+            end_s: lifted_s + grasp.hold_s.max(control_s),
         }
     }
 
@@ -157,13 +157,13 @@ mod tests {
     #[test]
     fn lift_and_hold_take_a_step_at_least() {
         let given = serde_json::from_str(include_str!("../../examples/grasp.json"));
-        let protocol = Protocol {
+        let grasp = Grasp {
             lift_s: 0.0,
             hold_s: 0.0,
             ..given.unwrap()
         };
         let control_s = 0.02;
-        let phases = Phases::new(&protocol, control_s);
+        let phases = Phases::new(&grasp, control_s);
         let steps = whole(phases.end_s / control_s);
         let played: Vec<Phase> = (0..=steps)
             .map(|step| phases.at(step as f64 * control_s))

@@ -10,19 +10,24 @@ use std::{
 };
 
 use cell::{
-    Access, CellClient, CellError, ControlReply, Keys, ModelMismatch, Router, SendInfo,
+    Access, CellClient, CellError, ControlReply, Keys, ModelMismatch, Patience, Router,
     ServiceConfig, SimulatedCell, SimulatedCellConfig, WatchEvent, Watcher,
 };
 use schemas::executions::Outcome;
 use zenoh::{Session, Wait};
 
 use crate::{
-    lab::{GRIPPER, SOON, cube, execute, goal, report, robot, scene},
+    lab::{GRIPPER, SOON, addressed, cube, execute, goal, report, robot, scene, terms},
     papers::Papers,
 };
 
 /// Timeout of a client that is refused.
 const REFUSED: Duration = Duration::from_secs(2);
+/// Waits no longer than that.
+const IMPATIENT: Patience = Patience {
+    answer: REFUSED,
+    result: REFUSED,
+};
 /// Folder of the shipped files.
 const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/access");
 /// The two ways of authentication.
@@ -127,7 +132,8 @@ fn listening_cell_authenticates_its_peers() {
         let access = papers.access("certificates", who);
         CellClient::connect_as(Some(&access), cell.endpoint(), "simulated", SOON).unwrap()
     };
-    let unheard = connect("viewer").execute(&goal(0.04), &robot(), REFUSED, REFUSED);
+    let there = terms(&connect("dispatcher"));
+    let unheard = connect("viewer").execute(&goal(0.04), &there, &robot(), IMPATIENT, &());
     assert!(
         matches!(unheard, Err(CellError::NoAnswer { .. })),
         "{unheard:?}"
@@ -202,7 +208,8 @@ fn watcher_sees_everything_and_moves_nothing() {
             hint.contains("access rules") && hint.contains("viewer.json5"),
             "{hint}"
         );
-        let unheard = viewer.execute(&goal(0.04), &robot(), REFUSED, REFUSED);
+        let there = terms(&dispatcher);
+        let unheard = viewer.execute(&goal(0.04), &there, &robot(), IMPATIENT, &());
         assert!(
             matches!(unheard, Err(CellError::NoAnswer { .. })),
             "{unheard:?}"
@@ -220,8 +227,12 @@ fn watcher_sees_everything_and_moves_nothing() {
         assert_eq!(viewer.resume(REFUSED).unwrap(), ControlReply::NoAnswer);
         let mut other = goal(0.04);
         other.attempt = 2;
-        let refused = execute(&dispatcher, &other);
-        assert_eq!(refused.outcome, Outcome::Rejected);
+        let there = terms(&dispatcher);
+        let refused = dispatcher.execute(&other, &there, &robot(), IMPATIENT, &());
+        assert!(
+            matches!(refused, Err(CellError::Stopped { .. })),
+            "{refused:?}"
+        );
 
         // Nor does it pass for a cell.
         let liar = papers.session(way, "viewer", &router);
@@ -273,7 +284,8 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
         let dispatcher = papers.session(way, "dispatcher", &router);
         let mut goal = goal(0.04);
         goal.attempt = attempt;
-        let sealed = goal.encode().sent(SendInfo::now("me", SOON));
+        let client = papers.client(way, "dispatcher", &router);
+        let sealed = addressed(&client, &goal, "me");
         let ask = |key: String, payload: &[u8]| {
             let replies = dispatcher.get(key).payload(payload).timeout(SOON);
             let reply = replies.wait().unwrap().recv().unwrap();
@@ -297,7 +309,7 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
                 }
             });
             ask(keys.goal(), &sealed.bytes);
-            let report = report(&ask(keys.result(&sealed.goal_id), &[]), &goal);
+            let report = report(&ask(keys.result(&sealed.encoded.goal_id), &[]), &goal);
             drop(over);
             report
         })

@@ -6,11 +6,16 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{ControlReply, Keys, RejectionCode, Report, SendInfo, ServiceConfig, State, subscribe};
+use cell::{
+    CellError, ControlReply, Keys, Rejection, RejectionCode, Report, ServiceConfig, State,
+    subscribe,
+};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
-use crate::lab::{SOON, connect, execute, goal, report, start, start_with};
+use crate::lab::{
+    PATIENT, SOON, addressed, body, connect, execute, goal, report, robot, start, start_with, terms,
+};
 
 /// Time for which the hand is watched after it stopped, in seconds.
 const HOLD_S: f64 = 0.5;
@@ -99,7 +104,7 @@ fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
     // A dispatcher that sends a goal and then falls silent, and others that send heartbeats.
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let goal = goal(0.04);
-    let sealed = goal.encode().sent(SendInfo::now("one", SOON));
+    let sealed = addressed(&connect(&cell), &goal, "one");
     let ask = |key: String, payload: &[u8]| {
         let replies = session
             .get(key)
@@ -122,7 +127,7 @@ fn motion_stops_within_300_ms_of_a_lost_heartbeat() {
             }
         });
         ask(keys.goal(), &sealed.bytes);
-        let report = report(&ask(keys.result(&sealed.goal_id), &[]), &goal);
+        let report = report(&ask(keys.result(&sealed.encoded.goal_id), &[]), &goal);
         over.store(true, Ordering::Relaxed);
         report
     });
@@ -152,8 +157,19 @@ fn stopped_cell_rejects_goals_until_resumed() {
     let cell = start();
     let client = connect(&cell);
     assert_eq!(client.stop(SOON).unwrap(), ControlReply::Done);
-    let refused = execute(&client, &goal(0.04));
-    assert_eq!(refused.rejection.unwrap().code, RejectionCode::Stopped);
+    // A dispatcher sees it before it sends anything, and one that sends all the same is refused.
+    let refused = client.execute(&goal(0.04), &terms(&client), &robot(), PATIENT, &());
+    assert!(
+        matches!(refused, Err(CellError::Stopped { .. })),
+        "{refused:?}"
+    );
+    let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
+    let sent = addressed(&client, &goal(0.04), "me").bytes;
+    let keys = Keys::new("simulated").unwrap();
+    let replies = session.get(keys.goal()).payload(sent).timeout(SOON).wait();
+    let reply = replies.unwrap().recv().unwrap().into_result().unwrap();
+    let refused = serde_json::from_slice::<Rejection>(body(&reply.payload().to_bytes()));
+    assert_eq!(refused.unwrap().code, RejectionCode::Stopped);
     assert_eq!(cell.executed_count(), 0);
     assert_eq!(client.resume(SOON).unwrap(), ControlReply::Done);
     let report = execute(&client, &goal(0.04));

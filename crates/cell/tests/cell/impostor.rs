@@ -31,11 +31,17 @@ impl Key {
 
     /// Returns a signed answer to a query.
     pub(crate) fn sign(&self, query: &Query, body: &[u8]) -> Vec<u8> {
-        let nonce = query.parameters().get("nonce").unwrap_or_default();
-        let digest = blake3::hash(body).to_hex();
-        let text = format!("cgf cell answer\n{}\n{nonce}\n{digest}", query.key_expr());
+        let payload = query.payload().map(|payload| payload.to_bytes());
+        self.sign_for(query, &payload.unwrap_or_default(), body)
+    }
+
+    /// As [`Key::sign`], in answer to other bytes than those of the query.
+    pub(crate) fn sign_for(&self, query: &Query, payload: &[u8], body: &[u8]) -> Vec<u8> {
+        let [asked, digest] = [payload, body].map(|bytes| blake3::hash(bytes).to_hex().to_string());
+        let (key, parameters) = (query.key_expr(), query.parameters().as_str());
+        let text = format!("cgf cell answer\n{key}\n{parameters}\n{asked}\n{digest}");
         let signature = hex(self.0.sign(text.as_bytes()).as_ref());
-        let line = json!({ "journal": self.name(), "signature": signature });
+        let line = json!({ "journal": self.name(), "asked": asked, "signature": signature });
         [format!("{line}\n").as_bytes(), body].concat()
     }
 }
@@ -54,6 +60,8 @@ pub(crate) fn capabilities(key: &Key) -> Value {
         "journal": key.name(),
         "clock_unix_ms": u64::try_from(since.as_millis()).unwrap(),
         "simulated": true,
+        "stopped": false,
+        "executing": "",
         "robot": robot_digest(GRIPPER),
         "controllers": [
             { "controller": "palm", "rate_hz": 100.0 },

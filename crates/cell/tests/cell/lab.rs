@@ -3,9 +3,9 @@
 use std::time::Duration;
 
 use cell::{
-    CellClient, Goal, GoalResult, JointPoint, JointRates, JointTrack, ModelMismatch, PalmPoint,
-    PalmTrajectory, Report, ServiceConfig, SimulatedCell, SimulatedCellConfig, UncheckedReport,
-    robot_digest,
+    Address, CellClient, Goal, GoalMessage, GoalResult, Grasp, JointPoint, JointRates, JointTrack,
+    ModelMismatch, PalmPoint, PalmTrajectory, Patience, Report, ServiceConfig, SigningKey,
+    SimulatedCell, SimulatedCellConfig, Terms, UncheckedReport, robot_digest,
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
@@ -17,6 +17,11 @@ use spatial::{Pose, RestingPose, Twist};
 
 pub(crate) const LISTEN: &str = "tcp/127.0.0.1:0";
 pub(crate) const SOON: Duration = Duration::from_secs(20);
+/// As patient as [`SOON`].
+pub(crate) const PATIENT: Patience = Patience {
+    answer: SOON,
+    result: SOON,
+};
 pub(crate) const HALF_EDGE_M: f64 = 0.02;
 
 /// Two plates that slide towards each other below a palm that points down.
@@ -57,8 +62,8 @@ pub(crate) fn scene() -> SceneConfig {
     }
 }
 
-pub(crate) fn grasp() -> Protocol {
-    Protocol {
+pub(crate) fn grasp() -> Grasp {
+    let protocol = Protocol {
         approach: Approach::Follow,
         reach_s: 0.6,
         close_fraction: 0.3,
@@ -83,7 +88,8 @@ pub(crate) fn grasp() -> Protocol {
         pull: PullConfig::default(),
         name: ProtocolName::TableLift,
         published: None,
-    }
+    };
+    Grasp::try_from(&protocol).unwrap()
 }
 
 pub(crate) fn cube() -> ObjectShape {
@@ -193,10 +199,23 @@ pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
 
 /// As [`execute`], by a robot with these joints.
 pub(crate) fn execute_by(client: &CellClient, goal: &Goal, robot: &[Joint]) -> Report {
-    match client.execute(goal, robot, SOON, SOON).unwrap() {
+    let done = client.execute(goal, &terms(client), robot, PATIENT, &());
+    match done.unwrap() {
         GoalResult::Report(report) | GoalResult::EarlierReport(report) => report,
-        GoalResult::Unknown(message) => panic!("{message}"),
+        other => panic!("{other:?}"),
     }
+}
+
+/// The terms of a cell that is simulated, as it says.
+pub(crate) fn terms(client: &CellClient) -> Terms {
+    Terms::new(client.capabilities(SOON).unwrap(), false)
+}
+
+/// A goal for the cell that this client reaches, from a dispatcher of this name.
+pub(crate) fn addressed(client: &CellClient, goal: &Goal, dispatcher: &str) -> GoalMessage {
+    let there = client.capabilities(SOON).unwrap();
+    let address = Address::now(&there.cell, &there.journal, dispatcher, true, SOON);
+    GoalMessage::new(goal.encode(), address, &SigningKey::fresh().unwrap())
 }
 
 /// Returns what follows the signature of an answer.

@@ -1,11 +1,14 @@
 //! Dispatcher and simulated cell over real sockets of the loopback interface.
 
 mod access;
+mod addressing;
 mod arm;
 mod halting;
 mod impostor;
+mod instant;
 mod lab;
 mod papers;
+mod path;
 mod report_checks;
 mod restart;
 mod ros2;

@@ -15,7 +15,7 @@ use simulation::SceneRandomization;
 use crate::{
     arm::{self, ARM},
     impostor::{Key, Somebody, capabilities, line},
-    lab::{self, GRIPPER, LISTEN, SOON, cube, goal, joints_of, robot},
+    lab::{self, GRIPPER, LISTEN, PATIENT, SOON, cube, goal, joints_of, robot, terms},
 };
 
 /// Numbers of a row of the gripper's report: time, palm, object, two positions, two commands.
@@ -47,7 +47,9 @@ impl Loose {
     }
 
     fn bytes(&self) -> Vec<u8> {
-        let mut bytes = line(&self.header);
+        let mut header = self.header.clone();
+        header["samples_n"] = json!(self.rows.len());
+        let mut bytes = line(&header);
         for number in self.rows.iter().flatten() {
             bytes.extend(number.to_le_bytes());
         }
@@ -504,20 +506,26 @@ fn contradictory_outcome_is_never_recorded() {
         let mut report = success();
         change(&mut report);
         *said.lock().unwrap() = report.bytes();
-        let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+        let executed = client
+            .execute(&goal(0.04), &terms(&client), &robot(), PATIENT, &())
+            .unwrap();
         assert!(
             matches!(&executed, GoalResult::Unknown(why) if why.contains(part)),
             "{what}: {executed:?}"
         );
         // Queried again, the motion's outcome is unknown.
-        let Recovered::Report(report) = client.recover(&goal(0.04), &robot(), SOON, SOON) else {
+        let Recovered::Report(report) =
+            client.recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT)
+        else {
             panic!("{what}: it has a report");
         };
         assert_eq!(report.outcome, Outcome::Unknown, "{what}");
         assert!(report.message.contains(part) && report.samples.is_empty());
     }
     *said.lock().unwrap() = success().bytes();
-    let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+    let executed = client
+        .execute(&goal(0.04), &terms(&client), &robot(), PATIENT, &())
+        .unwrap();
     assert!(
         matches!(&executed, GoalResult::Report(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"

@@ -3,13 +3,15 @@
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use cell::{
-    CellError, Keys, Recovered, SendInfo, ServiceConfig, SimulatedCell, SimulatedCellConfig,
-    subscribe,
+    Address, CellError, GoalMessage, Keys, Patience, Recovered, ServiceConfig, SigningKey,
+    SimulatedCell, SimulatedCellConfig, subscribe,
 };
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
-use crate::lab::{GRIPPER, LISTEN, SOON, connect, execute, goal, robot, scene, start, start_with};
+use crate::lab::{
+    GRIPPER, LISTEN, PATIENT, SOON, connect, execute, goal, robot, scene, start, start_with,
+};
 
 #[test]
 fn restarted_cell_reports_past_goals_and_repeats_none() {
@@ -24,20 +26,26 @@ fn restarted_cell_reports_past_goals_and_repeats_none() {
     let cell = start_with(service());
     assert_eq!(execute(&connect(&cell), &goal(0.04)), report);
     assert_eq!(cell.executed_count(), 1);
-    let found = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
+    let found =
+        connect(&cell).recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT);
     assert_eq!(found, Recovered::Report(report));
 }
 
 #[test]
 fn unknown_goal_is_answered_with_never_taken() {
     let cell = start();
-    let asked = connect(&cell).recover(&goal(0.04), &robot(), SOON, SOON);
+    let asked =
+        connect(&cell).recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT);
     assert_eq!(asked, Recovered::NeverTaken);
     let client = connect(&cell);
     client.capabilities(SOON).unwrap();
     cell.stop();
     let soon = Duration::from_millis(300);
-    let asked = client.recover(&goal(0.04), &robot(), soon, soon);
+    let soon = Patience {
+        answer: soon,
+        result: soon,
+    };
+    let asked = client.recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), soon);
     assert!(
         matches!(&asked, Recovered::NoAnswer(why) if why.contains("no answer about the result")),
         "{asked:?}"
@@ -49,17 +57,19 @@ fn expired_goal_is_refused_and_known_goal_is_answered() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
-    let sealed = goal(0.04).encode();
+    let there = connect(&cell).capabilities(SOON).unwrap();
+    let dispatcher = SigningKey::fresh().unwrap();
     // By a clock that is right, or hours behind or ahead of the cell's.
     let sending = |offset_s: i64| {
         let since = SystemTime::now().duration_since(UNIX_EPOCH).unwrap();
         let now_ms = u64::try_from(since.as_millis()).unwrap();
         let sent_unix_ms = now_ms.saturating_add_signed(1000 * offset_s);
-        sealed.sent(SendInfo {
-            dispatcher: "me".to_owned(),
+        let address = Address {
             sent_unix_ms,
             valid_until_unix_ms: sent_unix_ms + 10_000,
-        })
+            ..Address::now("simulated", &there.journal, "me", true, SOON)
+        };
+        GoalMessage::new(goal(0.04).encode(), address, &dispatcher)
     };
     let send = |offset_s: i64| {
         let replies = session

@@ -3,18 +3,17 @@
 use std::time::Duration;
 
 use cell::{
-    CellClient, CellError, EncodedGoal, Goal, Keys, ModelMismatch, PalmPoint, PalmTrajectory,
+    CellClient, CellError, Goal, GoalMessage, Keys, ModelMismatch, PalmPoint, PalmTrajectory,
     RejectionCode, ServiceConfig, SimulatedCell, SimulatedCellConfig, StateHeader, robot_digest,
     subscribe,
 };
 use nalgebra::Isometry3;
 use robot::RobotModel;
 use schemas::executions::Outcome;
-use simulation::Trial;
 use spatial::Pose;
 use zenoh::Wait;
 
-use crate::lab::{GRIPPER, SOON, connect, execute, goal, joints, scene, start};
+use crate::lab::{GRIPPER, SOON, addressed, connect, execute, goal, joints, scene, start};
 
 #[test]
 fn a_motion_that_holds_is_accepted_executed_and_measured() {
@@ -154,11 +153,6 @@ fn motion_beyond_the_robot_is_rejected_with_a_reason() {
         "`hold_s` is 1000000000 s",
     );
     check(
-        |g| g.grasp.trial = Trial::SixDirections,
-        RejectionCode::Malformed,
-        "pulls at nothing",
-    );
-    check(
         |g| g.start_tolerance_rad = -0.1,
         RejectionCode::Limits,
         "`start_tolerance_rad` is -0.1",
@@ -253,11 +247,12 @@ fn malformed_goals_are_rejected_by_code() {
     let cell = start();
     let (session, _) = subscribe(cell.endpoint(), "nothing", SOON).unwrap();
     let keys = Keys::new("simulated").unwrap();
-    let mut damaged = goal(0.04).encode().bytes;
+    let mut damaged = addressed(&connect(&cell), &goal(0.04), "me").bytes;
     *damaged.last_mut().unwrap() ^= 1;
     for (bytes, code) in [
         (Vec::new(), "malformed"),
-        (b"{\"protocol\":2}".to_vec(), "malformed"),
+        (b"{\"protocol\":2}".to_vec(), "protocol"),
+        (b"{\"protocol\":5}".to_vec(), "malformed"),
         (vec![0xff; 1000], "malformed"),
         (damaged, "digest"),
         (vec![b' '; 33 * 1024 * 1024], "too_large"),
@@ -294,7 +289,7 @@ fn a_second_subscriber_sees_motions_states_and_outcomes() {
         let key = sample.key_expr().as_str();
         if key == keys.motion() {
             assert_eq!(
-                EncodedGoal::decode(&bytes).unwrap().0.goal_id,
+                GoalMessage::decode(&bytes).unwrap().0.encoded.goal_id,
                 report.goal_id
             );
             motions += 1;

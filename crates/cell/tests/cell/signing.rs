@@ -3,25 +3,40 @@
 use std::{
     sync::{
         Arc,
-        atomic::{AtomicBool, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     time::Duration,
 };
 
 use cell::{
-    CellClient, CellError, ControlReply, GoalResult, Keys, ModelMismatch, Router, ServiceConfig,
-    SimulatedCell, SimulatedCellConfig, WatchEvent, Watcher, execute_offline,
+    CellClient, CellError, ControlReply, GoalResult, Keys, ModelMismatch, PROTOCOL, Patience,
+    RejectionCode, Router, ServiceConfig, SimulatedCell, SimulatedCellConfig, WatchEvent, Watcher,
+    execute_offline,
 };
 use schemas::executions::Outcome;
 use serde_json::{Value, json};
 
 use crate::{
     impostor::{Key, Somebody, capabilities, line},
-    lab::{GRIPPER, LISTEN, SOON, body, config, connect, cube, execute, goal, robot, scene, start},
+    lab::{
+        GRIPPER, LISTEN, PATIENT, SOON, body, config, connect, cube, execute, goal, robot, scene,
+        start, terms,
+    },
 };
 
 /// Timeout for an answer that does not come.
 const SHORT: Duration = Duration::from_millis(500);
+
+/// Waits for a result no longer than that.
+const IMPATIENT: Patience = Patience {
+    answer: SOON,
+    result: SHORT,
+};
+
+/// Sends the goal.
+fn run(client: &CellClient, patience: Patience) -> Result<GoalResult, CellError> {
+    client.execute(&goal(0.04), &terms(client), &robot(), patience, &())
+}
 
 fn keys() -> Keys {
     Keys::new("simulated").unwrap()
@@ -29,6 +44,18 @@ fn keys() -> Keys {
 
 fn router() -> Router {
     Router::start(LISTEN, None).unwrap()
+}
+
+/// A router, and at it a cell that says of itself what is right, and answers nothing else yet.
+fn known_cell() -> (Router, Somebody, Arc<Key>) {
+    let router = router();
+    let key = Key::new(1);
+    let mut cell = Somebody::at(router.endpoint());
+    let signer = Arc::clone(&key);
+    cell.says(keys().capabilities(), &key, move || {
+        line(&capabilities(&signer))
+    });
+    (router, cell, key)
 }
 
 fn client(router: &Router) -> CellClient {
@@ -75,9 +102,9 @@ fn refused(client: &CellClient, key: &str) -> Option<String> {
     if key.ends_with("/cancel") {
         return halted(client.cancel(&id, SOON));
     }
-    match client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap() {
+    match run(client, PATIENT).unwrap() {
         GoalResult::Unknown(why) => Some(why),
-        GoalResult::Report(_) | GoalResult::EarlierReport(_) => None,
+        GoalResult::Report(_) | GoalResult::EarlierReport(_) | GoalResult::TooLong { .. } => None,
     }
 }
 
@@ -142,19 +169,13 @@ fn unsigned_responder_is_not_accepted_as_cell() {
 
 #[test]
 fn cell_that_follows_the_protocol_page_passes_every_check() {
-    let router = router();
-    let key = Key::new(1);
-    let mut cell = Somebody::at(router.endpoint());
-    let signer = Arc::clone(&key);
-    cell.says(keys().capabilities(), &key, move || {
-        line(&capabilities(&signer))
-    });
+    let (router, mut cell, key) = known_cell();
     for (asked, body) in bodies() {
         cell.says(asked, &key, move || body.clone());
     }
     let client = client(&router);
     assert_eq!(client.capabilities(SOON).unwrap().journal, key.name());
-    let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+    let executed = run(&client, PATIENT).unwrap();
     assert!(
         matches!(&executed, GoalResult::EarlierReport(report) if report.outcome == Outcome::Succeeded),
         "{executed:?}"
@@ -187,9 +208,9 @@ fn capabilities_are_checked_before_any_goal_is_sent() {
     assert!(matches!(named, CellError::OtherName { .. }), "{named}");
     let journal = capabilities_of(|key| with(key, "journal", json!("00")));
     assert!(matches!(journal, CellError::Answer { .. }), "{journal}");
-    let version = capabilities_of(|key| with(key, "protocol", json!(5)));
+    let version = capabilities_of(|key| with(key, "protocol", json!(6)));
     assert!(
-        matches!(version, CellError::Protocol { found: 5, .. }),
+        matches!(version, CellError::Protocol { found: 6, .. }),
         "{version}"
     );
     for (ms, word) in [(0, "behind"), (u64::MAX / 4, "ahead")] {
@@ -214,7 +235,14 @@ fn previous_protocol_version_is_told_apart_from_an_unknown_peer() {
     };
     let old = answered("{\"protocol\":3,\"cell\":\"simulated\"}\n");
     assert!(matches!(old, CellError::Protocol { found: 3, .. }), "{old}");
-    let stranger = answered("{\"protocol\":4}\n");
+    // As version 4 signed.
+    let old = answered(
+        "{\"journal\":\"00\",\"signature\":\"00\"}\n{\"protocol\":4,\"cell\":\"simulated\"}\n",
+    );
+    assert!(matches!(old, CellError::Protocol { found: 4, .. }), "{old}");
+    assert!(old.hint().unwrap().starts_with("update the cell"));
+    let now = format!("{{\"protocol\":{PROTOCOL}}}\n");
+    let stranger = answered(now.leak());
     assert!(matches!(stranger, CellError::Unsigned { .. }), "{stranger}");
     assert!(
         stranger.to_string().contains("nothing was sent"),
@@ -304,13 +332,7 @@ fn a_second_cell_of_the_name_does_not_start() {
 
 #[test]
 fn oversized_answer_is_refused() {
-    let router = router();
-    let key = Key::new(1);
-    let mut cell = Somebody::at(router.endpoint());
-    let signer = Arc::clone(&key);
-    cell.says(keys().capabilities(), &key, move || {
-        line(&capabilities(&signer))
-    });
+    let (router, mut cell, key) = known_cell();
     cell.says(keys().goal(), &key, || {
         line(&json!({ "answer": "accepted", "known": false }))
     });
@@ -320,11 +342,127 @@ fn oversized_answer_is_refused() {
     let client = client(&router);
     let err = client.stop(SOON).unwrap_err();
     assert!(err.to_string().contains("which were not read"), "{err}");
-    let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
+    let executed = run(&client, IMPATIENT).unwrap();
     assert!(
-        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result")),
+        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result within 500")),
         "{executed:?}"
     );
+}
+
+/// A cell that has accepted a goal, and one answer for each query of its report.
+fn with_report(
+    answer: impl Fn(&zenoh::query::Query, &Key) -> Vec<u8> + Send + Sync + 'static,
+) -> (Router, Somebody) {
+    let (router, mut cell, key) = known_cell();
+    cell.says(keys().goal(), &key, || {
+        line(&json!({ "answer": "accepted", "known": false }))
+    });
+    cell.answers(keys().result("*"), move |query| vec![answer(query, &key)]);
+    (router, cell)
+}
+
+#[test]
+fn report_beyond_the_limit_is_asked_for_a_few_times_and_taken_without_samples() {
+    let asked_n = Arc::new(AtomicUsize::new(0));
+    let counted = Arc::clone(&asked_n);
+    let head = |samples_n: u64| {
+        line(&json!({
+            "goal_id": goal(0.04).encode().goal_id, "outcome": "succeeded", "message": "held",
+            "lift_m": 0.1, "joints": ["slide_left", "slide_right"], "samples_n": samples_n,
+        }))
+    };
+    let (router, _cell) = with_report(move |query, key| {
+        if query.parameters().get("samples") == Some("none") {
+            return key.sign(query, &head(500_000));
+        }
+        counted.fetch_add(1, Ordering::SeqCst);
+        vec![b' '; 66 << 20]
+    });
+    let executed = run(&client(&router), PATIENT).unwrap();
+    let GoalResult::Report(report) = executed else {
+        panic!("{executed:?}");
+    };
+    assert_eq!(report.outcome, Outcome::Succeeded);
+    assert!(report.samples.is_empty());
+    let said = report.message;
+    for part in ["held (", "of 76 MB", "no sample confirms it", "64 MiB"] {
+        assert!(said.contains(part), "{said}");
+    }
+    // A cell that sends so much may be late with an answer in between.
+    let asked_n = asked_n.load(Ordering::SeqCst);
+    assert!((3..=6).contains(&asked_n), "{asked_n}");
+    // Samples that are few enough and do not arrive are no such case.
+    let (router, _cell) = with_report(move |query, key| {
+        if query.parameters().get("samples") == Some("none") {
+            return key.sign(query, &head(5));
+        }
+        vec![b' '; 66 << 20]
+    });
+    let executed = run(&client(&router), PATIENT).unwrap();
+    assert!(
+        matches!(&executed, GoalResult::Unknown(why) if why.contains("do not arrive")),
+        "{executed:?}"
+    );
+}
+
+#[test]
+fn genuine_answer_to_other_bytes_is_no_answer() {
+    let cell = start();
+    let mut between = Somebody::at(cell.endpoint());
+    let key = Key::new(1);
+    // What a party in the path gets for nonsense, under the same nonce.
+    let refusal = line(&json!({ "answer": "rejected", "code": "malformed", "reason": "" }));
+    between.answers(keys().goal(), move |query| {
+        vec![key.sign_for(query, b"nonsense", &refusal)]
+    });
+    let why = refused(&connect(&cell), &keys().goal()).unwrap();
+    assert!(why.contains("altered on the way"), "{why}");
+}
+
+#[test]
+fn one_cell_that_gives_two_answers_is_named_as_such() {
+    let (router, mut cell, key) = known_cell();
+    let signer = Arc::clone(&key);
+    cell.answers(keys().goal(), move |query| {
+        [true, false]
+            .map(|known| {
+                let word = line(&json!({ "answer": "accepted", "known": known }));
+                signer.sign(query, &word)
+            })
+            .into()
+    });
+    let why = refused(&client(&router), &keys().goal()).unwrap();
+    assert!(
+        why.contains("the cell contradicts itself: 2 different answers"),
+        "{why}"
+    );
+    assert!(!why.contains("a party other than the cell"), "{why}");
+    cell.answers(keys().capabilities(), move |query| {
+        let mut other = capabilities(&key);
+        other["simulated"] = json!(false);
+        vec![key.sign(query, &line(&other))]
+    });
+    let err = client(&router).capabilities(SOON).unwrap_err();
+    assert!(
+        matches!(err, CellError::DifferentAnswers { count: 2, .. }),
+        "{err}"
+    );
+    assert!(err.hint().is_some());
+}
+
+#[test]
+fn unlisted_refusal_is_a_refusal() {
+    let (router, mut cell, key) = known_cell();
+    cell.says(keys().goal(), &key, || {
+        line(&json!({ "answer": "rejected", "code": "estop", "reason": "\u{202e}pots" }))
+    });
+    let done = run(&client(&router), PATIENT).unwrap();
+    let GoalResult::Report(report) = done else {
+        panic!("{done:?}");
+    };
+    let rejection = report.rejection.unwrap();
+    assert_eq!(rejection.code, RejectionCode::Unlisted);
+    assert_eq!(rejection.reason, "estop: \\u{202e}pots");
 }
 
 #[test]
@@ -338,13 +476,7 @@ fn unreadable_answers_leave_the_outcome_unknown() {
         (keys().result("*"), "{\"answer\":\"done\"}\n"),
         (keys().result("*"), "{\"answer\":\"never_taken\"}\n"),
     ] {
-        let router = router();
-        let key = Key::new(1);
-        let mut cell = Somebody::at(router.endpoint());
-        let signer = Arc::clone(&key);
-        cell.says(keys().capabilities(), &key, move || {
-            line(&capabilities(&signer))
-        });
+        let (router, mut cell, key) = known_cell();
         if asked != keys().goal() {
             cell.says(keys().goal(), &key, || {
                 line(&json!({ "answer": "accepted", "known": false }))
@@ -352,7 +484,7 @@ fn unreadable_answers_leave_the_outcome_unknown() {
         }
         cell.says(asked.clone(), &key, move || wrong.as_bytes().to_vec());
         let client = client(&router);
-        let executed = client.execute(&goal(0.04), &robot(), SOON, SOON).unwrap();
+        let executed = run(&client, PATIENT).unwrap();
         let GoalResult::Unknown(why) = executed else {
             panic!("{asked} {wrong}: {executed:?}");
         };
@@ -376,9 +508,9 @@ fn silent_cell_leaves_the_outcome_unknown() {
         line(&json!({ "answer": "accepted", "known": false }))
     });
     let client = client(&router);
-    let executed = client.execute(&goal(0.04), &robot(), SOON, SHORT).unwrap();
+    let executed = run(&client, IMPATIENT).unwrap();
     assert!(
-        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result")),
+        matches!(&executed, GoalResult::Unknown(why) if why.contains("no answer about the result within 500")),
         "{executed:?}"
     );
 }

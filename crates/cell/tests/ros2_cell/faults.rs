@@ -3,13 +3,18 @@
 
 use std::{thread, time::Duration};
 
-use cell::{GoalResult, Recovered};
+use cell::{GoalResult, Patience, Recovered};
 use schemas::executions::Outcome;
 
-use crate::lab::{Lab, SOON, SOUND, execute, goal, joints};
+use crate::lab::{Lab, PATIENT, SOON, SOUND, execute, goal, joints, send};
 
 /// An answer that is not there after this time is lost.
 const WAIT: Duration = Duration::from_secs(4);
+/// Waits no longer than that.
+const IMPATIENT: Patience = Patience {
+    answer: WAIT,
+    result: WAIT,
+};
 /// Both controllers take part in each motion.
 const CONTROLLERS: usize = 2;
 
@@ -29,14 +34,14 @@ fn a_cell_that_dies_with_a_goal_leaves_it_unknown_and_never_moves_for_it_again()
         let emulated = lab.emulate(SOUND);
         let cell = lab.serve_apart(&[fault]);
         let goal_1 = goal(&lab, 1);
-        let sent = lab.connect().execute(&goal_1, &joints(), WAIT, WAIT);
-        assert!(matches!(sent.unwrap(), GoalResult::Unknown(_)), "{fault}");
+        let sent = send(&lab.connect(), &goal_1, IMPATIENT);
+        assert!(matches!(sent, GoalResult::Unknown(_)), "{fault}");
         drop(cell);
         pause();
         let _cell = lab.serve_apart(&[]);
         let client = lab.connect();
         client.capabilities(SOON).unwrap();
-        match client.recover(&goal_1, &joints(), SOON, SOON) {
+        match client.recover(&goal_1.encode().goal_id, &goal_1, &joints(), PATIENT) {
             Recovered::Report(report) => assert_eq!(report.outcome, Outcome::Unknown, "{fault}"),
             other => panic!("{fault}: {other:?}"),
         }
@@ -99,9 +104,12 @@ fn a_report_that_cannot_be_read_or_is_false_is_not_believed_and_not_repeated() {
         let client = lab.connect();
         client.capabilities(SOON).unwrap();
         let goal = goal(&lab, 1);
-        let sent = client.execute(&goal, &joints(), WAIT, WAIT).unwrap();
+        let sent = send(&client, &goal, IMPATIENT);
         assert!(matches!(sent, GoalResult::Unknown(_)), "{fault}: {sent:?}");
-        match (fault, client.recover(&goal, &joints(), WAIT, WAIT)) {
+        match (
+            fault,
+            client.recover(&goal.encode().goal_id, &goal, &joints(), IMPATIENT),
+        ) {
             ("garbled_answer", Recovered::Report(report)) => {
                 let ended = [Outcome::Failed, Outcome::Aborted];
                 assert!(ended.contains(&report.outcome), "{report:?}");

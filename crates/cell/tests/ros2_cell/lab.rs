@@ -11,8 +11,9 @@ use std::{
 };
 
 use cell::{
-    CellClient, CellRobot, CellServer, Goal, GoalResult, JointPoint, JointRates, JointTrack,
-    PalmTrajectory, Report, Router, ServerConfig, ServiceConfig, State, robot_digest, subscribe,
+    CellClient, CellRobot, CellServer, Goal, GoalResult, Grasp, JointPoint, JointRates, JointTrack,
+    PalmTrajectory, Patience, Report, Router, ServerConfig, ServiceConfig, State, Terms,
+    robot_digest, subscribe,
 };
 use robot::{Joint, RobotModel};
 use spatial::Pose;
@@ -25,6 +26,11 @@ use crate::{
 };
 
 pub(crate) const SOON: Duration = Duration::from_secs(20);
+/// As patient as [`SOON`].
+pub(crate) const PATIENT: Patience = Patience {
+    answer: SOON,
+    result: SOON,
+};
 pub(crate) const SOUND: [Behavior; 2] = [Behavior::Sound; 2];
 /// The shipped description of a cell.
 const SHIPPED: &str = include_str!("../../examples/ros2_cell/xarm6_allegro.toml");
@@ -251,7 +257,7 @@ pub(crate) fn goal(lab: &Lab, attempt: u32) -> Goal {
         resumed: 0,
         table_from_object: object.unwrap(),
         start_tolerance_rad: 7.0,
-        grasp,
+        grasp: Grasp::try_from(&grasp).unwrap(),
         // The reach ends at 0.8 s, the lift goes from 1.4 s to 1.8 s.
         carrier: PalmTrajectory::Arm(JointTrack {
             joints: (1..=6).map(|joint| format!("joint{joint}")).collect(),
@@ -276,8 +282,15 @@ pub(crate) fn joints() -> Vec<Joint> {
 
 /// Executes a goal to its end.
 pub(crate) fn execute(client: &CellClient, goal: &Goal) -> Report {
-    match client.execute(goal, &joints(), SOON, SOON).unwrap() {
+    match send(client, goal, PATIENT) {
         GoalResult::Report(report) | GoalResult::EarlierReport(report) => report,
-        GoalResult::Unknown(message) => panic!("{message}"),
+        other => panic!("{other:?}"),
     }
+}
+
+/// Sends a goal to a cell that may move something real.
+pub(crate) fn send(client: &CellClient, goal: &Goal, patience: Patience) -> GoalResult {
+    let terms = Terms::new(client.capabilities(SOON).unwrap(), true);
+    let sent = client.execute(goal, &terms, &joints(), patience, &());
+    sent.unwrap()
 }

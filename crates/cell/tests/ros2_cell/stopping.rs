@@ -14,13 +14,16 @@ use std::{
     time::{Duration, Instant},
 };
 
-use cell::{ControlReply, Goal, GoalResult, Keys, Recovered, SendInfo, ros2_now_ns, subscribe};
+use cell::{
+    Address, ControlReply, Goal, GoalMessage, GoalResult, Keys, Patience, Recovered, SigningKey,
+    ros2_now_ns, subscribe,
+};
 use schemas::executions::Outcome;
 use zenoh::Wait;
 
 use crate::{
     emulated::Emulated,
-    lab::{Lab, SOON, SOUND, execute, goal, joints},
+    lab::{Lab, PATIENT, SOON, SOUND, execute, goal, joints, send},
 };
 
 /// Stops of each kind.
@@ -142,7 +145,9 @@ fn joints_stand_50_ms_after_a_cancel_or_a_stop() {
 fn fall_silent(lab: &Lab, goal: &Goal) -> i64 {
     let keys = Keys::new(&lab.config.cell).unwrap();
     let (session, _) = subscribe(lab.endpoint(), "nothing", SOON).unwrap();
-    let sealed = goal.encode().sent(SendInfo::now("one", SOON));
+    let there = lab.connect().capabilities(SOON).unwrap();
+    let address = Address::now(&there.cell, &there.journal, "one", false, SOON);
+    let sealed = GoalMessage::new(goal.encode(), address, &SigningKey::fresh().unwrap());
     let beating = AtomicBool::new(true);
     thread::scope(|scope| {
         let last_ns = scope.spawn(|| {
@@ -178,7 +183,7 @@ fn joints_stand_within_300_ms_of_the_last_heartbeat() {
         stops.push(measure(&emulated, || {
             let last_ns = fall_silent(&lab, &goal);
             // The report comes when nothing moves.
-            let report = match client.recover(&goal, &joints(), SOON, SOON) {
+            let report = match client.recover(&goal.encode().goal_id, &goal, &joints(), PATIENT) {
                 Recovered::Report(report) => report,
                 other => panic!("{other:?}"),
             };
@@ -204,8 +209,12 @@ fn joints_stand_within_300_ms_of_the_death_of_the_cell() {
         let client = lab.connect();
         let goal = goal(&lab, attempt);
         let wait = Duration::from_secs(3);
+        let patience = Patience {
+            answer: wait,
+            result: wait,
+        };
         thread::scope(|scope| {
-            let sent = scope.spawn(|| client.execute(&goal, &joints(), wait, wait).unwrap());
+            let sent = scope.spawn(|| send(&client, &goal, patience));
             lab.wait_for_motion(&goal);
             stops.push(measure(&emulated, || {
                 let killed_ns = ros2_now_ns();

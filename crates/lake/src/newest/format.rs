@@ -13,7 +13,7 @@ use crate::{
 };
 
 /// Format version, so that a program does not misread the file of another one.
-const VERSION: u64 = 3;
+const VERSION: u64 = 4;
 
 const MADE: u64 = 0;
 const SKIPPED: u64 = 1;
@@ -141,8 +141,10 @@ fn write_outcome(writer: &mut Writer, outcome: &RecordOutcome) {
             files,
             labels,
             metrics,
+            provisional,
         } => {
             writer.number(MADE);
+            writer.number(u64::from(*provisional));
             writer.number(files.len() as u64);
             for (name, file) in files {
                 writer.text(name);
@@ -174,6 +176,7 @@ fn write_outcome(writer: &mut Writer, outcome: &RecordOutcome) {
 fn outcome(reader: &mut Reader) -> Option<RecordOutcome> {
     match reader.number()? {
         MADE => Some(RecordOutcome::Made {
+            provisional: reader.number()? != 0,
             files: reader.each(|reader| {
                 let name = reader.text()?.to_owned();
                 let file = FileRef {
@@ -217,6 +220,7 @@ mod tests {
                 files: BTreeMap::from([("data.bin".to_owned(), file)]),
                 labels: BTreeMap::from([("group".to_owned(), "a".to_owned())]),
                 metrics: BTreeMap::from([("loss".to_owned(), -0.25)]),
+                provisional: true,
             },
             RecordOutcome::Skipped {
                 reason: "too short".to_owned(),

@@ -26,7 +26,9 @@ impl DispatchReport {
             motions_n: motions,
             dry_n: dry,
             succeeded_n: succeeded,
-            refused_n: refused,
+            aborted_n: aborted,
+            rejected_n: rejected,
+            refused_n: infeasible,
             known_n: known,
             stopped_n: stopped,
             unknown_n: unknown,
@@ -44,12 +46,16 @@ impl DispatchReport {
             "the robot cell"
         };
         let mut line = format!("{motions} motions → {succeeded} succeed at {cell}");
-        let failed = motions - succeeded - refused - stopped - unknown;
-        if failed > 0.0 {
-            line = format!("{line}, {failed} failed");
-        }
-        if refused > 0.0 {
-            line = format!("{line}, {refused} infeasible");
+        let failed = motions - succeeded - aborted - rejected - infeasible - stopped - unknown;
+        for (number, word) in [
+            (failed, "failed"),
+            (aborted, "aborted by the cell"),
+            (rejected, "refused by the cell"),
+            (infeasible, "infeasible"),
+        ] {
+            if number > 0.0 {
+                line = format!("{line}, {number} {word}");
+            }
         }
         if known > 0.0 {
             line = format!("{line}, {known} done before (a higher `attempt` repeats them)");

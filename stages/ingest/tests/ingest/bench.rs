@@ -191,7 +191,7 @@ impl Bench {
         match &self.outcomes[&("demonstrations", unit.partition.clone())] {
             Outcome::Skipped { reason } => ("skipped", reason.clone()),
             Outcome::Filtered { reason } => ("filtered", reason.clone()),
-            Outcome::Made(_) | Outcome::Labeled(..) => panic!("made"),
+            Outcome::Made(_) | Outcome::Labeled(..) | Outcome::Provisional(_) => panic!("made"),
         }
     }
 }

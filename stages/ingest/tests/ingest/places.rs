@@ -132,7 +132,10 @@ fn said(config: IngestConfig) -> (String, Vec<PathBuf>) {
             Ok(bench) => {
                 let reasons = bench.outcomes.values().filter_map(|outcome| match outcome {
                     Outcome::Skipped { reason } => Some(reason.clone()),
-                    Outcome::Made(_) | Outcome::Labeled(..) | Outcome::Filtered { .. } => None,
+                    Outcome::Made(_)
+                    | Outcome::Labeled(..)
+                    | Outcome::Provisional(_)
+                    | Outcome::Filtered { .. } => None,
                 });
                 let files = bench.units.values().flatten().flat_map(|unit| &unit.files);
                 let files = files.map(|file| file.path.clone()).collect();

@@ -67,7 +67,7 @@ impl Trained {
         let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder);
         match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
             Outcome::Made(made) => Ok(made),
-            Outcome::Labeled(..) => panic!("labeled by data"),
+            Outcome::Labeled(..) | Outcome::Provisional(_) => panic!("not made"),
             Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
         }
     }

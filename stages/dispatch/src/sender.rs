@@ -1,0 +1,336 @@
+//! Sends goals, each at most once even if this process is killed, options change or the cell forgets.
+
+use std::sync::Arc;
+
+use cell::{
+    Acceptance, Capabilities, CellClient, CellError, Goal, GoalMessage, GoalResult, PalmTrajectory,
+    Patience, Recovered, Rejection, RejectionCode, Report, SendRecord, Terms, check_palm,
+    with_causes,
+};
+use lake::LakeError;
+use robot::Joint;
+use schemas::executions::Outcome;
+
+use crate::{
+    DispatchConfig, DispatchError,
+    config::AfterUnknown,
+    in_flight::MotionInFlight,
+    ledger::{CellFacts, GoalHistory, Ledger, OpenGoal},
+    refusal::Refusal,
+};
+
+/// Largest difference between the clocks of cell and dispatcher, in milliseconds.
+const CLOCKS_MS: u64 = 1000;
+
+/// Time of a goal's execution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum ExecutedDuring {
+    /// During this process.
+    Now,
+    /// Before.
+    Before,
+}
+
+/// A goal that was sent, and its end.
+#[derive(Debug)]
+pub(crate) struct Sent {
+    pub(crate) goal: Goal,
+    pub(crate) report: Report,
+    pub(crate) during: ExecutedDuring,
+    /// What the cell said of itself when it was sent.
+    pub(crate) cell: CellFacts,
+}
+
+/// The ledger, for a goal that was sent before: a refusal does not free it, for an earlier transmission may still
+/// be under way.
+struct Repetition<'a>(&'a Ledger);
+
+impl SendRecord for Repetition<'_> {
+    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError> {
+        self.0.sending(message, permitted_by)
+    }
+
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError> {
+        self.0.accepted(goal_id, acceptance)
+    }
+
+    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), LakeError> {
+        Ok(())
+    }
+}
+
+/// Sends goals to one cell.
+pub(crate) struct Sender<'a> {
+    pub(crate) config: &'a DispatchConfig,
+    pub(crate) client: &'a Arc<CellClient>,
+    /// The terms under which goals may be sent.
+    pub(crate) terms: &'a Terms,
+    /// The robot's joints under the goals' names.
+    pub(crate) joints: &'a [Joint],
+    pub(crate) ledger: Ledger,
+}
+
+impl Sender<'_> {
+    /// Learns the end of every goal that was sent to this cell, before anything is sent. A higher `attempt` than
+    /// a goal's says that a person has looked: it is left as it is.
+    pub(crate) fn settle(&self) -> Result<(), DispatchError> {
+        for open in self.ledger.open_goals()? {
+            let goal = open.goal.clone();
+            if goal
+                .as_ref()
+                .is_none_or(|goal| goal.attempt >= self.config.attempt)
+            {
+                self.recover(goal.as_ref(), &open)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
+    /// the options say so. Returns the goal that ended.
+    pub(crate) fn execute_or_resume(
+        &self,
+        goal: &Goal,
+    ) -> Result<Result<Sent, Refusal>, DispatchError> {
+        let mut goal = goal.clone();
+        loop {
+            let sent = match self.carry_out(&goal)? {
+                Ok(sent) => sent,
+                refused => return Ok(refused),
+            };
+            if sent.report.outcome != Outcome::Stopped {
+                return Ok(Ok(sent));
+            }
+            if sent.during == ExecutedDuring::Now {
+                return Err(DispatchError::Stopped {
+                    cell: self.cell().to_owned(),
+                    candidate_id: goal.candidate_id,
+                    goal_id: sent.report.goal_id,
+                    message: sent.report.message,
+                });
+            }
+            if !self.config.resume_stopped {
+                return Ok(Ok(sent));
+            }
+            goal.resumed += 1;
+        }
+    }
+
+    /// Executes a goal, or queries its outcome if it was sent before.
+    ///
+    /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
+    /// this robot until a person has looked, and the next run queries the cell again.
+    fn carry_out(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
+        let id = goal.encode().goal_id;
+        if let GoalHistory::Ended { report, cell } = self.ledger.history(&id)? {
+            return Ok(Ok(Sent {
+                goal: goal.clone(),
+                report: *report,
+                during: ExecutedDuring::Before,
+                cell,
+            }));
+        }
+        if let Some(refusal) = self.refusal(goal) {
+            return Ok(Err(refusal));
+        }
+        let answer = self.config.answer_timeout();
+        let motion = MotionInFlight::new(self.client, &goal.candidate_id, self.cell(), &id, answer);
+        motion.carry_out(|| self.send_or_recover(goal))
+    }
+
+    /// Returns why the cell's own limits forbid a motion, if they do.
+    fn refusal(&self, goal: &Goal) -> Option<Refusal> {
+        let limits = self.terms.capabilities().palm.as_ref()?;
+        let PalmTrajectory::Palm(points) = &goal.carrier else {
+            return None;
+        };
+        let refused = check_palm(points, limits).err()?;
+        Some(Refusal::Limits(refused.reason))
+    }
+
+    fn send_or_recover(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
+        let id = goal.encode().goal_id;
+        let sent = |report: Report, during: ExecutedDuring, cell: CellFacts| Sent {
+            goal: goal.clone(),
+            report,
+            during,
+            cell,
+        };
+        let repetition = Repetition(&self.ledger);
+        let mut record: &dyn SendRecord = &self.ledger;
+        match self.ledger.history(&id)? {
+            GoalHistory::Ended { report, cell } => {
+                return Ok(Ok(sent(*report, ExecutedDuring::Before, cell)));
+            }
+            GoalHistory::Open(open) => {
+                if let Some(report) = self.recover(Some(goal), &open)? {
+                    return Ok(Ok(sent(report, ExecutedDuring::Before, open.cell)));
+                }
+                record = &repetition;
+            }
+            GoalHistory::Free => {}
+        }
+        let result = self
+            .client
+            .execute(goal, self.terms, self.joints, self.patience(), record);
+        let done = match result.map_err(|err| self.not_sent(goal, err))? {
+            GoalResult::Report(report) => (report, ExecutedDuring::Now),
+            GoalResult::EarlierReport(report) => (report, ExecutedDuring::Before),
+            GoalResult::TooLong { bytes, most } => {
+                return Ok(Err(Refusal::Long { bytes, most }));
+            }
+            GoalResult::Unknown(message) => {
+                return Err(self.tell(&goal.candidate_id, &id, message)?);
+            }
+        };
+        let (report, during) = done;
+        match &report.rejection {
+            Some(rejection) if is_about_now(rejection) => {
+                return Err(DispatchError::NotNow {
+                    cell: self.cell().to_owned(),
+                    candidate_id: goal.candidate_id.clone(),
+                    reason: rejection.reason.clone(),
+                });
+            }
+            Some(_) => {}
+            None => self.conclude(goal, &report, false)?,
+        }
+        let facts = CellFacts::of(self.terms.capabilities());
+        Ok(Ok(sent(report, during, facts)))
+    }
+
+    /// Asks the cell for the end of a goal that was sent before; nothing if it may be sent again, to this journal.
+    fn recover(
+        &self,
+        goal: Option<&Goal>,
+        open: &OpenGoal,
+    ) -> Result<Option<Report>, DispatchError> {
+        let id = open.goal_id.as_str();
+        let Some(goal) = goal else {
+            let message = "its record in the lake cannot be read".to_owned();
+            return Err(self.tell("?", id, message)?);
+        };
+        let here = &self.terms.capabilities().journal;
+        // Another cell's `never_taken` says nothing about the cell that received the goal.
+        if let Some(to) = open.journal.as_ref().filter(|to| *to != here) {
+            let message = format!(
+                "it was sent to the cell with journal `{to}`, the one that answers has `{here}`"
+            );
+            return Err(self.tell(&goal.candidate_id, id, message)?);
+        }
+        match self.client.recover(id, goal, self.joints, self.patience()) {
+            Recovered::Report(report) => {
+                self.conclude(goal, &report, open.told)?;
+                Ok(Some(report))
+            }
+            Recovered::NeverTaken if !open.accepted => {
+                let asked_ms = self.terms.capabilities().clock_unix_ms;
+                // Until it expires it may still be under way to this journal.
+                if asked_ms > open.valid_until_unix_ms.saturating_add(CLOCKS_MS) {
+                    self.ledger.free(id)?;
+                }
+                Ok(None)
+            }
+            Recovered::NeverTaken => {
+                let message = match &open.earlier {
+                    Some(outcome) => format!(
+                        "version 4 of the protocol recorded it as `{outcome}`, and this cell does not know it"
+                    ),
+                    None => "the cell accepted it and now denies it".to_owned(),
+                };
+                Err(self.tell(&goal.candidate_id, id, message)?)
+            }
+            Recovered::NoAnswer(message) => Err(self.tell(&goal.candidate_id, id, message)?),
+        }
+    }
+
+    /// Records a report. One that says `unknown` ends the run instead, unless a run has ended because of it
+    /// before, so that a person has been told, or the options say otherwise.
+    fn conclude(&self, goal: &Goal, report: &Report, told: bool) -> Result<(), DispatchError> {
+        let goes_on = told || self.config.after_unknown == AfterUnknown::Continue;
+        if report.outcome == Outcome::Unknown && !goes_on {
+            let message = format!("the cell says so: {}", report.message);
+            return Err(self.tell(&goal.candidate_id, &report.goal_id, message)?);
+        }
+        self.ledger.conclude(report)
+    }
+
+    /// Records that this run ends because an outcome is unknown, and returns the error.
+    fn tell(
+        &self,
+        candidate_id: &str,
+        goal_id: &str,
+        message: String,
+    ) -> Result<DispatchError, DispatchError> {
+        self.ledger.tell(goal_id)?;
+        Ok(unknown(
+            self.cell(),
+            candidate_id,
+            goal_id.to_owned(),
+            message,
+        ))
+    }
+
+    /// Returns the error of a goal that could not be sent: nothing moved.
+    fn not_sent(&self, goal: &Goal, err: CellError) -> DispatchError {
+        match err {
+            CellError::Stopped { .. } => DispatchError::NotNow {
+                cell: self.cell().to_owned(),
+                candidate_id: goal.candidate_id.clone(),
+                reason: with_causes(&err),
+            },
+            err => err.into(),
+        }
+    }
+
+    fn patience(&self) -> Patience {
+        Patience {
+            answer: self.config.answer_timeout(),
+            result: self.config.result_timeout(),
+        }
+    }
+
+    fn cell(&self) -> &str {
+        &self.terms.capabilities().cell
+    }
+}
+
+/// Returns the error for a motion with an unknown outcome.
+pub(crate) fn unknown(
+    cell: &str,
+    candidate_id: &str,
+    goal_id: String,
+    message: String,
+) -> DispatchError {
+    DispatchError::Unknown {
+        cell: cell.to_owned(),
+        candidate_id: candidate_id.to_owned(),
+        goal_id,
+        message,
+    }
+}
+
+/// Whether a refusal is about the cell's present state, or about anything but the motion: then the run ends, and
+/// the motion may be accepted later.
+fn is_about_now(rejection: &Rejection) -> bool {
+    match rejection.code {
+        RejectionCode::Busy
+        | RejectionCode::Stopped
+        | RejectionCode::Expired
+        | RejectionCode::Clock
+        | RejectionCode::Storage
+        | RejectionCode::Dispatcher
+        | RejectionCode::Address
+        | RejectionCode::Permission
+        | RejectionCode::Protocol
+        | RejectionCode::Unlisted => true,
+        RejectionCode::TooLarge
+        | RejectionCode::Malformed
+        | RejectionCode::Digest
+        | RejectionCode::Robot
+        | RejectionCode::Joints
+        | RejectionCode::Limits
+        | RejectionCode::Times
+        | RejectionCode::Object => false,
+    }
+}
