@@ -135,8 +135,8 @@ fn check_phases(grasp: &Grasp) -> Result<(), Rejection> {
     ];
     for (name, part_s) in parts {
         if !(part_s.is_finite() && (0.0..=MAX_DURATION_S).contains(&part_s)) {
-            let part_s = number(part_s);
-            let problem = format!("`{name}` is {part_s} s, expected 0 to {MAX_DURATION_S}");
+            let found = number(part_s);
+            let problem = format!("`{name}` is {found} s, expected 0 to {MAX_DURATION_S}");
             return refuse(RejectionCode::Times, problem);
         }
     }

@@ -113,6 +113,10 @@ pub enum KnockedUntil {
 /// Pulls of another trial than a lift.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
+#[expect(
+    clippy::struct_field_names,
+    reason = "the names are those of version 4"
+)]
 pub struct Pull {
     force_n_per_kg: f64,
     pull_s: f64,

@@ -70,7 +70,7 @@ pub(crate) enum GoalHistory {
     /// Never sent, or nothing moved: it may be sent.
     Free,
     /// Sent, and its end is not known.
-    Open(OpenGoal),
+    Open(Box<OpenGoal>),
     /// Ended with this report.
     Ended {
         report: Box<Report>,
@@ -181,7 +181,7 @@ impl Ledger {
             let is_earlier = self.read_earlier(goal_id, EARLIER)?.is_some();
             let was_sent = is_earlier || self.has(goal_id, GOAL)?;
             return Ok(if was_sent && !is_refused {
-                GoalHistory::Open(self.open_goal(goal_id)?)
+                GoalHistory::Open(Box::new(self.open_goal(goal_id)?))
             } else {
                 GoalHistory::Free
             });
@@ -193,10 +193,10 @@ impl Ledger {
                 report: Box::new(report),
                 cell: open.cell,
             },
-            Err(_) => GoalHistory::Open(OpenGoal {
+            Err(_) => GoalHistory::Open(Box::new(OpenGoal {
                 accepted: true,
                 ..open
-            }),
+            })),
         })
     }
 
@@ -220,7 +220,7 @@ impl Ledger {
         let mut open = Vec::new();
         for id in ids {
             if let GoalHistory::Open(goal) = self.history(&id)? {
-                open.push(goal);
+                open.push(*goal);
             }
         }
         Ok(open)

@@ -7,7 +7,7 @@ use dataflow::{
     Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
     Unit,
 };
-use lake::{LakeError, ReadInputs, WriteArtifact};
+use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -18,10 +18,11 @@ use schemas::{
 };
 
 use crate::{
-    DispatchConfig, DispatchError, cells,
+    DispatchConfig, DispatchError,
+    cells::{self, Connected},
     config::SIMULATED,
     goals::goal,
-    ledger::{CellFacts, GoalHistory, Ledger, signing_key},
+    ledger::{CellFacts, Ledger, OpenGoal, signing_key},
     names::JointNames,
     order::Queue,
     recording::{Setting, record},
@@ -215,36 +216,27 @@ impl ObjectExecutions {
     }
 }
 
+/// A motion as a goal, or why it is not sent.
+type PlannedGoal<'a> = (&'a Candidate, Result<Goal, Refusal>);
+
 /// Sends motions one after another.
 fn send(
     config: &DispatchConfig,
     robots: &Robots,
     object: &Object,
     candidates: &Candidates,
-    mut motions: Queue<'_>,
+    motions: Queue<'_>,
     cx: &Context,
 ) -> Result<ObjectExecutions, DispatchError> {
-    let planner = robots.planner(config)?;
     let names = JointNames::new(&config.joint_names, robots.whole())?;
     // Find infeasible motions before anything moves or a cell is queried.
-    let mut goals: Vec<(&Candidate, Result<Goal, Refusal>)> = Vec::new();
-    let mut feasible_n = 0;
-    while feasible_n < config.per_object
-        && let Some(candidate) = motions.next()
-    {
-        let goal = goal(config, robots, &planner, &names, candidates, candidate);
-        if goal.is_ok() {
-            feasible_n += 1;
-            motions.send(candidate);
-        }
-        goals.push((candidate, goal));
-    }
+    let goals = planned(config, robots, &names, candidates, motions)?;
     let motions_n = goals.len();
     let mut done = ObjectExecutions {
         motions_n,
         ..ObjectExecutions::default()
     };
-    if feasible_n == 0 {
+    let Some(first) = goals.iter().find_map(|(_, goal)| goal.as_ref().ok()) else {
         let here = CellFacts {
             simulated: config.cell == SIMULATED,
             gap: String::new(),
@@ -255,38 +247,14 @@ fn send(
         });
         done.executions = rows.collect();
         return Ok(done);
-    }
-    let ledger = ledger(config, cx)?;
-    let joints = names.joints_on_wire(robots.whole());
-    let feasible: Vec<&Goal> = goals
-        .iter()
-        .filter_map(|(_, goal)| goal.as_ref().ok())
-        .collect();
-    let first = feasible.first().ok_or_else(|| missing("motion"))?;
-    let key = match config.cell.as_str() {
-        SIMULATED => None,
-        _ => Some(signing_key(cx.effects_folder())?),
     };
-    let connected = cells::connect(config, robots, object, first, key).map_err(|err| {
-        // The outcome of an earlier run's motion is unknown until a cell can be queried.
-        let is_open = |goal: &&&Goal| {
-            let history = ledger.history(&goal.encode().goal_id);
-            matches!(history, Ok(GoalHistory::Open(_)))
-        };
-        match feasible.iter().find(is_open) {
-            Some(goal) => {
-                let id = goal.encode().goal_id;
-                unknown(&config.cell_name, &goal.candidate_id, id, with_causes(&err))
-            }
-            None => err,
-        }
-    })?;
+    let ledger = ledger(config, cx)?;
+    let connected = connect(config, robots, object, first, &ledger, cx)?;
     if !connected.terms.permit() {
-        done.dry_n = feasible_n;
+        done.dry_n = goals.iter().filter(|(_, goal)| goal.is_ok()).count();
         return Ok(done);
     }
-    let capabilities = connected.terms.capabilities();
-    let cell = capabilities.cell.as_str();
+    let joints = names.joints_on_wire(robots.whole());
     let sender = Sender {
         config,
         client: &connected.client,
@@ -295,17 +263,13 @@ fn send(
         ledger,
     };
     sender.settle()?;
-    for (idx, (candidate, goal)) in goals.iter().enumerate() {
+    let cell = connected.terms.capabilities();
+    for (idx, (candidate, goal)) in goals.into_iter().enumerate() {
         cx.progress(idx as f64 / motions_n as f64, &candidate.candidate_id);
         check_name(candidate)?;
-        let here = CellFacts::of(capabilities);
-        let not_sent = |refusal: &Refusal| rows::not_sent(cell, &here, candidate, refusal);
         let sent = match goal {
-            Ok(goal) => sender.execute_or_resume(goal)?,
-            Err(refusal) => {
-                done.executions.push(not_sent(refusal));
-                continue;
-            }
+            Ok(goal) => sender.execute_or_resume(&goal)?,
+            Err(refusal) => Err(refusal),
         };
         let Sent {
             goal,
@@ -315,7 +279,9 @@ fn send(
         } = match sent {
             Ok(sent) => sent,
             Err(refusal) => {
-                done.executions.push(not_sent(&refusal));
+                let here = CellFacts::of(cell);
+                let row = rows::not_sent(&cell.cell, &here, candidate, &refusal);
+                done.executions.push(row);
                 continue;
             }
         };
@@ -325,15 +291,64 @@ fn send(
             robots,
             hand_path: &config.hand,
             object,
-            cell,
+            cell: &cell.cell,
             gap: &facts.gap,
             object_from_grasp: &candidate.motion.grasp().frame_from_palm,
         };
         record(&setting, &goal, &report, cx.folder())?;
-        let row = rows::execution(cell, &facts, candidate, &report);
+        let row = rows::execution(&cell.cell, &facts, candidate, &report);
         done.executions.push(row);
     }
     Ok(done)
+}
+
+/// Takes the motions that are to be sent, and those that cannot be.
+fn planned<'a>(
+    config: &DispatchConfig,
+    robots: &Robots,
+    names: &JointNames,
+    candidates: &Candidates,
+    mut motions: Queue<'a>,
+) -> Result<Vec<PlannedGoal<'a>>, DispatchError> {
+    let planner = robots.planner(config)?;
+    let mut goals: Vec<PlannedGoal<'_>> = Vec::new();
+    let mut feasible_n = 0;
+    while feasible_n < config.per_object
+        && let Some(candidate) = motions.next()
+    {
+        let goal = goal(config, robots, &planner, names, candidates, candidate);
+        if goal.is_ok() {
+            feasible_n += 1;
+            motions.send(candidate);
+        }
+        goals.push((candidate, goal));
+    }
+    Ok(goals)
+}
+
+/// Connects to the cell; without it the outcome of a goal that was sent before is unknown.
+fn connect(
+    config: &DispatchConfig,
+    robots: &Robots,
+    object: &Object,
+    first: &Goal,
+    ledger: &Ledger,
+    cx: &Context,
+) -> Result<Connected, DispatchError> {
+    let key = match config.cell.as_str() {
+        SIMULATED => None,
+        _ => Some(signing_key(cx.effects_folder())?),
+    };
+    cells::connect(config, robots, object, first, key).map_err(|err| {
+        let open = ledger.open_goals().unwrap_or_default();
+        match open.into_iter().next() {
+            Some(OpenGoal { goal, goal_id, .. }) => {
+                let candidate_id = goal.map_or("?".to_owned(), |goal| goal.candidate_id);
+                unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err))
+            }
+            None => err,
+        }
+    })
 }
 
 /// Opens the memory of what was sent to the configured cell; there is none of a cell that ends with this process.
@@ -357,8 +372,4 @@ fn check_name(candidate: &Candidate) -> Result<(), DispatchError> {
             candidate_id: candidate.candidate_id.clone(),
         }),
     }
-}
-
-fn missing(what: &'static str) -> LakeError {
-    LakeError::MissingInput { what }
 }

@@ -66,7 +66,7 @@ impl Control {
     pub(super) fn begin(&self, dispatcher: &str) {
         let mut requests = self.requests();
         requests.cancel = None;
-        requests.dispatcher = dispatcher.to_owned();
+        dispatcher.clone_into(&mut requests.dispatcher);
         requests.heard = Instant::now();
     }
 
