@@ -94,8 +94,8 @@ impl Drop for MisbehavingCell {
 fn run(lab: &Lab) -> Output {
     let mut command = lab.dispatch();
     for value in [
-        "dispatch.answer_timeout_s=2.0",
-        "dispatch.result_timeout_s=6.0",
+        "dispatch.answer_timeout_s=5.0",
+        "dispatch.result_timeout_s=10.0",
         "dispatch.per_object=1",
     ] {
         command.args(["--set", value]);

@@ -238,7 +238,7 @@ impl Walk {
                 timeout = format!("dispatch.result_timeout_s={timeout_s}");
                 &["--set", &timeout]
             }
-            Way::Processes => &["--processes", "2"],
+            Way::Processes => &["--processes"],
             Way::Detached => &["--detach"],
         };
         let mut ran = self.dispatch(arguments).output().unwrap();
@@ -246,7 +246,8 @@ impl Walk {
         if matches!(way, Way::Detached) && stderr(&ran).contains("detach run goes on") {
             ran = self.lab.bench.ask(&["attach"]);
         }
-        let said = stderr(&ran);
+        // What a detached run has said is data to `attach`.
+        let said = stderr(&ran) + &stdout(&ran);
         match ran.status.code() {
             Some(0) => self.check_line(&said),
             Some(1) => {
