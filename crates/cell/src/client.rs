@@ -111,8 +111,10 @@ impl SendRecord for () {
 /// A cell's answer about a goal that was sent before.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Recovered {
-    /// The goal's report; if it fails its checks, its outcome is unknown.
+    /// The goal's report.
     Report(Report),
+    /// The cell's answer is not to be believed; as a report its outcome is unknown, for this reason.
+    Untrusted(Report),
     /// The cell never accepted the goal: nothing has moved.
     NeverTaken,
     /// The outcome is unknown for this reason.
@@ -355,7 +357,7 @@ impl CellClient {
             Ok(recovered) => recovered,
             Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
             Err(UnknownOutcome::Untrusted(message)) => {
-                Recovered::Report(Report::unknown(goal_id, message))
+                Recovered::Untrusted(Report::unknown(goal_id, message))
             }
         }
     }
@@ -437,6 +439,7 @@ impl CellClient {
                     Recovered::NeverTaken => {
                         Ok(GoalResult::Report(Report::rejected(id, rejection)))
                     }
+                    Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
                     Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
                 };
             }
@@ -455,6 +458,7 @@ impl CellClient {
             Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
                 "the cell accepted the goal and now denies it".to_owned(),
             )),
+            Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
             Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
         }
     }
@@ -524,7 +528,9 @@ impl CellClient {
             } else {
                 QUERY_TIMEOUT
             };
-            if let Some(body) = self.ask_report(&key, "", Instant::now() + left.min(wait))? {
+            if let Some(body) =
+                self.ask_report(&key, "", MAX_REPORT_BYTES, Instant::now() + left.min(wait))?
+            {
                 if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", &body) {
                     return Ok(Recovered::NeverTaken);
                 }
@@ -557,7 +563,7 @@ impl CellClient {
     /// Returns the goal that the cell executes, if it answers.
     fn executing(&self, timeout: Duration) -> Result<Option<String>, UnknownOutcome> {
         let key = self.keys.capabilities();
-        let body = self.ask_report(&key, "", Instant::now() + timeout)?;
+        let body = self.ask_report(&key, "", MAX_ANSWER_BYTES, Instant::now() + timeout)?;
         let Some(body) = body else {
             return Ok(None);
         };
@@ -573,7 +579,12 @@ impl CellClient {
         key: &str,
         timeout: Duration,
     ) -> Result<Recovered, UnknownOutcome> {
-        let body = self.ask_report(key, "samples=none", Instant::now() + timeout)?;
+        let body = self.ask_report(
+            key,
+            "samples=none",
+            MAX_ANSWER_BYTES,
+            Instant::now() + timeout,
+        )?;
         let Some(body) = body else {
             return Err(UnknownOutcome::NoAnswer(format!(
                 "its report did not arrive, and its outcome without samples neither; a report longer than {} \
@@ -592,11 +603,12 @@ impl CellClient {
         &self,
         key: &str,
         parameters: &str,
+        most: usize,
         until: Instant,
     ) -> Result<Option<Vec<u8>>, UnknownOutcome> {
         let question = Question::new(key, parameters, &[]).map_err(CellError::Random);
         let answers = question
-            .and_then(|question| self.put(&question, &[], MAX_REPORT_BYTES, until))
+            .and_then(|question| self.put(&question, &[], most, until))
             .map_err(|err| UnknownOutcome::NoAnswer(after_sending(&err)))?;
         Ok(self.only(key, &answers)?.map(ToOwned::to_owned))
     }

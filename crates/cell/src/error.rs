@@ -177,7 +177,7 @@ pub enum CellError {
         /// The cell's name.
         cell: String,
     },
-    /// The cell is not what it was when the first goal was sent.
+    /// The cell is not what it was when it was asked first.
     #[error("cell `{cell}` changed since it was asked first: {change}")]
     Changed {
         /// The cell's name.
@@ -314,9 +314,10 @@ pub enum CellError {
     },
     /// The journal is that of a robot of another kind.
     #[error(
-        "the journal in `{}` is that of a cell that {}, and this one does not",
+        "the journal in `{}` is that of a {} cell, and this one is {}",
         path.display(),
-        if *simulated { "is simulated" } else { "moves something real" }
+        if *simulated { "simulated" } else { "real" },
+        if *simulated { "real" } else { "simulated" }
     )]
     JournalKind {
         /// The folder.

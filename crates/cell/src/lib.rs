@@ -64,7 +64,7 @@ pub use goal::{EncodedGoal, Goal};
 pub use grasp::{Approach, Grasp};
 pub use keys::Keys;
 pub use machine::{Machine, MachineDescription};
-pub use message::{Address, GoalMessage};
+pub use message::{Address, CLOCKS_MS, GoalMessage};
 pub use motion::{JointPoint, JointRates, JointTrack, PalmPoint, PalmTrajectory};
 pub use outcome::GoalOutcome;
 pub use pacer::Pacer;

@@ -4,13 +4,10 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    EncodedGoal, Goal, PROTOCOL, Rejection, RejectionCode, SigningKey, signature,
-    wire::{self, WireError},
-};
+use crate::{EncodedGoal, Goal, PROTOCOL, Rejection, RejectionCode, SigningKey, signature, wire};
 
 /// Largest clock difference between a dispatcher and a cell, in milliseconds.
-pub(crate) const CLOCKS_MS: u64 = 1000;
+pub const CLOCKS_MS: u64 = 1000;
 /// Longest validity of a goal, in milliseconds: a day.
 const MAX_VALID_MS: u64 = 86_400_000;
 
@@ -235,21 +232,6 @@ impl GoalMessage {
         };
         Ok((message, goal))
     }
-
-    /// Parses a goal out of a message of this version or of version 4, as journals keep them, without
-    /// checking who sent it.
-    ///
-    /// # Errors
-    ///
-    /// Fails if the bytes are not such a message.
-    pub fn kept_goal(bytes: &[u8]) -> Result<(EncodedGoal, Goal), WireError> {
-        let (Version { protocol }, rest) = wire::split_line("seal", bytes)?;
-        if protocol == u64::from(PROTOCOL) {
-            let (_, content): (AddressLine, &[u8]) = wire::split_line("address", rest)?;
-            return EncodedGoal::decode(content);
-        }
-        EncodedGoal::decode(rest)
-    }
 }
 
 /// Returns the time used for expiry checks.
@@ -290,7 +272,6 @@ mod tests {
         let elsewhere = message(&goal);
         assert_ne!(elsewhere.bytes, sent.bytes);
         assert_eq!(elsewhere.encoded.goal_id, sent.encoded.goal_id);
-        assert_eq!(GoalMessage::kept_goal(&sent.bytes).unwrap().1, goal);
     }
 
     #[test]

@@ -11,7 +11,10 @@ use std::{
 
 use dataflow::{Artifact, Digest};
 use lake::Lake;
-use schemas::{Table, executions::Executions};
+use schemas::{
+    Table,
+    executions::{Execution, Executions, Outcome},
+};
 use serde::{Deserialize, Serialize};
 
 use crate::{DispatchError, config::SIMULATED, ledger::failed};
@@ -34,8 +37,6 @@ pub(crate) struct EarlierGoal {
     pub(crate) simulated: bool,
     /// The recorded outcome, for people.
     pub(crate) outcome: String,
-    #[serde(skip)]
-    pub(crate) report: Option<Vec<u8>>,
 }
 
 /// Has every goal that version 4 recorded in the lake kept, once.
@@ -58,7 +59,7 @@ pub(crate) fn take_over(
     Ok(lake::write_atomic(&done, b"version 4\n")?)
 }
 
-/// Goals of interrupted units, with their reports if they had ended.
+/// Goals of interrupted units: they may have ended, at whichever cell.
 fn noted(root: &Path) -> Result<Vec<EarlierGoal>, DispatchError> {
     let mut goals = Vec::new();
     for folder in folders_of(&root.join(RESUME))? {
@@ -70,7 +71,6 @@ fn noted(root: &Path) -> Result<Vec<EarlierGoal>, DispatchError> {
                 journal: Some(journal),
                 simulated: false,
                 outcome: "sent".to_owned(),
-                report: fs::read(path.with_extension("report")).ok(),
             });
         }
     }
@@ -86,7 +86,7 @@ fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, DispatchError>
             let digest = name.and_then(|name| name.strip_prefix(FINGERPRINT)?.parse().ok());
             let is_lasting = match &digest {
                 Some(digest) => is_at_lasting_cell(lake, digest)?,
-                None => false,
+                None => true,
             };
             let path = unit.join(lake::table::FILE);
             if !is_lasting || !path.exists() {
@@ -100,26 +100,26 @@ fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, DispatchError>
                 labels: BTreeMap::new(),
                 files: BTreeMap::from([(lake::table::FILE.to_owned(), path)]),
             })?;
-            let accepted = rows.into_iter().filter(|row| row.accepted);
-            goals.extend(accepted.map(|row| EarlierGoal {
+            let is_sent =
+                |row: &Execution| !row.goal_id.is_empty() && row.outcome != Outcome::Rejected;
+            goals.extend(rows.into_iter().filter(is_sent).map(|row| EarlierGoal {
                 cell: Some(row.cell),
                 goal_id: row.goal_id,
                 journal: None,
                 simulated: row.simulated,
                 outcome: row.outcome.as_str().to_owned(),
-                report: None,
             }));
         }
     }
     Ok(goals)
 }
 
-/// Whether a unit sent its goals to a cell that outlived the run.
+/// Whether a unit may have sent its goals to a cell that outlived the run.
 fn is_at_lasting_cell(lake: &Lake, unit: &Digest) -> Result<bool, DispatchError> {
     let record = lake.record(unit)?;
-    Ok(record.is_some_and(|record| {
+    Ok(record.is_none_or(|record| {
         let cell = record.fingerprint.recipe.config.get("cell");
-        cell.is_some_and(|cell| cell != SIMULATED)
+        cell.is_none_or(|cell| cell != SIMULATED)
     }))
 }
 

@@ -7,7 +7,8 @@
 //! taken_over                 says that the goals of version 4 were taken over
 //! earlier/ID.earlier         a goal that version 4 recorded without its cell
 //! cells/NAME/lock            held by the unit that sends goals to the cell
-//! cells/NAME/ID.goal         a line with what the cell said of itself, then the message as first sent
+//! cells/NAME/ID.goal         a line with what the cell said of itself and until when any message is valid, then
+//!                            the message as last sent
 //! cells/NAME/ID.accepted     the cell's signed acceptance, with the query that it answers
 //! cells/NAME/ID.refused      the cell's refusal: nothing moved
 //! cells/NAME/ID.report       the report that was believed
@@ -20,6 +21,7 @@
 //! the journal that it was sent to alone, and only if that says it never took it and has not accepted it.
 
 use std::{
+    collections::BTreeSet,
     fs::{self, File, TryLockError},
     io::{self, ErrorKind},
     path::{Path, PathBuf},
@@ -99,6 +101,15 @@ pub(crate) struct OpenGoal {
     pub(crate) earlier: Option<String>,
 }
 
+/// First line of a goal's file.
+#[derive(Serialize, Deserialize)]
+struct GoalLine {
+    #[serde(flatten)]
+    cell: CellFacts,
+    /// The latest time until which any message of the goal is valid, in milliseconds since 1970.
+    valid_until_unix_ms: u64,
+}
+
 /// What a cell said of itself when a goal was sent.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub(crate) struct CellFacts {
@@ -119,9 +130,9 @@ impl CellFacts {
 pub(crate) fn signing_key(effects: &Path) -> Result<SigningKey, DispatchError> {
     let key = SigningKey::open(effects);
     let key = key.map_err(|source| failed("read or write the key in", effects, source))?;
-    let public = effects.join(PUBLIC_KEY);
-    if !public.exists() {
-        lake::write_atomic(&public, format!("{}\n", key.name()).as_bytes())?;
+    let (public, line) = (effects.join(PUBLIC_KEY), format!("{}\n", key.name()));
+    if read(&public)?.is_none_or(|found| found != line.as_bytes()) {
+        lake::write_atomic(&public, line.as_bytes())?;
     }
     Ok(key)
 }
@@ -156,10 +167,6 @@ impl Ledger {
         take_over(effects, |goal: &EarlierGoal| {
             let of_cell = |cell| effects.join(CELLS).join(cell);
             let folder = goal.cell.as_ref().map_or(earlier.clone(), of_cell);
-            if let Some(report) = &goal.report {
-                let path = folder.join(format!("{}.{REPORT}", goal.goal_id));
-                lake::write_atomic(&path, report)?;
-            }
             let line = serde_json::to_vec(goal).unwrap_or_default();
             let path = folder.join(format!("{}.{EARLIER}", goal.goal_id));
             Ok(lake::write_atomic(&path, &line)?)
@@ -175,10 +182,10 @@ impl Ledger {
 
     /// Looks a goal up.
     pub(crate) fn history(&self, goal_id: &str) -> Result<GoalHistory, DispatchError> {
-        let Some(report) = self.read_earlier(goal_id, REPORT)? else {
+        let Some(report) = self.read(goal_id, REPORT)? else {
             // An accepted goal is never free, whatever else is left of it.
             let is_refused = self.has(goal_id, REFUSED)? && !self.has(goal_id, ACCEPTED)?;
-            let is_earlier = self.read_earlier(goal_id, EARLIER)?.is_some();
+            let is_earlier = self.read_earlier(goal_id)?.is_some();
             let was_sent = is_earlier || self.has(goal_id, GOAL)?;
             return Ok(if was_sent && !is_refused {
                 GoalHistory::Open(Box::new(self.open_goal(goal_id)?))
@@ -206,20 +213,22 @@ impl Ledger {
             return Ok(Vec::new());
         };
         let entries = fs::read_dir(folder).map_err(|source| failed("read", folder, source))?;
-        let mut ids = Vec::new();
+        let (mut ids, mut ended) = (BTreeSet::new(), BTreeSet::new());
         for entry in entries {
-            let entry = entry.map_err(|source| failed("read", folder, source))?;
-            let path = entry.path();
-            if path.extension().is_some_and(|ending| ending == GOAL)
-                && let Some(id) = path.file_stem().and_then(|stem| stem.to_str())
-            {
-                ids.push(id.to_owned());
+            let path = entry
+                .map_err(|source| failed("read", folder, source))?
+                .path();
+            let id = path.file_stem().and_then(|stem| stem.to_str());
+            let ending = path.extension().and_then(|ending| ending.to_str());
+            match (id, ending) {
+                (Some(id), Some(GOAL)) => drop(ids.insert(id.to_owned())),
+                (Some(id), Some(REPORT)) => drop(ended.insert(id.to_owned())),
+                _ => {}
             }
         }
-        ids.sort();
         let mut open = Vec::new();
-        for id in ids {
-            if let GoalHistory::Open(goal) = self.history(&id)? {
+        for id in ids.difference(&ended) {
+            if let GoalHistory::Open(goal) = self.history(id)? {
                 open.push(*goal);
             }
         }
@@ -244,7 +253,7 @@ impl Ledger {
     fn open_goal(&self, goal_id: &str) -> Result<OpenGoal, DispatchError> {
         let told = self.has(goal_id, TOLD)?;
         let goal_id = goal_id.to_owned();
-        if let Some(earlier) = self.read_earlier(&goal_id, EARLIER)? {
+        if let Some(earlier) = self.read_earlier(&goal_id)? {
             let earlier: EarlierGoal = serde_json::from_slice(&earlier).unwrap_or_default();
             return Ok(OpenGoal {
                 goal_id,
@@ -275,9 +284,9 @@ impl Ledger {
             return Ok(unread);
         };
         let (facts, message) = bytes.split_at(line + 1);
-        let facts = serde_json::from_slice::<CellFacts>(facts);
+        let facts = serde_json::from_slice::<GoalLine>(facts);
         let message = GoalMessage::decode(message);
-        let (Ok(cell), Ok((message, goal))) = (facts, message) else {
+        let (Ok(line), Ok((message, goal))) = (facts, message) else {
             return Ok(unread);
         };
         Ok(OpenGoal {
@@ -285,9 +294,9 @@ impl Ledger {
             goal_id,
             goal: Some(goal),
             journal: Some(message.address.journal),
-            valid_until_unix_ms: message.address.valid_until_unix_ms,
+            valid_until_unix_ms: line.valid_until_unix_ms,
             told,
-            cell,
+            cell: line.cell,
             earlier: None,
         })
     }
@@ -298,14 +307,14 @@ impl Ledger {
         Some(folders.cell.join(format!("{goal_id}.{ending}")))
     }
 
-    /// Reads a goal of version 4, or its report.
-    fn read_earlier(&self, goal_id: &str, ending: &str) -> Result<Option<Vec<u8>>, DispatchError> {
+    /// Reads a goal of version 4.
+    fn read_earlier(&self, goal_id: &str) -> Result<Option<Vec<u8>>, DispatchError> {
         let Some(folders) = &self.folders else {
             return Ok(None);
         };
-        match self.read(goal_id, ending)? {
+        match self.read(goal_id, EARLIER)? {
             Some(bytes) => Ok(Some(bytes)),
-            None => read(&folders.earlier.join(format!("{goal_id}.{ending}"))),
+            None => read(&folders.earlier.join(format!("{goal_id}.{EARLIER}"))),
         }
     }
 
@@ -338,7 +347,17 @@ impl SendRecord for Ledger {
         let Some(goal) = self.file(id, GOAL) else {
             return Ok(());
         };
-        let mut bytes = serde_json::to_vec(&CellFacts::of(permitted_by)).unwrap_or_default();
+        // An earlier message may be valid for longer.
+        let until = message.address.valid_until_unix_ms;
+        let earlier = read(&goal).ok().flatten().and_then(|bytes| {
+            let line = bytes.split(|&byte| byte == b'\n').next()?;
+            serde_json::from_slice::<GoalLine>(line).ok()
+        });
+        let line = GoalLine {
+            cell: CellFacts::of(permitted_by),
+            valid_until_unix_ms: earlier.map_or(until, |line| line.valid_until_unix_ms.max(until)),
+        };
+        let mut bytes = serde_json::to_vec(&line).unwrap_or_default();
         bytes.push(b'\n');
         bytes.extend_from_slice(&message.bytes);
         lake::write_atomic(&goal, &bytes)?;

@@ -1,11 +1,11 @@
 //! Sends goals, each at most once even if this process is killed, options change or the cell forgets.
 
-use std::sync::Arc;
+use std::{cell::RefCell, collections::BTreeSet, sync::Arc};
 
 use cell::{
-    Acceptance, Capabilities, CellClient, CellError, Goal, GoalMessage, GoalResult, PalmTrajectory,
-    Patience, Recovered, Rejection, RejectionCode, Report, SendRecord, Terms, check_palm,
-    with_causes,
+    Acceptance, CLOCKS_MS, Capabilities, CellClient, CellError, Goal, GoalMessage, GoalResult,
+    PalmTrajectory, Patience, Recovered, Rejection, RejectionCode, Report, SendRecord, Terms,
+    check_palm, with_causes,
 };
 use lake::LakeError;
 use robot::Joint;
@@ -18,9 +18,6 @@ use crate::{
     ledger::{CellFacts, GoalHistory, Ledger, OpenGoal},
     refusal::Refusal,
 };
-
-/// Largest difference between the clocks of cell and dispatcher, in milliseconds.
-const CLOCKS_MS: u64 = 1000;
 
 /// Time of a goal's execution.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -68,20 +65,30 @@ pub(crate) struct Sender<'a> {
     /// The robot's joints under the goals' names.
     pub(crate) joints: &'a [Joint],
     pub(crate) ledger: Ledger,
+    /// Goals of earlier runs of which this run has learned that a person stopped them.
+    pub(crate) stopped: RefCell<BTreeSet<String>>,
 }
 
 impl Sender<'_> {
     /// Learns the end of every goal that was sent to this cell, before anything is sent. A higher `attempt` than
-    /// a goal's says that a person has looked: it is left as it is.
+    /// a goal's says that a person has looked: it may stay without an end.
     pub(crate) fn settle(&self) -> Result<(), DispatchError> {
         for open in self.ledger.open_goals()? {
-            let goal = open.goal.clone();
-            if goal
-                .as_ref()
-                .is_none_or(|goal| goal.attempt >= self.config.attempt)
-            {
-                self.recover(goal.as_ref(), &open)?;
-            }
+            let id = open.goal_id.clone();
+            let candidate_id = open.goal.as_ref().map_or("?", |goal| &goal.candidate_id);
+            let answer = self.config.answer_timeout();
+            let motion = MotionInFlight::new(self.client, candidate_id, self.cell(), &id, answer);
+            motion.carry_out(|| match &open.goal {
+                Some(goal) if goal.attempt < self.config.attempt => {
+                    let is_here = open.journal.as_ref() == Some(&self.terms.capabilities().journal);
+                    let recover = || self.client.recover(&id, goal, self.joints, self.patience());
+                    match is_here.then(recover) {
+                        Some(Recovered::Report(report)) => self.ledger.conclude(&report),
+                        Some(_) | None => Ok(()),
+                    }
+                }
+                goal => self.recover(goal.as_ref(), &open).map(drop),
+            })?;
         }
         Ok(())
     }
@@ -123,10 +130,16 @@ impl Sender<'_> {
     fn carry_out(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
         let id = goal.encode().goal_id;
         if let GoalHistory::Ended { report, cell } = self.ledger.history(&id)? {
+            // One that a person stopped while this run waited for it is not sent again by this run.
+            let during = if self.stopped.borrow().contains(&id) {
+                ExecutedDuring::Now
+            } else {
+                ExecutedDuring::Before
+            };
             return Ok(Ok(Sent {
                 goal: goal.clone(),
                 report: *report,
-                during: ExecutedDuring::Before,
+                during,
                 cell,
             }));
         }
@@ -158,17 +171,15 @@ impl Sender<'_> {
         };
         let repetition = Repetition(&self.ledger);
         let mut record: &dyn SendRecord = &self.ledger;
-        match self.ledger.history(&id)? {
-            GoalHistory::Ended { report, cell } => {
-                return Ok(Ok(sent(*report, ExecutedDuring::Before, cell)));
+        if let GoalHistory::Open(open) = self.ledger.history(&id)? {
+            if let Some(report) = self.recover(Some(goal), &open)? {
+                let during = match report.outcome {
+                    Outcome::Stopped => ExecutedDuring::Now,
+                    _ => ExecutedDuring::Before,
+                };
+                return Ok(Ok(sent(report, during, open.cell)));
             }
-            GoalHistory::Open(open) => {
-                if let Some(report) = self.recover(Some(goal), &open)? {
-                    return Ok(Ok(sent(report, ExecutedDuring::Before, open.cell)));
-                }
-                record = &repetition;
-            }
-            GoalHistory::Free => {}
+            record = &repetition;
         }
         let result = self
             .client
@@ -185,7 +196,8 @@ impl Sender<'_> {
         };
         let (report, during) = done;
         match &report.rejection {
-            Some(rejection) if is_about_now(rejection) => {
+            // One that leaves the goal open is not the last word on it.
+            Some(rejection) if is_about_now(rejection) || self.is_open(&id)? => {
                 return Err(DispatchError::NotNow {
                     cell: self.cell().to_owned(),
                     candidate_id: goal.candidate_id.clone(),
@@ -207,7 +219,11 @@ impl Sender<'_> {
     ) -> Result<Option<Report>, DispatchError> {
         let id = open.goal_id.as_str();
         let Some(goal) = goal else {
-            let message = "its record in the lake cannot be read".to_owned();
+            let message = format!(
+                "its record `effects/dispatch/cells/{}/{id}.goal` in the lake cannot be read; once a person has \
+                 looked at the robot, remove it",
+                self.cell()
+            );
             return Err(self.tell("?", id, message)?);
         };
         let here = &self.terms.capabilities().journal;
@@ -221,7 +237,18 @@ impl Sender<'_> {
         match self.client.recover(id, goal, self.joints, self.patience()) {
             Recovered::Report(report) => {
                 self.conclude(goal, &report, open.told)?;
+                if report.outcome == Outcome::Stopped {
+                    self.stopped.borrow_mut().insert(id.to_owned());
+                }
                 Ok(Some(report))
+            }
+            // A person has been told, and asks again: it stays unknown.
+            Recovered::Untrusted(report) if open.told => {
+                self.ledger.conclude(&report)?;
+                Ok(Some(report))
+            }
+            Recovered::Untrusted(report) => {
+                Err(self.tell(&goal.candidate_id, id, report.message)?)
             }
             Recovered::NeverTaken if !open.accepted => {
                 let asked_ms = self.terms.capabilities().clock_unix_ms;
@@ -253,6 +280,13 @@ impl Sender<'_> {
             return Err(self.tell(&goal.candidate_id, &report.goal_id, message)?);
         }
         self.ledger.conclude(report)
+    }
+
+    fn is_open(&self, goal_id: &str) -> Result<bool, DispatchError> {
+        Ok(matches!(
+            self.ledger.history(goal_id)?,
+            GoalHistory::Open(_)
+        ))
     }
 
     /// Records that this run ends because an outcome is unknown, and returns the error.

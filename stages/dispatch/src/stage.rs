@@ -1,6 +1,9 @@
 //! The stage: one table of executions per object.
 
-use std::path::{Component, Path};
+use std::{
+    cell::RefCell,
+    path::{Component, Path},
+};
 
 use cell::{Goal, with_causes};
 use dataflow::{
@@ -261,6 +264,7 @@ fn send(
         terms: &connected.terms,
         joints: &joints,
         ledger,
+        stopped: RefCell::default(),
     };
     sender.settle()?;
     let cell = connected.terms.capabilities();
@@ -341,7 +345,12 @@ fn connect(
     };
     cells::connect(config, robots, object, first, key).map_err(|err| {
         let open = ledger.open_goals().unwrap_or_default();
-        match open.into_iter().next() {
+        // A higher `attempt` says that a person has looked.
+        let is_now = |open: &OpenGoal| {
+            let goal = open.goal.as_ref();
+            goal.is_none_or(|goal| goal.attempt >= config.attempt)
+        };
+        match open.into_iter().find(is_now) {
             Some(OpenGoal { goal, goal_id, .. }) => {
                 let candidate_id = goal.map_or("?".to_owned(), |goal| goal.candidate_id);
                 unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err))

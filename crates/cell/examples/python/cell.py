@@ -113,8 +113,6 @@ class Cell:
         if len(data) > MOST_BYTES:
             refuse("too_large", f"{len(data)} bytes")
         goal = opened(data, refuse)
-        if self.args.dispatcher and goal.address["dispatcher_key"] not in self.args.dispatcher:
-            refuse("dispatcher", "this cell takes goals of other keys only")
         if [goal.address["cell"], goal.address["journal"]] != [self.args.name, self.key.public]:
             refuse("address", f"this is cell `{self.args.name}` with journal {self.key.public}")
         with self.lock:
@@ -132,6 +130,8 @@ class Cell:
         return False
 
     def admit(self, goal):
+        if self.args.dispatcher and goal.address["dispatcher_key"] not in self.args.dispatcher:
+            refuse("dispatcher", "this cell takes goals of other keys only")
         if goal.address["simulated_only"] and self.args.real:
             refuse("permission", "nothing real may move for it, and this cell says that it is real")
         if self.executing:

@@ -107,8 +107,16 @@ impl Shared {
         let opened = check_length(bytes).and_then(|()| GoalMessage::decode(bytes));
         let admitted = opened.and_then(|(message, goal)| {
             let (digest, until) = (message.digest.clone(), message.address.valid_until_unix_ms);
-            self.admit(message, goal, received)
-                .inspect_err(|refusal| lock(&self.refused).keep(digest, until, refusal))
+            self.admit(message, goal, received).inspect_err(|refusal| {
+                // These do not change while the cell runs, and any party can cause them.
+                let is_fixed = matches!(
+                    refusal.code,
+                    RejectionCode::Address | RejectionCode::Dispatcher
+                );
+                if !is_fixed {
+                    lock(&self.refused).keep(digest, until, refusal);
+                }
+            })
         });
         match admitted {
             Ok(Some(job)) => (GoalAnswer::Accepted { known: false }, Some(job)),
@@ -170,6 +178,8 @@ impl Shared {
         lock(&self.journal).is_free()?;
         self.machine.check(&goal)?;
         let mut journal = lock(&self.journal);
+        // Of two copies the other may have been refused meanwhile.
+        lock(&self.refused).check(&message)?;
         if self.control.is_stopped() {
             let reason = "the cell was stopped and has not been resumed";
             return Err(Rejection::new(RejectionCode::Stopped, reason.to_owned()));

@@ -514,7 +514,7 @@ fn contradictory_outcome_is_never_recorded() {
             "{what}: {executed:?}"
         );
         // Queried again, the motion's outcome is unknown.
-        let Recovered::Report(report) =
+        let Recovered::Untrusted(report) =
             client.recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT)
         else {
             panic!("{what}: it has a report");

@@ -114,7 +114,7 @@ fn a_report_that_cannot_be_read_or_is_false_is_not_believed_and_not_repeated() {
                 let ended = [Outcome::Failed, Outcome::Aborted];
                 assert!(ended.contains(&report.outcome), "{report:?}");
             }
-            ("garbled_report" | "wrong_report", Recovered::Report(report)) => {
+            ("garbled_report" | "wrong_report", Recovered::Untrusted(report)) => {
                 assert_eq!(report.outcome, Outcome::Unknown, "{fault}");
             }
             ("never_answer", Recovered::NoAnswer(_)) => {}
