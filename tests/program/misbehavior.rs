@@ -4,9 +4,8 @@
 use std::{
     collections::BTreeMap,
     fs,
-    io::{BufRead, BufReader},
     path::{Path, PathBuf},
-    process::{Child, Command, Output, Stdio},
+    process::Output,
 };
 
 use serde_json::Value;
@@ -15,7 +14,7 @@ use tempfile::TempDir;
 use crate::{
     bench::{stderr, stdout},
     cell_lab::Lab,
-    python::python,
+    python::{PythonCell, program_at, python},
 };
 
 /// What a run does at a cell that misbehaves.
@@ -43,30 +42,16 @@ enum Expected {
 
 /// The cell, and what it writes down.
 struct MisbehavingCell {
-    process: Child,
     journal: PathBuf,
+    _cell: PythonCell,
 }
 
 impl MisbehavingCell {
     fn start(python: &str, lab: &Lab, journal: &Path, kind: &str) -> Self {
-        let root = Path::new(env!("CARGO_MANIFEST_DIR"));
-        let mut process = Command::new(python)
-            .args(["-B", "-u"])
-            .arg(root.join("tests/program/misbehaving/cell.py"))
-            .args(["--misbehave", kind, "--listen", &lab.endpoint])
-            .args(["--hand", "data/robots/allegro_right.urdf", "--journal"])
-            .arg(journal)
-            .current_dir(root)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        let mut said = BufReader::new(process.stdout.take().unwrap());
-        said.read_line(&mut line).unwrap();
-        assert_eq!(line.trim(), lab.endpoint, "{kind}");
+        let program = program_at(python, "tests/program/misbehaving/cell.py");
         Self {
-            process,
             journal: journal.to_owned(),
+            _cell: PythonCell::start(program, lab, journal, &["--misbehave", kind]),
         }
     }
 
@@ -83,13 +68,6 @@ impl MisbehavingCell {
     /// Goals that came, with what the cell had said of being simulated.
     fn transmissions(&self) -> Vec<(String, String)> {
         self.lines("transmissions")
-    }
-}
-
-impl Drop for MisbehavingCell {
-    fn drop(&mut self) {
-        let _gone = self.process.kill();
-        let _gone = self.process.wait();
     }
 }
 

@@ -37,20 +37,30 @@ pub(crate) fn python(modules: &[&str]) -> Option<String> {
 
 /// A program of the examples in Python.
 fn example(python: &str, name: &str) -> Command {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/cell/examples/python");
+    program_at(python, &format!("crates/cell/examples/python/{name}"))
+}
+
+/// A program in Python, by its path in the project.
+pub(crate) fn program_at(python: &str, path: &str) -> Command {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut program = Command::new(python);
-    program.arg("-B").arg("-u").arg(folder.join(name));
-    program.current_dir(env!("CARGO_MANIFEST_DIR"));
+    program.arg("-B").arg("-u").arg(root.join(path));
+    program.current_dir(root);
     program
 }
 
 /// A cell in Python, which ends with the test.
-struct PythonCell(Child);
+pub(crate) struct PythonCell(Child);
 
 impl PythonCell {
-    /// Starts it where the lab's cell listens, and waits until it serves.
-    fn start(python: &str, lab: &Lab, journal: &Path, arguments: &[&str]) -> Self {
-        let mut cell = example(python, "cell.py")
+    /// Starts a cell's program where the lab's cell listens, and waits until it serves.
+    pub(crate) fn start(
+        mut program: Command,
+        lab: &Lab,
+        journal: &Path,
+        arguments: &[&str],
+    ) -> Self {
+        let mut cell = program
             .args(["--listen", &lab.endpoint])
             .args(["--hand", "data/robots/allegro_right.urdf", "--journal"])
             .arg(journal)
@@ -93,7 +103,12 @@ fn python_cell_executes_goals_and_contradictions_are_not_successes() {
     ];
     for (attempt, kind) in (1..).zip(kinds) {
         let journal = journals.path().join(kind);
-        let _cell = PythonCell::start(&python, &lab, &journal, &["--contradict", kind]);
+        let _cell = PythonCell::start(
+            example(&python, "cell.py"),
+            &lab,
+            &journal,
+            &["--contradict", kind],
+        );
         let mut run = lab.dispatch();
         run.arg("--set").arg(format!("dispatch.attempt={attempt}"));
         let ran = run.output().unwrap();
@@ -109,7 +124,7 @@ fn python_cell_executes_goals_and_contradictions_are_not_successes() {
         );
     }
     let honest = journals.path().join("honest");
-    let _cell = PythonCell::start(&python, &lab, &honest, &[]);
+    let _cell = PythonCell::start(example(&python, "cell.py"), &lab, &honest, &[]);
     let mut run = lab.dispatch();
     run.args(["--set", "dispatch.attempt=20"]);
     let ran = run.output().unwrap();

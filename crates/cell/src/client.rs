@@ -473,6 +473,7 @@ impl CellClient {
         timeout: Duration,
     ) -> Result<(Vec<u8>, Acceptance, u32), UnknownOutcome> {
         let unheard = |err: CellError| UnknownOutcome::NoAnswer(after_sending(&err));
+        let deadline = Instant::now() + timeout;
         for (round, until) in Rounds::new(timeout) {
             let question = Question::new(key, "", &message.bytes).map_err(CellError::Random);
             let question = question.map_err(unheard)?;
@@ -485,7 +486,11 @@ impl CellClient {
             if Instant::now() < until {
                 thread::sleep(PAUSE);
             }
-            let now = match self.capabilities(timeout.max(QUERY_TIMEOUT)) {
+            let left = deadline.saturating_duration_since(Instant::now());
+            if left.is_zero() {
+                break;
+            }
+            let now = match self.capabilities(left) {
                 Err(CellError::NoAnswer { .. }) => break,
                 now => now,
             };

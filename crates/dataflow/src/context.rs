@@ -80,15 +80,6 @@ impl Context<'_> {
         &self.effects_folder
     }
 
-    /// Returns the context with another folder of effects, as tests of several units have.
-    #[must_use]
-    pub fn with_effects_in(self, folder: &Path) -> Self {
-        Self {
-            effects_folder: folder.to_owned(),
-            ..self
-        }
-    }
-
     /// A file for the unit's log, which is not part of the artifact: it may differ between attempts, and is kept
     /// after a failure too. Its folder does not exist before the first log is written (`lake::write_atomic` makes
     /// it); the next attempt finds that of the last one.

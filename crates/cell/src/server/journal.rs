@@ -145,8 +145,7 @@ impl Journal {
             entries.insert(id.to_owned(), Entry::Stored);
         }
         let list = path.join(TAKEN);
-        let is_lost = |path: &Path| Ok::<_, io::Error>(!path.try_exists()?);
-        if entries.is_empty() && is_lost(&list).map_err(failed)? {
+        if entries.is_empty() && !list.try_exists().map_err(failed)? {
             // A key whose goals are lost would pass for the journal that knows them.
             SigningKey::discard(path).map_err(failed)?;
         }
