@@ -99,8 +99,7 @@ pub(crate) enum Command {
     Push,
     /// Fetch files of the newest results from the depot
     ///
-    /// `run` fetches tables, charts and pages, and what the units that it makes read; this fetches the
-    /// recordings, meshes and weights that it left.
+    /// `run` downloads what it needs; `pull` downloads the rest: recordings, meshes and weights.
     Pull(PullArgs),
     /// Make one partition of one output
     ///
@@ -311,7 +310,7 @@ pub(crate) struct CellArgs {
     pub(crate) journal: Option<PathBuf>,
     /// Simulate as fast as possible
     ///
-    /// Without a heartbeat; otherwise motions take as long as they say.
+    /// Faster than real time, without a heartbeat.
     #[arg(long)]
     pub(crate) fast: bool,
     /// ROS 2 domain that sees the joints [default: none]
@@ -592,7 +591,7 @@ pub(crate) struct PullArgs {
 pub(crate) struct VerifyArgs {
     /// Check also the files outside the lake that it has read
     ///
-    /// Detects changes that size, time and inode do not show, and has these files read again.
+    /// Computes the digests of input files again; the next run reads those again that changed.
     #[arg(long)]
     pub(crate) inputs: bool,
     /// Check the depot instead of the lake

@@ -12,6 +12,7 @@ mod inspect;
 mod lineage;
 mod lookup;
 mod new;
+mod physics;
 mod pipeline_file;
 mod plan;
 mod pull;

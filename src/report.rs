@@ -86,6 +86,9 @@ pub(crate) fn width_of(shown: &(impl IsTerminal + AsFd)) -> Option<usize> {
     asked.or_else(found).filter(|&width| width > 0)
 }
 
+/// Characters that a line has room for where the output is no terminal.
+pub(crate) const LINE_WIDTH: usize = 100;
+
 /// Mark of omitted text.
 pub(crate) const LEFT_OUT: &str = "…";
 

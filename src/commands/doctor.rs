@@ -10,7 +10,7 @@ use lake::Lake;
 use crate::{
     arguments::DoctorArgs,
     command_line::Program,
-    commands::pipeline_file,
+    commands::{physics, pipeline_file},
     executors::RemoteExecutor,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
@@ -31,6 +31,8 @@ struct Check {
 enum State {
     /// It can be used.
     Ok,
+    /// It can be used and is probably not meant so.
+    Doubtful,
     /// It is required and missing.
     Missing,
     /// It is optional and missing.
@@ -41,6 +43,7 @@ impl State {
     fn word(self) -> &'static str {
         match self {
             Self::Ok => "ok",
+            Self::Doubtful => "doubtful",
             Self::Missing => "missing",
             Self::Unset => "unset",
         }
@@ -108,6 +111,11 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
     found.push(checks::compute());
     found.extend(checks::stages(pipeline));
     found.extend(checks::robot_cells(pipeline));
+    found.extend(
+        physics::differences(pipeline)
+            .into_iter()
+            .map(|it| Check::new(State::Doubtful, it.dispatch, it.text).with_hint(it.hint)),
+    );
     Ok(found)
 }
 

@@ -12,7 +12,7 @@ use crate::{
     arguments::RunArgs,
     command_line::Program,
     commands::{
-        detach, pipeline_file, plan,
+        detach, physics, pipeline_file, plan,
         query::page::Page,
         sweep::{self, Done},
     },
@@ -65,6 +65,10 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         report::text(&plan::text(&plan, Page::of_stdout().width))?;
         return Ok(Done::without_words(CommandOutcome::Done));
     }
+    for difference in physics::differences(&pipeline) {
+        program.say(&format!("warn   {}", difference.text));
+        program.say(&format!("hint: {}", difference.hint));
+    }
     let screen = Screen::new(program.quiet);
     let processes = args
         .processes
@@ -98,7 +102,14 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
             format!("       {said}")
         } else {
-            format!("done   {said} in {}", report::duration(ran.seconds))
+            let took = format!("in {}", report::duration(ran.seconds));
+            let line = format!("done   {said} {took}");
+            if line.chars().count() <= report::LINE_WIDTH {
+                line
+            } else {
+                report::short_line(&format!("done   {took}"));
+                format!("       {said}")
+            }
         };
         report::short_line(&line);
     }

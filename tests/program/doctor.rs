@@ -285,3 +285,43 @@ fn doctor_finds_the_side_of_published_hands() {
         }
     }
 }
+
+#[test]
+fn doctor_and_run_say_where_the_simulated_cell_differs_from_the_screen() {
+    let bench = Bench::new();
+    let report = done(&bench, "doctor", &["--set", "screen.scene.friction=0.3"]);
+    let differences: Vec<&str> = report
+        .lines()
+        .filter(|line| line.starts_with("doubtful"))
+        .collect();
+    let [difference] = differences[..] else {
+        panic!("{report}");
+    };
+    for value in [
+        "`screen.scene.friction` is 0.3",
+        "`dispatch.simulated.scene.friction` is 1.0",
+    ] {
+        assert!(difference.contains(value), "{difference}");
+    }
+    // A mass, a drive, and fingers that touch each other are told alike, by their keys.
+    for (set, key) in [
+        ("screen.scene.object_mass_kg=0.1", "object_mass_kg"),
+        (
+            "dispatch.simulated.scene.drive.torque_limit=0.5",
+            "drive.torque_limit",
+        ),
+        ("screen.scene.fingers_touch=true", "fingers_touch"),
+    ] {
+        let report = done(&bench, "doctor", &["--set", set]);
+        assert!(report.contains(&format!("scene.{key}` is")), "{report}");
+    }
+    // One value for both is no difference, nor are steps of another length.
+    let report = done(&bench, "doctor", &["--set", "shared.friction=0.3"]);
+    assert!(!report.contains("doubtful"), "{report}");
+    let ran = bench.run(&["--set", "screen.scene.friction=0.3", "--until", "ingest"]);
+    assert!(
+        stderr(&ran).contains("warn   `screen.scene.friction` is 0.3"),
+        "{}",
+        stderr(&ran)
+    );
+}

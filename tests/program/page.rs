@@ -216,7 +216,8 @@ fn reads_as_asked(lab: &Path, found: &Value, rates: &[Value]) {
     let (s, n) = (&trials[0]["s"], &trials[0]["n"]);
     let headline = found["headline"].as_str().unwrap();
     assert!(
-        headline.starts_with(&format!("{s} of {n} succeed")),
+        headline.starts_with("simulated success: objects ")
+            && headline.ends_with(&format!(", executions {s} of {n}")),
         "{headline}"
     );
     let all = ask(
@@ -230,7 +231,7 @@ fn reads_as_asked(lab: &Path, found: &Value, rates: &[Value]) {
             row[0]
                 .as_str()
                 .unwrap()
-                .starts_with("candidates that hold (refine, all")
+                .starts_with("candidates that succeed (refine, all")
         })
         .unwrap();
     assert_eq!(
@@ -241,13 +242,13 @@ fn reads_as_asked(lab: &Path, found: &Value, rates: &[Value]) {
         [row[3].as_str().unwrap(), row[4].as_str().unwrap()],
         [all[0]["s"].to_string(), all[0]["n"].to_string()]
     );
-    let draws = ask(
+    let samples = ask(
         lab,
         "select count(*) as n from candidates where stage = 'refine'",
     );
     let funnel = found["funnel"].as_array().unwrap();
-    let row = funnel.iter().find(|row| row[0] == "draws").unwrap();
-    assert_eq!(row[1].as_str().unwrap(), draws[0]["n"].to_string());
+    let row = funnel.iter().find(|row| row[0] == "samples").unwrap();
+    assert_eq!(row[1].as_str().unwrap(), samples[0]["n"].to_string());
 }
 
 /// A pose by its position and its axes.
@@ -322,7 +323,7 @@ fn what_is_not_there_is_said() {
     let html = fs::read_to_string(&page).unwrap();
     for said in [
         "No training is wired to this report.",
-        "candidates hold",
+        "candidates succeed",
         "<h2 id=\"motions-title\">Motions</h2>",
     ] {
         assert!(html.contains(said), "{said}");

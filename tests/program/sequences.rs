@@ -380,7 +380,7 @@ impl Walk {
             let page = self.lab.bench.lake();
             let page = page.join("reports/cgf/report/page/all/index.html");
             let page = fs::read_to_string(page).unwrap();
-            let headline = format!("{successes} of {trials} succeed");
+            let headline = format!("executions {successes} of {trials}");
             assert!(page.contains(&headline), "{headline}");
         }
     }

@@ -109,6 +109,6 @@ pub use store::{
     Store, UnitRef, UnitTransaction,
 };
 pub use suggestions::{did_you_mean, missing, nearest};
-pub use summary::{Line, Summary};
+pub use summary::{Line, Summary, counted};
 pub use sweep::{Sweep, Variant};
 pub use unit::Unit;

@@ -1,5 +1,7 @@
 //! The outcome of all partitions of an output: metrics and a line.
 
+use std::fmt::Display;
+
 use crate::{
     metrics::{MetricValues, Metrics, MissingMetric},
     record::RecordOutcome,
@@ -72,3 +74,19 @@ impl<M: Metrics> Summary<M> {
 /// The line of an output in `run`: its summary in the user's terms, e.g.
 /// `24 recordings → 23 demonstrations`.
 pub type Line<M> = fn(&Summary<M>) -> String;
+/// Returns a count with its noun, which is in the singular for one.
+///
+/// ```
+/// assert_eq!(dataflow::counted(1, "trajectory"), "1 trajectory");
+/// assert_eq!(dataflow::counted(12, "trajectory"), "12 trajectories");
+/// assert_eq!(dataflow::counted(0.0, "sample"), "0 samples");
+/// ```
+#[must_use]
+pub fn counted(n: impl Display, noun: &str) -> String {
+    let n = n.to_string();
+    match noun.strip_suffix('y') {
+        _ if n == "1" => format!("1 {noun}"),
+        Some(stem) => format!("{n} {stem}ies"),
+        None => format!("{n} {noun}s"),
+    }
+}

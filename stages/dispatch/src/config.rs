@@ -12,7 +12,7 @@ use simulation::{Protocol, SceneConfig, SceneRandomization};
 use crate::DispatchError;
 
 /// The value of `cell` for the simulated cell.
-pub(crate) const SIMULATED: &str = "simulated";
+pub const SIMULATED: &str = "simulated";
 
 /// Longest timeout accepted, in seconds.
 const DAY_S: f64 = 86_400.0;

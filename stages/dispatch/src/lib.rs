@@ -35,7 +35,7 @@ mod sender;
 mod stage;
 
 pub use cells::simulated_cell;
-pub use config::{AfterUnknown, DispatchConfig, Order, SimulatedConfig};
+pub use config::{AfterUnknown, DispatchConfig, Order, SIMULATED, SimulatedConfig};
 pub use error::DispatchError;
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
 pub use stage::{Dispatch, DispatchMetrics};

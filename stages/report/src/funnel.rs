@@ -55,7 +55,7 @@ pub(crate) fn steps(gathered: &PageData) -> Vec<Step> {
             .iter()
             .map(|(&reason, &n)| (reason.to_owned(), n));
         let lost = sorted(refused.collect());
-        step("draws", draws.candidates_n + sum(&lost), Vec::new());
+        step("samples", draws.candidates_n + sum(&lost), Vec::new());
         step("candidates", draws.candidates_n, lost);
     }
     let verdicts = verdicts(gathered);
@@ -117,7 +117,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("funnel", "From recordings to executions");
     let steps = steps(gathered);
     if steps.is_empty() {
-        section.say("No recordings, draws or rollouts are wired to this report.");
+        section.say("No recordings, samples or rollouts are wired to this report.");
         return section;
     }
     section.say(

@@ -214,7 +214,7 @@ fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, ReportError> {
             let reason = match draw.refusal {
                 Refusal::Object => "too deep in the object",
                 Refusal::Table => "too deep in the table",
-                Refusal::Residual => "another draw of the motion had a smaller residual",
+                Refusal::Residual => "another sample of the motion had a smaller residual",
             };
             *draws.refused.entry(reason).or_default() += 1;
         }

@@ -50,6 +50,17 @@ pub(crate) fn protocol(gathered: &PageData) -> Option<DataTable> {
         "torque limit of a finger's joint",
         rate.map(|rate| format!("{} Nm", rate.torque_limit_nm)),
     );
+    put(
+        "different fingers",
+        fingers_touch(gathered).map(|touch| {
+            if touch {
+                "touch each other"
+            } else {
+                "pass through each other: a rate with contact between them is lower"
+            }
+            .to_owned()
+        }),
+    );
     put("objects' masses", rate.map(|rate| rate.object_mass.clone()));
     put(
         "lift",
@@ -85,6 +96,14 @@ pub(crate) fn protocol(gathered: &PageData) -> Option<DataTable> {
     Some(table)
 }
 
+/// Says whether different fingers touch each other in the screen's physics, where its options are known.
+fn fingers_touch(gathered: &PageData) -> Option<bool> {
+    let facts = &gathered.facts;
+    let options = facts.options_of(Rollouts::NAME);
+    let options = options.or_else(|| facts.options_of(SuccessRates::NAME))?;
+    options.pointer("/scene/fingers_touch")?.as_bool()
+}
+
 /// Returns the protocol in a line, for the headline; `None` if no rates are wired.
 pub(crate) fn line(gathered: &PageData) -> Option<String> {
     let rate = gathered.rates.first()?;
@@ -94,8 +113,13 @@ pub(crate) fn line(gathered: &PageData) -> Option<String> {
     } else {
         mass
     };
+    let fingers = match fingers_touch(gathered) {
+        Some(false) => ", fingers pass through each other",
+        Some(true) => ", fingers touch each other",
+        None => "",
+    };
     Some(format!(
-        "judged by {}: friction {}, torque limit {} Nm, {mass}, approach {}",
+        "judged by {}: friction {}, torque limit {} Nm, {mass}, approach {}{fingers}",
         rate.protocol, rate.friction, rate.torque_limit_nm, rate.approach
     ))
 }

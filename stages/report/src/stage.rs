@@ -2,7 +2,7 @@
 
 use dataflow::{
     Code, Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Sum, Unit,
+    SourceFile, Stage, Sum, Unit, counted,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -85,9 +85,9 @@ impl Output for Report {
     const LINE: Option<Line<PageMetrics>> = Some(|summary| {
         let all = &summary.metrics;
         format!(
-            "{:.0} objects, {:.0} motions to look at, {:.1} MB",
-            all.objects_n,
-            all.motions_n,
+            "{}, {} to look at, {:.1} MB",
+            counted(all.objects_n, "object"),
+            counted(all.motions_n, "motion"),
             all.page_bytes / 1e6
         )
     });

@@ -384,12 +384,12 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let svg = fs::read_to_string(success.join("rates.svg")).unwrap();
     for text in [
         ">can</text>",
-        ">Candidates that hold, by object (test, demonstration)</text>",
+        ">Candidates that succeed, by object (test, demonstration)</text>",
     ] {
         assert!(svg.contains(text), "{svg}");
     }
     let said = SuccessReport::LINE.unwrap()(&Summary::made(&[made]));
-    assert_eq!(said, "33.3 % of candidates hold, 33.3 % of draws");
+    assert_eq!(said, "33.3 % of candidates succeed, 33.3 % of samples");
 
     let rates = folder.path().join("rates");
     fs::create_dir(&rates).unwrap();

@@ -36,6 +36,7 @@ impl ModelMismatch {
             latency_s,
             encoder_noise_rad,
         } = self;
+        let touching = scene.fingers_touch;
         let scene = match errors {
             Some(SceneRandomization {
                 position_m,
@@ -58,7 +59,14 @@ impl ModelMismatch {
                 scene.friction, scene.mass_scale, scene.drive.torque_limit
             ),
         };
-        format!("{scene}, commands {latency_s} s late, encoder noise {encoder_noise_rad} rad")
+        let fingers = if touching {
+            ""
+        } else {
+            ", fingers pass through each other"
+        };
+        format!(
+            "{scene}, commands {latency_s} s late, encoder noise {encoder_noise_rad} rad{fingers}"
+        )
     }
 }
 

@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Lines, Outputs, Report, Summary};
+use dataflow::{Code, Lines, Outputs, Report, Summary, counted};
 use stage_dispatch::{Dispatch, DispatchMetrics};
 
 use crate::TrialsReport;
@@ -45,7 +45,10 @@ impl DispatchReport {
         } else {
             "the robot cell"
         };
-        let mut line = format!("{motions} motions → {succeeded} succeed at {cell}");
+        let mut line = format!(
+            "{} → {succeeded} succeed at {cell}",
+            counted(motions, "motion")
+        );
         let failed = motions - succeeded - aborted - rejected - infeasible - stopped - unknown;
         for (number, word) in [
             (failed, "failed"),

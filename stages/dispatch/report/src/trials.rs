@@ -6,7 +6,9 @@ use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, 
 use lake::WriteArtifact;
 use schemas::{
     Table,
+    candidates::Candidates,
     executions::{self, Execution, Executions},
+    rollouts::{Rollouts, Verdict},
     tally::wilson,
     trials::{AllTrials, Trials},
 };
@@ -18,8 +20,16 @@ const ALL: &str = "all";
 dataflow::metrics! {
     /// Metrics of all trials together.
     pub struct TrialsMetrics {
-        /// Number of objects.
+        /// Number of objects that were screened.
         objects_n: Sum,
+        /// Number of those with a motion that was accepted.
+        objects_accepted_n: Sum,
+        /// Number of samples, those that were refused before screening included.
+        samples_n: Sum,
+        /// Number of candidates that were screened.
+        candidates_n: Sum,
+        /// Number of candidates that were accepted.
+        accepted_n: Sum,
         /// Number of trials.
         trials_n: Sum,
         /// Number of those that succeed.
@@ -52,16 +62,19 @@ impl Output for TrialsReport {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
-    /// One unit, of all objects of which motions were to be sent.
+    /// One unit, of all objects that were screened.
     fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
         let sent = scope.partitions(Executions::NAME).iter();
         let keys: Vec<&str> = sent.map(|executions| executions.key.as_str()).collect();
         if keys.is_empty() {
             return Ok(Vec::new());
         }
-        let unit = Unit::new(ALL)
-            .reading(Executions::NAME, keys)
-            .only_files(Executions::NAME, [lake::table::FILE]);
+        let unit = [Executions::NAME, Rollouts::NAME, Candidates::NAME]
+            .into_iter()
+            .fold(Unit::new(ALL), |unit, artifact| {
+                unit.reading(artifact, keys.clone())
+                    .only_files(artifact, [lake::table::FILE])
+            });
         Ok(vec![unit])
     }
 
@@ -75,38 +88,45 @@ impl Output for TrialsReport {
             let sent: Executions = lake::table::read(artifact)?;
             rows.extend(of_object(artifact.key.as_str(), &sent));
         }
+        let mut metrics = TrialsMetrics::of(&rows);
+        for artifact in inputs.artifacts(Candidates::NAME) {
+            let candidates: Candidates = lake::table::read(artifact)?;
+            metrics.add_samples(&candidates);
+        }
+        for artifact in inputs.artifacts(Rollouts::NAME) {
+            metrics.add_screened(&lake::table::read(artifact)?);
+        }
         cx.write(&rows)?;
-        Ok(Outcome::Made(TrialsMetrics::of(&rows)))
+        Ok(Outcome::Made(metrics))
     }
 }
 
-/// Says how often motions succeed, of whichever object.
+/// Says how much succeeds, from samples to executions.
 fn line(summary: &Summary<TrialsMetrics>) -> String {
     let all = &summary.metrics;
-    let by_people = if all.stopped_n > 0.0 {
-        format!(
-            "; {:.0} stopped by a person, which are no trials",
-            all.stopped_n
-        )
-    } else {
-        String::new()
-    };
-    if all.trials_n == 0.0 {
-        return format!("no trial: no robot cell has carried out a motion{by_people}");
-    }
-    let rate = 100.0 * all.rate();
-    let [low, high] = all.interval().map(|end| 100.0 * end);
-    let succeed = if all.simulated_n >= all.trials_n {
-        "succeed"
-    } else if all.simulated_n > 0.0 {
-        "succeed, some simulated"
-    } else {
-        "succeed on the robot"
-    };
-    let line = format!(
-        "{:.0} of {:.0} {succeed}: {rate:.1} % (95 % CI {low:.1} to {high:.1}){by_people}",
-        all.successes_n, all.trials_n
+    let percent = |of_n: f64| 100.0 * all.accepted_n / of_n.max(1.0);
+    let screened = format!(
+        "simulated success: objects {:.0} of {:.0}, samples {:.1} %, candidates {:.1} %",
+        all.objects_accepted_n,
+        all.objects_n,
+        percent(all.samples_n),
+        percent(all.candidates_n)
     );
+    let executions = format!("executions {:.0} of {:.0}", all.successes_n, all.trials_n);
+    let executed = if all.trials_n == 0.0 {
+        "; no robot cell has executed a motion".to_owned()
+    } else if all.simulated_n >= all.trials_n {
+        format!(", {executions}")
+    } else if all.simulated_n > 0.0 {
+        format!("; {executions}, some simulated")
+    } else {
+        format!("; on the robot: {executions}")
+    };
+    let stopped = match all.stopped_n {
+        0.0 => String::new(),
+        stopped_n => format!("; {stopped_n:.0} stopped by a person, which are no trials"),
+    };
+    let line = format!("{screened}{executed}{stopped}");
     // First, so that it is not cut.
     if all.unknown_n > 0.0 {
         return format!(
@@ -142,10 +162,7 @@ fn of_object(object: &str, executions: &[Execution]) -> Vec<Trials> {
 impl TrialsMetrics {
     fn of(rows: &[Trials]) -> Self {
         let sum = |number: &dyn Fn(&Trials) -> i64| rows.iter().map(number).sum::<i64>() as f64;
-        let mut objects: Vec<&str> = rows.iter().map(|row| row.object.as_str()).collect();
-        objects.dedup();
         Self {
-            objects_n: objects.len() as f64,
             trials_n: sum(&|row| row.outcomes.total_count()),
             successes_n: sum(&|row| row.outcomes.success_count()),
             simulated_n: sum(&|row| {
@@ -157,7 +174,29 @@ impl TrialsMetrics {
             }),
             unknown_n: sum(&|row| row.outcomes.count(executions::Outcome::Unknown)),
             stopped_n: sum(&|row| row.outcomes.count(executions::Outcome::Stopped)),
+            objects_n: 0.0,
+            objects_accepted_n: 0.0,
+            samples_n: 0.0,
+            candidates_n: 0.0,
+            accepted_n: 0.0,
         }
+    }
+
+    /// Counts the samples of an object.
+    fn add_samples(&mut self, of_object: &Candidates) {
+        let samples = of_object.candidates.iter();
+        let samples_n: usize = samples.map(|kept| 1 + kept.refused.len()).sum();
+        self.samples_n += samples_n as f64;
+    }
+
+    /// Counts the screened candidates of an object.
+    fn add_screened(&mut self, of_object: &Rollouts) {
+        let verdicts = of_object.iter().map(|rollout| rollout.verdict);
+        let accepted_n = verdicts.filter(|verdict| *verdict == Verdict::Held).count();
+        self.objects_n += 1.0;
+        self.objects_accepted_n += f64::from(accepted_n > 0);
+        self.candidates_n += of_object.len() as f64;
+        self.accepted_n += accepted_n as f64;
     }
 
     /// Share of the trials that succeed.
@@ -216,10 +255,40 @@ mod tests {
             ),
             (1, 0)
         );
-        let summary = Summary::made(&[TrialsMetrics::of(&rows)]);
         assert_eq!(
-            line(&summary),
-            "1 unknown, look at the robot before going on; 2 of 4 succeed, some simulated: 50.0 % (95 % CI 15.0 to 85.0); 1 stopped by a person, which are no trials"
+            said(TrialsMetrics::of(&rows)),
+            "1 unknown, look at the robot before going on; simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %; executions 2 of 4, some simulated; 1 stopped by a person, which are no trials"
+        );
+    }
+
+    /// The line of two objects of which one has accepted motions: 4 of 10 candidates, of 40 samples.
+    fn said(trials: TrialsMetrics) -> String {
+        line(&Summary::made(&[TrialsMetrics {
+            objects_n: 2.0,
+            objects_accepted_n: 1.0,
+            samples_n: 40.0,
+            candidates_n: 10.0,
+            accepted_n: 4.0,
+            ..trials
+        }]))
+    }
+
+    #[test]
+    fn the_line_leads_with_what_was_screened() {
+        let of = |executions: &[Execution]| said(TrialsMetrics::of(&of_object("can", executions)));
+        let succeeded = |simulated| execution("lab", simulated, executions::Outcome::Succeeded);
+        let screened = "simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %";
+        assert_eq!(
+            of(&[succeeded(true)]),
+            format!("{screened}, executions 1 of 1")
+        );
+        assert_eq!(
+            of(&[succeeded(false)]),
+            format!("{screened}; on the robot: executions 1 of 1")
+        );
+        assert_eq!(
+            of(&[]),
+            format!("{screened}; no robot cell has executed a motion")
         );
     }
 }

@@ -1,6 +1,6 @@
 //! The lines of `run`.
 
-use dataflow::{Code, Lines, Report};
+use dataflow::{Code, Lines, Report, counted};
 use stage_ingest::{Demonstrations, Ingest, Objects, Shapes};
 
 /// Sums up what `ingest` made.
@@ -14,30 +14,30 @@ impl Report for IngestReport {
     fn lines(lines: &mut Lines<Ingest>) {
         lines.add::<Shapes>(|summary| {
             format!(
-                "{} shapes in {} convex parts{}",
-                summary.n_made,
-                summary.metrics.convex_parts_n,
-                counted(summary.n_skipped, "skipped")
+                "{} in {}{}",
+                counted(summary.n_made, "shape"),
+                counted(summary.metrics.convex_parts_n, "convex part"),
+                left_out(summary.n_skipped, "skipped")
             )
         });
         lines.add::<Demonstrations>(|summary| {
             format!(
-                "{} recordings → {} demonstrations{}{}",
-                summary.item_count(),
-                summary.n_made,
-                counted(summary.n_filtered, "left out"),
-                counted(summary.n_skipped, "skipped"),
+                "{} → {}{}{}",
+                counted(summary.item_count(), "recording"),
+                counted(summary.n_made, "demonstration"),
+                left_out(summary.n_filtered, "left out"),
+                left_out(summary.n_skipped, "skipped"),
             )
         });
         lines.add::<Objects>(|summary| {
-            let skipped = counted(summary.n_skipped, "skipped");
-            format!("{} objects{skipped}", summary.n_made)
+            let skipped = left_out(summary.n_skipped, "skipped");
+            counted(summary.n_made, "object") + &skipped
         });
     }
 }
 
 /// Returns `, 3 skipped`, or nothing for none.
-fn counted(n: usize, what: &str) -> String {
+fn left_out(n: usize, what: &str) -> String {
     if n == 0 {
         String::new()
     } else {

@@ -59,7 +59,10 @@ fn figures(runs: &[NamedRun<'_>]) -> DataTable {
             trials.trials_n
         ))
     });
-    for (what, by_draw) in [("candidates that hold", false), ("draws that hold", true)] {
+    for (what, by_draw) in [
+        ("candidates that succeed", false),
+        ("samples that succeed", true),
+    ] {
         put(what.to_owned(), &|run| {
             let rate = run.rates.iter().find(|rate| rate.origin == ALL_ORIGINS);
             let Some(rate) = rate else {
@@ -111,7 +114,7 @@ fn figures(runs: &[NamedRun<'_>]) -> DataTable {
 fn objects(runs: &[NamedRun<'_>]) -> DataTable {
     let mut table = table(
         "runs_by_object",
-        "Share of each object's candidates that hold, by run",
+        "Share of each object's candidates that succeed, by run",
         ("object", "Object"),
         runs,
     );

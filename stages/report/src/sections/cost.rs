@@ -58,7 +58,7 @@ fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
     }
     if let Some(draws) = &gathered.draws {
         let refused_n: i64 = draws.refused.values().sum();
-        let drawn = format!("{} draws", count(draws.candidates_n + refused_n));
+        let drawn = format!("{} samples", count(draws.candidates_n + refused_n));
         work.insert("sample", drawn.clone());
         work.insert("refine", drawn);
     }

@@ -96,7 +96,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         .collect();
     let mut table = DataTable::new(
         "by_object",
-        "Objects with their candidates, draws and executions",
+        "Objects with their candidates, samples and executions",
         &[
             ("object", "Object"),
             ("split", "Split"),
@@ -150,7 +150,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         .map(|(name, row)| (*name, *row))
         .collect();
     section.chart(
-        "Share of the candidates that hold, by object",
+        "Share of the candidates that succeed, by object",
         chart(&screened),
     );
     section.tables.push(table);
@@ -161,7 +161,7 @@ fn chart(rows: &[(&str, Row)]) -> Option<String> {
     let rate = |row: &Row| 100.0 * row.held_n as f64 / row.candidates_n.max(1) as f64;
     if rows.len() > DRAWN {
         let captions = Captions {
-            title: "Objects by the share of their candidates that hold",
+            title: "Objects by the share of their candidates that succeed",
             x: "share of the candidates [%]",
             y: "share of the objects [%]",
         };
@@ -188,7 +188,7 @@ fn chart(rows: &[(&str, Row)]) -> Option<String> {
             .collect(),
     };
     let captions = Captions {
-        title: "Candidates that hold, by object",
+        title: "Candidates that succeed, by object",
         x: "share of the candidates, with its 95 % interval [%]",
         y: "",
     };

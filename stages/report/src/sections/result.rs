@@ -1,8 +1,11 @@
 //! The headline, with its interval and denominator, and the protocol beside it.
 
+use std::collections::BTreeMap;
+
 use schemas::{
     executions::Outcome,
     rates::ALL_ORIGINS,
+    rollouts::Verdict,
     tally::{OutcomeClass, wilson},
 };
 
@@ -40,22 +43,92 @@ pub(crate) fn trials(gathered: &PageData) -> TrialCounts {
     }
 }
 
-/// Returns the headline: what robot cells did, or else what held in simulation, or else what there is.
+/// Motions of all objects from samples to accepted candidates.
+struct Screened {
+    objects_n: usize,
+    /// Objects with an accepted motion.
+    objects_accepted_n: usize,
+    /// Samples, those refused before screening included, if they were counted.
+    samples_n: Option<i64>,
+    candidates_n: i64,
+    accepted_n: i64,
+}
+
+impl Screened {
+    /// Counts the motions; `None` if nothing was screened.
+    fn of(gathered: &PageData) -> Option<Self> {
+        let mut by_object: BTreeMap<&str, [i64; 3]> = BTreeMap::new();
+        for row in &gathered.successes {
+            let counts = by_object.entry(&row.object).or_default();
+            counts[0] += row.draws_n;
+            counts[1] += row.verdicts.total_count();
+            counts[2] += row.verdicts.success_count();
+        }
+        let is_counted = !by_object.is_empty();
+        if !is_counted {
+            for (object, rollouts) in &gathered.rollouts {
+                let held = rollouts.iter().filter(|one| one.verdict == Verdict::Held);
+                let counts = [0, signed(rollouts.len()), signed(held.count())];
+                by_object.insert(object, counts);
+            }
+        }
+        if by_object.is_empty() {
+            return None;
+        }
+        let sum = |idx: usize| by_object.values().map(|counts| counts[idx]).sum::<i64>();
+        let accepted = by_object.values().filter(|counts| counts[2] > 0);
+        Some(Self {
+            objects_n: by_object.len(),
+            objects_accepted_n: accepted.count(),
+            samples_n: is_counted.then(|| sum(0)),
+            candidates_n: sum(1),
+            accepted_n: sum(2),
+        })
+    }
+
+    fn text(&self) -> String {
+        let share = |n: i64| percent(self.accepted_n as f64 / n.max(1) as f64);
+        let samples = self.samples_n.map_or(String::new(), |samples_n| {
+            format!(", samples {}", share(samples_n))
+        });
+        format!(
+            "simulated success: objects {} of {}{samples}, candidates {}",
+            self.objects_accepted_n,
+            self.objects_n,
+            share(self.candidates_n)
+        )
+    }
+}
+
+/// Returns the headline, from samples to executions, and below it each rate with its interval.
 pub(crate) fn head(gathered: &PageData) -> Head {
     let trials = trials(gathered);
+    let screened = Screened::of(gathered).map(|screened| screened.text());
+    let place = if trials.simulated_n >= trials.trials_n {
+        "simulated"
+    } else if trials.simulated_n > 0 {
+        "some simulated"
+    } else {
+        "on the robot"
+    };
+    let executions = format!("executions {} of {}", trials.successes_n, trials.trials_n);
+    let headline = match (screened, trials.trials_n > 0) {
+        (Some(screened), false) => screened,
+        (Some(screened), true) if place == "simulated" => format!("{screened}, {executions}"),
+        (Some(screened), true) => format!("{screened}; {place}: {executions}"),
+        (None, true) => format!("{executions} succeed, {place}"),
+        (None, false) => match (gathered.trajectories_n, gathered.demonstrations_n) {
+            (Some(n), _) => format!("{n} trajectories; nothing was screened"),
+            (None, Some(n)) => format!("{n} demonstrations; nothing was screened"),
+            (None, None) => "nothing was screened".to_owned(),
+        },
+    };
     let mut lines = Vec::new();
     if trials.trials_n > 0 {
         let [low, high] = wilson(trials.successes_n as f64, trials.trials_n as f64);
         let rate = trials.successes_n as f64 / trials.trials_n as f64;
-        let place = if trials.simulated_n >= trials.trials_n {
-            "succeed"
-        } else if trials.simulated_n > 0 {
-            "succeed, some simulated"
-        } else {
-            "succeed on the robot"
-        };
         lines.push(format!(
-            "{} of {} {place}: {} (95 % CI {:.1} to {:.1})",
+            "{} of {} executions succeed, {place}: {} (95 % CI {:.1} to {:.1})",
             trials.successes_n,
             trials.trials_n,
             percent(rate),
@@ -72,7 +145,7 @@ pub(crate) fn head(gathered: &PageData) -> Head {
             format!(", {} objects", split.as_str())
         });
         lines.push(format!(
-            "{} of candidates hold (95 % CI {:.0} to {:.0}; mean of {} objects; {} of {} candidates; `{}`{split})",
+            "{} of candidates succeed (95 % CI {:.0} to {:.0}; mean of {} objects; {} of {} candidates; `{}`{split})",
             percent(rate.candidate_rate_mean),
             100.0 * rate.candidate_rate_low,
             100.0 * rate.candidate_rate_high,
@@ -82,7 +155,7 @@ pub(crate) fn head(gathered: &PageData) -> Head {
             rate.generator,
         ));
         lines.push(format!(
-            "{} of draws hold (95 % CI {:.0} to {:.0}; {} of {} draws; `{}`{split})",
+            "{} of samples succeed (95 % CI {:.0} to {:.0}; {} of {} samples; `{}`{split})",
             percent(rate.draw_rate_mean),
             100.0 * rate.draw_rate_low,
             100.0 * rate.draw_rate_high,
@@ -91,22 +164,6 @@ pub(crate) fn head(gathered: &PageData) -> Head {
             rate.generator,
         ));
     }
-    if lines.is_empty() && !gathered.rollouts.is_empty() {
-        let n = gathered.rollouts.values().flatten().count();
-        let held_n = gathered.rollouts.values().flatten();
-        let held_n = held_n
-            .filter(|one| one.verdict == schemas::rollouts::Verdict::Held)
-            .count();
-        lines.push(format!("{held_n} of {n} candidates hold"));
-    }
-    if lines.is_empty() {
-        lines.push(match (gathered.trajectories_n, gathered.demonstrations_n) {
-            (Some(n), _) => format!("{n} trajectories; nothing was screened"),
-            (None, Some(n)) => format!("{n} demonstrations; nothing was screened"),
-            (None, None) => "nothing was screened".to_owned(),
-        });
-    }
-    let headline = lines.remove(0);
     lines.extend(protocol::line(gathered));
     Head {
         title: format!("{}: what was learned", gathered.facts.run.pipeline),
@@ -163,13 +220,13 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         let of = format!("{}, {origin}{split}", rate.generator);
         for (what, mean, ends, n) in [
             (
-                "candidates that hold",
+                "candidates that succeed",
                 rate.candidate_rate_mean,
                 [rate.candidate_rate_low, rate.candidate_rate_high],
                 rate.candidates_n,
             ),
             (
-                "draws that hold",
+                "samples that succeed",
                 rate.draw_rate_mean,
                 [rate.draw_rate_low, rate.draw_rate_high],
                 rate.draws_n,
@@ -190,7 +247,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
     }
     if let Some([trials_n, held_n]) = gathered.robustness.filter(|[n, _]| *n > 0) {
         table.row([
-            Cell::text("trials of accepted motions that hold under drawn errors"),
+            Cell::text("trials of accepted motions that succeed under sampled errors"),
             Cell::share(held_n as f64 / trials_n as f64),
             Cell::Missing,
             Cell::count(held_n),

@@ -1,6 +1,6 @@
 //! The report and the lines of `run`.
 
-use dataflow::{Code, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report, counted};
 use stage_retarget::{DistanceFields, Retarget, Trajectories};
 
 use crate::tracking::TrackingReport;
@@ -16,13 +16,13 @@ impl Report for RetargetReport {
 
     fn lines(lines: &mut Lines<Retarget>) {
         lines.add::<DistanceFields>(|summary| {
-            format!("{} objects → distance fields", summary.n_made)
+            format!("{} → distance fields", counted(summary.n_made, "object"))
         });
         lines.add::<Trajectories>(|summary| {
             format!(
-                "{} demonstrations → {} trajectories, error {:.0} mm",
-                summary.item_count(),
-                summary.n_made,
+                "{} → {}, error {:.0} mm",
+                counted(summary.item_count(), "demonstration"),
+                counted(summary.n_made, "trajectory"),
                 1000.0 * summary.metrics.keypoint_error_m
             )
         });

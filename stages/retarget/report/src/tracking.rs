@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit, counted};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingSummary, trajectories::Trajectory};
 use stage_retarget::{Retarget, RetargetConfig, RetargetError};
@@ -38,9 +38,9 @@ impl Output for TrackingReport {
     const LINE: Option<Line<TrackingMetrics>> = Some(|summary| {
         let all = &summary.metrics;
         format!(
-            "{} objects, {} trajectories, tip error {:.1} mm",
-            summary.n_made,
-            all.trajectories_n,
+            "{}, {}, tip error {:.1} mm",
+            counted(summary.n_made, "object"),
+            counted(all.trajectories_n, "trajectory"),
             1000.0 * all.tip_error_sum_m / all.tips_n.max(1.0)
         )
     });

@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report, counted};
 use stage_sample::Sample;
 
 use crate::SamplingReport;
@@ -19,11 +19,15 @@ impl Report for SampleReport {
         lines.add::<Sample>(|summary| {
             let (candidates, draws) = (summary.metrics.candidates, summary.metrics.draws);
             let of = if draws > candidates {
-                format!(" of {draws} draws")
+                format!(" of {}", counted(draws, "sample"))
             } else {
                 String::new()
             };
-            format!("{} objects → {candidates} candidates{of}", summary.n_made)
+            format!(
+                "{} → {}{of}",
+                counted(summary.n_made, "object"),
+                counted(candidates, "candidate")
+            )
         });
     }
 }

@@ -157,7 +157,7 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |n: f64| 100.0 * n / all.candidates_n.max(1.0);
     let line = format!(
-        "{:.0} % within limits, {:.0} % clear; spread {:.0} mm, {:.0}°",
+        "{:.0} % within limits, {:.0} % collision-free; palm spread {:.0} mm, {:.0}°",
         percent(all.within_limits_n),
         percent(all.clear_n),
         1e3 * all.grasp_spread_m,

@@ -268,12 +268,12 @@ fn chart(rates: &[Rate]) -> Option<String> {
                 rate.candidate_rate_high,
             ]
         }),
-        series("by draw", |rate| {
+        series("by sample", |rate| {
             [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
         }),
     ];
     let captions = Captions {
-        title: "Motions that hold, mean over objects",
+        title: "Motions that succeed, mean over objects",
         x: "share with its 95 % interval by resampling objects [%]",
         y: "",
     };
@@ -363,7 +363,7 @@ mod tests {
         assert_eq!((prior.objects_n, prior.candidate_rate_mean), (2, 0.25));
         assert_eq!((all.approach.as_str(), all.squeeze_rad), ("follow", 0.15));
         let svg = chart(&rates).unwrap();
-        for name in ["cgf, all seen", "cgf, prior unseen", "by draw"] {
+        for name in ["cgf, all seen", "cgf, prior unseen", "by sample"] {
             assert!(svg.contains(&format!(">{name}</text>")), "{name}");
         }
     }

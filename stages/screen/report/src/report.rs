@@ -1,6 +1,6 @@
 //! The report and the line of `run`.
 
-use dataflow::{Code, Lines, Outputs, Report};
+use dataflow::{Code, Lines, Outputs, Report, counted};
 use stage_screen::{RobustnessTrials, Screen};
 
 use crate::{RatesReport, SuccessReport};
@@ -18,18 +18,19 @@ impl Report for ScreenReport {
         lines.add::<Screen>(|summary| {
             let all = &summary.metrics;
             format!(
-                "{:.0} candidates → {:.0} accepted",
-                all.candidates_n, all.accepted_n
+                "{} → {:.0} accepted",
+                counted(all.candidates_n, "candidate"),
+                all.accepted_n
             )
         });
         lines.add::<RobustnessTrials>(|summary| {
             let all = &summary.metrics;
             if all.trials_n == 0.0 {
-                return "no motion tried under drawn errors".to_owned();
+                return "no accepted motion tried with sampled errors".to_owned();
             }
             format!(
-                "{:.0} motions × {:.0} trials with drawn errors → {:.1} % hold",
-                all.motions_n,
+                "{} × {:.0} trials with errors → {:.1} % succeed",
+                counted(all.motions_n, "accepted motion"),
                 all.trials_n / all.motions_n,
                 100.0 * all.held_n / all.trials_n
             )

@@ -125,7 +125,7 @@ fn touched(rollout: &Rollout) -> bool {
 fn line(summary: &Summary<SuccessMetrics>) -> String {
     let all = &summary.metrics;
     let [by_candidate, by_draw] = [all.candidate_rate(), all.draw_rate()].map(|rate| 100.0 * rate);
-    let mut line = format!("{by_candidate:.1} % of candidates hold, {by_draw:.1} % of draws");
+    let mut line = format!("{by_candidate:.1} % of candidates succeed, {by_draw:.1} % of samples");
     if all.touched_n == 0.0 && all.candidates_n > 0.0 {
         line += &untouched(all);
     }
@@ -280,8 +280,8 @@ fn chart(rows: &[Success]) -> Option<String> {
     });
     let series: Vec<Estimates> = series.collect();
     let title = match &series[..] {
-        [only] => format!("Candidates that hold, by object ({})", only.name),
-        _ => "Candidates that hold, by object".to_owned(),
+        [only] => format!("Candidates that succeed, by object ({})", only.name),
+        _ => "Candidates that succeed, by object".to_owned(),
     };
     let captions = Captions {
         title: &title,
@@ -442,7 +442,7 @@ mod tests {
             (2.0, 4.0, 1.0)
         );
         let line = line(&Summary::made(&[all]));
-        assert_eq!(line, "50.0 % of candidates hold, 25.0 % of draws");
+        assert_eq!(line, "50.0 % of candidates succeed, 25.0 % of samples");
         // A row without a candidate has no share to draw.
         assert!(!chart(&rows).unwrap().contains("prior"));
     }

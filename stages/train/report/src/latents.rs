@@ -71,7 +71,7 @@ impl Output for LatentsReport {
 fn line(summary: &Summary<LatentMetrics>) -> String {
     let all = &summary.metrics;
     format!(
-        "{} of {} latent dimensions in use, {:.1} nats",
+        "{} of {} active latent dimensions, KL {:.1} nats",
         all.active_n, all.latents_n, all.kl_nats,
     )
 }

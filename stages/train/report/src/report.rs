@@ -1,7 +1,9 @@
 //! The reports: their units, and what they have in common.
 
 use cgf::Description;
-use dataflow::{Code, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit};
+use dataflow::{
+    Code, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit, counted,
+};
 use lake::{ReadArtifact, ReadInputs};
 use schemas::{checkpoint, training::Split};
 use stage_train::{Train, TrainConfig, TrainError, TrainMetrics};
@@ -27,7 +29,8 @@ fn line(summary: &Summary<TrainMetrics>) -> String {
     let error_mm = |split: Split| shown(all.position_error_m[split].map(|m| 1e3 * m), 1);
     let n = shown(all.trajectories[Split::Training], 0);
     let error = error_mm(Split::Training);
-    let mut text = format!("{n} trajectories → error {error} mm");
+    let trajectories = counted(n, "trajectory");
+    let mut text = format!("{trajectories} → error {error} mm");
     for (split, what) in [(Split::HeldOut, "held out"), (Split::Unseen, "unseen")] {
         if let Some(n) = all.trajectories[split].filter(|n| *n > 0.0) {
             text += &format!(", {n} {what} {} mm", error_mm(split));
@@ -95,12 +98,6 @@ pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
     Ok(Description::read(
         model.path(checkpoint::LAST.description)?,
     )?)
-}
-
-/// `3 motions` or `1 motion`.
-pub(crate) fn counted(n: f64, what: &str) -> String {
-    let end = if n < 1.5 { "" } else { "s" };
-    format!("{n} {what}{end}")
 }
 
 /// The mean of numbers; not a number if there are none.

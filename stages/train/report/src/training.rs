@@ -12,7 +12,7 @@ use schemas::{
 };
 use stage_train::{BySplit, Train, TrainConfig, TrainError};
 
-use crate::report::{counted, description, of_description, shown, shown_split};
+use crate::report::{description, of_description, shown, shown_split};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -107,7 +107,7 @@ impl Output for TrainingReport {
 
 fn line(summary: &Summary<TrainingMetrics>) -> String {
     let all = &summary.metrics;
-    let epochs = counted(all.epochs, "epoch");
+    let epochs = dataflow::counted(all.epochs, "epoch");
     let (first, last) = (
         shown(all.loss_first, 4),
         shown(all.loss[Split::Training], 4),

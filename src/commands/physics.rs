@@ -1,0 +1,87 @@
+//! Whether the simulated cell has the physics of the screen whose motions it executes.
+
+use dataflow::{Pipeline, StageEntry};
+use schemas::{Table, rollouts::Rollouts};
+use serde_json::Value;
+use simulation::SceneConfig;
+use stage_dispatch::{Dispatch, SIMULATED};
+use stage_screen::Screen;
+
+/// Values of a scene on which it depends whether a grasp succeeds. Time steps are not among them: the cell's
+/// differ on purpose.
+const PHYSICS: [&str; 7] = [
+    "friction",
+    "table_friction",
+    "object_mass_kg",
+    "object_density_kg_per_m3",
+    "mass_scale",
+    "fingers_touch",
+    "drive",
+];
+
+/// A value in which a simulated cell differs from the screen.
+pub(crate) struct Difference {
+    /// The stage of the cell.
+    pub(crate) dispatch: String,
+    /// Both values, each with its key.
+    pub(crate) text: String,
+    /// A way to have the same value in both.
+    pub(crate) hint: String,
+}
+
+/// Returns the values in which simulated cells differ from the screens of their motions.
+pub(crate) fn differences(pipeline: &Pipeline) -> Vec<Difference> {
+    let stages = pipeline.stages.iter();
+    stages
+        .filter_map(|dispatch| of_stage(pipeline, dispatch))
+        .flatten()
+        .collect()
+}
+
+/// As [`differences`], of one stage; `None` if it serves no simulated cell for a screen.
+fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference>> {
+    let options = dispatch.options::<Dispatch>()?;
+    if options.cell != SIMULATED {
+        return None;
+    }
+    let source = dispatch.inputs.get(Rollouts::NAME)?;
+    let screen = pipeline.stages.iter().find(|it| it.name == source.stage)?;
+    let screened = screen.options::<Screen>()?.resolved().scene;
+    let differing = PHYSICS.iter().flat_map(|key| {
+        let [screened, executed] = [&screened, &options.simulated.scene].map(|it| value(it, key));
+        inner(key, &screened, &executed)
+    });
+    let difference = |(key, screened, executed): (String, Value, Value)| Difference {
+        dispatch: dispatch.name.to_string(),
+        text: format!(
+            "`{}.scene.{key}` is {screened}, `{}.simulated.scene.{key}` is {executed}: the simulated cell \
+             executes motions in other physics than they were screened in",
+            screen.name, dispatch.name
+        ),
+        hint: format!(
+            "to execute in the physics of the screen, add `--set {}.simulated.scene.{key}={screened}`",
+            dispatch.name
+        ),
+    };
+    Some(differing.map(difference).collect())
+}
+
+fn value(scene: &SceneConfig, key: &str) -> Value {
+    let scene = serde_json::to_value(scene).unwrap_or_default();
+    scene.get(key).cloned().unwrap_or_default()
+}
+
+/// Returns the values that differ; of tables those within, each by its key.
+fn inner(key: &str, a: &Value, b: &Value) -> Vec<(String, Value, Value)> {
+    match (a, b) {
+        (Value::Object(a), Value::Object(b)) => {
+            let of = |name: &String| {
+                let [a, b] = [a, b].map(|it| it.get(name).cloned().unwrap_or_default());
+                inner(&format!("{key}.{name}"), &a, &b)
+            };
+            a.keys().flat_map(of).collect()
+        }
+        _ if a == b => Vec::new(),
+        _ => vec![(key.to_owned(), a.clone(), b.clone())],
+    }
+}
