@@ -9,7 +9,6 @@ use schemas::demonstrations::KEYPOINTS;
 use spatial::{Object, Pose};
 
 use crate::{
-    config::IngestConfig,
     departure::Departure,
     recording::{Keypoints, Recording},
 };
@@ -30,7 +29,6 @@ pub(crate) fn after(
     recording: &Recording,
     departure: &Departure,
     n_steps: usize,
-    config: &IngestConfig,
 ) -> Vec<ImageAfterGrasp> {
     let Some(last) = departure.last else {
         return Vec::new();
@@ -43,7 +41,7 @@ pub(crate) fn after(
             let object_from_world = world_from_object.inverse();
             let in_object = |hand: Keypoints| hand.map(|point| object_from_world * point);
             Some(ImageAfterGrasp {
-                time_s: (n_steps - 1 + image - last) as f64 / config.rate_hz,
+                time_s: (n_steps - 1 + image - last) as f64 / recording.rate_hz(),
                 rest_from_object: rest_from_world * world_from_object,
                 keypoints_in_object: observation.keypoints_in_world.map(in_object),
             })

@@ -36,9 +36,9 @@ pub struct IngestConfig {
     /// Part of `DexYCB` that is taken
     #[serde(default)]
     pub split: Split,
-    /// Images per second of the recordings (Hz): that of DexYCB's cameras
-    #[serde(default = "defaults::rate_hz")]
-    pub rate_hz: f64,
+    /// Images per second of the recordings (Hz); without it, what `track.yml` says, else 30, as DexYCB's cameras
+    #[serde(default)]
+    pub rate_hz: Option<f64>,
     /// Source of the hand's landmarks
     #[serde(default)]
     pub landmarks: Landmarks,
@@ -100,6 +100,11 @@ pub struct IngestConfig {
     #[serde(default)]
     pub meshes: BTreeMap<String, AddedMesh>,
 }
+
+/// Images per second of `DexYCB`'s cameras, and of recordings whose rate nobody gives.
+pub(crate) const USUAL_RATE_HZ: f64 = 30.0;
+/// Maximum number of images per second, ten times those of the fastest cameras that film a whole hand.
+pub(crate) const MAX_RATE_HZ: f64 = 10_000.0;
 
 /// An object from a file of the user's.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -168,7 +173,6 @@ pub enum ReachRule {
 #[rustfmt::skip]
 mod defaults {
     pub(super) fn max_mirror_error_m() -> f64 { 0.005 }
-    pub(super) fn rate_hz() -> f64 { 30.0 }
     pub(super) fn camera_agreement_m() -> f64 { 0.01 }
     pub(super) fn min_table_objects_n() -> usize { 2 }
     pub(super) fn move_threshold_m() -> f64 { 0.004 }

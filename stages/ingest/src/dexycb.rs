@@ -48,6 +48,7 @@ pub(crate) struct DexYcb<'a> {
     landmarks: Landmarks,
     table: TableRule,
     camera_agreement_m: f64,
+    rate_hz: Option<f64>,
 }
 
 impl<'a> DexYcb<'a> {
@@ -58,6 +59,7 @@ impl<'a> DexYcb<'a> {
             landmarks: config.landmarks,
             table: config.table,
             camera_agreement_m: config.camera_agreement_m,
+            rate_hz: config.rate_hz,
         }
     }
 }
@@ -101,6 +103,7 @@ impl Reader for DexYcb<'_> {
                     above: calibration.middle_of_cameras(&meta.serials)?,
                 },
             },
+            rate_hz: self.rate_hz,
             images: seen.images,
             agreement: seen.agreement,
         };

@@ -84,6 +84,14 @@ pub enum IngestError {
         /// The fault of the first one.
         source: RecordingError,
     },
+    /// An option names what no recording has, but one cannot be told what it is about.
+    #[error("{problem}, and one recording has unreadable metadata")]
+    Untold {
+        /// What the option names.
+        problem: String,
+        /// The fault of the first such recording.
+        source: RecordingError,
+    },
     /// Landmarks are asked of hand models, but no folder of them is named.
     #[error("`landmarks` asks for hand models, but `mano_models` names no folder of them")]
     NoHandModels,
@@ -213,7 +221,7 @@ impl Advise for IngestError {
                 }
                 _ => None,
             },
-            Self::NoneTold { .. } | Self::MeshName { .. } => None,
+            Self::NoneTold { .. } | Self::Untold { .. } | Self::MeshName { .. } => None,
         }
     }
 }

@@ -84,6 +84,7 @@ pub(crate) struct HoCap<'a> {
     hand: Side,
     table: TableRule,
     camera_agreement_m: f64,
+    rate_hz: Option<f64>,
     moved: Rule,
 }
 
@@ -108,6 +109,7 @@ impl<'a> HoCap<'a> {
             hand: config.hand,
             table: config.table,
             camera_agreement_m: config.camera_agreement_m,
+            rate_hz: config.rate_hz,
             moved: Rule::from(config),
         }
     }
@@ -220,6 +222,7 @@ impl Reader for HoCap<'_> {
                 })
             });
         Ok(Recording {
+            rate_hz: self.rate_hz,
             images: images.collect(),
             ground: match self.table {
                 TableRule::Tag => TableSource::Tag(Pose::<World, Tag>::identity()),

@@ -65,10 +65,14 @@ pub enum NpzError {
         found: String,
     },
     /// An array holds NaN or infinity.
-    #[error("`{array}` holds a number that is not finite")]
+    #[error("`{array}` is {value} at {index:?}, expected a finite number")]
     NotFinite {
         /// The array.
         array: String,
+        /// The first such number.
+        value: f64,
+        /// Its place along each axis, from 0.
+        index: Vec<u64>,
     },
 }
 
@@ -217,15 +221,21 @@ fn widen(
         return Err(damaged("its length does not fit its shape"));
     }
     element.widen_into(data, numbers);
-    if !numbers.iter().all(|number| number.is_finite()) {
-        return Err(NpzError::NotFinite {
-            array: array.to_owned(),
-        });
-    }
+    let is_finite = numbers.iter().all(|number| number.is_finite());
     if header.fortran_order {
         *numbers = last_axis_fastest(numbers, expected);
     }
-    Ok(())
+    if is_finite {
+        return Ok(());
+    }
+    let mut places = numbers.iter().enumerate();
+    let found = places.find(|(_, number)| !number.is_finite());
+    let (place, value) = found.map_or((0, f64::NAN), |(place, value)| (place, *value));
+    Err(NpzError::NotFinite {
+        array: array.to_owned(),
+        value,
+        index: index(place as u64, expected),
+    })
 }
 
 impl Header<'_> {
@@ -292,6 +302,22 @@ fn inflate<'a>(
     } else {
         &[]
     }
+}
+
+/// Returns the place along each axis of the number at a position, last axis fastest.
+fn index(position: u64, shape: &[u64]) -> Vec<u64> {
+    let mut rest = position;
+    let mut index: Vec<u64> = shape
+        .iter()
+        .rev()
+        .map(|&len| {
+            let place = rest % len.max(1);
+            rest /= len.max(1);
+            place
+        })
+        .collect();
+    index.reverse();
+    index
 }
 
 /// Returns numbers that are stored first axis fastest, last axis fastest.

@@ -78,7 +78,7 @@ pub(crate) fn reach(
         };
         steps.push(Step {
             image: u32::try_from(image).unwrap_or(u32::MAX),
-            time_s: step as f64 / config.rate_hz,
+            time_s: step as f64 / recording.rate_hz(),
             cameras_n: observation.cameras_n,
             bridged: observation.keypoints_in_world.is_none(),
             keypoints_m: in_world.map(|point| (object_from_world * point).into()),
@@ -180,6 +180,7 @@ mod tests {
             hand: Side::Right,
             ground: TableSource::Tag(world_from_tag()),
             images,
+            rate_hz: None,
             agreement: Agreement::default(),
         }
     }

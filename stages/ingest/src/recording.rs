@@ -4,7 +4,7 @@ use nalgebra::Point3;
 use schemas::demonstrations::{KEYPOINTS, Side};
 use spatial::{Object, Pose, World};
 
-use crate::stage::Agreement;
+use crate::{config::USUAL_RATE_HZ, stage::Agreement};
 
 /// The frame of the tag that lies on the table: z up against gravity, z = 0 the table's surface.
 pub(crate) enum Tag {}
@@ -23,10 +23,19 @@ pub(crate) struct Recording {
     pub(crate) hand: Side,
     /// The source of the table's pose.
     pub(crate) ground: TableSource,
+    /// Images per second, if the recording or the pipeline file gives them.
+    pub(crate) rate_hz: Option<f64>,
     /// The content of each image, by the image's number.
     pub(crate) images: Vec<Observation>,
     /// Agreement of the sources.
     pub(crate) agreement: Agreement,
+}
+
+impl Recording {
+    /// Returns the images per second.
+    pub(crate) fn rate_hz(&self) -> f64 {
+        self.rate_hz.unwrap_or(USUAL_RATE_HZ)
+    }
 }
 
 /// Source of the table's pose.

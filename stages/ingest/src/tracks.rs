@@ -3,7 +3,8 @@
 //!
 //! `SUBJECT/SEQUENCE/track.yml` says what is recorded, `SUBJECT/SEQUENCE/track.npz` holds it, both in
 //! one world frame of the user's choice and in one unit of length; `models/OBJECT/textured_simple.obj` is
-//! the object's mesh, in meters.
+//! the object's mesh, in meters. Every key is known, and a fault is never passed over because an option leaves
+//! the recording out.
 //!
 //! | in `track.npz` | shape | meaning |
 //! | --- | --- | --- |
@@ -19,10 +20,10 @@ use serde::Deserialize;
 use spatial::{Pose, World};
 
 use crate::{
-    config::{IngestConfig, TableRule},
+    config::{IngestConfig, MAX_RATE_HZ, TableRule},
     error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
-    npz::Arrays,
+    npz::{Arrays, NpzError},
     reader::{self, About, ListedRecording, Reader, glance, those_there},
     recording::{Observation, Recording, TableSource, Tag},
     selection::Cameras,
@@ -49,6 +50,7 @@ const TRACK: &str = "track.npz";
 
 /// `track.yml`.
 #[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
 struct Description {
     /// The grasped object's name, of which its mesh's folder is called.
     object: String,
@@ -56,6 +58,8 @@ struct Description {
     hand: Side,
     /// Number of images.
     images: u64,
+    /// Images per second.
+    rate_hz: Option<f64>,
     /// The unit of every length but those of the mesh.
     #[serde(default)]
     unit: LengthUnit,
@@ -104,6 +108,7 @@ impl LengthUnit {
 pub(crate) struct Tracks<'a> {
     root: &'a Path,
     table: TableRule,
+    rate_hz: Option<f64>,
 }
 
 impl<'a> Tracks<'a> {
@@ -111,6 +116,7 @@ impl<'a> Tracks<'a> {
         Self {
             root: &config.root,
             table: config.table,
+            rate_hz: config.rate_hz,
         }
     }
 }
@@ -121,9 +127,9 @@ impl Reader for Tracks<'_> {
             .into_iter()
             .map(|folder| {
                 let bytes = glance(&folder.path.join(ABOUT), MAX_ABOUT_BYTES);
-                let description = yaml::parse::<Description>(&bytes).ok();
-                let description = description
-                    .filter(|description| folder.fault.is_none() && description.names_an_object());
+                // What is wrong with it is told when the recording is read.
+                let description = self.description(ABOUT, &bytes).ok();
+                let description = description.filter(|_| folder.fault.is_none());
                 let marks_table = description
                     .as_ref()
                     .is_some_and(|description| self.uses_table() && description.marks_table());
@@ -154,12 +160,12 @@ impl Reader for Tracks<'_> {
     }
 
     fn about(&self, files: &[SourceFile]) -> Result<About, RecordingError> {
-        let (file, description) = describe(files)?;
+        let (file, description) = self.describe(files)?;
         Ok(description.about(subject(file)))
     }
 
     fn read(&self, files: &[SourceFile]) -> Result<Recording, RecordingError> {
-        let (file, description) = describe(files)?;
+        let (file, description) = self.describe(files)?;
         let track = find(files, TRACK)?;
         let bytes = reader::read(track, MAX_TRACK_BYTES)?;
         let (table, images) = parse(&file.name, &description, &track.name, &bytes)?;
@@ -181,6 +187,7 @@ impl Reader for Tracks<'_> {
             subject,
             hand,
             ground,
+            rate_hz: description.rate_hz.or(self.rate_hz),
             images,
             agreement: Agreement::default(),
         })
@@ -193,6 +200,30 @@ impl Tracks<'_> {
         match self.table {
             TableRule::Tag => true,
             TableRule::Objects => false,
+        }
+    }
+
+    /// Finds and reads `track.yml`.
+    fn describe<'f>(
+        &self,
+        files: &'f [SourceFile],
+    ) -> Result<(&'f SourceFile, Description), RecordingError> {
+        let file = find(files, ABOUT)?;
+        let bytes = reader::read(file, MAX_ABOUT_BYTES)?;
+        Ok((file, self.description(&file.name, &bytes)?))
+    }
+
+    /// Parses `track.yml`, named so in messages, and compares it with the pipeline file.
+    fn description(&self, name: &str, bytes: &[u8]) -> Result<Description, RecordingError> {
+        let description = description(name, bytes)?;
+        match (description.rate_hz, self.rate_hz) {
+            (Some(found), Some(given)) if found != given => Err(RecordingError::Value {
+                what: format!(
+                    "`rate_hz` is {found}, and {given} in the pipeline file: leave it out there"
+                ),
+                file: name.to_owned(),
+            }),
+            _ => Ok(description),
         }
     }
 }
@@ -256,31 +287,33 @@ fn subject(file: &SourceFile) -> &str {
     file.name.split('/').next().unwrap_or_default()
 }
 
-/// Finds and reads `track.yml`.
-fn describe(files: &[SourceFile]) -> Result<(&SourceFile, Description), RecordingError> {
-    let file = find(files, ABOUT)?;
-    let bytes = reader::read(file, MAX_ABOUT_BYTES)?;
-    Ok((file, description(&file.name, &bytes)?))
-}
-
 /// Parses `track.yml`, named so in messages.
 fn description(name: &str, bytes: &[u8]) -> Result<Description, RecordingError> {
     let description: Description = reader::parse_yaml(name, bytes)?;
+    let value = |what: String| RecordingError::Value {
+        what,
+        file: name.to_owned(),
+    };
     if !description.names_an_object() {
-        return Err(RecordingError::Value {
-            what: format!(
-                "`object` is `{}`: a name has letters, digits, `_` and `-` only",
-                description.object.escape_debug()
-            ),
-            file: name.to_owned(),
-        });
+        return Err(value(format!(
+            "`object` is `{}`: a name has letters, digits, `_` and `-` only",
+            description.object.escape_debug()
+        )));
     }
     if description.images > MAX_IMAGES {
-        return Err(RecordingError::Value {
-            what: format!("`images` is {}, more than {MAX_IMAGES}", description.images),
-            file: name.to_owned(),
-        });
+        let images = description.images;
+        return Err(value(format!(
+            "`images` is {images}, more than {MAX_IMAGES}"
+        )));
     }
+    // A NaN is none either.
+    let is_rate = |rate_hz: &f64| *rate_hz > 0.0 && *rate_hz <= MAX_RATE_HZ;
+    if let Some(rate_hz) = description.rate_hz.filter(|rate_hz| !is_rate(rate_hz)) {
+        return Err(value(format!(
+            "`rate_hz` is {rate_hz}, and must be more than 0 and at most {MAX_RATE_HZ}"
+        )));
+    }
+    description.table().map_err(value)?;
     Ok(description)
 }
 
@@ -324,10 +357,7 @@ fn images(
     file: &str,
     bytes: &[u8],
 ) -> Result<Vec<Observation>, RecordingError> {
-    let npz = |source| RecordingError::Npz {
-        file: file.to_owned(),
-        source,
-    };
+    let npz = |source| fault(file, source);
     let value = |what: String| RecordingError::Value {
         what,
         file: file.to_owned(),
@@ -369,6 +399,33 @@ fn images(
             })
         })
         .collect()
+}
+
+/// Returns why an array cannot be used, with what to write instead.
+fn fault(file: &str, source: NpzError) -> RecordingError {
+    match source {
+        NpzError::NotFinite {
+            array,
+            value,
+            index,
+        } => RecordingError::Value {
+            what: match index.as_slice() {
+                [image, landmark, _] => format!(
+                    "`{array}` is {value} in image {image}, landmark {landmark}: write -1 -1 -1 where a landmark is \
+                     not seen,"
+                ),
+                index => format!(
+                    "`{array}` is {value} in image {}: write seven times 0 where the object is not seen,",
+                    index.first().copied().unwrap_or_default()
+                ),
+            },
+            file: file.to_owned(),
+        },
+        source => RecordingError::Npz {
+            file: file.to_owned(),
+            source,
+        },
+    }
 }
 
 /// Returns the landmarks in meters, `None` if all numbers of one are −1: no hand, or not all of it.

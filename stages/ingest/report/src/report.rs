@@ -22,11 +22,15 @@ impl Report for IngestReport {
         });
         lines.add::<Demonstrations>(|summary| {
             format!(
-                "{} → {}{}{}",
+                "{} → {}{}{}{}",
                 counted(summary.item_count(), "recording"),
                 counted(summary.n_made, "demonstration"),
                 left_out(summary.n_filtered, "left out"),
                 left_out(summary.n_skipped, "skipped"),
+                match summary.metrics.assumed_rate_n {
+                    Some(n) if n > 0.0 => ", 30 Hz assumed",
+                    _ => "",
+                },
             )
         });
         lines.add::<Objects>(|summary| {

@@ -200,7 +200,7 @@ impl<'a> Text<'a> {
         Some(shape)
     }
 
-    /// Reads decimal digits.
+    /// Reads decimal digits, and the `L` with which Python 2 writes a long integer.
     fn length(&mut self) -> Option<u64> {
         self.skip_space();
         let (digits, mut length) = (self.0, 0_u64);
@@ -210,7 +210,11 @@ impl<'a> Text<'a> {
                 .checked_add(u64::from(digit - b'0'))?;
             self.0 = rest;
         }
-        (self.0.len() < digits.len()).then_some(length)
+        if self.0.len() == digits.len() {
+            return None;
+        }
+        self.0 = self.0.strip_prefix(b"L").unwrap_or(self.0);
+        Some(length)
     }
 }
 
@@ -243,6 +247,18 @@ mod tests {
             &[3],
         );
         check(
+            "{'descr': '<f8', 'fortran_order': False, 'shape': (70L, 21L, 3L), }",
+            "<f8",
+            false,
+            &[70, 21, 3],
+        );
+        check(
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (7L,), }",
+            "<f4",
+            false,
+            &[7],
+        );
+        check(
             "{'descr': '|b1', 'fortran_order': False, 'shape': ()}",
             "|b1",
             false,
@@ -266,6 +282,9 @@ mod tests {
             "{'descr': '<f4', 'fortran_order': False, 'shape': (1)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (1,,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (-1,)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (L,)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (1LL,)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (1l,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (+1,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (99999999999999999999,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': [1]}",

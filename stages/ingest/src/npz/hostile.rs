@@ -245,7 +245,7 @@ fn non_finite_values_are_refused() {
         numbers[4] = bad;
         let data = numbers.map(f64::to_le_bytes);
         let file = npy(&text("'<f8'", "False", "(2, 3)"), data.as_flattened());
-        refuses(&deflated(&file), "not finite");
+        refuses(&deflated(&file), "expected a finite number");
     }
 }
 

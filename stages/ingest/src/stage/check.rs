@@ -10,7 +10,7 @@ use schemas::demonstrations::Side;
 
 use super::units;
 use crate::{
-    config::{Format, IngestConfig, Landmarks},
+    config::{Format, IngestConfig, Landmarks, MAX_RATE_HZ},
     dexycb,
     error::IngestError,
     folders::plain,
@@ -27,8 +27,6 @@ const MAX_SURFACE_POINTS: usize = 1_000_000;
 const MAX_PARTS: usize = 4096;
 /// Maximum number of objects of a scene.
 const MAX_OBJECTS: usize = 1000;
-/// Maximum number of images per second, ten times those of the fastest cameras that film a whole hand.
-const MAX_HZ: f64 = 10_000.0;
 /// Greatest length, angle, factor or mass.
 const MAX_SETTING: f64 = 1e6;
 
@@ -36,7 +34,9 @@ const MAX_SETTING: f64 = 1e6;
 pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
     let mut faults = OptionFaults::default();
     let why = "no camera that films a whole hand is faster";
-    faults.above("rate_hz", config.rate_hz, 0.0, MAX_HZ, why);
+    if let Some(rate_hz) = config.rate_hz {
+        faults.above("rate_hz", rate_hz, 0.0, MAX_RATE_HZ, why);
+    }
     for (key, number) in [
         ("max_mirror_error_m", config.max_mirror_error_m),
         ("camera_agreement_m", config.camera_agreement_m),
@@ -145,7 +145,8 @@ pub(super) fn chosen(config: &IngestConfig, reader: &dyn Reader) -> Result<(), I
         .chain(config.meshes.keys())
         .map(String::as_str)
         .collect();
-    selection::check_known("masses_kg", config.masses_kg.keys(), &known)?;
+    let masses = selection::check_known("masses_kg", config.masses_kg.keys(), &known);
+    masses.map_err(|err| units::hidden(err, reader, chosen.iter().map(|(listed, _)| listed)))?;
     let is_told = |(listed, choice): &(ListedRecording, Selection)| {
         listed.about.is_some() && choice.is_taken()
     };

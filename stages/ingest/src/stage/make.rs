@@ -13,7 +13,7 @@ use super::{
 };
 use crate::{
     after_grasp::{self, ImageAfterGrasp},
-    config::IngestConfig,
+    config::{Format, IngestConfig},
     demonstration_recording,
     error::{IngestError, RecordingError},
     mirror, objects, reach,
@@ -95,6 +95,8 @@ pub(super) fn demonstration(
     let metrics = DemonstrationMetrics {
         steps_n: demonstration.steps.len() as f64,
         bridged_n: bridged.count() as f64,
+        assumed_rate_n: (config.format == Format::Tracks)
+            .then(|| f64::from(u8::from(recording.rate_hz.is_none()))),
         agreement: recording.agreement,
     };
     Ok(Outcome::Made(metrics))
@@ -136,7 +138,7 @@ fn parts(
         lying.rest,
         config,
     )?;
-    let mut after = after_grasp::after(recording, &departure, demonstration.steps.len(), config);
+    let mut after = after_grasp::after(recording, &departure, demonstration.steps.len());
     if recording.hand != config.hand {
         let shape = shapes.iter().find(|shape| shape.name == recording.object);
         let plane = mirror::plane(shape, config.max_mirror_error_m).map_err(|reason| {

@@ -21,6 +21,8 @@ dataflow::metrics! {
         steps_n: Sum,
         /// Number of those in which the hand was not seen.
         bridged_n: Sum,
+        /// Number of recordings whose rate nobody gives: 1 if 30 Hz is assumed.
+        assumed_rate_n: Option<Sum>,
         /// Agreement of its sources.
         agreement: With<Agreement>,
     }

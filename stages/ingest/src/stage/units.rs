@@ -10,7 +10,7 @@ use crate::{
     error::{IngestError, RecordingError},
     place,
     reader::{self, ListedRecording, MAX_MESH_BYTES, Reader},
-    selection::{self, Selection},
+    selection::{self, Cameras, Selection},
     ycb,
 };
 
@@ -20,8 +20,30 @@ pub(super) fn chosen(
     reader: &dyn Reader,
 ) -> Result<Vec<(ListedRecording, Selection)>, IngestError> {
     let listed = reader.list()?;
-    let choices = selection::choose(config, &listed)?;
+    let choices = selection::choose(config, &listed).map_err(|err| hidden(err, reader, &listed))?;
     Ok(listed.into_iter().zip(choices).collect())
+}
+
+/// Returns why names or trials are missing: where a recording cannot say what it is about, that is the reason.
+pub(super) fn hidden<'a>(
+    err: IngestError,
+    reader: &dyn Reader,
+    listed: impl IntoIterator<Item = &'a ListedRecording>,
+) -> IngestError {
+    let untold = listed.into_iter().filter(|listed| listed.about.is_none());
+    let fault = untold.filter_map(|listed| {
+        let files = reader.files(listed, Cameras::ALL);
+        files.and_then(|files| reader.about(&files)).err()
+    });
+    match (fault.into_iter().next(), err) {
+        (Some(source), err @ (IngestError::UnknownName { .. } | IngestError::Trials { .. })) => {
+            IngestError::Untold {
+                problem: err.to_string(),
+                source,
+            }
+        }
+        (_, err) => err,
+    }
 }
 
 /// Lists one unit per object that is grasped, that says where a table is, or that the pipeline file

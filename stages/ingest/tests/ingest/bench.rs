@@ -30,7 +30,7 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         subjects: Vec::new(),
         objects: Vec::new(),
         split: Split::All,
-        rate_hz: 30.0,
+        rate_hz: None,
         landmarks: Landmarks::Either,
         mano_models: None,
         camera_agreement_m: 0.01,

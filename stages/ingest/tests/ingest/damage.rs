@@ -68,7 +68,10 @@ fn labels() {
     with_nan[7] = f32::NAN;
     check(
         &|root| rig::npz(&label(root), &[("joint_3d", &[1, 21, 3], &with_nan)]),
-        &["`joint_3d` holds a number that is not finite", NAME],
+        &[
+            "`joint_3d` is NaN at [0, 2, 1], expected a finite number",
+            NAME,
+        ],
     );
     let with_poses = |root: &Path, objects: u64, poses: &[f32]| {
         let arrays: [(&str, &[u64], &[f32]); 2] = [
@@ -107,7 +110,10 @@ fn poses() {
     );
     check(
         &with_poses([0.0, 0.0, 0.0, 1.0, f32::NAN, 0.1, 0.1]),
-        &["`pose_y` holds a number that is not finite", "pose.npz"],
+        &[
+            "`pose_y` is NaN at [0, 0, 4], expected a finite number",
+            "pose.npz",
+        ],
     );
     // Another object than that of the labels, or one that is somewhere else.
     check(

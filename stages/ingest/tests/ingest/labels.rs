@@ -92,7 +92,10 @@ fn unreadable_file_is_named() {
     );
     let mut not_finite = POSES;
     not_finite[0] = f32::NAN;
-    check(&write(&path, &JOINTS, &not_finite), "not finite");
+    check(
+        &write(&path, &JOINTS, &not_finite),
+        "expected a finite number",
+    );
     let file = write(&path, &JOINTS, &POSES);
     let said = LabelReader::new().read(&file, 3, 1).unwrap_err();
     assert!(

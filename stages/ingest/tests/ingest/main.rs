@@ -263,7 +263,7 @@ fn a_folder_without_sequences_is_refused_with_the_way_out() {
 fn invalid_option_is_named() {
     let root = dataset(&Rig::default());
     let mut config = config(root.path());
-    config.rate_hz = 0.0;
+    config.rate_hz = Some(0.0);
     let fault = Ingest::check(&config).remove(0).to_string();
     assert!(
         fault.starts_with("`rate_hz` is 0.0, and must be more than 0"),

@@ -105,6 +105,163 @@ fn plain_tracks_give_the_known_reach() {
     assert!(err.hint().unwrap().contains("track.npz"));
 }
 
+/// Says why a description is refused.
+fn untold(about: &str) -> String {
+    let err = changed(about, "keypoints_m", 1.0).err().unwrap();
+    assert!(matches!(err, IngestError::NoneTold { .. }), "{err}");
+    err.source().unwrap().to_string()
+}
+
+#[test]
+fn a_fault_in_a_description_is_told_with_file_and_line() {
+    let good = format!(
+        "object: {}\nhand: right\nimages: {IMAGES}\ntable_plane: {}\n",
+        OBJECT.0,
+        plane(1.0)
+    );
+    changed(&good, "keypoints_m", 1.0).unwrap().only();
+    for (right, wrong, expected) in [
+        ("table_plane:", "table_palne:", ["table_palne", "line 4"]),
+        ("images:", "iamges:", ["iamges", "line 3"]),
+        ("hand: right", "hand: Right", ["Right", "line 2"]),
+        ("hand: right", "hand: right\nrate: 60", ["rate", "line 3"]),
+        (
+            "hand: right",
+            "hand: right\nrate_hz: fast",
+            ["floating point", "line 3"],
+        ),
+        (
+            "hand: right",
+            "hand: right\nrate_hz: 0",
+            ["`rate_hz` is 0", "more than 0"],
+        ),
+        (
+            "hand: right",
+            "hand: right\nrate_hz: -30",
+            ["`rate_hz` is -30", "more than 0"],
+        ),
+        (
+            "hand: right",
+            "hand: right\nrate_hz: .nan",
+            ["`rate_hz` is NaN", "more than 0"],
+        ),
+    ] {
+        let said = untold(&good.replace(right, wrong));
+        assert!(said.contains("track.yml"), "{said}");
+        for word in expected {
+            assert!(said.contains(word), "{wrong}: {said}");
+        }
+    }
+    let with = |table: &str| {
+        let head = good.split("table_plane").next().unwrap();
+        untold(&format!("{head}{table}\n"))
+    };
+    assert!(with("table_plane: [0, 0, 2, 0]").contains("not a direction of length 1"));
+    assert!(with("table: [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, -1, 0]").contains("not a rotation"));
+    let both = format!(
+        "table: {}\ntable_plane: {}",
+        rows(&Rig::world_from_tag()),
+        plane(1.0)
+    );
+    assert!(with(&both).contains("one too many"));
+}
+
+#[test]
+fn a_fault_in_a_description_is_not_hidden_by_a_selection() {
+    let root = tempfile::tempdir().unwrap();
+    tracks(root.path());
+    let folder = root.path().join("20200709-subject-01/first try");
+    fs::write(
+        folder.join("track.yml"),
+        about(IMAGES).replace("hand: right", "hand: Right"),
+    )
+    .unwrap();
+    let mut config = config(root.path());
+    config.format = Format::Tracks;
+    let name = OBJECT.0.to_owned();
+    let selections: [fn(&mut IngestConfig, String); 4] = [
+        |config, name| drop(config.masses_kg.insert(name, 0.3)),
+        |config, name| config.objects.push(name),
+        |config, _| config.subjects.push("20200709-subject-01".to_owned()),
+        |config, _| config.hand = schemas::demonstrations::Side::Left,
+    ];
+    for select in selections {
+        let mut config = config.clone();
+        select(&mut config, name.clone());
+        let err = Ingest::prepare(&config).unwrap_err();
+        let said = err.source().map(ToString::to_string).unwrap_or_default();
+        assert!(
+            said.contains("track.yml") && said.contains("Right"),
+            "{err}: {said}"
+        );
+    }
+}
+
+#[test]
+fn the_rate_stands_beside_the_recording_or_in_the_pipeline_file() {
+    let with = |line: &str, given: Option<f64>| {
+        let root = tempfile::tempdir().unwrap();
+        tracks(root.path());
+        let file = root.path().join("20200709-subject-01/first try/track.yml");
+        fs::write(file, about(IMAGES) + line).unwrap();
+        let mut config = config(root.path());
+        config.format = Format::Tracks;
+        config.rate_hz = given;
+        Bench::until(config, "objects")
+    };
+    let last_s = |bench: Bench| bench.only().steps.last().unwrap().time_s;
+    let at_30 = last_s(with("", None).unwrap());
+    assert_eq!(last_s(with("rate_hz: 60\n", None).unwrap()), at_30 / 2.0);
+    assert_eq!(last_s(with("", Some(60.0)).unwrap()), at_30 / 2.0);
+    assert_eq!(
+        last_s(with("rate_hz: 60\n", Some(60.0)).unwrap()),
+        at_30 / 2.0
+    );
+    let err = with("rate_hz: 60\n", Some(30.0)).err().unwrap();
+    let said = err.source().unwrap().to_string();
+    assert!(
+        said.contains("`rate_hz` is 60, and 30 in the pipeline file"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_number_that_is_none_is_told_with_its_image_and_what_to_write() {
+    let root = tempfile::tempdir().unwrap();
+    tracks(root.path());
+    let file = root.path().join("20200709-subject-01/first try/track.npz");
+    let bytes = fs::read(&file).unwrap();
+    let array = |name: &str, shape: &[u64]| -> Vec<f32> {
+        let numbers = stage_ingest::read::npz(&bytes, name, shape).unwrap();
+        numbers.into_iter().map(|number| number as f32).collect()
+    };
+    let (of_hands, of_poses) = ([IMAGES as u64, 21, 3], [IMAGES as u64, 7]);
+    let hands = array("keypoints_m", &of_hands);
+    let poses = array("world_from_object", &of_poses);
+    let mut config = config(root.path());
+    config.format = Format::Tracks;
+    let reason = |hands: &[f32], poses: &[f32]| {
+        rig::npz(
+            &file,
+            &[
+                ("keypoints_m", &of_hands, hands),
+                ("world_from_object", &of_poses, poses),
+            ],
+        );
+        Bench::new(config.clone()).reason().1
+    };
+    let mut hidden = hands.clone();
+    hidden[(20 * 21 + 8) * 3 + 2] = f32::NAN;
+    let said = reason(&hidden, &poses);
+    let expected = "`keypoints_m` is NaN in image 20, landmark 8: write -1 -1 -1";
+    assert!(said.contains(expected), "{said}");
+    let mut lost = poses.clone();
+    lost[7 * 31 + 4] = f32::INFINITY;
+    let said = reason(&hands, &lost);
+    let expected = "`world_from_object` is inf in image 31: write seven times 0";
+    assert!(said.contains(expected), "{said}");
+}
+
 /// Makes the known recording with another `track.yml`, and lengths of the tracks multiplied.
 fn changed(about: &str, keypoints: &str, factor: f32) -> Result<Bench, IngestError> {
     let root = tempfile::tempdir().unwrap();
@@ -204,14 +361,6 @@ fn bad_tracks_end_with_a_reason() {
     );
     // No table: the object alone stands on any of its sides.
     skipped(head(""), "keypoints_m", 1.0, "only 1 of the still objects");
-    skipped(
-        head("table_plane: [0, 0, 2, 0]\n"),
-        "keypoints_m",
-        1.0,
-        "not a direction of length 1",
-    );
-    let both = format!("{table}table: {}\n", rows(&Rig::world_from_tag()));
-    skipped(head(&both), "keypoints_m", 1.0, "one too many");
     let off = "table_plane: [0, 0, 1, 0.2]\n";
     skipped(head(off), "keypoints_m", 1.0, "mm from the table");
     let left = head(&table).replace("right", "left");

@@ -20,9 +20,13 @@ impl Report for RetargetReport {
         });
         lines.add::<Trajectories>(|summary| {
             format!(
-                "{} → {}, error {:.0} mm",
+                "{} → {}{}, error {:.0} mm",
                 counted(summary.item_count(), "demonstration"),
                 counted(summary.n_made, "trajectory"),
+                match summary.n_skipped {
+                    0 => String::new(),
+                    n => format!(", {n} skipped"),
+                },
                 1000.0 * summary.metrics.keypoint_error_m
             )
         });

@@ -56,7 +56,7 @@ pub(super) fn make(
         Err(err) => return Err(err),
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
-        return Ok(Outcome::filtered(format!(
+        return Ok(Outcome::skipped(format!(
             "the hand stays {:.0} mm from the landmarks at the grasp, more than \
              `max_keypoint_error_m`",
             1000.0 * tracked.grasp_keypoint_error_m
