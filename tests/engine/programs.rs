@@ -1,6 +1,7 @@
 //! Programs that break a rule: each ends in an error that says what, where and what to do, nothing of it is
 //! kept but its log, none of its processes lives on, and the lake is whole.
 
+mod files;
 mod limits;
 
 use std::{fs, sync::Arc};

@@ -34,6 +34,14 @@ pub enum LakeError {
         /// Why it failed.
         source: ParquetError,
     },
+    /// A table is compressed in a way that is not read here.
+    #[error("`{}` is compressed with {codec}, which is not read", path.display())]
+    Compression {
+        /// Where.
+        path: PathBuf,
+        /// The compression, as libraries that write Parquet call it.
+        codec: &'static str,
+    },
     /// A recording is not valid MCAP.
     #[error("cannot {action} the recording `{}`", path.display())]
     Mcap {
@@ -300,6 +308,9 @@ impl Advise for LakeError {
             ),
             Self::Schema { .. } | Self::BadFile { .. } | Self::MissingFile { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
+            }
+            Self::Compression { .. } => {
+                Some("write it with the compression `zstd` or `snappy`, or without one".to_owned())
             }
             Self::Parquet { .. }
             | Self::Mcap { .. }

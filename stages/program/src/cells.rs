@@ -1,9 +1,9 @@
 //! Columns as a schema wants them, from columns of the same meaning that another library wrote.
 //!
 //! Libraries differ in the width of offsets and integers, in the names of a list's items, and in what may
-//! be null. What loses nothing is taken; anything else is refused with its column and row.
+//! be null; a column of few different values may be a dictionary of them. What loses nothing is taken; anything else is refused with its column and row.
 
-use std::sync::Arc;
+use std::{collections::BTreeSet, sync::Arc};
 
 use arrow_array::{
     Array, ArrayRef, BooleanArray, FixedSizeListArray, Float64Array, GenericListArray, Int64Array,
@@ -16,6 +16,7 @@ use arrow_array::{
 };
 use arrow_buffer::OffsetBuffer;
 use arrow_schema::{DataType, FieldRef, Schema, SchemaRef};
+use arrow_select::take::take;
 
 use crate::error::Broken;
 
@@ -43,6 +44,16 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
         return Err(Broken::UnknownColumn {
             column: unknown.name().clone(),
             near,
+        });
+    }
+    let mut seen = BTreeSet::new();
+    if let Some(twice) = found
+        .fields()
+        .iter()
+        .find(|field| !seen.insert(field.name()))
+    {
+        return Err(Broken::TwoColumns {
+            column: twice.name().clone(),
         });
     }
     let mut arrays = Vec::with_capacity(schema.fields().len());
@@ -74,6 +85,7 @@ pub(crate) fn words(kind: &DataType) -> String {
         DataType::Boolean => "boolean".to_owned(),
         DataType::List(item) => format!("a list of {}", words(item.data_type())),
         DataType::FixedSizeList(item, n) => format!("a list of {n} {}", words(item.data_type())),
+        DataType::Dictionary(_, item) => format!("a dictionary of {}", words(item)),
         other => other.to_string(),
     }
 }
@@ -109,6 +121,15 @@ impl Rows<'_> {
     }
 
     fn array(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+        if let Some(dictionary) = from.as_any_dictionary_opt() {
+            let values = take(dictionary.values(), dictionary.keys(), None);
+            return self
+                .array(&values.map_err(Broken::Arrow)?, to)
+                .map_err(|err| match err {
+                    Broken::WrongType { .. } => self.wrong_type(from, to),
+                    err => err,
+                });
+        }
         if let Some(idx) = (0..from.len()).find(|&idx| from.is_null(idx)) {
             // An empty column of pyarrow has the type `null`.
             return Err(Broken::Null {
@@ -296,7 +317,9 @@ fn items_of<O: OffsetSizeTrait>(lists: &GenericListArray<O>) -> Option<(ArrayRef
 mod tests {
     use std::sync::Arc;
 
-    use arrow_array::{Float32Array, Int32Array, LargeStringArray, builder};
+    use arrow_array::{
+        DictionaryArray, Float32Array, Int8Array, Int32Array, LargeStringArray, builder,
+    };
     use arrow_schema::Field;
 
     use super::*;
@@ -351,6 +374,57 @@ mod tests {
             let second = conformed(&batch(lists.slice(1, 1)), &schema(kind)).unwrap();
             assert_eq!(second.column(0).as_ref(), &*taken.column(0).slice(1, 1));
         }
+    }
+
+    #[test]
+    fn a_dictionary_is_its_values() {
+        let keys = Int8Array::from(vec![Some(1), Some(0), Some(1)]);
+        let dictionary = |keys: Int8Array, values: ArrayRef| -> ArrayRef {
+            Arc::new(DictionaryArray::try_new(keys, values).unwrap())
+        };
+        let names: ArrayRef = Arc::new(LargeStringArray::from(vec![Some("a"), Some("b"), None]));
+        let taken = dictionary(keys.clone(), Arc::clone(&names));
+        let taken = conformed(&batch(taken), &schema(DataType::Utf8)).unwrap();
+        let expected: ArrayRef = Arc::new(StringArray::from(vec!["b", "a", "b"]));
+        assert_eq!(taken.column(0), &expected);
+        let counts = dictionary(keys, Arc::new(Int32Array::from(vec![3, 4])));
+        let taken = conformed(&batch(Arc::clone(&counts)), &schema(DataType::Int64)).unwrap();
+        let expected: ArrayRef = Arc::new(Int64Array::from(vec![4, 3, 4]));
+        assert_eq!(taken.column(0), &expected);
+        assert_eq!(
+            message(counts, DataType::Utf8),
+            "column `x` is a dictionary of Int32, expected text"
+        );
+        // A key that is null, and one of a value that is.
+        for keys in [vec![Some(0), None], vec![Some(0), Some(2)]] {
+            let column = dictionary(Int8Array::from(keys), Arc::clone(&names));
+            assert_eq!(
+                message(column, DataType::Utf8),
+                "column `x` is null in row 1"
+            );
+        }
+        let items = dictionary(
+            Int8Array::from(vec![0, 1]),
+            Arc::new(Float64Array::from(vec![1.0, 2.0])),
+        );
+        let item = Arc::new(Field::new("item", items.data_type().clone(), true));
+        let lists = ListArray::try_new(item, OffsetBuffer::from_lengths([2]), items, None).unwrap();
+        let taken =
+            conformed(&batch(Arc::new(lists)), &schema(list_of(DataType::Float64))).unwrap();
+        assert_eq!(taken.num_rows(), 1);
+    }
+
+    #[test]
+    fn a_column_that_is_there_twice_is_refused() {
+        let column: ArrayRef = Arc::new(Float64Array::from(vec![1.0]));
+        let field = || Field::new("x", DataType::Float64, false);
+        let twice = Schema::new(vec![field(), field()]);
+        let twice =
+            RecordBatch::try_new(Arc::new(twice), vec![Arc::clone(&column), column]).unwrap();
+        let said = conformed(&twice, &schema(DataType::Float64))
+            .unwrap_err()
+            .to_string();
+        assert_eq!(said, "there are two columns `x`");
     }
 
     #[test]

@@ -6,6 +6,8 @@ use dataflow::Advise;
 use lake::LakeError;
 use schemas::SchemaError;
 
+use crate::script::FirstLine;
+
 /// Why a program could not be run, or did not make its artifact.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -51,10 +53,12 @@ pub enum ProgramError {
         key: String,
     },
     /// The program cannot be started.
-    #[error("cannot start `{program}`")]
+    #[error("cannot start `{program}`{}", script.as_ref().map_or_else(String::new, ToString::to_string))]
     NotStarted {
         /// The program.
         program: String,
+        /// What is wrong with its first line, if it is a script.
+        script: Option<FirstLine>,
         /// Why.
         source: io::Error,
     },
@@ -71,6 +75,8 @@ pub enum ProgramError {
         log: PathBuf,
         /// Elements of the command that look like files and are none.
         missing: Vec<String>,
+        /// A script of the command whose first line cannot be used.
+        script: Option<(String, FirstLine)>,
     },
     /// It broke a limit.
     #[error(
@@ -114,6 +120,16 @@ pub enum ProgramError {
         schema: String,
         /// Why.
         source: Box<Broken>,
+    },
+    /// The table that it wrote is compressed in a way that is not read here.
+    #[error("`{command}` wrote `out/{file}` with the compression {codec}, which is not read")]
+    Compression {
+        /// The command.
+        command: String,
+        /// The file.
+        file: String,
+        /// The compression.
+        codec: &'static str,
     },
     /// The table that it wrote cannot be read.
     #[error("`{command}` wrote `out/{file}`, which is not a whole Parquet file")]
@@ -163,6 +179,12 @@ pub enum Broken {
         column: String,
         /// A column with a similar name.
         near: Option<String>,
+    },
+    /// Two columns have one name.
+    #[error("there are two columns `{column}`")]
+    TwoColumns {
+        /// The name.
+        column: String,
     },
     /// A column has another type.
     #[error("column `{column}` is {found}, expected {expected}")]
@@ -264,6 +286,7 @@ impl Broken {
                  `pa.Table.from_pylist(rows).select(columns.names).cast(columns)` with \
                  `columns = pq.read_schema(\"template.parquet\")`"
                     .to_owned(),
+            Self::TwoColumns { column } => format!("keep one `{column}`: which one is meant is not known here"),
             Self::Null { column, .. } | Self::NotFinite { column, .. } => format!(
                 "every row needs a value: leave the row out, or say in another column that `{column}` is unknown"
             ),
@@ -321,7 +344,8 @@ impl Advise for ProgramError {
             Self::NoPartitions { input } => {
                 Some(format!("look at its skipped items with `pipeline inspect`, at the artifact that `{input}` names"))
             }
-            Self::NotStarted { program, source } => Some(match source.kind() {
+            Self::NotStarted { program, script: Some(script), .. } => Some(script.hint(program)),
+            Self::NotStarted { program, script: None, source } => Some(match source.kind() {
                 io::ErrorKind::NotFound => format!(
                     "install `{program}`, put it on PATH, or name it in `command`; a path is relative to the folder \
                      in which `pipeline` runs"
@@ -329,10 +353,12 @@ impl Advise for ProgramError {
                 io::ErrorKind::PermissionDenied => format!("make it executable: `chmod +x {program}`"),
                 _ => "run it by hand to see why".to_owned(),
             }),
-            Self::Failed { log: path, ended: _, last_lines, missing, .. } => Some(
+            Self::Failed { log: path, ended: _, last_lines, missing, script, .. } => Some(
                 if let Some((_, module)) = last_lines.rsplit_once("No module named ") {
                     let module = module.lines().next().unwrap_or_default().trim_matches(['\'', '"']);
                     format!("install `{module}` for this Python, or name another one in `command`; {}", log(path))
+                } else if let Some((script, first_line)) = script {
+                    format!("`{script}`{first_line}: {}; {}", first_line.hint(script), log(path))
                 } else if let Some(missing) = missing.first() {
                     format!("`command` names `{missing}`, and there is no such file here; {}", log(path))
                 } else {
@@ -343,6 +369,9 @@ impl Advise for ProgramError {
                 Some(format!("{advice}; {}", log(path)))
             }
             Self::Table { source, .. } => Some(source.hint()),
+            Self::Compression { .. } => Some(
+                "write it with `compression=\"zstd\"` or `compression=\"snappy\"`, or without compression".to_owned(),
+            ),
             Self::Unreadable { .. } => Some("close the file before the program ends".to_owned()),
             Self::NoRows { .. } => Some("`pipeline inspect` lists the columns of an artifact".to_owned()),
             Self::Lake(err) => err.hint(),

@@ -2,9 +2,10 @@
 
 use std::{
     fs::{self, File, Permissions},
-    io::{BufReader, Read},
+    io::{self, BufReader, Read},
     os::unix::fs::{MetadataExt, PermissionsExt},
     path::{Path, PathBuf},
+    time::Instant,
 };
 
 use arrow_array::RecordBatch;
@@ -169,6 +170,20 @@ impl JobFolder {
     /// Returns the program's violation of the folder's rules, if there is one.
     pub(crate) fn violation(&self) -> Result<Option<FolderViolation>, ProgramError> {
         const KNOWN: [&str; 6] = [IN, OWN_FILES, OUT, TMP, JOB, TEMPLATE];
+        // A link would lead to files of the user's, which are not the program's to give away.
+        for name in ["", IN, OWN_FILES, OUT, TMP] {
+            let folder = self.path.join(name);
+            let found = fs::symlink_metadata(&folder);
+            if !found.is_ok_and(|found| found.is_dir()) {
+                let name = if name.is_empty() { FOLDER } else { name };
+                return Ok(Some(FolderViolation {
+                    problem: format!(
+                        "removed the folder `{name}`, or put something else in its place"
+                    ),
+                    advice: "write plain files into `out` itself",
+                }));
+            }
+        }
         for entry in fs::read_dir(&self.path).map_err(ProgramError::at(&self.path))? {
             let name = entry.map_err(ProgramError::at(&self.path))?.file_name();
             let name = name.to_string_lossy();
@@ -254,6 +269,65 @@ impl JobFolder {
     pub(crate) fn remove(self) -> Result<(), ProgramError> {
         fs::remove_dir_all(&self.path).map_err(ProgramError::at(&self.path))
     }
+}
+
+/// Bytes that are read in no time worth speaking of.
+const SOON_READ_BYTES: u64 = 1 << 30;
+/// Bytes between two looks at the clock.
+const PIECE_BYTES: usize = 4 << 20;
+
+/// Says which file cannot be read until this instant, if there is one: the lake reads each once more for its digest.
+pub(crate) fn unread(
+    made: &[(String, PathBuf)],
+    timeout_s: f64,
+    until: Instant,
+) -> Result<Option<FolderViolation>, ProgramError> {
+    let mut sizes = Vec::with_capacity(made.len());
+    for (_, path) in made {
+        sizes.push(
+            fs::symlink_metadata(path)
+                .map_err(ProgramError::at(path))?
+                .len(),
+        );
+    }
+    if sizes
+        .iter()
+        .fold(0, |sum: u64, size| sum.saturating_add(*size))
+        <= SOON_READ_BYTES
+    {
+        return Ok(None);
+    }
+    let mut piece = vec![0; PIECE_BYTES];
+    for ((name, path), size) in made.iter().zip(sizes) {
+        let mut file = File::open(path).map_err(ProgramError::at(path))?;
+        while file.read(&mut piece).map_err(ProgramError::at(path))? > 0 {
+            if Instant::now() >= until {
+                return Ok(Some(FolderViolation {
+                    problem: format!(
+                        "wrote `out/{name}` of {} MB, which cannot be read in what it left of {timeout_s} s \
+                         (`timeout_s`)",
+                        size / 1_000_000
+                    ),
+                    advice: "write less, or raise `timeout_s`",
+                }));
+            }
+        }
+    }
+    Ok(None)
+}
+
+/// Takes a file that the program wrote: bytes of its own, for reading and writing alone.
+///
+/// A file with another name elsewhere is copied, so that nobody changes it there.
+pub(crate) fn take(from: &Path, to: &Path) -> io::Result<()> {
+    let found = fs::symlink_metadata(from)?;
+    if found.nlink() > 1 {
+        fs::copy(from, to)?;
+    } else {
+        fs::rename(from, to)?;
+    }
+    let plain = (found.mode() & 0o666) | 0o600;
+    fs::set_permissions(to, Permissions::from_mode(plain))
 }
 
 /// Adds the joints' names to the template's metadata, if the inputs name them and agree.

@@ -21,6 +21,7 @@ mod own_table;
 mod process;
 mod processes;
 mod result;
+mod script;
 mod stage;
 mod units;
 
@@ -28,4 +29,5 @@ pub use artifacts::{Artifacts, KnownArtifact, Shipped};
 pub use config::{ColumnConfig, ColumnType, ProgramConfig};
 pub use error::ProgramError;
 pub use process::stop_all;
+pub use script::FirstLine;
 pub use stage::{Program, ProgramMetrics};

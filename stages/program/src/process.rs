@@ -17,6 +17,7 @@ use crate::{
     limits::{ProcessEvent, read},
     log::Log,
     processes::{Processes, VARIABLE},
+    script::FirstLine,
 };
 
 /// Interval between measurements of memory.
@@ -89,8 +90,11 @@ impl RunningProgram {
     /// Starts the command; the lock is held, so that an interrupt finds it.
     fn new(command: &mut Command, folder: &Path) -> Result<(Self, Child), ProgramError> {
         let program = command.get_program().to_owned();
-        let failed = |source| ProgramError::NotStarted {
+        let failed = |source: io::Error| ProgramError::NotStarted {
             program: program.to_string_lossy().into_owned(),
+            script: (source.kind() != io::ErrorKind::PermissionDenied)
+                .then(|| FirstLine::of(Path::new(&program)))
+                .flatten(),
             source,
         };
         let mut running = running();
@@ -100,6 +104,7 @@ impl RunningProgram {
         let child = command.spawn().map_err(failed)?;
         let lost = || ProgramError::NotStarted {
             program: program.to_string_lossy().into_owned(),
+            script: None,
             source: io::Error::other("it has no process id"),
         };
         let processes = Processes::of(child.id(), folder).ok_or_else(lost)?;
@@ -136,17 +141,19 @@ impl Drop for RunningProgram {
     }
 }
 
-/// Runs the command in a folder; `progress` receives its reports of progress.
+/// Runs the command in a folder until this instant; `progress` receives its reports of progress.
 pub(crate) fn run(
     config: &ProgramConfig,
     command: &[PathBuf],
     folder: &Path,
+    until: Instant,
     log: &Arc<Log>,
     progress: &dyn Fn(f64, &str),
 ) -> Result<ProgramEnd, ProgramError> {
     let [program, arguments @ ..] = command else {
         return Err(ProgramError::NotStarted {
             program: String::new(),
+            script: None,
             source: io::ErrorKind::NotFound.into(),
         });
     };
@@ -166,6 +173,7 @@ pub(crate) fn run(
     let (started, child) = RunningProgram::new(&mut command, folder)?;
     let mut watch = Watch {
         config,
+        until,
         log,
         progress,
         started,
@@ -208,6 +216,7 @@ fn follow(mut child: Child, log: &Arc<Log>) -> mpsc::Receiver<ProcessEvent> {
 /// A program that is being watched.
 struct Watch<'a> {
     config: &'a ProgramConfig,
+    until: Instant,
     log: &'a Log,
     progress: &'a dyn Fn(f64, &str),
     started: RunningProgram,
@@ -249,7 +258,7 @@ impl Watch<'_> {
             memory_mb,
             ..
         } = *self.config;
-        let until = Instant::now() + Duration::from_secs_f64(timeout_s);
+        let until = self.until;
         let mut measured = Instant::now();
         loop {
             let now = Instant::now();

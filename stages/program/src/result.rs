@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::Path};
 use arrow_array::{Array, RecordBatch};
 use arrow_schema::{DataType, Schema};
 use dataflow::{Artifact, Inputs, PartitionKey};
+use lake::LakeError;
 use schemas::{
     Table,
     candidates::Candidates,
@@ -41,10 +42,20 @@ pub(crate) fn checked(
         labels: BTreeMap::new(),
         files: BTreeMap::from([(file.to_owned(), path.to_owned())]),
     };
-    let written = lake::table::read_batch(&written).map_err(|source| ProgramError::Unreadable {
-        command: process::words(config),
-        file: file.to_owned(),
-        source: Box::new(source),
+    let written = lake::table::read_batch(&written).map_err(|source| {
+        let (command, file) = (process::words(config), file.to_owned());
+        match source {
+            LakeError::Compression { codec, .. } => ProgramError::Compression {
+                command,
+                file,
+                codec,
+            },
+            source => ProgramError::Unreadable {
+                command,
+                file,
+                source: Box::new(source),
+            },
+        }
     })?;
     let batch = conformed(&written, schema).map_err(&broken)?;
     if let Some(known) = known {

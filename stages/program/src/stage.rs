@@ -3,9 +3,10 @@
 use std::{
     collections::BTreeMap,
     collections::BTreeSet,
-    fs,
     marker::PhantomData,
+    path::PathBuf,
     sync::{Arc, Mutex, PoisonError},
+    time::{Duration, Instant},
 };
 
 use arrow_schema::Schema;
@@ -19,16 +20,19 @@ use crate::{
     code,
     config::ProgramConfig,
     error::ProgramError,
-    folder::{FolderViolation, JobFolder},
+    folder::{self, FolderViolation, JobFolder},
     log::Log,
     own_table, process,
     result::{accepted_n, checked},
+    script::FirstLine,
     units::{FAN_OUT, LACKS, units},
 };
 
 /// Exit code of a program for an item that cannot be used: it is skipped, and the last line printed is the
 /// reason.
 const SKIPPED: i32 = 3;
+/// Exit codes of a shell and of `env` for a command that they cannot start.
+const NOT_STARTED: std::ops::RangeInclusive<i32> = 126..=127;
 
 /// Runs a program of the user's; its artifacts are those of `A`, and tables of its own.
 pub struct Program<A>(PhantomData<A>);
@@ -140,9 +144,15 @@ impl<A: Artifacts> Output for Program<A> {
         )?;
         let log = Arc::new(Log::begin(cx.log_file())?);
         let command = code::absolute(config)?;
-        let ended = process::run(config, &command, folder.path(), &log, &|share, message| {
-            cx.progress(share, message);
-        })?;
+        let until = Instant::now() + Duration::from_secs_f64(config.timeout_s);
+        let ended = process::run(
+            config,
+            &command,
+            folder.path(),
+            until,
+            &log,
+            &|share, message| cx.progress(share, message),
+        )?;
         let failed = |violation: FolderViolation| ProgramError::Folder {
             command: process::words(config),
             problem: violation.problem,
@@ -158,13 +168,15 @@ impl<A: Artifacts> Output for Program<A> {
                     .unwrap_or_else(|| "the program gave no reason".to_owned());
                 return Ok(Outcome::skipped(reason));
             }
-            _ => {
+            code => {
+                let unstarted = code.is_some_and(|code| NOT_STARTED.contains(&code));
                 return Err(ProgramError::Failed {
                     command: process::words(config),
                     ended: ended.words(),
                     last_lines: log.last_lines(),
                     log: log.path().to_owned(),
                     missing: code::missing(config),
+                    script: unstarted.then(|| script(config, &command)).flatten(),
                 });
             }
         }
@@ -172,6 +184,9 @@ impl<A: Artifacts> Output for Program<A> {
             return Err(failed(violation));
         }
         let made = folder.made()?.map_err(&failed)?;
+        if let Some(violation) = folder::unread(&made, config.timeout_s, until)? {
+            return Err(failed(violation));
+        }
         let asked = schema.iter().map(|_| lake::table::FILE);
         let asked = asked.chain(
             known
@@ -208,13 +223,22 @@ impl<A: Artifacts> Output for Program<A> {
                 }
                 _ => {
                     let to = cx.folder().join(&name);
-                    fs::rename(&path, &to).map_err(ProgramError::at(&path))?;
+                    folder::take(&path, &to).map_err(ProgramError::at(&path))?;
                 }
             }
         }
         folder.remove()?;
         Ok(Outcome::Made(metrics))
     }
+}
+
+/// Returns the first file of the command whose first line cannot be used, with its name.
+fn script(config: &ProgramConfig, command: &[PathBuf]) -> Option<(String, FirstLine)> {
+    let mut files = config.command.iter().zip(command);
+    files.find_map(|(name, path)| match FirstLine::of(path)? {
+        FirstLine::Missing => None,
+        found => Some((name.clone(), found)),
+    })
 }
 
 /// Returns the text for as long as this process lives: names of artifacts are those of kinds, which last as
