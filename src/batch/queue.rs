@@ -109,15 +109,38 @@ pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
     if status.success() {
         return Ok(said);
     }
-    Err(io::Error::other(format!(
-        "`{program}` failed: {}",
-        complained.trim()
-    )))
+    // Some complain on stdout, some on both.
+    let words: Vec<&str> = [complained.trim(), said.trim()]
+        .into_iter()
+        .filter(|text| !text.is_empty())
+        .collect();
+    let words = if words.is_empty() {
+        format!("{status}, and printed nothing")
+    } else {
+        words.join("\n")
+    };
+    Err(io::Error::other(format!("`{program}` failed: {words}")))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_refusal_is_shown_whichever_stream_it_used() {
+        let said = |script: &str| {
+            let words = ["sh", "-c", script].map(str::to_owned);
+            ask(&words, "").unwrap_err().to_string()
+        };
+        assert!(said("echo no such account; exit 1").ends_with("no such account"));
+        assert!(said("echo no such account >&2; exit 1").ends_with("no such account"));
+        let both = said("echo maintenance; echo refused >&2; exit 2");
+        assert!(
+            both.contains("maintenance") && both.contains("refused"),
+            "{both}"
+        );
+        assert!(said("exit 3").contains("3, and printed nothing"));
+    }
 
     #[test]
     fn an_answer_of_slurm_is_read_line_by_line() {

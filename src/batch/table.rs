@@ -133,7 +133,13 @@ impl Table {
     pub(crate) fn id_in(&self, said: &str) -> Option<String> {
         let (before, after) = self.id.split_once("{id}").unwrap_or_default();
         let rest = match before {
-            "" => said.trim_start(),
+            // A site may print a banner before.
+            "" => said
+                .trim()
+                .lines()
+                .next_back()
+                .unwrap_or_default()
+                .trim_start(),
             before => said.split_once(before)?.1,
         };
         let stop = after.chars().next();
@@ -197,6 +203,8 @@ mod tests {
         let mut table = table();
         assert_eq!(table.id_in("17;cluster\n"), Some("17".to_owned()));
         assert_eq!(table.id_in(""), None);
+        let banner = "Welcome to the cluster\n\n4711;cluster\n";
+        assert_eq!(table.id_in(banner), Some("4711".to_owned()));
         table.id = "submitted to cluster {id}.".to_owned();
         let said = "1 job(s) submitted to cluster 8.\n";
         assert_eq!(table.id_in(said), Some("8".to_owned()));

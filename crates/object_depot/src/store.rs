@@ -47,6 +47,7 @@ impl ObjectDepot {
         let rest = url.strip_prefix("s3://").filter(|rest| !rest.is_empty());
         let rest = rest.ok_or_else(|| Boxed::from("it is not of the form `s3://BUCKET/PREFIX`"))?;
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
+        check_endpoints(|name| std::env::var(name).ok())?;
         // A large file may take long: whoever asks gives up on silence (`depot::Link`).
         let client = ClientOptions::new()
             .with_connect_timeout(CONNECT)
@@ -71,6 +72,34 @@ impl ObjectDepot {
             runtime,
         })
     }
+}
+
+/// Variables that name the endpoint of a store that is not Amazon's.
+const ENDPOINTS: [&str; 3] = ["AWS_ENDPOINT_URL", "AWS_ENDPOINT", "AWS_ENDPOINT_URL_S3"];
+
+/// Refuses an endpoint that is no URL, or whose lack of encryption is not allowed by name: the client would only say
+/// that it cannot build a request.
+fn check_endpoints(variable: impl Fn(&str) -> Option<String>) -> Result<(), Boxed> {
+    for name in ENDPOINTS {
+        let Some(endpoint) = variable(name).filter(|endpoint| !endpoint.is_empty()) else {
+            continue;
+        };
+        let scheme = endpoint.split_once("://").map(|(scheme, _)| scheme);
+        let allowed = variable("AWS_ALLOW_HTTP");
+        let problem = match scheme {
+            Some("https") => continue,
+            Some("http") if allowed.as_deref() == Some("true") => continue,
+            Some("http") => format!(
+                "`{name}` is `{endpoint}`, without encryption: allow that with `AWS_ALLOW_HTTP=true`, or write `https://…`"
+            ),
+            _ => format!(
+                "`{name}` is `{endpoint}`: write it with `https://` or `http://`, e.g. `https://{}`",
+                endpoint.rsplit("//").next().unwrap_or_default()
+            ),
+        };
+        return Err(problem.into());
+    }
+    Ok(())
 }
 
 /// An endpoint without encryption, which the environment must allow by name.
@@ -197,5 +226,36 @@ fn failed(action: &'static str, key: &str) -> impl FnOnce(Boxed) -> DepotError {
         action,
         key,
         source,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_endpoint_is_a_url_and_says_whether_it_encrypts() {
+        let said = |name: &str, endpoint: &str, allowed: &str| {
+            let found = check_endpoints(|asked| match asked {
+                "AWS_ALLOW_HTTP" => Some(allowed.to_owned()),
+                asked => (asked == name).then(|| endpoint.to_owned()),
+            });
+            found.err().map(|err| err.to_string())
+        };
+        for name in ENDPOINTS {
+            assert_eq!(said(name, "https://minio.lab:9000", ""), None);
+            assert_eq!(said(name, "http://minio.lab:9000", "true"), None);
+            assert_eq!(said(name, "", ""), None);
+            for wrong in ["minio.lab:9000", "//minio.lab", "htps://minio.lab", "minio"] {
+                let said = said(name, wrong, "true").unwrap();
+                assert!(said.contains(name) && said.contains(wrong), "{said}");
+                assert!(said.contains("`https://minio"), "{said}");
+            }
+            let plain = said(name, "http://minio.lab:9000", "yes").unwrap();
+            assert!(
+                plain.contains(name) && plain.contains("AWS_ALLOW_HTTP=true"),
+                "{plain}"
+            );
+        }
     }
 }
