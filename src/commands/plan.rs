@@ -1,8 +1,9 @@
 //! `pipeline plan`
 
-use std::collections::BTreeMap;
+use std::{cell::RefCell, collections::BTreeMap};
 
 use dataflow::{Cause, NodeName, Plan, PlannedUnit, UnitState};
+use serde::Serialize;
 
 use crate::{
     arguments::{Format, PlanArgs},
@@ -19,26 +20,49 @@ use crate::{
 /// Partitions, and files among the causes, named in one line of the text.
 const NAMED: usize = 3;
 
+/// The plan of one of several variants.
+#[derive(Serialize)]
+struct Variant {
+    variant: String,
+    plan: Plan,
+}
+
 /// Shows what `run` would do, and why, for every variant.
 pub(crate) fn plan(program: &Program, args: &PlanArgs) -> Result<CommandOutcome, CommandError> {
-    sweep::each(program, &args.pipeline, |pipeline| {
+    let several = RefCell::new(Vec::new());
+    let outcome = sweep::each(program, &args.pipeline, |label, pipeline| {
         let args = PlanArgs {
             pipeline,
             ..args.clone()
         };
-        plan_variant(program, &args)
-    })
+        plan_variant(program, &args, label, &several)
+    });
+    let several = several.into_inner();
+    if !several.is_empty() {
+        // One document, whatever the number of variants.
+        report::json(&several)?;
+    }
+    outcome
 }
 
-fn plan_variant(program: &Program, args: &PlanArgs) -> Result<Done, CommandError> {
+fn plan_variant(
+    program: &Program,
+    args: &PlanArgs,
+    label: Option<&str>,
+    several: &RefCell<Vec<Variant>>,
+) -> Result<Done, CommandError> {
     let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
     let lake = program.open_lake()?;
     let plan = dataflow::plan(&pipeline, &lake, &options)?;
     program.say_shared(&lake)?;
-    match args.format {
-        Format::Text => report::text(&text(&plan, Page::of_stdout().width))?,
-        Format::Json => report::json(&plan)?,
+    match (args.format, label) {
+        (Format::Text, _) => report::text(&text(&plan, Page::of_stdout().width))?,
+        (Format::Json, None) => report::json(&plan)?,
+        (Format::Json, Some(label)) => several.borrow_mut().push(Variant {
+            variant: label.to_owned(),
+            plan,
+        }),
     }
     Ok(Done::without_words(CommandOutcome::Done))
 }

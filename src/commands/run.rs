@@ -37,7 +37,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
         interrupt::drop_on_signal(&lake)?;
         sharing::say_unlocked(&lake);
     }
-    let outcome = sweep::each(program, &args.pipeline, |pipeline| {
+    let outcome = sweep::each(program, &args.pipeline, |_, pipeline| {
         let args = RunArgs {
             pipeline,
             ..args.clone()

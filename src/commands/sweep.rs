@@ -29,14 +29,14 @@ impl Done {
     }
 }
 
-/// Runs a command for every variant, in order, and continues after a failure.
+/// Runs a command for every variant, in order, with its label if there are several, and continues after a failure.
 ///
 /// A single variant runs as without a sweep. Several are announced one by one, and their outcomes
 /// are tabulated at the end.
 pub(crate) fn each(
     program: &Program,
     args: &PipelineArgs,
-    command: impl Fn(PipelineArgs) -> Result<Done, CommandError>,
+    command: impl Fn(Option<&str>, PipelineArgs) -> Result<Done, CommandError>,
 ) -> Result<CommandOutcome, CommandError> {
     let mut variants: Vec<(String, PipelineArgs)> = Sweep::variants(&pipeline_file::sweeps(args)?)
         .into_iter()
@@ -55,7 +55,7 @@ pub(crate) fn each(
     if variants.len() == 1
         && let Some((_, only)) = variants.pop()
     {
-        return command(only).map(|done| done.outcome);
+        return command(None, only).map(|done| done.outcome);
     }
     // An invalid value is reported before the first variant runs.
     for (_, args) in &variants {
@@ -69,7 +69,7 @@ pub(crate) fn each(
     for (idx, (label, args)) in variants.into_iter().enumerate() {
         program.say(&format!("variant {} of {n_variants}: {label}", idx + 1));
         let started = Instant::now();
-        let said = match command(args) {
+        let said = match command(Some(&label), args) {
             Ok(done) => {
                 if done.outcome == CommandOutcome::SkippedItems {
                     outcome = CommandOutcome::SkippedItems;

@@ -1,7 +1,5 @@
 //! Sweeps: every variant runs, and shared results are made once.
 
-use serde_json::Deserializer;
-
 use crate::bench::{Bench, stderr, stdout};
 
 const KL_WEIGHTS: [&str; 4] = [
@@ -50,8 +48,16 @@ fn every_variant_runs_and_shared_stages_run_once() {
         .command("plan", &[&KL_WEIGHTS[..], &["--format", "json"]].concat())
         .output()
         .unwrap();
-    let plans = Deserializer::from_slice(&json.stdout).into_iter::<serde_json::Value>();
-    assert_eq!(plans.map(Result::unwrap).count(), 2);
+    let plans: serde_json::Value = serde_json::from_slice(&json.stdout).unwrap();
+    let plans = plans.as_array().unwrap();
+    assert_eq!(plans.len(), 2);
+    for plan in plans {
+        assert!(
+            plan["variant"].as_str().unwrap().contains("kl_weight"),
+            "{plan}"
+        );
+        assert!(plan["plan"]["nodes"].is_array(), "{plan}");
+    }
 }
 
 #[test]

@@ -45,10 +45,16 @@ const HOST: usize = 32;
 /// Fails if the file cannot be written; the old file then remains.
 pub fn write_atomic(path: &Path, bytes: &[u8]) -> Result<(), LakeError> {
     make_parent(path)?;
-    let folder = path.parent().unwrap_or(path);
+    let folder = folder_of(path);
     write(folder, path, bytes)?;
     let synced = File::open(folder).and_then(|folder| folder.sync_all());
     synced.map_err(io_error("write", path))
+}
+
+/// Returns the folder of a file; the parent of a bare name is the empty path, which cannot be opened.
+fn folder_of(path: &Path) -> &Path {
+    let named = path.parent().filter(|folder| *folder != Path::new(""));
+    named.unwrap_or(Path::new("."))
 }
 
 /// Writes `bytes` to `path` by way of a file in `staging`, synced before it is renamed.
@@ -188,6 +194,13 @@ mod tests {
         }
         let beside = fs::read_dir(path.parent().unwrap()).unwrap();
         assert_eq!(beside.count(), 1);
+    }
+
+    #[test]
+    fn the_folder_of_every_name_can_be_opened() {
+        for (path, folder) in [("a.glb", "."), ("./a.glb", "."), ("/a", "/"), ("x/a", "x")] {
+            assert_eq!(folder_of(Path::new(path)), Path::new(folder), "{path}");
+        }
     }
 
     #[test]
