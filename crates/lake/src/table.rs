@@ -8,7 +8,10 @@ use dataflow::Artifact;
 use parquet::{
     arrow::{ArrowWriter, arrow_reader::ParquetRecordBatchReaderBuilder},
     basic::{Compression, ZstdLevel},
-    file::properties::WriterProperties,
+    file::{
+        metadata::{ColumnChunkMetaData, RowGroupMetaData},
+        properties::WriterProperties,
+    },
 };
 use schemas::Table;
 
@@ -101,7 +104,8 @@ pub fn read_batch(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
     let reader = open(path)?;
     let schema = reader.schema().clone();
     let groups = reader.metadata().row_groups().iter();
-    let mut codecs = groups.flat_map(|group| group.columns().iter().map(|c| c.compression()));
+    let chunks = groups.flat_map(RowGroupMetaData::columns);
+    let mut codecs = chunks.map(ColumnChunkMetaData::compression);
     if let Some(codec) = codecs.find_map(unread) {
         let path = path.to_owned();
         return Err(LakeError::Compression { path, codec });

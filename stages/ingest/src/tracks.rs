@@ -217,12 +217,14 @@ impl Tracks<'_> {
     fn description(&self, name: &str, bytes: &[u8]) -> Result<Description, RecordingError> {
         let description = description(name, bytes)?;
         match (description.rate_hz, self.rate_hz) {
-            (Some(found), Some(given)) if found != given => Err(RecordingError::Value {
-                what: format!(
-                    "`rate_hz` is {found}, and {given} in the pipeline file: leave it out there"
-                ),
-                file: name.to_owned(),
-            }),
+            (Some(found), Some(given)) if found.total_cmp(&given).is_ne() => {
+                Err(RecordingError::Value {
+                    what: format!(
+                        "`rate_hz` is {found}, and {given} in the pipeline file: leave it out there"
+                    ),
+                    file: name.to_owned(),
+                })
+            }
             _ => Ok(description),
         }
     }

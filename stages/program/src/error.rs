@@ -74,9 +74,9 @@ pub enum ProgramError {
         /// Its whole log.
         log: PathBuf,
         /// Elements of the command that look like files and are none.
-        missing: Vec<String>,
+        missing: Box<[String]>,
         /// A script of the command whose first line cannot be used.
-        script: Option<(String, FirstLine)>,
+        script: Option<Box<(String, FirstLine)>>,
     },
     /// It broke a limit.
     #[error(
@@ -357,7 +357,7 @@ impl Advise for ProgramError {
                 if let Some((_, module)) = last_lines.rsplit_once("No module named ") {
                     let module = module.lines().next().unwrap_or_default().trim_matches(['\'', '"']);
                     format!("install `{module}` for this Python, or name another one in `command`; {}", log(path))
-                } else if let Some((script, first_line)) = script {
+                } else if let Some((script, first_line)) = script.as_deref() {
                     format!("`{script}`{first_line}: {}; {}", first_line.hint(script), log(path))
                 } else if let Some(missing) = missing.first() {
                     format!("`command` names `{missing}`, and there is no such file here; {}", log(path))

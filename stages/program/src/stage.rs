@@ -168,17 +168,7 @@ impl<A: Artifacts> Output for Program<A> {
                     .unwrap_or_else(|| "the program gave no reason".to_owned());
                 return Ok(Outcome::skipped(reason));
             }
-            code => {
-                let unstarted = code.is_some_and(|code| NOT_STARTED.contains(&code));
-                return Err(ProgramError::Failed {
-                    command: process::words(config),
-                    ended: ended.words(),
-                    last_lines: log.last_lines(),
-                    log: log.path().to_owned(),
-                    missing: code::missing(config),
-                    script: unstarted.then(|| script(config, &command)).flatten(),
-                });
-            }
+            _ => return Err(failure(config, &command, &ended, &log)),
         }
         if let Some(violation) = folder.violation()? {
             return Err(failed(violation));
@@ -229,6 +219,26 @@ impl<A: Artifacts> Output for Program<A> {
         }
         folder.remove()?;
         Ok(Outcome::Made(metrics))
+    }
+}
+
+/// Returns the failure of a program that ended with this exit code or signal.
+fn failure(
+    config: &ProgramConfig,
+    command: &[PathBuf],
+    ended: &process::ProgramEnd,
+    log: &Log,
+) -> ProgramError {
+    let code = ended.status.code();
+    let unstarted = code.is_some_and(|code| NOT_STARTED.contains(&code));
+    let script = unstarted.then(|| script(config, command)).flatten();
+    ProgramError::Failed {
+        command: process::words(config),
+        ended: ended.words(),
+        last_lines: log.last_lines(),
+        log: log.path().to_owned(),
+        missing: code::missing(config).into(),
+        script: script.map(Box::new),
     }
 }
 
