@@ -94,12 +94,12 @@ fn gathered(
                 RecordOutcome::Made { files, labels, .. } => {
                     let files = files.iter();
                     let is_read = |name: &str| input == "rollouts" || name == lake::table::FILE;
-                    let files = files.filter(|(name, _)| is_read(name));
+                    let files = files.filter(|(name, _)| is_read(name.as_str()));
                     artifacts.entry(input.clone()).or_default().push(Artifact {
                         key: unit.partition.clone(),
                         labels: labels.clone(),
                         files: files
-                            .map(|(name, file)| Ok((name.clone(), lake.fetched(file)?)))
+                            .map(|(name, file)| Ok((name.to_string(), lake.fetched(file)?)))
                             .collect::<Result<_, CommandError>>()?,
                     });
                 }

@@ -12,6 +12,7 @@ mod cluster;
 mod own_stages;
 mod place;
 
+mod attacks;
 mod concurrency;
 mod corruption;
 mod crash;

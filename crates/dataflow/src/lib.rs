@@ -83,7 +83,10 @@ pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
 pub use kind::{Kind, OptionInfo};
 pub use metrics::{Figure, Gather, Max, Mean, MetricValues, Metrics, MissingMetric, Sum, With};
-pub use name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName};
+pub use name::{
+    ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,
+    StageName, UnitName, text_of,
+};
 pub use option_faults::{OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use order::{Forced, Order};

@@ -118,13 +118,82 @@ names! {
             && !text.contains(['/', '\\', '\0', '=']);
         (!is_key)
             .then_some("keys are not empty, do not begin with a dot and have no `/`, `\\` or `=`")
+            .or_else(|| too_long(text))
     };
+
+    /// The name of a file of an artifact: one component of a path, never a path.
+    ///
+    /// ```
+    /// use dataflow::FileName;
+    ///
+    /// assert!("part.parquet".parse::<FileName>().is_ok());
+    /// assert!("../part.parquet".parse::<FileName>().is_err());
+    /// ```
+    FileName, "a file of an artifact", broken_component;
+
+    /// The name of a pipeline: the stem of its file, which also names folders.
+    ///
+    /// ```
+    /// use dataflow::PipelineName;
+    ///
+    /// assert!("cgf".parse::<PipelineName>().is_ok());
+    /// assert!("..".parse::<PipelineName>().is_err());
+    /// ```
+    PipelineName, "a pipeline", broken_component;
+
+    /// The kind of item that one partition holds: the column of its key in tables.
+    ///
+    /// ```
+    /// use dataflow::ColumnName;
+    ///
+    /// assert!("object".parse::<ColumnName>().is_ok());
+    /// assert!("a/b".parse::<ColumnName>().is_err());
+    /// ```
+    ColumnName, "a column", |text| broken_word(text)
+        .or_else(|| (text.len() > LONGEST_COLUMN).then_some("names of columns have at most 50 bytes"));
+}
+
+/// Longest name of a column, in bytes: with a key and `=` it is the name of a folder, of at most 255.
+const LONGEST_COLUMN: usize = 50;
+
+/// Longest other name, in bytes: folders and locks are named after it, with a prefix or a suffix.
+const LONGEST: usize = 200;
+
+fn too_long(text: &str) -> Option<&'static str> {
+    (text.len() > LONGEST)
+        .then_some("names have at most 200 bytes: files and folders are named after them")
 }
 
 fn broken_word(text: &str) -> Option<&'static str> {
     let is_letter = |byte: u8| byte.is_ascii_alphanumeric() || matches!(byte, b'_' | b'-');
     let is_word = !text.is_empty() && text.bytes().all(is_letter);
-    (!is_word).then_some("use letters, digits, `_` and `-`")
+    (!is_word)
+        .then_some("use letters, digits, `_` and `-`")
+        .or_else(|| too_long(text))
+}
+
+fn broken_component(text: &str) -> Option<&'static str> {
+    let is_component = !matches!(text, "" | "." | "..")
+        && !text.contains(['/', '\\'])
+        && !text.contains(char::is_control);
+    (!is_component)
+        .then_some(
+            "it is one name, not a path: no `/`, `\\` or control characters, not `.` or `..`",
+        )
+        .or_else(|| too_long(text))
+}
+
+/// Reads a text that must be a name of type `N`.
+///
+/// # Errors
+///
+/// Fails if it is none.
+pub fn text_of<'de, N, D>(from: D) -> Result<String, D::Error>
+where
+    N: Deserialize<'de> + fmt::Display,
+    D: serde::Deserializer<'de>,
+{
+    N::deserialize(from).map(|name| name.to_string())
 }
 
 impl ArtifactName {

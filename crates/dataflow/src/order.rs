@@ -12,7 +12,7 @@ use crate::{
     error::Failure,
     fingerprint::{Fingerprint, OutputFingerprint},
     graph::Node,
-    name::{ArtifactName, NodeName, PartitionKey, UnitName},
+    name::{ArtifactName, FileName, NodeName, PartitionKey, UnitName},
     outcome::Labels,
     record::FileRef,
     state::{PartitionState, State, digest_source},
@@ -67,7 +67,7 @@ pub(crate) struct OrderedInput {
     /// The labels, which are not read where only some files are.
     pub(crate) labels: Labels,
     /// The files that are read.
-    pub(crate) files: BTreeMap<String, FileRef>,
+    pub(crate) files: BTreeMap<FileName, FileRef>,
 }
 
 /// One file outside the lake that a unit reads.

@@ -8,6 +8,7 @@ use crate::{
     digest::{Digest, Fields},
     fingerprint::Fingerprint,
     metrics::MetricValues,
+    name::FileName,
     outcome::Labels,
 };
 
@@ -36,7 +37,7 @@ pub enum RecordOutcome {
     /// Files that are the artifact.
     Made {
         /// The files by name.
-        files: BTreeMap<String, FileRef>,
+        files: BTreeMap<FileName, FileRef>,
         /// Facts by which later stages choose partitions.
         labels: Labels,
         /// Counts and other metrics.
@@ -121,7 +122,7 @@ impl RecordOutcome {
         };
         let named: Vec<_> = files
             .iter()
-            .filter(|(name, _)| parts.contains(name))
+            .filter(|(name, _)| parts.iter().any(|part| **name == *part.as_str()))
             .collect();
         let mut fields = Fields::new("files");
         digest_files(&mut fields, named.into_iter());
@@ -129,7 +130,7 @@ impl RecordOutcome {
     }
 
     /// Returns the files of a made artifact by name.
-    pub fn files(&self) -> Option<&BTreeMap<String, FileRef>> {
+    pub fn files(&self) -> Option<&BTreeMap<FileName, FileRef>> {
         match self {
             Self::Made { files, .. } => Some(files),
             Self::Skipped { .. } | Self::Filtered { .. } => None,
@@ -142,9 +143,11 @@ impl RecordOutcome {
     }
 
     /// Returns the files of a made artifact, only the named ones if `parts` names any.
-    pub(crate) fn parts(&self, parts: Option<&Vec<String>>) -> Option<BTreeMap<String, FileRef>> {
+    pub(crate) fn parts(&self, parts: Option<&Vec<String>>) -> Option<BTreeMap<FileName, FileRef>> {
         let files = self.files()?.iter();
-        let named = files.filter(|(name, _)| parts.is_none_or(|parts| parts.contains(name)));
+        let named = files.filter(|(name, _)| {
+            parts.is_none_or(|parts| parts.iter().any(|part| **name == *part.as_str()))
+        });
         Some(
             named
                 .map(|(name, file)| (name.clone(), file.clone()))
@@ -155,11 +158,11 @@ impl RecordOutcome {
 
 fn digest_files<'a>(
     fields: &mut Fields,
-    files: impl ExactSizeIterator<Item = (&'a String, &'a FileRef)>,
+    files: impl ExactSizeIterator<Item = (&'a FileName, &'a FileRef)>,
 ) {
     fields.number(files.len() as u64);
     for (name, file) in files {
-        fields.text(name);
+        fields.text(name.as_str());
         fields.digest(&file.digest);
     }
 }

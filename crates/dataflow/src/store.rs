@@ -14,7 +14,10 @@ use crate::{
     fingerprint::Fingerprint,
     graph::Node,
     metrics::MetricValues,
-    name::{ArtifactName, NodeName, PartitionKey, StageName, UnitName},
+    name::{
+        self, ArtifactName, ColumnName, FileName, NodeName, PartitionKey, PipelineName, StageName,
+        UnitName,
+    },
     record::{FileRef, Record, RecordOutcome},
 };
 
@@ -91,6 +94,7 @@ pub struct NewestUnit {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct RunRecord {
     /// The pipeline's name.
+    #[serde(deserialize_with = "name::text_of::<PipelineName, _>")]
     pub pipeline: String,
     /// The pipeline file, the profile and the values given on the command line.
     pub origin: Origin,
@@ -99,7 +103,7 @@ pub struct RunRecord {
     /// Its stages, by name.
     pub stages: BTreeMap<StageName, StageRecord>,
     /// The pipeline's outputs, reached by the run or not, in the order of the graph.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub outputs: Vec<OutputRecord>,
     /// The outcome of each output, in the order of the graph.
     pub nodes: Vec<NodeRecord>,
@@ -139,6 +143,7 @@ pub struct OutputRecord {
     /// The output.
     pub node: NodeName,
     /// Kind of item that one partition holds, e.g. `object`: the column of its key in tables.
+    #[serde(deserialize_with = "name::text_of::<ColumnName, _>")]
     pub partition: String,
 }
 
@@ -248,7 +253,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be used.
-    fn doubt(&self, files: &BTreeMap<String, FileRef>) -> Result<(), Advised>;
+    fn doubt(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), Advised>;
 
     /// Returns the whole record of a fingerprint, to list differences from it.
     ///
@@ -300,7 +305,7 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn open(
         &self,
-        files: &BTreeMap<String, FileRef>,
+        files: &BTreeMap<FileName, FileRef>,
     ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised>;
 
     /// Publishes the artifacts of a node: exactly these partitions.

@@ -64,6 +64,19 @@ impl FolderDepot {
         }
     }
 
+    /// Checks that no folder of a key is a link, which would lead out of the depot. A person may have put
+    /// the first, such as `blobs`, on another disk.
+    fn check_below(&self, key: &str) -> io::Result<()> {
+        let folders = Path::new(key).ancestors().skip(1);
+        for folder in folders.filter(|folder| folder.iter().count() > 1) {
+            if fs::symlink_metadata(self.root.join(folder))?.is_symlink() {
+                let what = format!("`{}` of the depot is a link", folder.display());
+                return Err(io::Error::new(io::ErrorKind::NotADirectory, what));
+            }
+        }
+        Ok(())
+    }
+
     /// Writes content beside its final name, synced.
     fn write(&self, content: Content) -> io::Result<PathBuf> {
         self.check()?;
@@ -88,10 +101,12 @@ impl FolderDepot {
     fn place(&self, key: &str, content: Content, mode: PutMode) -> io::Result<Put> {
         let beside = self.write(content)?;
         let path = self.path(key);
-        let placed = make_parent(&path).and_then(|()| match mode {
-            PutMode::Always => fs::rename(&beside, &path).map(|()| Put::New),
-            PutMode::IfAbsent => link(&beside, &path),
-        });
+        let placed = make_parent(&path)
+            .and_then(|()| self.check_below(key))
+            .and_then(|()| match mode {
+                PutMode::Always => fs::rename(&beside, &path).map(|()| Put::New),
+                PutMode::IfAbsent => link(&beside, &path),
+            });
         // After a rename there is nothing under this name any more.
         let _gone = fs::remove_file(&beside);
         let put = placed?;
@@ -129,8 +144,16 @@ impl FolderDepot {
 impl Depot for FolderDepot {
     fn get(&self, key: &str, sink: &mut Sink) -> Result<bool, DepotError> {
         let mut read = || {
-            let Some(mut file) = if_there(File::open(self.path(key)))? else {
+            let path = self.path(key);
+            let Some(found) = if_there(fs::symlink_metadata(&path))? else {
                 self.check()?;
+                return Ok(false);
+            };
+            // A link leads elsewhere, and a pipe has no end: neither holds what was stored.
+            if !found.is_file() {
+                return Ok(true);
+            }
+            let Some(mut file) = if_there(File::open(path))? else {
                 return Ok(false);
             };
             let mut piece = vec![0; PIECE];

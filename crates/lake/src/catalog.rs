@@ -258,7 +258,7 @@ impl Lake {
                 };
                 let folders = PublishedFolders::of(pipeline, &node.node);
                 for (name, file) in stored.outcome.files().into_iter().flatten() {
-                    let path = folders.path(&node.column, &unit.partition, name);
+                    let path = folders.path(&node.column, &unit.partition, name.as_str());
                     expected.insert(path, file.digest);
                 }
             }

@@ -6,7 +6,7 @@
 use std::{
     collections::{BTreeMap, BTreeSet},
     fs,
-    path::{Path, PathBuf},
+    path::PathBuf,
     sync::Arc,
 };
 
@@ -27,7 +27,6 @@ use crate::{
     records::Stored,
     register::Run,
     scratch::Scratch,
-    sealed,
     shared::{Shared, SharedRun, keys},
     table,
 };
@@ -338,7 +337,7 @@ impl<'a> DepotTables<'a> {
             let Some(bytes) = self.lake.depot()?.read(&key)? else {
                 continue;
             };
-            let Ok(shared) = sealed::parse::<SharedRun>(Path::new(&key), &bytes) else {
+            let Ok(shared) = SharedRun::parse(&key, &bytes) else {
                 return Err(LakeError::LostInDepot { key });
             };
             // An earlier version of the program sent no record of the run.

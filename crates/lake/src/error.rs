@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, NodeName, PartitionKey};
+use dataflow::{Advise, InvalidName, NodeName, PartitionKey};
 use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
@@ -77,6 +77,9 @@ pub enum LakeError {
         /// The type of its file system.
         file_system: String,
     },
+    /// A unit made a file that cannot be stored under its name.
+    #[error(transparent)]
+    Name(#[from] InvalidName),
     /// The lake shares results with no other machine.
     #[error("the lake has no depot")]
     NoDepot,
@@ -318,6 +321,7 @@ impl Advise for LakeError {
             | Self::Rows { .. }
             | Self::MissingInput { .. }
             | Self::SeveralInputs { .. }
+            | Self::Name(_)
             | Self::Metric { .. } => None,
         }
     }

@@ -140,7 +140,7 @@ impl Folder {
         self.join("tags")
     }
 
-    /// The most recently repeated run.
+    /// The repeated runs.
     pub(crate) fn repeated_run(&self) -> PathBuf {
         self.join("again.json")
     }

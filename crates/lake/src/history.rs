@@ -214,14 +214,14 @@ fn names<'a>(units: &(impl Iterator<Item = &'a UnitRef> + Clone)) -> [Column; 3]
 }
 
 /// The artifacts of units, one item per entry of one of their maps.
-fn entries<'a, V>(
+fn entries<'a, K: ToString + 'a, V>(
     units: &'a [(UnitRef, Arc<RecordOutcome>)],
-    of: impl Fn(&'a RecordOutcome) -> Option<&'a BTreeMap<String, V>>,
-) -> Vec<(&'a UnitRef, &'a str, &'a V)> {
+    of: impl Fn(&'a RecordOutcome) -> Option<&'a BTreeMap<K, V>>,
+) -> Vec<(&'a UnitRef, String, &'a V)> {
     let mut rows = Vec::new();
     for (unit, outcome) in units {
         for (name, value) in of(outcome).into_iter().flatten() {
-            rows.push((unit, name.as_str(), value));
+            rows.push((unit, name.to_string(), value));
         }
     }
     rows

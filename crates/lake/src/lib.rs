@@ -9,7 +9,7 @@
 //!                          with when and where it was made (never part of an artifact)
 //! manifests/abcd….json     lists of the units of runs, named by their digest
 //! runs/000012.json         record of each run, with its values
-//! again.json               the most recently repeated run, which counts as the newest
+//! again.json               the repeated runs, which count as newer than those before the repetition
 //! tags/NAME.json           names for runs, which keep them
 //! copies/…                 backup of recipes, manifests, runs and tags, which are irreplaceable
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what

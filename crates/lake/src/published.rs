@@ -92,7 +92,7 @@ fn wanted<'a>(
     let mut wanted = BTreeMap::new();
     for unit in made {
         for (name, file) in unit.outcome.files().into_iter().flatten() {
-            let path = folders.path(node.output.partition, unit.partition, name);
+            let path = folders.path(node.output.partition, unit.partition, name.as_str());
             if lake.is_only_in_depot(&file.digest) {
                 continue;
             }
@@ -100,7 +100,7 @@ fn wanted<'a>(
                 file,
                 fingerprint: unit.fingerprint,
                 partition: unit.partition,
-                is_table: name == table::FILE,
+                is_table: *name == *table::FILE,
             };
             wanted.insert(path, file);
         }

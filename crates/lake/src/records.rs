@@ -56,6 +56,13 @@ pub(crate) struct Stored {
 }
 
 impl Stored {
+    /// Whether it is the record of the unit that it names, which other lakes may use: its fingerprint
+    /// is that of its own fields and of this recipe.
+    pub(crate) fn is_of(&self, recipe: &Arc<OutputFingerprint>) -> bool {
+        let whole = self.clone().fingerprint(Arc::clone(recipe));
+        whole.digest() == self.fingerprint && !self.outcome.is_provisional()
+    }
+
     /// Joins it with its recipe.
     pub(crate) fn fingerprint(self, recipe: Arc<OutputFingerprint>) -> Fingerprint {
         Fingerprint {
@@ -72,7 +79,7 @@ impl Stored {
 
 /// Parses a recipe from a file's bytes, if it matches the file's name.
 pub(crate) fn parse_recipe(path: &Path, bytes: &[u8]) -> Result<OutputFingerprint, LakeError> {
-    let recipe: OutputFingerprint = sealed::parse(path, bytes)?;
+    let recipe: OutputFingerprint = sealed::parse_exact(path, bytes)?;
     if digest_named(path) == Some(recipe.digest()) {
         Ok(recipe)
     } else {

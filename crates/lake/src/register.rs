@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::{
     LakeError, atomic,
     clock::{host, nanoseconds, now, program},
-    folder::{Folder, digest_named, names_in},
+    folder::{Folder, HISTORY, digest_named, names_in},
     lock::Locks,
     mutex::lock,
     replicas, sealed,
@@ -67,6 +67,12 @@ impl Run {
             made_now: Vec::new(),
             history: BTreeMap::new(),
         }
+    }
+
+    /// Whether its rows are of the tables of runs, and of no others.
+    pub(crate) fn has_known_tables(&self) -> bool {
+        let mut tables = self.history.keys();
+        tables.all(|table| HISTORY.contains(&table.as_str()))
     }
 
     /// The nodes that it has published.
@@ -152,7 +158,8 @@ impl Register {
     pub(crate) fn parse(&self, at: &Path, bytes: &[u8]) -> Result<Run, LakeError> {
         let run: Run = sealed::parse(at, bytes)?;
         let path = self.path(run.number);
-        if at == path || at == self.folder.copy_of(&path) {
+        let is_here = at == path || at == self.folder.copy_of(&path);
+        if is_here && run.has_known_tables() {
             Ok(run)
         } else {
             Err(LakeError::damaged(at))

@@ -6,10 +6,10 @@ use std::path::Path;
 use dataflow::{RunRecord, RunStatus};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, folder::Folder, register::Register, replicas, sealed};
+use crate::{LakeError, lock::Locks, register::Register, replicas, sealed};
 
-/// The most recently repeated run.
-#[derive(Debug, Clone, Copy, Serialize, Deserialize)]
+/// A repeated run.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RepeatedRun {
     /// Its number.
@@ -18,22 +18,37 @@ pub(crate) struct RepeatedRun {
     newest: u64,
 }
 
+/// The repeated runs, each once, in the order in which they were last repeated: those of one pipeline say
+/// nothing about another's.
+type Repeats = Vec<RepeatedRun>;
+
 /// Parses the file's bytes.
-pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<RepeatedRun, LakeError> {
-    sealed::parse(path, bytes)
+pub(crate) fn parse(path: &Path, bytes: &[u8]) -> Result<Repeats, LakeError> {
+    match sealed::parse(path, bytes) {
+        // An earlier version of the program kept the last one alone.
+        Err(LakeError::Json { .. }) => sealed::parse(path, bytes).map(|only| vec![only]),
+        parsed => parsed,
+    }
 }
 
-impl RepeatedRun {
-    /// Keeps it.
-    pub(crate) fn keep(&self, folder: &Folder) -> Result<(), LakeError> {
-        let path = folder.repeated_run();
-        replicas::write(folder, &path, &sealed::seal(&path, self)?)
-    }
+/// Orders runs, the newest last: by number, except for repeated ones.
+fn order(numbers: &[u64], repeats: &[RepeatedRun]) -> Vec<u64> {
+    let mut ordered: Vec<((u64, usize), u64)> = numbers
+        .iter()
+        .map(|&number| {
+            // Runs that began later are newer.
+            let last = repeats.iter().rposition(|again| again.run == number);
+            let place = last.and_then(|place| Some((repeats.get(place)?.newest, place + 1)));
+            (place.unwrap_or((number, 0)), number)
+        })
+        .collect();
+    ordered.sort_unstable();
+    ordered.into_iter().map(|(_, number)| number).collect()
 }
 
 impl Register {
     /// Returns the number of the newest finished run with exactly these units, and, unless it
-    /// already counts as the newest of all, the mark to store so that it does.
+    /// already counts as the newest of all, the repetition to keep so that it does.
     pub(crate) fn find_repeated(
         &self,
         record: &RunRecord,
@@ -63,18 +78,55 @@ impl Register {
         Ok(None)
     }
 
-    /// Numbers of all runs, the newest last: in order, except for a repeated one.
-    pub(crate) fn ordered(&self) -> Result<Vec<u64>, LakeError> {
-        let mut numbers = self.numbers()?;
+    /// Keeps a repetition.
+    pub(crate) fn keep_repeated(&self, again: RepeatedRun, locks: &Locks) -> Result<(), LakeError> {
+        let _turn = locks.lock_numbering()?;
         let folder = self.folder();
-        if let Some(again) = replicas::read(folder, &folder.repeated_run(), parse)?
-            && let Some(place) = numbers.iter().position(|&number| number == again.run)
-        {
-            numbers.remove(place);
-            // Runs that began later are newer.
-            let place = numbers.partition_point(|&number| number <= again.newest);
-            numbers.insert(place, again.run);
+        let path = folder.repeated_run();
+        // A list that is lost or damaged falls back to the order of numbers.
+        let mut repeats = self.repeats().unwrap_or_default();
+        repeats.retain(|earlier| earlier.run != again.run);
+        repeats.push(again);
+        replicas::write(folder, &path, &sealed::seal(&path, &repeats)?)
+    }
+
+    fn repeats(&self) -> Result<Repeats, LakeError> {
+        let folder = self.folder();
+        Ok(replicas::read(folder, &folder.repeated_run(), parse)?.unwrap_or_default())
+    }
+
+    /// Numbers of all runs, the newest last: in order, except for repeated ones.
+    pub(crate) fn ordered(&self) -> Result<Vec<u64>, LakeError> {
+        Ok(order(&self.numbers()?, &self.repeats()?))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_repetition_counts_and_later_runs_are_newer() {
+        let cases: [(&[(u64, u64)], &[u64]); 6] = [
+            (&[], &[1, 2, 3]),
+            (&[(1, 3)], &[2, 3, 1]),
+            (&[(2, 3), (1, 3)], &[3, 2, 1]),
+            (&[(1, 3), (3, 3)], &[2, 1, 3]),
+            (&[(1, 2)], &[2, 1, 3]),
+            (&[(9, 3), (2, 3)], &[1, 3, 2]),
+        ];
+        for (repeats, expected) in cases {
+            let again = |&(run, newest)| RepeatedRun { run, newest };
+            let repeats: Vec<RepeatedRun> = repeats.iter().map(again).collect();
+            assert_eq!(order(&[1, 2, 3], &repeats), expected, "{repeats:?}");
         }
-        Ok(numbers)
+    }
+
+    #[test]
+    fn the_single_repetition_of_an_earlier_version_is_read() {
+        let path = Path::new("again.json");
+        let only = RepeatedRun { run: 1, newest: 3 };
+        let bytes = sealed::seal(path, &only).unwrap();
+        assert_eq!(parse(path, &bytes).unwrap(), [only]);
     }
 }

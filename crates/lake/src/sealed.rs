@@ -97,6 +97,24 @@ pub(crate) fn parse<T: DeserializeOwned>(path: &Path, bytes: &[u8]) -> Result<T,
     serde_json::from_slice(body).map_err(LakeError::json(path))
 }
 
+/// Parses the bytes of a sealed file from elsewhere, which must be those that this program writes for
+/// the value: nothing in them is passed over, such as an unknown field or a second one of the same name.
+///
+/// # Errors
+///
+/// Fails with [`LakeError::Damaged`] if they are not.
+pub(crate) fn parse_exact<T: Serialize + DeserializeOwned>(
+    path: &Path,
+    bytes: &[u8],
+) -> Result<T, LakeError> {
+    let value = parse(path, bytes)?;
+    if seal(path, &value)? == bytes {
+        Ok(value)
+    } else {
+        Err(LakeError::damaged(path))
+    }
+}
+
 /// Reads a dispensable sealed file; an unusable one counts as missing.
 pub(crate) fn read_if_whole<T: DeserializeOwned>(path: &Path) -> Result<Option<T>, LakeError> {
     match read(path) {

@@ -69,7 +69,7 @@ impl<'a> UnitInProgress<'a> {
                 let name = path
                     .file_name()
                     .map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-                files.insert(name, self.lake.blobs.take(&path)?);
+                files.insert(name.try_into()?, self.lake.blobs.take(&path)?);
             }
         }
         let provenance = Provenance {

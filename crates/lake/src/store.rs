@@ -8,8 +8,8 @@ use std::{
 };
 
 use dataflow::{
-    Advised, Digest, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit, Record,
-    RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef, UnitTransaction,
+    Advised, Digest, FileName, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit,
+    Record, RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef, UnitTransaction,
 };
 
 use crate::{
@@ -142,8 +142,9 @@ impl Store for Lake {
         }
         let published = |outcome: &&RecordOutcome| -> Vec<FileRef> {
             let files = outcome.files().into_iter().flatten();
-            let published = files
-                .filter(|(name, file)| is_published(name) && self.is_only_in_depot(&file.digest));
+            let published = files.filter(|(name, file)| {
+                is_published(name.as_str()) && self.is_only_in_depot(&file.digest)
+            });
             published.map(|(_, file)| file.clone()).collect()
         };
         let absent: Vec<Vec<FileRef>> = outcomes.iter().map(published).collect();
@@ -187,7 +188,7 @@ impl Store for Lake {
         }
     }
 
-    fn doubt(&self, files: &BTreeMap<String, FileRef>) -> Result<(), Advised> {
+    fn doubt(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), Advised> {
         if let Some(shared) = &self.shared {
             shared.doubt(files.values());
         }
@@ -228,7 +229,7 @@ impl Store for Lake {
 
     fn open(
         &self,
-        files: &BTreeMap<String, FileRef>,
+        files: &BTreeMap<FileName, FileRef>,
     ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised> {
         let mut paths = BTreeMap::new();
         let mut is_whole = true;
@@ -239,7 +240,7 @@ impl Store for Lake {
             }
             let fetch = |shared: &Shared| shared.fetch(&self.blobs, file);
             if is_here || self.shared.as_ref().map_or(Ok(false), fetch)? {
-                paths.insert(name.clone(), self.blobs.path(&file.digest));
+                paths.insert(name.to_string(), self.blobs.path(&file.digest));
             } else {
                 is_whole = false;
             }
@@ -331,7 +332,7 @@ impl Store for Lake {
         };
         if let Some(again) = again {
             self.prepare()?;
-            again.keep(&self.folder)?;
+            self.register.keep_repeated(again, &self.locks)?;
             if let Some(shared) = &self.shared {
                 // Of the runs in the depot the newest is the one that came last.
                 shared.send_run(number)?;

@@ -90,7 +90,7 @@ pub(super) fn artifact(lake: &Lake, unit: &UnitRef) -> Result<Option<Artifact>, 
         key: unit.partition.clone(),
         labels,
         files: files
-            .map(|(name, file)| Ok((name.clone(), lake.fetched(file)?)))
+            .map(|(name, file)| Ok((name.to_string(), lake.fetched(file)?)))
             .collect::<Result<_, CommandError>>()?,
     }))
 }

@@ -18,7 +18,7 @@ use crate::{
     error::{FileError, Problem},
     inheritance::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
-    name::{ArtifactName, NodeName, StageName},
+    name::{ArtifactName, NodeName, PipelineName, StageName},
     overrides::Override,
     resources::Resources,
     shared::{SHARED, SharedUse},
@@ -222,12 +222,16 @@ impl FileReader<'_> {
         if !self.problems.is_empty() {
             return None;
         }
+        let stem = self.path.file_stem();
+        let name = stem.map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
+        if let Err(err) = name.parse::<PipelineName>() {
+            let hint = "the pipeline is named after its file: rename the file";
+            self.problem(err.to_string(), None, Some(hint.to_owned()));
+            return None;
+        }
         match order(&stages) {
             Ok(nodes) => Some(Pipeline {
-                name: self
-                    .path
-                    .file_stem()
-                    .map_or_else(String::new, |stem| stem.to_string_lossy().into_owned()),
+                name,
                 seed: seed?,
                 stages,
                 nodes,

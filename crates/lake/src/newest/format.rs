@@ -147,7 +147,7 @@ fn write_outcome(writer: &mut Writer, outcome: &RecordOutcome) {
             writer.number(u64::from(*provisional));
             writer.number(files.len() as u64);
             for (name, file) in files {
-                writer.text(name);
+                writer.text(name.as_str());
                 writer.digest(&file.digest);
                 writer.number(file.size);
             }
@@ -178,7 +178,7 @@ fn outcome(reader: &mut Reader) -> Option<RecordOutcome> {
         MADE => Some(RecordOutcome::Made {
             provisional: reader.number()? != 0,
             files: reader.each(|reader| {
-                let name = reader.text()?.to_owned();
+                let name = reader.text()?.parse().ok()?;
                 let file = FileRef {
                     digest: reader.digest()?,
                     size: reader.number()?,
@@ -217,7 +217,7 @@ mod tests {
         let file = FileRef { digest, size: 5 };
         let outcomes = [
             RecordOutcome::Made {
-                files: BTreeMap::from([("data.bin".to_owned(), file)]),
+                files: BTreeMap::from([("data.bin".parse().unwrap(), file)]),
                 labels: BTreeMap::from([("group".to_owned(), "a".to_owned())]),
                 metrics: BTreeMap::from([("loss".to_owned(), -0.25)]),
                 provisional: true,

@@ -1,22 +1,22 @@
 //! Verification of a depot: every byte against its stored digest.
 
 use std::{
-    collections::BTreeSet,
+    collections::BTreeMap,
     panic::resume_unwind,
     path::{Path, PathBuf},
     sync::{
-        Mutex,
+        Arc, Mutex,
         atomic::{AtomicU64, AtomicUsize, Ordering},
     },
     thread,
 };
 
-use dataflow::Digest;
-use depot::{Content, DepotError, Entry, Link, Put, PutMode};
+use dataflow::{Digest, RecordOutcome};
+use depot::{Content, DepotError, Link, Put, PutMode};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
-    atomic,
+    LakeError, atomic,
     digests::OnBytes,
     mutex::lock,
     records::{Stored, parse_recipe},
@@ -28,6 +28,10 @@ const AT_ONCE: usize = 8;
 
 /// Content of the file by which a depot is tested.
 const TRIED: &[u8] = b"tried";
+
+const DAMAGED: &str = "its bytes are not the ones that were stored";
+
+const MISPLACED: &str = "its name is not that of its content";
 
 /// A fault in a depot: the key, and a description.
 pub(crate) type KeyFault = (PathBuf, String);
@@ -41,16 +45,28 @@ impl Shared {
         let link = self.remote.link();
         let mut entries = Vec::new();
         // A record comes after its files, so it is listed before them.
-        for prefix in [keys::RUNS, keys::UNITS, keys::RECIPES, keys::BLOBS] {
+        let prefixes = [
+            keys::RUNS,
+            keys::DIFFERING,
+            keys::UNITS,
+            keys::RECIPES,
+            keys::BLOBS,
+        ];
+        for prefix in prefixes {
             entries.extend(link.list(prefix)?);
         }
-        let there: BTreeSet<&str> = entries.iter().map(|entry| entry.key.as_str()).collect();
+        let sizes = entries.iter().map(|entry| (entry.key.as_str(), entry.size));
+        let checker = Checker {
+            link,
+            there: sizes.collect(),
+            copies: Mutex::default(),
+        };
         let total = entries.iter().map(|entry| entry.size).sum();
         let (next, done) = (AtomicUsize::new(0), AtomicU64::new(0));
         let faults = Mutex::new(Vec::new());
         let work = || {
             while let Some(entry) = entries.get(next.fetch_add(1, Ordering::Relaxed)) {
-                if let Some(what) = fault(link, entry, &there)? {
+                if let Some(what) = checker.fault(&entry.key)? {
                     lock(&faults).push((PathBuf::from(&entry.key), what));
                 }
                 on_bytes(
@@ -67,7 +83,9 @@ impl Shared {
                 .try_for_each(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
         })?;
         let mut faults = std::mem::take(&mut *lock(&faults));
+        faults.extend(checker.contradictions());
         faults.sort();
+        faults.dedup_by(|(a, _), (b, _)| a == b);
         Ok((entries.len(), total, faults))
     }
 
@@ -108,49 +126,112 @@ impl Shared {
     }
 }
 
-/// Returns the fault of a file of a depot, if it has one.
-fn fault(link: &Link, entry: &Entry, there: &BTreeSet<&str>) -> Result<Option<String>, DepotError> {
-    let key = entry.key.as_str();
-    let path = Path::new(key);
-    let damaged = || {
-        Ok(Some(
-            "its bytes are not the ones that were stored".to_owned(),
-        ))
-    };
-    if key.starts_with(keys::BLOBS) {
-        let mut hasher = blake3::Hasher::new();
-        let is_there = link.get(key, &mut |piece| {
-            hasher.update(piece);
-            Ok(())
-        })?;
-        let digest = Digest::from(*hasher.finalize().as_bytes());
-        return match keys::digest_of(key) {
-            Some(named) if named == digest || !is_there => Ok(None),
-            _ => damaged(),
+/// The copies of a record in a depot, by unit and by when and where it was made.
+type Copies = BTreeMap<(Digest, u64, String), BTreeMap<PathBuf, RecordOutcome>>;
+
+/// The check of a depot's files: each by itself, and copies of a record against each other.
+struct Checker<'a> {
+    link: &'a Link,
+    /// Sizes of the files that are there.
+    there: BTreeMap<&'a str, u64>,
+    copies: Mutex<Copies>,
+}
+
+impl Checker<'_> {
+    /// Returns the fault of a file, if it has one.
+    fn fault(&self, key: &str) -> Result<Option<String>, DepotError> {
+        let path = Path::new(key);
+        if key.starts_with(keys::BLOBS) {
+            let mut hasher = blake3::Hasher::new();
+            let is_there = self.link.get(key, &mut |piece| {
+                hasher.update(piece);
+                Ok(())
+            })?;
+            let digest = Digest::from(*hasher.finalize().as_bytes());
+            let is_whole = key == keys::blob(&digest);
+            return Ok((is_there && !is_whole).then(|| DAMAGED.to_owned()));
+        }
+        // It was removed meanwhile.
+        let Some(bytes) = self.link.read(key)? else {
+            return Ok(None);
         };
+        let checked = if key.starts_with(keys::RECIPES) {
+            parse_recipe(path, &bytes).map(|recipe| {
+                let is_its_place = key == keys::recipe(&recipe.digest());
+                (!is_its_place).then(|| MISPLACED.to_owned())
+            })
+        } else if key.starts_with(keys::RUNS) {
+            SharedRun::parse(key, &bytes).map(|run| {
+                run.units.iter().for_each(|stored| self.note(key, stored));
+                None
+            })
+        } else {
+            match sealed::parse_exact(path, &bytes) {
+                Ok(stored) => Ok(self.fault_of_record(key, &stored)?),
+                Err(err) => Err(err),
+            }
+        };
+        Ok(match checked {
+            Ok(fault) => fault,
+            Err(LakeError::Json { source, .. }) => Some(format!("is no record: {source}")),
+            Err(_) => Some(DAMAGED.to_owned()),
+        })
     }
-    // It was removed meanwhile.
-    let Some(bytes) = link.read(key)? else {
-        return Ok(None);
-    };
-    if key.starts_with(keys::RECIPES) {
-        return parse_recipe(path, &bytes).map_or_else(|_| damaged(), |_| Ok(None));
+
+    /// Returns the fault of the record of a unit, if it has one.
+    fn fault_of_record(&self, key: &str, stored: &Stored) -> Result<Option<String>, DepotError> {
+        let is_its_place = if key.starts_with(keys::DIFFERING) {
+            let folder = format!("{}/{}", keys::DIFFERING, stored.fingerprint);
+            Path::new(key).parent() == Some(Path::new(&folder))
+        } else {
+            key == keys::record(&stored.fingerprint)
+        };
+        if !is_its_place {
+            return Ok(Some(MISPLACED.to_owned()));
+        }
+        self.note(key, stored);
+        for (name, file) in stored.outcome.files().into_iter().flatten() {
+            match self.there.get(&*keys::blob(&file.digest)) {
+                None => return Ok(Some(format!("its file `{name}` is not there"))),
+                Some(size) if *size != file.size => {
+                    return Ok(Some(format!(
+                        "its file `{name}` has {size} bytes, and not the {} that it says",
+                        file.size
+                    )));
+                }
+                Some(_) => {}
+            }
+        }
+        let key = keys::recipe(&stored.recipe);
+        let Some(recipe) = self.link.read(&key)? else {
+            return Ok(Some("its recipe is not there".to_owned()));
+        };
+        // A damaged recipe is a fault of its own.
+        let Ok(recipe) = parse_recipe(Path::new(&key), &recipe) else {
+            return Ok(None);
+        };
+        let is_own = stored.is_of(&Arc::new(recipe));
+        Ok((!is_own).then(|| "it is not the record of the unit that it names".to_owned()))
     }
-    if key.starts_with(keys::RUNS) {
-        let run = sealed::parse::<SharedRun>(path, &bytes);
-        return run.map_or_else(|_| damaged(), |_| Ok(None));
+
+    fn note(&self, key: &str, stored: &Stored) {
+        let made = &stored.provenance;
+        let unit = (stored.fingerprint, made.started_ns, made.host.clone());
+        let mut copies = lock(&self.copies);
+        let of_unit = copies.entry(unit).or_default();
+        of_unit.insert(PathBuf::from(key), stored.outcome.clone());
     }
-    let Ok(stored) = sealed::parse::<Stored>(path, &bytes) else {
-        return damaged();
-    };
-    if keys::digest_of(key) != Some(stored.fingerprint) {
-        return damaged();
+
+    /// The faults of copies of one record that say different things.
+    fn contradictions(&self) -> Vec<KeyFault> {
+        let copies = lock(&self.copies);
+        let differ = copies.values().filter(|copies| {
+            let mut outcomes = copies.values();
+            let first = outcomes.next();
+            outcomes.any(|outcome| Some(outcome) != first)
+        });
+        let keys = differ.flat_map(BTreeMap::keys);
+        let what = "it and another file of the depot say different things of one unit";
+        keys.map(|key| (key.clone(), what.to_owned())).collect()
     }
-    let files = stored.outcome.files().into_iter().flatten();
-    let lacking = files
-        .filter(|(_, file)| !there.contains(keys::blob(&file.digest).as_str()))
-        .map(|(name, _)| format!("its file `{name}` is not there"));
-    let recipe = (!there.contains(keys::recipe(&stored.recipe).as_str()))
-        .then(|| "its recipe is not there".to_owned());
-    Ok(lacking.chain(recipe).next())
 }

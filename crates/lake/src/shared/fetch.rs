@@ -113,7 +113,7 @@ impl Shared {
                 Ok(())
             });
         written.map_err(io_error("write", beside))?;
-        let is_whole = || Digest::from(*hasher.finalize().as_bytes()) == file.digest;
+        let is_whole = || left == 0 && Digest::from(*hasher.finalize().as_bytes()) == file.digest;
         match got {
             Ok(false) => Ok(FetchOutcome::Nothing),
             Ok(true) if is_whole() => {

@@ -10,7 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, OutputFingerprint};
+use dataflow::{Digest, OutputFingerprint, PipelineName, text_of};
 use serde::{Deserialize, Serialize};
 
 use super::{keys, remote::Remote};
@@ -37,15 +37,50 @@ const FRESH_PER_TIME: u32 = 20;
 #[derive(Serialize, Deserialize)]
 pub(crate) struct SharedRun {
     /// The pipeline.
+    #[serde(deserialize_with = "text_of::<PipelineName, _>")]
     pub(crate) pipeline: String,
     /// The run, unless an earlier version of the program sent it. Its `made_now` are positions in
     /// `units`; it has no manifest and no tables.
-    #[serde(default)]
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub(crate) run: Option<Run>,
     /// The records of its units.
     pub(crate) units: Vec<Stored>,
     /// The recipes of its units.
     pub(crate) recipes: BTreeMap<Digest, OutputFingerprint>,
+}
+
+impl SharedRun {
+    /// Parses a run from a file of a depot: it is one of the pipeline in the key, and the records of its
+    /// units are those of the units that they name.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it is damaged or not so.
+    pub(crate) fn parse(key: &str, bytes: &[u8]) -> Result<Self, LakeError> {
+        let path = Path::new(key);
+        let shared: Self = sealed::parse_exact(path, bytes)?;
+        let folder = keys::runs(&shared.pipeline);
+        let is_of_key = path.parent() == Some(Path::new(&folder));
+        let is_of_pipeline =
+            |run: &Run| run.record.pipeline == shared.pipeline && run.has_known_tables();
+        let recipes = shared.recipes.iter();
+        let recipes: HashMap<Digest, Arc<OutputFingerprint>> = recipes
+            .filter(|(digest, recipe)| recipe.digest() == **digest)
+            .map(|(digest, recipe)| (*digest, Arc::new(recipe.clone())))
+            .collect();
+        let is_own = |stored: &Stored| {
+            let recipe = recipes.get(&stored.recipe);
+            recipe.is_some_and(|recipe| stored.is_of(recipe))
+                || !shared.recipes.contains_key(&stored.recipe)
+        };
+        let is_sound = is_of_key
+            && recipes.len() == shared.recipes.len()
+            && shared.run.as_ref().is_none_or(is_of_pipeline)
+            && shared.units.iter().all(is_own);
+        is_sound
+            .then_some(shared)
+            .ok_or_else(|| LakeError::damaged(path))
+    }
 }
 
 /// A record that was found, and its recipe.
@@ -122,8 +157,8 @@ impl Index {
         let Some(recipe) = known.recipe(remote, records, &stored.recipe)? else {
             return Ok(None);
         };
-        let whole = Stored::clone(&stored).fingerprint(Arc::clone(&recipe));
-        Ok((whole.digest() == *fingerprint).then_some((stored, recipe)))
+        let is_own = stored.fingerprint == *fingerprint && stored.is_of(&recipe);
+        Ok(is_own.then_some((stored, recipe)))
     }
 }
 
@@ -158,7 +193,7 @@ impl IndexedRecords {
     fn fetch(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
         let key = keys::record(fingerprint);
         let bytes = remote.read(&key)?;
-        let stored: Stored = sealed::parse(Path::new(&key), &bytes).ok()?;
+        let stored: Stored = sealed::parse_exact(Path::new(&key), &bytes).ok()?;
         if stored.fingerprint != *fingerprint {
             return None;
         }
@@ -179,8 +214,7 @@ impl IndexedRecords {
         let key = self.runs.as_mut()?.pop()?;
         let read = remote.read(&key);
         // One that is damaged or of another version has no records.
-        let run = read.and_then(|bytes| sealed::parse(Path::new(&key), &bytes).ok());
-        let run: Option<SharedRun> = run;
+        let run = read.and_then(|bytes| SharedRun::parse(&key, &bytes).ok());
         for stored in run.into_iter().flat_map(|run| {
             let recipes = run.recipes.into_iter();
             self.recipes
