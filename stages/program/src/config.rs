@@ -2,7 +2,9 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use dataflow::{NodeName, OptionFault, OptionFaults, PartitionKey, nearest};
+use dataflow::{
+    ArtifactName, ColumnName, NodeName, OptionFault, OptionFaults, PartitionKey, nearest,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -18,6 +20,13 @@ const MAX_FAN_OUT: usize = 10_000;
 pub(crate) const LABEL: &str = "label:";
 /// Prefix of a word in `read` that names a label of the partitions that are read.
 pub(crate) const WHERE: &str = "where:";
+
+/// Tables of what runs did, which no program makes.
+const RUN_TABLES: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
+/// Prefix of a table's name for the rows of all runs.
+const ALL: &str = "all_";
+/// Columns that every table has.
+const RESERVED_COLUMNS: [&str; 4] = ["run", "pipeline", "stage", "fingerprint"];
 
 /// Options of `kind = "program"`.
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
@@ -224,7 +233,25 @@ impl ProgramConfig {
                     self.makes
                 ),
             ),
-            (true, true) | (false, false) => {}
+            (false, false)
+                if RUN_TABLES.contains(&self.makes.as_str()) || self.makes.starts_with(ALL) =>
+            {
+                faults.note(
+                    "makes",
+                    format!(
+                        "is `{}`, which is the name of a table of the lake itself, as are {} and those \
+                         that begin with `{ALL}`: choose another",
+                        self.makes,
+                        RUN_TABLES.join(", "),
+                    ),
+                );
+            }
+            (false, false) => {
+                if let Err(err) = self.makes.parse::<ArtifactName>() {
+                    faults.note("makes", format!("is `{}`: {}", self.makes, err.rule));
+                }
+            }
+            (true, true) => {}
         }
         for name in self.columns.keys() {
             if !is_word(name) {
@@ -240,6 +267,19 @@ impl ProgramConfig {
         }
         if !is_word(&self.partition) {
             let problem = format!("is `{}`: use letters, digits and `_`", self.partition);
+            faults.note("partition", problem);
+        } else if let Err(err) = self.partition.parse::<ColumnName>() {
+            faults.note(
+                "partition",
+                format!("is `{}`: {}", self.partition, err.rule),
+            );
+        }
+        if RESERVED_COLUMNS.contains(&self.partition.as_str()) {
+            let problem = format!(
+                "is `{}`, which is a column that every table has, as are {}: choose another",
+                self.partition,
+                RESERVED_COLUMNS.join(", ")
+            );
             faults.note("partition", problem);
         }
         match (&self.one_row_per, self.rows_of()) {
