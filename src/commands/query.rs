@@ -37,6 +37,8 @@ fn answer(
     args: &QueryArgs,
     lake: &Lake,
 ) -> Result<CommandOutcome, CommandError> {
+    // What is found here is not collected before it is read.
+    let _kept = lake.check_exists().is_ok().then(|| lake.block_collection());
     let source = if args.depot {
         Source::Depot(lake.depot_tables()?)
     } else {

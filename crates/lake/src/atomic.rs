@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    io::{self, Write},
+    io::{self, Read, Write},
     path::{Path, PathBuf},
     sync::{
         LazyLock,
@@ -129,13 +129,22 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
             }
             fs::remove_file(from).map_err(io_error("remove", from))
         }
+        // An empty folder makes room for the file.
+        Err(err) if err.kind() == io::ErrorKind::IsADirectory => {
+            let renamed = fs::remove_dir(to).and_then(|()| fs::rename(from, to));
+            renamed.map_err(|_| io_error("write", to)(err))
+        }
         renamed => renamed.map_err(io_error("write", to)),
     }
 }
 
-/// Removes a file, if it exists.
+/// Removes a file, if it exists, or an empty folder in its place.
 pub(crate) fn remove_if_there(path: &Path) -> Result<(), LakeError> {
-    unless_absent(path, fs::remove_file(path))
+    let removed = match fs::remove_file(path) {
+        Err(err) if err.kind() == io::ErrorKind::IsADirectory => fs::remove_dir(path),
+        removed => removed,
+    };
+    unless_absent(path, removed)
 }
 
 /// Removes a folder with everything in it, if it exists.
@@ -158,9 +167,34 @@ pub(crate) fn make_parent(path: &Path) -> Result<(), LakeError> {
     }
 }
 
+/// Opens a file to read it. A pipe, a folder or a link that leads nowhere in its place is no file: it is
+/// not waited for, and what belongs there is written over it.
+pub(crate) fn open(path: &Path) -> io::Result<File> {
+    let is_file = match fs::metadata(path) {
+        Ok(found) => found.is_file(),
+        // A link that leads in a circle is there by itself.
+        Err(err) if fs::symlink_metadata(path).is_err() => return Err(err),
+        Err(_) => false,
+    };
+    if is_file {
+        return File::open(path);
+    }
+    let what = "a folder, a pipe or a broken link is in the place of a file";
+    Err(io::Error::new(io::ErrorKind::NotFound, what))
+}
+
+/// Whether something is in the place of a file that is none.
+pub(crate) fn is_no_file(path: &Path) -> bool {
+    fs::symlink_metadata(path).is_ok() && !path.is_file()
+}
+
 /// Reads a file, if it exists.
 pub(crate) fn read_if_there(path: &Path) -> Result<Option<Vec<u8>>, LakeError> {
-    match fs::read(path) {
+    let read = open(path).and_then(|mut file| {
+        let mut bytes = Vec::new();
+        file.read_to_end(&mut bytes).map(|_| bytes)
+    });
+    match read {
         Ok(bytes) => Ok(Some(bytes)),
         Err(err) if err.kind() == io::ErrorKind::NotFound => Ok(None),
         Err(err) => Err(io_error("read", path)(err)),

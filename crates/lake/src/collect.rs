@@ -282,7 +282,7 @@ impl Lake {
                 let Some(_lock) = self.locks.try_take(&name, "nothing")? else {
                     continue;
                 };
-                if path.is_dir() {
+                if path.is_dir() && !path.is_symlink() {
                     atomic::remove_folder_if_there(&path)?;
                 } else {
                     atomic::remove_if_there(&path)?;

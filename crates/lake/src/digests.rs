@@ -1,8 +1,7 @@
 //! Digests of files, and checks of files against them.
 
 use std::{
-    fs::{self, File},
-    io,
+    fs, io,
     path::{Path, PathBuf},
     sync::{
         Mutex, PoisonError,
@@ -12,7 +11,7 @@ use std::{
 
 use dataflow::Digest;
 
-use crate::mutex::lock;
+use crate::{atomic, mutex::lock};
 
 /// Progress callback: bytes read, bytes in all.
 pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
@@ -20,7 +19,7 @@ pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;
 /// Digests a file without holding it in memory.
 pub(crate) fn digest_file(path: &Path) -> io::Result<Digest> {
     let mut hasher = blake3::Hasher::new();
-    hasher.update_reader(File::open(path)?)?;
+    hasher.update_reader(atomic::open(path)?)?;
     Ok(Digest::from(*hasher.finalize().as_bytes()))
 }
 

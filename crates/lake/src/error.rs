@@ -239,10 +239,21 @@ impl LakeError {
     }
 }
 
+/// Names the command that moves away what is in the place of a folder, or of a file.
+fn move_away(path: &Path) -> String {
+    let above = path.ancestors();
+    let mut in_place = above.filter(|above| above.symlink_metadata().is_ok() && !above.is_dir());
+    let place = in_place.next().unwrap_or(path).display();
+    format!(
+        "something else is in its place: `mv '{place}' '{place}.aside'`, then run the same command again; \
+         what is missing is made again"
+    )
+}
+
 impl Advise for LakeError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::Io { source, .. } => match source.kind() {
+            Self::Io { source, path, .. } => match source.kind() {
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                     Some("choose a lake that can be written with `--lake DIR`".to_owned())
                 }
@@ -253,6 +264,9 @@ impl Advise for LakeError {
                      then run the same command again"
                         .to_owned(),
                 ),
+                io::ErrorKind::NotADirectory
+                | io::ErrorKind::IsADirectory
+                | io::ErrorKind::AlreadyExists => Some(move_away(path)),
                 io::ErrorKind::Unsupported => Some(
                     "the file system has no locks: put the lake on another with `--lake DIR`"
                         .to_owned(),

@@ -112,6 +112,12 @@ impl Lake {
         found.as_deref()
     }
 
+    /// Waits for garbage collection to end, and blocks it as long as the returned lock is kept: what a
+    /// reader has found stays until it is read. A lake that cannot be written is not collected either.
+    pub fn block_collection(&self) -> Option<fs::File> {
+        self.locks.block_collection().ok()
+    }
+
     /// Checks that no other machine writes to a lake whose locks hold on one machine only.
     fn check_machine(&self) -> Result<(), LakeError> {
         let Some(file_system) = self.file_system_without_locks() else {

@@ -228,7 +228,7 @@ impl Locks {
 
     /// Whether the lock of this name is held.
     pub(crate) fn is_held(&self, name: &str) -> bool {
-        let file = File::open(self.folder.join(name));
+        let file = atomic::open(&self.folder.join(name));
         file.is_ok_and(|file| matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)))
     }
 }
@@ -252,6 +252,9 @@ fn is_at(path: &Path, file: &File) -> Result<bool, LakeError> {
 fn open(path: &Path) -> Result<File, LakeError> {
     loop {
         atomic::make_parent(path)?;
+        if atomic::is_no_file(path) {
+            atomic::remove_if_there(path)?;
+        }
         let opened = File::options()
             .create(true)
             .truncate(false)
@@ -284,7 +287,8 @@ fn confirm(path: &Path, mut file: File, what: &str) -> Result<Option<Lock>, Lake
 
 /// Description of a lock's holder.
 fn holder(path: &Path) -> String {
-    let text = fs::read(path).unwrap_or_default();
+    let text = atomic::read_if_there(path).ok().flatten();
+    let text = text.unwrap_or_default();
     serde_json::from_slice::<Holder>(&text).map_or_else(
         |_unreadable| "another process".to_owned(),
         |holder| holder.describe(),

@@ -47,6 +47,9 @@ pub(crate) fn publish(
     if let Some(before) = before
         && is_published(lake, before, &wanted)
         && is_all(lake, &folders, before)?
+        && wanted
+            .values()
+            .all(|file| every_table(lake, node, file).is_none_or(|every| every.exists()))
     {
         return Ok(None);
     }
@@ -57,13 +60,7 @@ pub(crate) fn publish(
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
         link_file(lake, &file.file.digest, &target)?;
-        if file.is_table {
-            let every = lake.folder.every_table(
-                &node.name.artifact,
-                node.output.partition,
-                file.partition,
-                file.fingerprint,
-            );
+        if let Some(every) = every_table(lake, node, file) {
             link_file(lake, &file.file.digest, &every)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
@@ -78,6 +75,19 @@ pub(crate) fn publish(
         remove_unpublished(lake, &lake.folder.join(folder), before, &published)?;
     }
     Ok(Some(published))
+}
+
+/// The path of a table among all that were ever made.
+fn every_table(lake: &Lake, node: &Node, file: &FileToPublish) -> Option<PathBuf> {
+    let every = || {
+        lake.folder.every_table(
+            &node.name.artifact,
+            node.output.partition,
+            file.partition,
+            file.fingerprint,
+        )
+    };
+    file.is_table.then(every)
 }
 
 /// Lists the files to publish. Those that were left in the depot are published once something has
@@ -246,8 +256,10 @@ fn remove_unpublished(
         entries => entries.map_err(io_error("read", folder))?,
     };
     for entry in entries {
-        let path = entry.map_err(io_error("read", folder))?.path();
-        if path.is_dir() {
+        let entry = entry.map_err(io_error("read", folder))?;
+        let path = entry.path();
+        // A link to a folder is not gone into.
+        if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             remove_unpublished(lake, &path, before, published)?;
             // Fails, as it should, if something is left in it.
             let _kept = fs::remove_dir(&path);

@@ -261,6 +261,7 @@ impl Records {
     /// Marks a record as used, so that it is not collected.
     pub(crate) fn mark_used(&self, fingerprint: &Digest) {
         // A read-only lake is not collected either.
-        let _marked = File::open(self.path(fingerprint)).and_then(|file| file.set_modified(now()));
+        let _marked =
+            atomic::open(&self.path(fingerprint)).and_then(|file| file.set_modified(now()));
     }
 }

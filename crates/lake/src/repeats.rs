@@ -6,14 +6,19 @@ use std::path::Path;
 use dataflow::{RunRecord, RunStatus};
 use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, lock::Locks, register::Register, replicas, sealed};
+use crate::{
+    LakeError,
+    lock::Locks,
+    register::{Register, Run},
+    replicas, sealed,
+};
 
 /// A repeated run.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct RepeatedRun {
     /// Its number.
-    run: u64,
+    pub(crate) run: u64,
     /// The highest run number at that time: a run that begins later is newer.
     newest: u64,
 }
@@ -76,6 +81,24 @@ impl Register {
             return Ok(Some((number, (!is_newest).then_some(again))));
         }
         Ok(None)
+    }
+
+    /// Returns the repetition to keep so that the newest finished run of a pipeline, which a later one has just
+    /// found unchanged, counts as the newest of all, unless it does.
+    pub(crate) fn repeated_of(&self, pipeline: &str) -> Result<Option<RepeatedRun>, LakeError> {
+        let ordered = self.ordered()?;
+        let is_of_it =
+            |run: &Run| run.record.pipeline == pipeline && run.record.status == RunStatus::Finished;
+        // A damaged record of one run hides no other.
+        let mut newest_first = ordered.iter().rev();
+        let run = newest_first.find(|number| self.read(**number).is_ok_and(|run| is_of_it(&run)));
+        let newest = ordered.iter().max();
+        Ok(match (run, newest) {
+            (Some(&run), Some(&newest)) if ordered.last() != Some(&run) => {
+                Some(RepeatedRun { run, newest })
+            }
+            _ => None,
+        })
     }
 
     /// Keeps a repetition.

@@ -14,7 +14,7 @@ use dataflow::{
 
 use crate::{
     GcMode, LakeError, folder::is_published, history, lake::Lake, newest::Newest, published,
-    repair, shared::Shared, staging::UnitInProgress,
+    repair, repeats::RepeatedRun, shared::Shared, staging::UnitInProgress,
 };
 
 impl Lake {
@@ -43,6 +43,19 @@ impl Lake {
         if let Ok(_shared) = self.locks.block_collection() {
             self.records.mark_used(fingerprint);
         }
+    }
+
+    /// Lets the run of this number count as the newest.
+    fn repeat(&self, pipeline: &str, again: RepeatedRun) -> Result<(), LakeError> {
+        self.prepare()?;
+        // Until it is settled the views are those of another run.
+        self.dirty.mark(pipeline)?;
+        self.register.keep_repeated(again, &self.locks)?;
+        if let Some(shared) = &self.shared {
+            // Of the runs in the depot the newest is the one that came last.
+            shared.send_run(again.run)?;
+        }
+        Ok(())
     }
 
     /// Caches are optional: a read-only lake must not fail a run that makes nothing.
@@ -321,8 +334,9 @@ impl Store for Lake {
                 shared.send_run(number)?;
             }
         }
-        self.dirty.unmark(&record.pipeline, &self.locks)?;
-        Ok(repair::repair(self)?)
+        repair::repair(self)?;
+        // Last, since the views change with it.
+        Ok(self.dirty.unmark(&record.pipeline, &self.locks)?)
     }
 
     fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised> {
@@ -331,12 +345,7 @@ impl Store for Lake {
             return Ok(None);
         };
         if let Some(again) = again {
-            self.prepare()?;
-            self.register.keep_repeated(again, &self.locks)?;
-            if let Some(shared) = &self.shared {
-                // Of the runs in the depot the newest is the one that came last.
-                shared.send_run(number)?;
-            }
+            self.repeat(&run.pipeline, again)?;
         }
         Ok(Some(number))
     }
@@ -358,10 +367,16 @@ impl Store for Lake {
         }
         // The files of a run in progress are incomplete.
         if self.register.current().is_none() {
-            let repaired = self
-                .collect_staging(GcMode::Remove)
-                .and_then(|_| self.dirty.unmark(pipeline, &self.locks))
-                .and_then(|()| repair::repair(self));
+            let again = match units {
+                None => self.register.repeated_of(pipeline)?,
+                // It was found or recorded.
+                Some(_) => None,
+            };
+            let repaired = again
+                .map_or(Ok(()), |again| self.repeat(pipeline, again))
+                .and_then(|()| self.collect_staging(GcMode::Remove))
+                .and_then(|_| repair::repair(self))
+                .and_then(|()| self.dirty.unmark(pipeline, &self.locks));
             Self::unless_read_only(units, repaired)?;
         }
         match self.sources.save(&self.locks) {

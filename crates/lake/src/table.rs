@@ -15,7 +15,10 @@ use parquet::{
 };
 use schemas::Table;
 
-use crate::{LakeError, ReadArtifact, atomic::io_error};
+use crate::{
+    LakeError, ReadArtifact,
+    atomic::{self, io_error},
+};
 
 /// Name of the table's file in an artifact.
 pub const FILE: &str = "part.parquet";
@@ -129,7 +132,7 @@ fn unread(codec: Compression) -> Option<&'static str> {
 
 /// Opens a table's file and reads its metadata.
 fn open(path: &Path) -> Result<ParquetRecordBatchReaderBuilder<File>, LakeError> {
-    let file = File::open(path).map_err(io_error("read", path))?;
+    let file = atomic::open(path).map_err(io_error("read", path))?;
     ParquetRecordBatchReaderBuilder::try_new(file).map_err(LakeError::parquet("read", path))
 }
 

@@ -4,7 +4,7 @@ mod published;
 
 use std::{
     collections::{BTreeSet, HashMap},
-    fs, io,
+    fs,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
 };
@@ -24,6 +24,9 @@ use crate::{
     repair, sealed, snapshot,
     stamp::Stamp,
 };
+
+/// What is said of a pipe, a folder or a broken link.
+const NO_FILE: &str = "is a folder, a pipe or a broken link in the place of a file";
 
 /// A fault in the lake.
 #[derive(Debug, Clone, PartialEq, Eq, PartialOrd, Ord, Serialize)]
@@ -234,7 +237,14 @@ impl Verifier<'_> {
     fn lacking(&self, outcome: &RecordOutcome) -> Option<String> {
         outcome.files()?.iter().find_map(|(name, file)| {
             let path = self.lake.file(file);
-            let is_left = self.unfetched.contains(&file.digest);
+            // A run may have left it in the depot meanwhile.
+            let is_left = self.unfetched.contains(&file.digest)
+                || self
+                    .lake
+                    .folder
+                    .unfetched()
+                    .join(file.digest.to_hex())
+                    .exists();
             let is_here = fs::metadata(&path).is_ok_and(|blob| blob.len() == file.size);
             (!is_here && !is_left).then(|| format!("its file `{name}` is missing or cut off"))
         })
@@ -261,9 +271,12 @@ impl Verifier<'_> {
     fn replicas_of(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
         let copy = self.lake.folder.copy_of(path);
         for path in [path, &copy] {
-            let bytes = match fs::read(path) {
-                Ok(bytes) => bytes,
-                Err(err) if err.kind() == io::ErrorKind::NotFound => continue,
+            let bytes = match atomic::read_if_there(path) {
+                Ok(Some(bytes)) => bytes,
+                Ok(None) => {
+                    self.expect_nothing(path);
+                    continue;
+                }
                 Err(err) => {
                     self.fault(path, format!("cannot be read: {err}"));
                     continue;
@@ -279,12 +292,19 @@ impl Verifier<'_> {
         }
     }
 
+    /// Reports what is in the place of a file and is none.
+    fn expect_nothing(&mut self, path: &Path) {
+        if atomic::is_no_file(path) {
+            self.fault(path, NO_FILE);
+        }
+    }
+
     fn newest(&mut self) -> Result<(), LakeError> {
         let folder = self.lake.folder.newest();
         for name in names_in(&folder)? {
             let path = folder.join(name);
             self.verified.n_files += 1;
-            let bytes = fs::read(&path).unwrap_or_default();
+            let bytes = atomic::read_if_there(&path)?.unwrap_or_default();
             self.verified.n_bytes += bytes.len() as u64;
             if !Newest::is_whole(&path, &bytes) {
                 self.fault(&path, "its bytes are not the ones that were written");
@@ -293,7 +313,7 @@ impl Verifier<'_> {
         let snapshot = self.lake.folder.snapshot();
         if snapshot.exists() {
             self.verified.n_files += 1;
-            if !snapshot::is_whole(&fs::read(&snapshot).unwrap_or_default()) {
+            if !snapshot::is_whole(&atomic::read_if_there(&snapshot)?.unwrap_or_default()) {
                 self.fault(&snapshot, "its bytes are not the ones that were written");
             }
         }
@@ -313,7 +333,11 @@ impl Verifier<'_> {
         let read = fs::metadata(path).map(|metadata| self.verified.n_bytes += metadata.len());
         let read = read.map_err(io_error("read", path));
         match read.and_then(|()| sealed::read(path)) {
-            Ok(value) => value,
+            Ok(Some(value)) => Some(value),
+            Ok(None) => {
+                self.expect_nothing(path);
+                None
+            }
             Err(err) => {
                 self.expect(path, Err(err));
                 None

@@ -307,7 +307,7 @@ impl Work {
             return Ok(true);
         }
         let path = self.blobs.path(digest);
-        let opened = match File::open(&path) {
+        let opened = match atomic::open(&path) {
             Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(there.is_some()),
             opened => opened.map_err(atomic::io_error("read", &path))?,
         };

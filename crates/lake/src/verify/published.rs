@@ -2,14 +2,17 @@
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs, io,
+    fs::{self, Metadata},
+    io,
     os::unix::fs::MetadataExt,
     path::{Path, PathBuf},
+    thread,
+    time::Duration,
 };
 
 use dataflow::{Digest, RunStatus};
 
-use super::Verifier;
+use super::{Fault, NO_FILE, Verifier};
 use crate::{
     LakeError, atomic,
     digests::digest_file,
@@ -19,7 +22,10 @@ use crate::{
 };
 
 /// Tries to compare the published files with the records while runs end.
-const TRIES: usize = 5;
+const TRIES: usize = 20;
+
+/// Time between them: longer than a run takes to record what it has shown.
+const PAUSE: Duration = Duration::from_millis(20);
 
 impl Verifier<'_> {
     /// Checks the published files against the records.
@@ -27,21 +33,33 @@ impl Verifier<'_> {
         // Runs may end meanwhile: then the records read are incomplete.
         let n_faults = self.verified.faults.len();
         let n_files = self.verified.n_files;
+        let mut found: Option<BTreeSet<Fault>> = None;
         for _ in 0..TRIES {
             let before = self.state_of_runs()?;
-            self.verified.faults.truncate(n_faults);
             self.verified.n_files = n_files;
             self.check_published_once()?;
-            if self.verified.faults.len() == n_faults || self.state_of_runs()? == before {
+            // What is damaged is so at every try; what a run was about to change is not.
+            let now: BTreeSet<Fault> = self.verified.faults.drain(n_faults..).collect();
+            let left = match &found {
+                None => now,
+                Some(before) => before & &now,
+            };
+            let is_decided = left.is_empty() || self.state_of_runs()? == before;
+            found = Some(left);
+            if is_decided {
                 break;
             }
+            thread::sleep(PAUSE);
         }
+        self.verified.faults.extend(found.into_iter().flatten());
         Ok(())
     }
 
     /// A state that changes whenever a run begins or ends a publication.
     fn state_of_runs(&self) -> Result<(Vec<String>, Vec<Option<Stamp>>), LakeError> {
-        let runs = files_below(&self.lake.folder.runs())?;
+        let mut runs = files_below(&self.lake.folder.runs())?;
+        // A run that is repeated changes what is shown, and has no new record.
+        runs.push(self.lake.folder.repeated_run());
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
         Ok((self.lake.dirty.marks()?, stamps.collect()))
     }
@@ -114,6 +132,7 @@ impl Verifier<'_> {
         self.verified.n_files += 1;
         let digest = match self.digest_published(path) {
             Ok(digest) => digest,
+            Err(_) if atomic::is_no_file(path) => return self.fault(path, NO_FILE),
             Err(err) if err.kind() == io::ErrorKind::NotFound => return,
             Err(err) => return self.fault(path, format!("cannot be read: {err}")),
         };
@@ -135,8 +154,9 @@ impl Verifier<'_> {
     fn digest_published(&self, path: &Path) -> io::Result<Digest> {
         let metadata = fs::metadata(path)?;
         match self.inodes.get(&(metadata.dev(), metadata.ino())) {
-            Some(digest) => Ok(*digest),
-            None => digest_file(path),
+            // A blob that was replaced meanwhile has left its inode to another file.
+            Some(digest) if is_at(&self.lake.blobs.path(digest), &metadata) => Ok(*digest),
+            _ => digest_file(path),
         }
     }
 
@@ -234,6 +254,11 @@ impl Verifier<'_> {
         }
         Ok(())
     }
+}
+
+/// Whether the file at a path is this one.
+fn is_at(path: &Path, file: &Metadata) -> bool {
+    fs::metadata(path).is_ok_and(|there| (there.dev(), there.ino()) == (file.dev(), file.ino()))
 }
 
 /// State shared by the checks of published files.
