@@ -139,7 +139,10 @@ fn beside_runs_and_collection_nothing_sound_is_called_damaged_and_no_damage_is_m
     let run = |idx: usize| match idx % 5 {
         0 => place.command("run", &["--set", "first.add=2"]),
         1 => of_other(),
-        2 => place.command("run", &["--set", &format!("second.add={}", 100 + idx % 150)]),
+        2 => place.command(
+            "run",
+            &["--set", &format!("second.add={}", 100 + idx % 150)],
+        ),
         _ => place.command("run", &[]),
     };
     let collect = |_| {

@@ -180,7 +180,9 @@ fn a_fault_in_a_description_is_not_hidden_by_a_selection() {
     config.format = Format::Tracks;
     let name = OBJECT.0.to_owned();
     let selections: [fn(&mut IngestConfig, String); 4] = [
-        |config, name| drop(config.masses_kg.insert(name, 0.3)),
+        |config, name| {
+            let _new = config.masses_kg.insert(name, 0.3);
+        },
         |config, name| config.objects.push(name),
         |config, _| config.subjects.push("20200709-subject-01".to_owned()),
         |config, _| config.hand = schemas::demonstrations::Side::Left,
