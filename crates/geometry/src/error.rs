@@ -1,5 +1,10 @@
 //! Why a mesh could not be used.
 
+use crate::{
+    polygon::MAX_CONCAVE_CORNERS,
+    size::{Rounded, unit},
+};
+
 /// Why a mesh could not be used.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
 #[non_exhaustive]
@@ -23,6 +28,16 @@ pub enum GeometryError {
     /// A face line has fewer than three corners.
     #[error("line {line}: a face needs three corners, found {found}")]
     ShortFace {
+        /// The line, counted from one.
+        line: usize,
+        /// Number of corners found.
+        found: usize,
+    },
+    /// A polygon has too many corners for one that is not convex.
+    #[error(
+        "line {line}: a face of {found} corners is not convex, at most {MAX_CONCAVE_CORNERS} are read"
+    )]
+    LargeFace {
         /// The line, counted from one.
         line: usize,
         /// Number of corners found.
@@ -60,6 +75,33 @@ pub enum GeometryError {
         /// The number.
         found: f64,
     },
+    /// The file is a pointer of Git LFS.
+    #[error("the file is a Git LFS pointer, not the mesh itself")]
+    LfsPointer,
+    /// The beginning of a PLY file cannot be read.
+    #[error("line {line}: `{found}` is not understood in the header of a PLY file")]
+    BadHeader {
+        /// The line, counted from one.
+        line: usize,
+        /// The text found.
+        found: String,
+    },
+    /// The lengths make no sense in meters.
+    #[error(
+        "it measures {} m, and its longest side must be {least_m} to {most_m} m{}",
+        sides_m.map(|side| Rounded(side).to_string()).join(" × "),
+        factor.map(|factor| format!("; multiply its coordinates by {factor}")).unwrap_or_default()
+    )]
+    Size {
+        /// Its sides along the axes, in meters.
+        sides_m: [f64; 3],
+        /// Least length of the longest side, in meters.
+        least_m: f64,
+        /// Greatest length of the longest side, in meters.
+        most_m: f64,
+        /// The factor of a unit that would make it plausible.
+        factor: Option<f64>,
+    },
     /// There is no triangle with an area.
     #[error("the mesh has no triangles")]
     NoTriangles,
@@ -94,6 +136,19 @@ impl GeometryError {
             | Self::NotFinite { .. } => {
                 Some("the file may be cut off: copy it from its source again".to_owned())
             }
+            Self::LargeFace { .. } => Some("export the mesh as triangles".to_owned()),
+            Self::LfsPointer => Some(
+                "the repository was cloned without Git LFS: get the file with `git lfs pull`"
+                    .to_owned(),
+            ),
+            Self::BadHeader { .. } => Some("export the mesh as binary PLY or as OBJ".to_owned()),
+            Self::Size { factor, .. } => Some(match factor {
+                Some(factor) => format!(
+                    "lengths are in meters: is it in {}? Multiply its coordinates by {factor}",
+                    unit(*factor)
+                ),
+                None => "lengths are in meters: export the mesh in meters".to_owned(),
+            }),
             Self::NoTriangles => Some("export the mesh with its faces".to_owned()),
             Self::BadGrid { .. } => Some(
                 "the spacing must be about a hundredth of the object; is the mesh in meters?"

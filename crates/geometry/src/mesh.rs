@@ -127,13 +127,6 @@ impl TriMesh {
         scaled
     }
 
-    /// Turns a closed mesh that winds inward outward.
-    pub(crate) fn turn_outward(&mut self) {
-        if self.volume_m3() < 0.0 && self.is_watertight() {
-            self.turn();
-        }
-    }
-
     /// Turns every triangle's back to the front.
     fn turn(&mut self) {
         for triangle in &mut self.triangles {

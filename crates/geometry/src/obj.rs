@@ -1,62 +1,22 @@
 //! Reading and writing Wavefront OBJ.
 
-use std::fmt::Write;
+use std::{borrow::Cow, fmt::Write};
 
 use nalgebra::Point3;
 
-use crate::{GeometryError, TriMesh};
+use crate::{GeometryError, TriMesh, polygon, repair::repaired};
 
 /// Maximum number of characters of a word that a message quotes.
 const MAX_QUOTED: usize = 40;
 
 impl TriMesh {
-    /// Reads the vertices and faces of a Wavefront OBJ file.
-    ///
-    /// Polygons become fans, texture and normal indices are dropped, lines of other kinds are
-    /// passed over, triangles that name a vertex twice are left out, and a closed mesh that winds
-    /// inward is turned outward.
+    /// Reads the vertices and faces of the text of a Wavefront OBJ file, as [`TriMesh::read`] does.
     ///
     /// # Errors
     ///
-    /// Fails with the line's number on a number that is not finite, a vertex or face that is too
-    /// short, and an index that is zero or beyond the vertices read so far; and if there is no
-    /// triangle at all.
+    /// Fails as [`TriMesh::read`].
     pub fn from_obj(text: &str) -> Result<Self, GeometryError> {
-        let mut mesh = Self {
-            vertices_m: Vec::new(),
-            triangles: Vec::new(),
-        };
-        for (idx, content) in text.lines().enumerate() {
-            let line = idx + 1;
-            let content = content.split('#').next().unwrap_or_default();
-            let mut words = content.split_whitespace();
-            match words.next() {
-                Some("v") => mesh.vertices_m.push(vertex(words, line)?),
-                Some("f") => {
-                    let corners = words
-                        .map(|word| corner(word, line, mesh.vertices_m.len()))
-                        .collect::<Result<Vec<_>, _>>()?;
-                    let [first, rest @ ..] = corners.as_slice() else {
-                        return Err(GeometryError::ShortFace { line, found: 0 });
-                    };
-                    if rest.len() < 2 {
-                        let found = corners.len();
-                        return Err(GeometryError::ShortFace { line, found });
-                    }
-                    let fan = rest.iter().zip(rest.iter().skip(1));
-                    mesh.triangles.extend(
-                        fan.map(|(&b, &c)| [*first, b, c])
-                            .filter(|[a, b, c]| a != b && b != c && c != a),
-                    );
-                }
-                _ => {}
-            }
-        }
-        if mesh.triangles.is_empty() {
-            return Err(GeometryError::NoTriangles);
-        }
-        mesh.turn_outward();
-        Ok(mesh)
+        Ok(repaired(parsed(text)?).0)
     }
 
     /// Writes the mesh as Wavefront OBJ, coordinates in meters with nine digits.
@@ -72,6 +32,70 @@ impl TriMesh {
         }
         text
     }
+}
+
+/// Reads the vertices and faces, as they are.
+///
+/// Texture and normal indices are dropped, and so are lines of other kinds and triangles that name a
+/// vertex twice.
+pub(crate) fn parsed(text: &str) -> Result<TriMesh, GeometryError> {
+    let mut mesh = TriMesh {
+        vertices_m: Vec::new(),
+        triangles: Vec::new(),
+    };
+    let mut lines = lines(text);
+    while let Some((line, content)) = lines.next() {
+        let content = without_comment(content);
+        // Of the other lines nothing is read, and a `\` at their end may be half a character.
+        if !matches!(content.split_whitespace().next(), Some("v" | "f")) {
+            continue;
+        }
+        let mut joined = Cow::Borrowed(content);
+        while let Some(begun) = joined.trim_end().strip_suffix('\\') {
+            let (_, more) = lines.next().unwrap_or_default();
+            joined = Cow::Owned(format!("{begun} {}", without_comment(more)));
+        }
+        let mut words = joined.split_whitespace();
+        if words.next() == Some("v") {
+            mesh.vertices_m.push(vertex(words, line)?);
+            continue;
+        }
+        let corners = words
+            .map(|word| corner(word, line, mesh.vertices_m.len()))
+            .collect::<Result<Vec<_>, _>>()?;
+        add_face(&mut mesh, &corners, line)?;
+    }
+    if mesh.triangles.is_empty() {
+        return Err(GeometryError::NoTriangles);
+    }
+    Ok(mesh)
+}
+
+fn without_comment(line: &str) -> &str {
+    line.split('#').next().unwrap_or_default()
+}
+
+/// Returns the lines of a text with their numbers, from one, however they end.
+pub(crate) fn lines(text: &str) -> impl Iterator<Item = (usize, &str)> {
+    // The end of line of old Macs, in a file without the other.
+    let end = if text.contains('\n') { '\n' } else { '\r' };
+    (1..).zip(text.split(end))
+}
+
+/// Adds a polygon of a line.
+pub(crate) fn add_face(
+    mesh: &mut TriMesh,
+    corners: &[u32],
+    line: usize,
+) -> Result<(), GeometryError> {
+    let found = corners.len();
+    if found < 3 {
+        return Err(GeometryError::ShortFace { line, found });
+    }
+    let triangles = polygon::triangles(corners, &mesh.vertices_m);
+    mesh.triangles
+        .extend(triangles.ok_or(GeometryError::LargeFace { line, found })?);
+    Ok(())
 }
 
 /// Reads the three coordinates of a vertex's line; weights and colors after them are ignored.
@@ -127,7 +151,7 @@ fn corner(word: &str, line: usize, vertices: usize) -> Result<u32, GeometryError
 }
 
 /// Returns a word for a message, cut where it is too long for one.
-fn quoted(word: &str) -> String {
+pub(crate) fn quoted(word: &str) -> String {
     match word.char_indices().nth(MAX_QUOTED) {
         Some((end, _)) => format!("{}…", word.get(..end).unwrap_or_default()),
         None => word.to_owned(),
@@ -284,5 +308,104 @@ mod tests {
     fn turns_a_closed_mesh_outward() {
         let inward = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 4 2\nf 1 3 4\nf 2 4 3\n";
         assert!(TriMesh::from_obj(inward).unwrap().volume_m3() > 0.0);
+    }
+
+    /// An angle bar of 3 by 3 by 1, its two ends as concave faces.
+    const ANGLE_BAR: &str = "v 0 0 0\nv 3 0 0\nv 3 1 0\nv 1 1 0\nv 1 3 0\nv 0 3 0\n\
+                             v 0 0 1\nv 3 0 1\nv 3 1 1\nv 1 1 1\nv 1 3 1\nv 0 3 1\n\
+                             f 6 5 4 3 2 1\nf 7 8 9 10 11 12\nf 1 2 8 7\nf 2 3 9 8\n\
+                             f 3 4 10 9\nf 4 5 11 10\nf 5 6 12 11\nf 6 1 7 12\n";
+
+    #[test]
+    fn concave_faces_have_no_area_in_their_notch() {
+        for text in [
+            ANGLE_BAR.to_owned(),
+            ANGLE_BAR.replace("f 6 5 4 3 2 1", "f 3 2 1 6 5 4"),
+        ] {
+            let mesh = TriMesh::from_obj(&text).unwrap();
+            assert!(mesh.is_watertight());
+            assert!(
+                (mesh.volume_m3() - 5.0).abs() < 1e-12,
+                "{}",
+                mesh.volume_m3()
+            );
+            let (points, _) = mesh.sample_surface(2000, 7);
+            assert!(
+                points
+                    .iter()
+                    .all(|point| point.x <= 1.0 + 1e-9 || point.y <= 1.0 + 1e-9)
+            );
+        }
+        let comb: String = (0..6000).map(|k| format!("v {k} {} 0\n", k % 2)).collect();
+        let face: String = (1..=6000).map(|k| format!(" {k}")).collect();
+        let said = TriMesh::from_obj(&format!("{comb}v 3000 9 0\nf{face} 6001\n")).unwrap_err();
+        assert_eq!(
+            said,
+            GeometryError::LargeFace {
+                line: 6002,
+                found: 6001
+            }
+        );
+    }
+
+    #[test]
+    fn text_of_other_programs_is_read_alike() {
+        let plain = TriMesh::from_obj(ANGLE_BAR).unwrap();
+        let check = |what: &str, bytes: &[u8]| {
+            let read = TriMesh::read(bytes, crate::MeshFormat::Obj);
+            assert_eq!(read.as_ref().map(|(mesh, _)| mesh), Ok(&plain), "{what}");
+        };
+        check("byte order mark", format!("\u{feff}{ANGLE_BAR}").as_bytes());
+        check("Windows", ANGLE_BAR.replace('\n', "\r\n").as_bytes());
+        check("old Mac", ANGLE_BAR.replace('\n', "\r").as_bytes());
+        for big in [false, true] {
+            let order = |unit: u16| {
+                if big {
+                    unit.to_be_bytes()
+                } else {
+                    unit.to_le_bytes()
+                }
+            };
+            let marked = format!("\u{feff}{ANGLE_BAR}");
+            let bytes: Vec<u8> = marked.encode_utf16().flat_map(order).collect();
+            check("UTF-16", &bytes);
+        }
+        for (what, before) in [
+            ("Latin-1", &b"# Geh\xe4use\no Griffst\xfcck\n"[..]),
+            ("GBK", b"# \xb2\xe2\xca\xd4\ng \xc4\xa3\xd0\xcd\n"),
+            // The second half of its last character is a backslash.
+            ("Shift-JIS", b"# \x95\x5c\no \x83\x5c\nusemtl \x94\x5c\n"),
+            ("a Windows path in a comment", b"# C:\\parts\\\n"),
+        ] {
+            check(what, &[before, ANGLE_BAR.as_bytes()].concat());
+        }
+        let long = "f 7 8 9 10 11 12";
+        for wrapped in [
+            "f 7 8 9 \\\n10 11 12",
+            "f 7 8 9 10\\\n 11 12",
+            "f 7/1 8/1 \\\r\n9/1 10/1 \\\r\n11/1 12/1",
+            "f 7 8 9 10 11 12 \\\n",
+            "f 7 8 \\  \n  9 10 11 12 # and \\",
+        ] {
+            check(wrapped, ANGLE_BAR.replace(long, wrapped).as_bytes());
+        }
+        let vertex = ANGLE_BAR.replacen("v 3 0 0", "v 3 \\\n0 0", 1);
+        check("a wrapped vertex", vertex.as_bytes());
+        // Lines after a wrapped one keep their numbers.
+        let said = TriMesh::from_obj(&vertex.replace("f 6 1 7 12", "f 6 1 7 13")).unwrap_err();
+        assert!(said.to_string().starts_with("line 21: "), "{said}");
+    }
+
+    #[test]
+    fn a_pointer_in_place_of_a_mesh_is_named() {
+        let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n";
+        for format in [
+            crate::MeshFormat::Obj,
+            crate::MeshFormat::Stl,
+            crate::MeshFormat::Ply,
+        ] {
+            let said = TriMesh::read(pointer, format).unwrap_err();
+            assert!(said.hint().unwrap().contains("`git lfs pull`"), "{said}");
+        }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use nalgebra::Point3;
 
-use crate::{GeometryError, TriMesh};
+use crate::{GeometryError, TriMesh, read::text_of, repair::repaired};
 
 /// Bytes before the number of triangles of a binary file.
 const HEADER: usize = 80;
@@ -12,60 +12,66 @@ const HEADER: usize = 80;
 const TRIANGLE: usize = 50;
 
 impl TriMesh {
-    /// Reads an STL file, binary or text.
-    ///
-    /// Corners at equal places become one, normals and names are dropped, triangles with two equal
-    /// corners are left out, and a closed mesh that winds inward is turned outward.
+    /// Reads an STL file, binary or text, as [`TriMesh::read`] does.
     ///
     /// # Errors
     ///
-    /// Fails if a binary file ends before its triangles do, with the line's number on a number that
-    /// is not finite or a vertex or facet that is too short, and if there is no triangle at all.
+    /// Fails as [`TriMesh::read`].
     pub fn from_stl(bytes: &[u8]) -> Result<Self, GeometryError> {
-        let (corners, expected) = match binary_length(bytes) {
-            Some(length) if length == bytes.len() => (binary(bytes), length),
-            // Binary files may begin with `solid`, too, but then their length fits.
-            Some(_) | None if bytes.trim_ascii_start().starts_with(b"solid") => {
-                (text(&String::from_utf8_lossy(bytes))?, bytes.len())
-            }
-            Some(length) => (binary(bytes), length),
-            None => (Vec::new(), HEADER + 4),
-        };
-        if expected > bytes.len() {
-            return Err(GeometryError::CutOff {
-                expected,
-                found: bytes.len(),
-            });
-        }
-        let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
-        let mut mesh = Self {
-            vertices_m: Vec::new(),
-            triangles: Vec::new(),
-        };
-        for corners in corners {
-            let triangle = corners.map(|corner| {
-                // `+ 0.0` makes −0 equal to 0.
-                let key = [corner.x, corner.y, corner.z].map(|x| (x + 0.0).to_bits());
-                *known.entry(key).or_insert_with(|| {
-                    mesh.vertices_m.push(corner);
-                    u32::try_from(mesh.vertices_m.len() - 1).unwrap_or(u32::MAX)
-                })
-            });
-            let [a, b, c] = triangle;
-            if a != b && b != c && c != a {
-                mesh.triangles.push(triangle);
-            }
-        }
-        let mut numbers = mesh.vertices_m.iter().flat_map(Point3::iter);
-        if let Some(&found) = numbers.find(|number| !number.is_finite()) {
-            return Err(GeometryError::NotFinite { found });
-        }
-        if mesh.triangles.is_empty() {
-            return Err(GeometryError::NoTriangles);
-        }
-        mesh.turn_outward();
-        Ok(mesh)
+        Ok(repaired(parsed(bytes)?).0)
     }
+}
+
+/// Reads the triangles, as they are.
+///
+/// Corners at equal places become one, normals and names are dropped, and triangles with two equal
+/// corners are left out.
+pub(crate) fn parsed(bytes: &[u8]) -> Result<TriMesh, GeometryError> {
+    let decoded = text_of(bytes);
+    let is_text = || {
+        let word = decoded.trim_start().get(..5);
+        word.is_some_and(|word| word.eq_ignore_ascii_case("solid"))
+    };
+    let (corners, expected) = match binary_length(bytes) {
+        Some(length) if length == bytes.len() => (binary(bytes), length),
+        // Binary files may begin with `solid`, too, but then their length fits.
+        Some(_) | None if is_text() => (text(&decoded)?, bytes.len()),
+        Some(length) => (binary(bytes), length),
+        None => (Vec::new(), HEADER + 4),
+    };
+    if expected > bytes.len() {
+        return Err(GeometryError::CutOff {
+            expected,
+            found: bytes.len(),
+        });
+    }
+    let mut known: BTreeMap<[u64; 3], u32> = BTreeMap::new();
+    let mut mesh = TriMesh {
+        vertices_m: Vec::new(),
+        triangles: Vec::new(),
+    };
+    for corners in corners {
+        let triangle = corners.map(|corner| {
+            // `+ 0.0` makes −0 equal to 0.
+            let key = [corner.x, corner.y, corner.z].map(|x| (x + 0.0).to_bits());
+            *known.entry(key).or_insert_with(|| {
+                mesh.vertices_m.push(corner);
+                u32::try_from(mesh.vertices_m.len() - 1).unwrap_or(u32::MAX)
+            })
+        });
+        let [a, b, c] = triangle;
+        if a != b && b != c && c != a {
+            mesh.triangles.push(triangle);
+        }
+    }
+    let mut numbers = mesh.vertices_m.iter().flat_map(Point3::iter);
+    if let Some(&found) = numbers.find(|number| !number.is_finite()) {
+        return Err(GeometryError::NotFinite { found });
+    }
+    if mesh.triangles.is_empty() {
+        return Err(GeometryError::NoTriangles);
+    }
+    Ok(mesh)
 }
 
 /// Returns how long a binary file with this beginning is; `None` if that is too short.
@@ -98,10 +104,9 @@ fn binary(bytes: &[u8]) -> Vec<[Point3<f64>; 3]> {
 fn text(text: &str) -> Result<Vec<[Point3<f64>; 3]>, GeometryError> {
     let mut triangles = Vec::new();
     let mut corners: Vec<Point3<f64>> = Vec::new();
-    for (idx, content) in text.lines().enumerate() {
-        let line = idx + 1;
+    for (line, content) in crate::obj::lines(text) {
         let mut words = content.split_whitespace();
-        match words.next() {
+        match words.next().map(str::to_ascii_lowercase).as_deref() {
             Some("vertex") => corners.push(crate::obj::vertex(words, line)?),
             Some("endloop") => match *corners.as_slice() {
                 [a, b, c] => {
@@ -172,6 +177,25 @@ mod tests {
             ),
             ("binary with a tail", longer),
             ("text", as_text(&cube).into_bytes()),
+            (
+                "text in upper case",
+                as_text(&cube).to_uppercase().into_bytes(),
+            ),
+            (
+                "text of mixed case",
+                as_text(&cube)
+                    .replace("vertex", "Vertex")
+                    .replace("endloop", "EndLoop")
+                    .into_bytes(),
+            ),
+            (
+                "text after a byte order mark",
+                format!("\u{feff}{}", as_text(&cube)).into_bytes(),
+            ),
+            (
+                "text with a name in Latin-1",
+                [b"solid Geh\xe4use\n", as_text(&cube).as_bytes()].concat(),
+            ),
             (
                 "indented text",
                 format!("\n {}", as_text(&cube)).into_bytes(),
