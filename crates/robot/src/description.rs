@@ -91,7 +91,8 @@ fn plain(urdf: &str) -> Option<String> {
 /// The start of an element up to its bracket, its attributes by name.
 fn start_of(start: &BytesStart) -> Option<String> {
     let mut attributes: Vec<(String, String)> = Vec::new();
-    for attribute in start.attributes() {
+    // The parser compares every name with all before it; here equal ones come side by side.
+    for attribute in start.attributes().with_checks(false) {
         let attribute = attribute.ok()?;
         let key = std::str::from_utf8(attribute.key.as_ref()).ok()?;
         // A value between single quotes may contain double ones.
@@ -99,6 +100,12 @@ fn start_of(start: &BytesStart) -> Option<String> {
         attributes.push((key.to_owned(), value.replace('"', "&quot;")));
     }
     attributes.sort();
+    if attributes
+        .windows(2)
+        .any(|two| matches!(two, [a, b] if a.0 == b.0))
+    {
+        return None;
+    }
     let mut text = format!("<{}", std::str::from_utf8(start.name().as_ref()).ok()?);
     for (key, value) in attributes {
         text.push_str(&format!(" {key}=\"{value}\""));
