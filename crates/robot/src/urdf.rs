@@ -20,16 +20,6 @@ const MAX_LINKS: usize = 5000;
 /// Reads a robot from the text of its URDF.
 pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
     let robot = xml::read(text)?;
-    if let Some(leftover) = robot
-        .children
-        .iter()
-        .find(|child| child.name.starts_with("xacro:"))
-    {
-        return Err(RobotError::Xacro {
-            element: leftover.name.clone(),
-            line: leftover.line,
-        });
-    }
     if robot.all("link").count() > MAX_LINKS || robot.all("joint").count() > MAX_LINKS {
         return Err(RobotError::TooLarge {
             what: "links or joints",

@@ -500,3 +500,22 @@ fn published_descriptions_are_read() {
         assert_eq!(thumbs, [thumb], "{name}");
     }
 }
+
+#[test]
+fn a_macro_left_anywhere_is_named_with_its_line() {
+    for inside in [
+        "<xacro:finger name='a'/>",
+        "<link name='b'>\n<xacro:inertial mass='1'/></link>",
+        "<link name='b'><collision><geometry>\n<xacro:tip/></geometry></collision></link>",
+        "<gazebo><a><b><c><d><e>\n<xacro:sensor/></e></d></c></b></a></gazebo>",
+    ] {
+        let text = format!("<robot name='r'><link name='a'/>{inside}</robot>");
+        let err = RobotModel::from_urdf(&text).unwrap_err();
+        let line = 1 + inside.matches('\n').count();
+        let RobotError::Xacro { line: found, .. } = err else {
+            panic!("{inside}: {err}");
+        };
+        assert_eq!(found, line, "{inside}");
+        assert!(err.hint().unwrap().contains("xacro robot.urdf.xacro"));
+    }
+}

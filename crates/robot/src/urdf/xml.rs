@@ -90,6 +90,13 @@ pub(super) fn read(text: &str) -> Result<Element, RobotError> {
             | Event::PI(_)
             | Event::GeneralRef(_) => continue,
         };
+        // Wherever it stands: a link would silently lack what the macro makes.
+        if start.name().as_ref().starts_with(b"xacro:") {
+            return Err(RobotError::Xacro {
+                element: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
+                line,
+            });
+        }
         if open.len() >= MAX_DEPTH {
             n_passed_over += usize::from(!is_empty);
             continue;
