@@ -36,7 +36,7 @@ pub enum LoadError {
         urdf: PathBuf,
     },
     /// The file is of a kind that is not read.
-    #[error("link `{link}` collides with the mesh `{}`, which is neither STL nor OBJ", path.display())]
+    #[error("link `{link}` collides with the mesh `{}`, which is neither STL nor OBJ nor PLY", path.display())]
     Kind {
         /// The link.
         link: String,

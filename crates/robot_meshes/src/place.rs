@@ -6,11 +6,14 @@ use std::path::{Path, PathBuf};
 ///
 /// A path is relative to the URDF's folder. `package://name/rest` is `rest` in a folder `name` in the
 /// URDF's folder or one above it, or else `rest` in the URDF's folder or the one above it: a package's
-/// folder may have another name.
+/// folder may have another name. Where there is no such file, `\` separates folders as on Windows.
 pub fn find(file: &str, urdf: &Path) -> Option<PathBuf> {
-    candidates(file, urdf)
-        .into_iter()
-        .find(|path| path.is_file())
+    let found = |file: &str| {
+        candidates(file, urdf)
+            .into_iter()
+            .find(|path| path.is_file())
+    };
+    found(file).or_else(|| found(&file.replace('\\', "/")))
 }
 
 fn candidates(file: &str, urdf: &Path) -> Vec<PathBuf> {
@@ -60,6 +63,10 @@ mod tests {
             ("package://renamed/meshes/finger.obj", Some(&beside)),
             ("meshes/finger.obj", Some(&beside)),
             ("./meshes/finger.obj", Some(&beside)),
+            (r"meshes\finger.obj", Some(&beside)),
+            (r".\meshes\finger.obj", Some(&beside)),
+            (r"package://hand_pkg\meshes\palm.stl", Some(&palm)),
+            (r"meshes\palm.stl", None),
             (&palm.display().to_string(), Some(&palm)),
             (&format!("file://{}", palm.display()), Some(&palm)),
             ("meshes/palm.stl", None),

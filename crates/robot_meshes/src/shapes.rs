@@ -7,7 +7,7 @@ use std::{
     sync::{Arc, Mutex, OnceLock, PoisonError},
 };
 
-use geometry::{GeometryError, TriMesh, convex_parts};
+use geometry::{GeometryError, MeshFormat, TriMesh, convex_parts};
 use robot::{ConvexBody, Mesh, RobotModel};
 
 use crate::{LoadError, place};
@@ -32,7 +32,7 @@ pub fn with_mesh_shapes(model: RobotModel, urdf: &Path) -> Result<RobotModel, Lo
 /// Fails if it is not there, is not read here, or has no volume.
 pub fn convex_bodies(link: &str, mesh: &Mesh, urdf: &Path) -> Result<Vec<ConvexBody>, LoadError> {
     let path = path(link, mesh, urdf)?;
-    let kind = Kind::of(&path).ok_or_else(|| LoadError::Kind {
+    let kind = MeshFormat::of(&path).ok_or_else(|| LoadError::Kind {
         link: link.to_owned(),
         path: path.clone(),
     })?;
@@ -57,30 +57,17 @@ pub(crate) fn path(link: &str, mesh: &Mesh, urdf: &Path) -> Result<PathBuf, Load
     })
 }
 
-/// File format of a mesh.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-enum Kind {
-    Stl,
-    Obj,
-}
-
-impl Kind {
-    fn of(path: &Path) -> Option<Self> {
-        match path.extension()?.to_str()?.to_lowercase().as_str() {
-            "stl" => Some(Self::Stl),
-            "obj" => Some(Self::Obj),
-            _ => None,
-        }
-    }
-}
-
 /// Key of the cached bodies: a file's digest and kind, and the scale.
-type Key = ([u8; 32], Kind, [u64; 3]);
+type Key = ([u8; 32], MeshFormat, [u64; 3]);
 /// Bodies that are made, being made, or cannot be made.
 type Slot = Arc<OnceLock<Result<Vec<ConvexBody>, GeometryError>>>;
 
 /// As [`made`], which takes a second or so: every unit of a run wants the same hand.
-fn made_once(bytes: &[u8], kind: Kind, mesh: &Mesh) -> Result<Vec<ConvexBody>, GeometryError> {
+fn made_once(
+    bytes: &[u8],
+    kind: MeshFormat,
+    mesh: &Mesh,
+) -> Result<Vec<ConvexBody>, GeometryError> {
     static KNOWN: Mutex<BTreeMap<Key, Slot>> = Mutex::new(BTreeMap::new());
     let scale: [f64; 3] = mesh.scale.into();
     let key = (
@@ -95,11 +82,8 @@ fn made_once(bytes: &[u8], kind: Kind, mesh: &Mesh) -> Result<Vec<ConvexBody>, G
     slot.get_or_init(|| made(bytes, kind, mesh)).clone()
 }
 
-fn made(bytes: &[u8], kind: Kind, mesh: &Mesh) -> Result<Vec<ConvexBody>, GeometryError> {
-    let read = match kind {
-        Kind::Stl => TriMesh::from_stl(bytes),
-        Kind::Obj => TriMesh::from_obj(&String::from_utf8_lossy(bytes)),
-    }?;
+fn made(bytes: &[u8], kind: MeshFormat, mesh: &Mesh) -> Result<Vec<ConvexBody>, GeometryError> {
+    let (read, _) = TriMesh::read(bytes, kind)?;
     let parts = convex_parts(&read.scaled(&mesh.scale), MAX_PARTS)?;
     let bodies: Vec<ConvexBody> = parts
         .into_iter()

@@ -181,10 +181,16 @@ fn unavailable_device_is_an_error_with_a_hint() {
             "m.dae",
             b"<COLLADA/>",
             "m.dae",
-            "which is neither STL nor OBJ",
+            "which is neither STL nor OBJ nor PLY",
             "convert it",
         ),
-        ("m", b"", "m", "which is neither STL nor OBJ", "convert it"),
+        (
+            "m",
+            b"",
+            "m",
+            "which is neither STL nor OBJ nor PLY",
+            "convert it",
+        ),
         (
             "m.stl",
             cut,
