@@ -1,6 +1,8 @@
 //! From an object's mesh to what grasping and physics need to know of it.
 
-use geometry::{StablePose, TriMesh};
+use std::path::Path;
+
+use geometry::{GeometryError, MeshFormat, OBJECT_SIDES_M, StablePose, TriMesh};
 use nalgebra::Point3;
 use schemas::objects::{Mirror, Object, RestingOrientation};
 
@@ -14,7 +16,7 @@ pub(crate) struct Source<'a> {
     pub(crate) mass_kg: f64,
     /// Name of its mesh file in the dataset.
     pub(crate) mesh_file: &'a str,
-    /// Its mesh as Wavefront OBJ.
+    /// The bytes of that file.
     pub(crate) mesh: &'a [u8],
     /// Points on its surface.
     pub(crate) points_n: usize,
@@ -35,7 +37,7 @@ pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), RecordingE
         file: source.mesh_file.to_owned(),
         reason,
     };
-    let mesh = mesh(source.mesh).map_err(unusable)?;
+    let mesh = mesh(source.mesh_file, source.mesh).map_err(unusable)?;
     let parts = geometry::convex_parts(&mesh, source.max_convex_parts_n)
         .map_err(|err| unusable(err.to_string()))?;
     let mass = geometry::mass_properties(&mesh, source.mass_kg);
@@ -78,10 +80,20 @@ fn unseen(stable: &StablePose) -> RestingOrientation {
     }
 }
 
-/// Reads a mesh from the text of a Wavefront OBJ file, or says what is wrong with it.
-pub(crate) fn mesh(obj: &[u8]) -> Result<TriMesh, String> {
-    let text = std::str::from_utf8(obj).map_err(|err| err.to_string())?;
-    TriMesh::from_obj(text).map_err(|err| err.to_string())
+/// Reads a mesh from a file's bytes, or says what is wrong with it; it is as large as what a hand
+/// grasps.
+pub(crate) fn mesh(file: &str, bytes: &[u8]) -> Result<TriMesh, String> {
+    let said = |err: GeometryError| match err {
+        GeometryError::LfsPointer => {
+            format!("{err}; {}", err.hint().unwrap_or_default())
+        }
+        err => err.to_string(),
+    };
+    // Datasets have OBJ; what the pipeline file adds says what it is.
+    let format = MeshFormat::of(Path::new(file)).unwrap_or(MeshFormat::Obj);
+    let (mesh, _) = TriMesh::read(bytes, format).map_err(said)?;
+    mesh.check_size(&OBJECT_SIDES_M).map_err(said)?;
+    Ok(mesh)
 }
 
 fn arrays(points: &[Point3<f64>]) -> Vec<[f64; 3]> {

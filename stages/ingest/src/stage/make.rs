@@ -158,8 +158,9 @@ fn parts(
 /// Returns the mesh among the files that a unit reads, if it can be used.
 fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
     let is_mesh = |file: &&SourceFile| [MODELS, MESHES].iter().any(|f| file.name.starts_with(f));
-    let bytes = reader::read(files.iter().find(is_mesh)?, MAX_MESH_BYTES).ok()?;
-    objects::mesh(&bytes).ok()
+    let file = files.iter().find(is_mesh)?;
+    let bytes = reader::read(file, MAX_MESH_BYTES).ok()?;
+    objects::mesh(&file.name, &bytes).ok()
 }
 
 /// Puts a shape and the orientations in which it was seen to lie together.

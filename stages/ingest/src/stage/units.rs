@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{Output, Scope, SourceFile, Unit};
+use geometry::MeshFormat;
 
 use super::{ADDED, Demonstrations, LEFT_OUT, MASS, MESHES, Shapes, UNREADABLE};
 use crate::{
@@ -96,8 +97,9 @@ pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
 fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, RecordingError> {
     if let Some(added) = config.meshes.get(object) {
         // It was looked at before anything was planned.
+        let format = MeshFormat::of(&added.file).unwrap_or(MeshFormat::Obj);
         return Ok(Some(SourceFile {
-            name: format!("{MESHES}{object}.obj"),
+            name: format!("{MESHES}{object}.{}", format.extension()),
             path: added.file.clone(),
         }));
     }
