@@ -90,7 +90,9 @@ pub enum GeometryError {
     #[error(
         "it measures {} m, and its longest side must be {least_m} to {most_m} m{}",
         sides_m.map(|side| Rounded(side).to_string()).join(" × "),
-        factor.map(|factor| format!("; multiply its coordinates by {factor}")).unwrap_or_default()
+        factor.map_or("; meshes are in meters".to_owned(), |factor| {
+            format!("; meshes are in meters, this one may be in {}: multiply its coordinates by {factor}", unit(factor))
+        })
     )]
     Size {
         /// Its sides along the axes, in meters.

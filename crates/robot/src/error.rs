@@ -7,6 +7,8 @@ pub enum RobotError {
     /// The bytes are not UTF-8.
     #[error("the URDF is not UTF-8 from byte {} on", source.valid_up_to())]
     NotText {
+        /// The encoding that the bytes begin with or declare, as `iconv` names it.
+        encoding: String,
         /// The position of the first invalid byte.
         source: std::str::Utf8Error,
     },
@@ -281,9 +283,11 @@ impl RobotError {
                 EXPAND
             }
             Self::Xacro { .. } => EXPAND,
-            Self::NotText { .. } => {
-                "convert it, e.g. `iconv -f UTF-16 -t UTF-8 robot.urdf`, or give the URDF itself \
-                 instead of a mesh or an archive"
+            Self::NotText { encoding, .. } => {
+                return Some(format!(
+                    "convert it, e.g. `iconv -f {encoding} -t UTF-8 robot.urdf`, and declare UTF-8 in its first line; \
+                     or give the URDF itself instead of a mesh or an archive"
+                ));
             }
             Self::NoLink | Self::NoRobot { .. } => {
                 "give a URDF: `<robot name=…>` with its links and joints; SDF and MJCF are not read"

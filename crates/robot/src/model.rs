@@ -191,7 +191,10 @@ impl RobotModel {
     ///
     /// Fails as that does, and if the bytes are not UTF-8.
     pub fn from_urdf_bytes(bytes: &[u8]) -> Result<Self, RobotError> {
-        let xml = std::str::from_utf8(bytes).map_err(|source| RobotError::NotText { source })?;
+        let xml = std::str::from_utf8(bytes).map_err(|source| RobotError::NotText {
+            encoding: urdf::encoding(bytes),
+            source,
+        })?;
         urdf::parse(xml)
     }
 

@@ -17,6 +17,33 @@ use crate::{Joint, JointKind, Link, RobotError, RobotModel};
 /// Maximum number of links that are read, a hundred times those of a hand with an arm.
 const MAX_LINKS: usize = 5000;
 
+/// Returns the encoding of a document's bytes, as `iconv` names it: that of its byte order mark, or else the
+/// one that its first line declares (Bray et al., *Extensible Markup Language 1.0*, 2008, appendix F).
+pub(crate) fn encoding(bytes: &[u8]) -> String {
+    if bytes.starts_with(&[0xff, 0xfe])
+        || bytes.starts_with(&[0xfe, 0xff])
+        || bytes.iter().take(4).any(|&byte| byte == 0)
+    {
+        return "UTF-16".to_owned();
+    }
+    let head = String::from_utf8_lossy(bytes.get(..200).unwrap_or(bytes));
+    let declaration = head.split_once("?>").map_or("", |(before, _)| before);
+    let value = declaration
+        .split_once("encoding")
+        .map_or("", |(_, after)| after);
+    let value = value.trim_start_matches(|c: char| c == '=' || c.is_whitespace());
+    let name = value.split(['"', '\'']).nth(1).unwrap_or_default();
+    let is_name = |c: char| c.is_ascii_alphanumeric() || "-_.".contains(c);
+    match name {
+        // What it declares is not so.
+        "" => "ISO-8859-1".to_owned(),
+        name if name.eq_ignore_ascii_case("utf-8") || !name.chars().all(is_name) => {
+            "ISO-8859-1".to_owned()
+        }
+        name => name.to_owned(),
+    }
+}
+
 /// Reads a robot from the text of its URDF.
 pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
     let robot = xml::read(text)?;

@@ -519,3 +519,33 @@ fn a_macro_left_anywhere_is_named_with_its_line() {
         assert!(err.hint().unwrap().contains("xacro robot.urdf.xacro"));
     }
 }
+
+#[test]
+fn bytes_in_another_encoding_are_refused_with_its_name() {
+    let declared = |encoding: &str| {
+        let mut bytes = format!("<?xml version=\"1.0\" encoding={encoding}?><!-- Gr").into_bytes();
+        bytes.extend(b"\xfc\xdfe --><robot name=\"r\"/>");
+        bytes
+    };
+    let utf_16: Vec<u8> = "<robot/>"
+        .encode_utf16()
+        .flat_map(u16::to_le_bytes)
+        .collect();
+    for (bytes, encoding) in [
+        (declared("\"ISO-8859-1\""), "ISO-8859-1"),
+        (declared("'windows-1252' "), "windows-1252"),
+        (declared(" \"GBK\" standalone=\"yes\""), "GBK"),
+        // What they declare is not so, or is no name.
+        (declared("\"UTF-8\""), "ISO-8859-1"),
+        (declared("\"$(reboot)\""), "ISO-8859-1"),
+        (b"<!-- \xfc --><robot/>".to_vec(), "ISO-8859-1"),
+        ([b"\xff\xfe".to_vec(), utf_16].concat(), "UTF-16"),
+    ] {
+        let err = RobotModel::from_urdf_bytes(&bytes).unwrap_err();
+        let hint = err.hint().unwrap();
+        assert!(
+            hint.contains(&format!("iconv -f {encoding} -t UTF-8")),
+            "{hint}"
+        );
+    }
+}

@@ -28,13 +28,13 @@ pub fn load(urdf: &Path) -> Result<LoadedRobot, LoadError> {
 
 /// Reads a URDF: its text and the robot, links of meshes without a shape.
 pub(crate) fn without_meshes(urdf: &Path) -> Result<(String, RobotModel), LoadError> {
-    let text = fs::read_to_string(urdf).map_err(|source| LoadError::ReadUrdf {
+    let bytes = fs::read(urdf).map_err(|source| LoadError::ReadUrdf {
         path: urdf.to_owned(),
         source,
     })?;
-    let model = RobotModel::from_urdf(&text).map_err(|source| LoadError::Urdf {
+    let model = RobotModel::from_urdf_bytes(&bytes).map_err(|source| LoadError::Urdf {
         path: urdf.to_owned(),
         source: Box::new(source),
     })?;
-    Ok((text, model))
+    Ok((String::from_utf8_lossy(&bytes).into_owned(), model))
 }
