@@ -149,6 +149,10 @@ impl<'a> Ring<'a> {
         turn(a, b, c)
     }
 
+    #[expect(
+        clippy::float_cmp,
+        reason = "a corner is at the place of another or not"
+    )]
     fn is_ear(&self, corner: [usize; 3]) -> bool {
         let [a, b, c] = corner.map(|at| self.place(at));
         let blocks = |&at: &usize| {

@@ -51,7 +51,9 @@ impl TriMesh {
 
 /// Names the unit of a factor.
 pub(crate) fn unit(factor: f64) -> &'static str {
-    let known = UNITS.iter().find(|(known, _)| *known == factor);
+    let known = UNITS
+        .iter()
+        .find(|(known, _)| known.total_cmp(&factor).is_eq());
     known.map_or("another unit", |&(_, name)| name)
 }
 

@@ -132,7 +132,7 @@ pub(crate) fn rename(from: &Path, to: &Path) -> Result<(), LakeError> {
         // An empty folder makes room for the file.
         Err(err) if err.kind() == io::ErrorKind::IsADirectory => {
             let renamed = fs::remove_dir(to).and_then(|()| fs::rename(from, to));
-            renamed.map_err(|_| io_error("write", to)(err))
+            renamed.map_err(|_renaming| io_error("write", to)(err))
         }
         renamed => renamed.map_err(io_error("write", to)),
     }

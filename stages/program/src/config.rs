@@ -265,23 +265,7 @@ impl ProgramConfig {
                 faults.note("columns", problem);
             }
         }
-        if !is_word(&self.partition) {
-            let problem = format!("is `{}`: use letters, digits and `_`", self.partition);
-            faults.note("partition", problem);
-        } else if let Err(err) = self.partition.parse::<ColumnName>() {
-            faults.note(
-                "partition",
-                format!("is `{}`: {}", self.partition, err.rule),
-            );
-        }
-        if RESERVED_COLUMNS.contains(&self.partition.as_str()) {
-            let problem = format!(
-                "is `{}`, which is a column that every table has, as are {}: choose another",
-                self.partition,
-                RESERVED_COLUMNS.join(", ")
-            );
-            faults.note("partition", problem);
-        }
+        self.check_partition(faults);
         match (&self.one_row_per, self.rows_of()) {
             (None, _) => {}
             (Some(_), _) if is_known => {
@@ -303,6 +287,27 @@ impl ProgramConfig {
                     format!("is `{given}`, and must be `INPUT.COLUMN`"),
                 );
             }
+        }
+    }
+
+    /// Checks the name of the column of partitions.
+    fn check_partition(&self, faults: &mut OptionFaults) {
+        if !is_word(&self.partition) {
+            let problem = format!("is `{}`: use letters, digits and `_`", self.partition);
+            faults.note("partition", problem);
+        } else if let Err(err) = self.partition.parse::<ColumnName>() {
+            faults.note(
+                "partition",
+                format!("is `{}`: {}", self.partition, err.rule),
+            );
+        }
+        if RESERVED_COLUMNS.contains(&self.partition.as_str()) {
+            let problem = format!(
+                "is `{}`, which is a column that every table has, as are {}: choose another",
+                self.partition,
+                RESERVED_COLUMNS.join(", ")
+            );
+            faults.note("partition", problem);
         }
     }
 

@@ -44,6 +44,7 @@ pub(crate) fn trials(gathered: &PageData) -> TrialCounts {
 }
 
 /// Motions of all objects from samples to accepted candidates.
+#[expect(clippy::struct_field_names, reason = "they are counts")]
 struct Screened {
     objects_n: usize,
     /// Objects with an accepted motion.
