@@ -336,9 +336,10 @@ mod tests {
                     .all(|point| point.x <= 1.0 + 1e-9 || point.y <= 1.0 + 1e-9)
             );
         }
-        let comb: String = (0..6000).map(|k| format!("v {k} {} 0\n", k % 2)).collect();
-        let face: String = (1..=6000).map(|k| format!(" {k}")).collect();
-        let said = TriMesh::from_obj(&format!("{comb}v 3000 9 0\nf{face} 6001\n")).unwrap_err();
+        let comb: Vec<String> = (0..6000).map(|k| format!("v {k} {} 0", k % 2)).collect();
+        let face: Vec<String> = (1..=6000).map(|k: u32| k.to_string()).collect();
+        let [comb, face] = [comb.join("\n"), face.join(" ")];
+        let said = TriMesh::from_obj(&format!("{comb}\nv 3000 9 0\nf {face} 6001\n")).unwrap_err();
         assert_eq!(
             said,
             GeometryError::LargeFace {

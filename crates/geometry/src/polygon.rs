@@ -283,7 +283,7 @@ mod tests {
         );
         let star = |n: usize, inner: f64| -> Vec<[f64; 2]> {
             let angle = |k: usize| k as f64 / n as f64 * std::f64::consts::TAU;
-            let radius = |k: usize| if k % 2 == 0 { 1.0 } else { inner };
+            let radius = |k: usize| if k.is_multiple_of(2) { 1.0 } else { inner };
             (0..n)
                 .map(|k| [radius(k) * angle(k).cos(), radius(k) * angle(k).sin()])
                 .collect()

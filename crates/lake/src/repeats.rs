@@ -130,15 +130,14 @@ mod tests {
 
     #[test]
     fn every_repetition_counts_and_later_runs_are_newer() {
-        let cases: [(&[(u64, u64)], &[u64]); 6] = [
-            (&[], &[1, 2, 3]),
-            (&[(1, 3)], &[2, 3, 1]),
-            (&[(2, 3), (1, 3)], &[3, 2, 1]),
-            (&[(1, 3), (3, 3)], &[2, 1, 3]),
-            (&[(1, 2)], &[2, 1, 3]),
-            (&[(9, 3), (2, 3)], &[1, 3, 2]),
-        ];
-        for (repeats, expected) in cases {
+        for (repeats, expected) in [
+            (&[][..], [1, 2, 3]),
+            (&[(1, 3)], [2, 3, 1]),
+            (&[(2, 3), (1, 3)], [3, 2, 1]),
+            (&[(1, 3), (3, 3)], [2, 1, 3]),
+            (&[(1, 2)], [2, 1, 3]),
+            (&[(9, 3), (2, 3)], [1, 3, 2]),
+        ] {
             let again = |&(run, newest)| RepeatedRun { run, newest };
             let repeats: Vec<RepeatedRun> = repeats.iter().map(again).collect();
             assert_eq!(order(&[1, 2, 3], &repeats), expected, "{repeats:?}");

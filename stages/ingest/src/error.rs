@@ -90,7 +90,7 @@ pub enum IngestError {
         /// What the option names.
         problem: String,
         /// The fault of the first such recording.
-        source: RecordingError,
+        source: Box<RecordingError>,
     },
     /// Landmarks are asked of hand models, but no folder of them is named.
     #[error("`landmarks` asks for hand models, but `mano_models` names no folder of them")]

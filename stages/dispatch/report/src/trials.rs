@@ -256,26 +256,26 @@ mod tests {
             (1, 0)
         );
         assert_eq!(
-            said(TrialsMetrics::of(&rows)),
+            said(&TrialsMetrics::of(&rows)),
             "1 unknown, look at the robot before going on; simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %; executions 2 of 4, some simulated; 1 stopped by a person, which are no trials"
         );
     }
 
     /// The line of two objects of which one has accepted motions: 4 of 10 candidates, of 40 samples.
-    fn said(trials: TrialsMetrics) -> String {
+    fn said(trials: &TrialsMetrics) -> String {
         line(&Summary::made(&[TrialsMetrics {
             objects_n: 2.0,
             objects_accepted_n: 1.0,
             samples_n: 40.0,
             candidates_n: 10.0,
             accepted_n: 4.0,
-            ..trials
+            ..trials.clone()
         }]))
     }
 
     #[test]
     fn the_line_leads_with_what_was_screened() {
-        let of = |executions: &[Execution]| said(TrialsMetrics::of(&of_object("can", executions)));
+        let of = |executions: &[Execution]| said(&TrialsMetrics::of(&of_object("can", executions)));
         let succeeded = |simulated| execution("lab", simulated, executions::Outcome::Succeeded);
         let screened = "simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %";
         assert_eq!(

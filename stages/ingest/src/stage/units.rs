@@ -40,7 +40,7 @@ pub(super) fn hidden<'a>(
         (Some(source), err @ (IngestError::UnknownName { .. } | IngestError::Trials { .. })) => {
             IngestError::Untold {
                 problem: err.to_string(),
-                source,
+                source: Box::new(source),
             }
         }
         (_, err) => err,
