@@ -102,7 +102,7 @@ mod tests {
                 "0.00006 × 0.00008 × 0.0001 m",
                 "multiply its coordinates by 1000",
             ),
-            (1e9, "6.00e7 × 8.00e7 × 1.00e8 m", "to 2 m"),
+            (1e9, "6.00e7 × 8.00e7 × 1.00e8 m", "meshes are in meters"),
         ] {
             let scaled = mesh.scaled(&Vector3::repeat(scale));
             let said = scaled.check_size(&OBJECT_SIDES_M).unwrap_err().to_string();

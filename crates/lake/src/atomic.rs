@@ -256,8 +256,14 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a_folder");
         fs::create_dir(&path).unwrap();
+        let inside = path.join("somebody's");
+        fs::write(&inside, b"").unwrap();
         let failed = write_atomic(&path, b"bytes").unwrap_err();
         assert!(failed.to_string().contains("a_folder"), "{failed}");
         assert_eq!(fs::read_dir(folder.path()).unwrap().count(), 1);
+        // An empty folder makes room.
+        fs::remove_file(&inside).unwrap();
+        write_atomic(&path, b"bytes").unwrap();
+        assert_eq!(fs::read(&path).unwrap(), b"bytes");
     }
 }

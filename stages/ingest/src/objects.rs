@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use geometry::{GeometryError, MeshFormat, OBJECT_SIDES_M, StablePose, TriMesh};
+use geometry::{GeometryError, MeshFormat, OBJECT_SIDES_M, Repairs, StablePose, TriMesh};
 use nalgebra::Point3;
 use schemas::objects::{Mirror, Object, RestingOrientation};
 
@@ -26,18 +26,18 @@ pub(crate) struct Source<'a> {
     pub(crate) seed: u64,
 }
 
-/// Makes an object that nobody has seen yet, and its mesh: its resting orientations are those in
+/// Makes an object that nobody has seen yet, its mesh, and what was mended of it: its resting orientations are those in
 /// which its shape is stable.
 ///
 /// # Errors
 ///
 /// Fails if the mesh cannot be read or spans no volume.
-pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), RecordingError> {
+pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh, Repairs), RecordingError> {
     let unusable = |reason: String| RecordingError::Mesh {
         file: source.mesh_file.to_owned(),
         reason,
     };
-    let mesh = mesh(source.mesh_file, source.mesh).map_err(unusable)?;
+    let (mesh, repairs) = mesh(source.mesh_file, source.mesh).map_err(unusable)?;
     let parts = geometry::convex_parts(&mesh, source.max_convex_parts_n)
         .map_err(|err| unusable(err.to_string()))?;
     let mass = geometry::mass_properties(&mesh, source.mass_kg);
@@ -69,7 +69,7 @@ pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh), RecordingE
         parts_m: parts.iter().map(|part| arrays(part)).collect(),
         rests: stable.iter().map(unseen).collect(),
     };
-    Ok((object, mesh))
+    Ok((object, mesh, repairs))
 }
 
 fn unseen(stable: &StablePose) -> RestingOrientation {
@@ -82,7 +82,7 @@ fn unseen(stable: &StablePose) -> RestingOrientation {
 
 /// Reads a mesh from a file's bytes, or says what is wrong with it; it is as large as what a hand
 /// grasps.
-pub(crate) fn mesh(file: &str, bytes: &[u8]) -> Result<TriMesh, String> {
+pub(crate) fn mesh(file: &str, bytes: &[u8]) -> Result<(TriMesh, Repairs), String> {
     let said = |err: GeometryError| match err {
         GeometryError::LfsPointer => {
             format!("{err}; {}", err.hint().unwrap_or_default())
@@ -91,9 +91,9 @@ pub(crate) fn mesh(file: &str, bytes: &[u8]) -> Result<TriMesh, String> {
     };
     // Datasets have OBJ; what the pipeline file adds says what it is.
     let format = MeshFormat::of(Path::new(file)).unwrap_or(MeshFormat::Obj);
-    let (mesh, _) = TriMesh::read(bytes, format).map_err(said)?;
+    let (mesh, repairs) = TriMesh::read(bytes, format).map_err(said)?;
     mesh.check_size(&OBJECT_SIDES_M).map_err(said)?;
-    Ok(mesh)
+    Ok((mesh, repairs))
 }
 
 fn arrays(points: &[Point3<f64>]) -> Vec<[f64; 3]> {

@@ -14,9 +14,11 @@ impl Report for IngestReport {
     fn lines(lines: &mut Lines<Ingest>) {
         lines.add::<Shapes>(|summary| {
             format!(
-                "{} in {}{}",
+                "{} in {}{}{}{}",
                 counted(summary.n_made, "shape"),
                 counted(summary.metrics.convex_parts_n, "convex part"),
+                mended(summary.metrics.unused_vertices_n, "unused mesh corner"),
+                mended(summary.metrics.turned_triangles_n, "inward triangle"),
                 left_out(summary.n_skipped, "skipped")
             )
         });
@@ -38,6 +40,11 @@ impl Report for IngestReport {
             counted(summary.n_made, "object") + &skipped
         });
     }
+}
+
+/// Returns `, 3 inward triangles mended`, or nothing for none.
+fn mended(n: Option<f64>, what: &str) -> String {
+    n.map_or_else(String::new, |n| format!(", {} mended", counted(n, what)))
 }
 
 /// Returns `, 3 skipped`, or nothing for none.

@@ -3,7 +3,7 @@
 use std::mem;
 
 use dataflow::{Context, Inputs, Outcome, Output, SourceFile};
-use geometry::TriMesh;
+use geometry::{Repairs, TriMesh};
 use lake::{LakeError, WriteArtifact};
 use schemas::{demonstrations::Demonstration, objects::Object};
 
@@ -56,7 +56,7 @@ pub(super) fn shape(
         })
     });
     match made {
-        Ok((object, mesh)) => Ok(write_object(cx, &object, &mesh)?),
+        Ok((object, mesh, repairs)) => Ok(write_object(cx, &object, &mesh, repairs)?),
         Err(unusable) => Ok(Outcome::skipped(unusable.to_string())),
     }
 }
@@ -160,7 +160,8 @@ fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
     let is_mesh = |file: &&SourceFile| [MODELS, MESHES].iter().any(|f| file.name.starts_with(f));
     let file = files.iter().find(is_mesh)?;
     let bytes = reader::read(file, MAX_MESH_BYTES).ok()?;
-    objects::mesh(&file.name, &bytes).ok()
+    let (mesh, _) = objects::mesh(&file.name, &bytes).ok()?;
+    Some(mesh)
 }
 
 /// Puts a shape and the orientations in which it was seen to lie together.
@@ -186,7 +187,7 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetri
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),
     };
-    Ok(write_object(cx, &object, &mesh)?)
+    Ok(write_object(cx, &object, &mesh, Repairs::default())?)
 }
 
 /// Writes an object's table and its mesh.
@@ -194,13 +195,17 @@ fn write_object(
     cx: &Context,
     object: &Object,
     mesh: &TriMesh,
+    repairs: Repairs,
 ) -> Result<Outcome<ShapeMetrics>, LakeError> {
     cx.write(object)?;
     cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;
+    let mended = |n: usize| (n > 0).then_some(n as f64);
     let metrics = ShapeMetrics {
         convex_parts_n: object.parts_m.len() as f64,
         rests_n: object.rests.len() as f64,
         watertight: f64::from(u8::from(object.watertight)),
+        unused_vertices_n: mended(repairs.unused_vertices_n),
+        turned_triangles_n: mended(repairs.turned_triangles_n),
     };
     Ok(Outcome::Made(metrics))
 }

@@ -11,6 +11,10 @@ dataflow::metrics! {
         rests_n: Sum,
         /// Number of watertight meshes: 1 if its own is one.
         watertight: Sum,
+        /// Number of vertices of its mesh that were left out because no triangle uses them.
+        unused_vertices_n: Option<Sum>,
+        /// Number of triangles of its mesh that were turned outward.
+        turned_triangles_n: Option<Sum>,
     }
 }
 
