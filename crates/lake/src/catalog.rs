@@ -175,6 +175,11 @@ impl Lake {
                     continue;
                 };
                 if let Some(file) = stored.outcome.file(table::FILE) {
+                    // It was collected, and a run that goes on has made it again.
+                    if !path.exists() && self.may_be_published(&unit.fingerprint)? {
+                        found.n_collected += 1;
+                        continue;
+                    }
                     expected.push((path.clone(), file.digest));
                     files.insert(unit.partition.clone(), path);
                 }

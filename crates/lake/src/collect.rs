@@ -135,6 +135,12 @@ impl Lake {
         Ok(collected)
     }
 
+    /// Whether a living process may have made a unit and not published its table yet. Once it is gone, what it made
+    /// is published.
+    pub(crate) fn may_be_published(&self, unit: &Digest) -> Result<bool, LakeError> {
+        Ok(is_newer(&self.records.path(unit), self.oldest_process()?))
+    }
+
     /// When the oldest living process that writes to the lake began, or now.
     fn oldest_process(&self) -> Result<SystemTime, LakeError> {
         let others = self.locks.other_processes()?;
