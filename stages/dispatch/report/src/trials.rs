@@ -106,21 +106,21 @@ fn line(summary: &Summary<TrialsMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |of_n: f64| 100.0 * all.accepted_n / of_n.max(1.0);
     let screened = format!(
-        "simulated success: objects {:.0} of {:.0}, samples {:.1} %, candidates {:.1} %",
+        "objects {:.0}/{:.0}, samples {:.0} %, candidates {:.0} %",
         all.objects_accepted_n,
         all.objects_n,
         percent(all.samples_n),
         percent(all.candidates_n)
     );
-    let executions = format!("executions {:.0} of {:.0}", all.successes_n, all.trials_n);
+    let executions = format!("executions {:.0}/{:.0}", all.successes_n, all.trials_n);
     let executed = if all.trials_n == 0.0 {
         "; no robot cell has executed a motion".to_owned()
     } else if all.simulated_n >= all.trials_n {
-        format!(", {executions}")
+        format!(", {executions} simulated")
     } else if all.simulated_n > 0.0 {
         format!("; {executions}, some simulated")
     } else {
-        format!("; on the robot: {executions}")
+        format!("; {executions} on the robot")
     };
     let stopped = match all.stopped_n {
         0.0 => String::new(),
@@ -257,7 +257,7 @@ mod tests {
         );
         assert_eq!(
             said(&TrialsMetrics::of(&rows)),
-            "1 unknown, look at the robot before going on; simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %; executions 2 of 4, some simulated; 1 stopped by a person, which are no trials"
+            "1 unknown, look at the robot before going on; objects 1/2, samples 10 %, candidates 40 %; executions 2/4, some simulated; 1 stopped by a person, which are no trials"
         );
     }
 
@@ -277,14 +277,14 @@ mod tests {
     fn the_line_leads_with_what_was_screened() {
         let of = |executions: &[Execution]| said(&TrialsMetrics::of(&of_object("can", executions)));
         let succeeded = |simulated| execution("lab", simulated, executions::Outcome::Succeeded);
-        let screened = "simulated success: objects 1 of 2, samples 10.0 %, candidates 40.0 %";
+        let screened = "objects 1/2, samples 10 %, candidates 40 %";
         assert_eq!(
             of(&[succeeded(true)]),
-            format!("{screened}, executions 1 of 1")
+            format!("{screened}, executions 1/1 simulated")
         );
         assert_eq!(
             of(&[succeeded(false)]),
-            format!("{screened}; on the robot: executions 1 of 1")
+            format!("{screened}; executions 1/1 on the robot")
         );
         assert_eq!(
             of(&[]),

@@ -192,7 +192,7 @@ fn use_of_the_latent_code_is_that_of_the_motions_learned_from() {
     let n_active = rows.iter().filter(|row| row.active).count();
     let line = said::<LatentsReport>(made);
     assert!(
-        line.starts_with(&format!("{n_active} of 3 latent dimensions")),
+        line.starts_with(&format!("{n_active} of 3 active latent dimensions")),
         "{line}"
     );
 }
