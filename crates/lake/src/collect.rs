@@ -135,8 +135,8 @@ impl Lake {
         Ok(collected)
     }
 
-    /// Whether a living process may have made a unit and not published its table yet. Once it is gone, what it made
-    /// is published.
+    /// Whether a living process may have made a unit and not published its table yet. One that has ended has
+    /// published it, unless it was killed.
     pub(crate) fn may_be_published(&self, unit: &Digest) -> Result<bool, LakeError> {
         Ok(is_newer(&self.records.path(unit), self.oldest_process()?))
     }

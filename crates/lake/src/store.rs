@@ -41,6 +41,8 @@ impl Lake {
     fn use_old(&self, fingerprint: &Digest) {
         // A read-only lake is not collected either.
         if let Ok(_shared) = self.locks.block_collection() {
+            // What is marked stays as long as this process is known to live.
+            let _alive = self.locks.enter();
             self.records.mark_used(fingerprint);
         }
     }
