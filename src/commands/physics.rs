@@ -46,11 +46,11 @@ fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference
     }
     let source = dispatch.inputs.get(Rollouts::NAME)?;
     let screen = pipeline.stages.iter().find(|it| it.name == source.stage)?;
-    let screened = screen.options::<Screen>()?.resolved().scene;
-    let differing = PHYSICS.iter().flat_map(|key| {
-        let [screened, executed] = [&screened, &options.simulated.scene].map(|it| value(it, key));
-        inner(key, &screened, &executed)
-    });
+    let screened = values(&screen.options::<Screen>()?.resolved().scene);
+    let executed = values(&options.simulated.scene);
+    let differing = PHYSICS
+        .iter()
+        .flat_map(|key| inner(key, &screened[*key], &executed[*key]));
     let difference = |(key, screened, executed): (String, Value, Value)| Difference {
         dispatch: dispatch.name.to_string(),
         text: format!(
@@ -58,17 +58,23 @@ fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference
              executes motions in other physics than they were screened in",
             screen.name, dispatch.name
         ),
-        hint: format!(
-            "to execute in the physics of the screen, add `--set {}.simulated.scene.{key}={screened}`",
-            dispatch.name
-        ),
+        hint: match screened {
+            Value::Null => format!(
+                "to execute in the physics of the screen, leave out `{}.simulated.scene.{key}`",
+                dispatch.name
+            ),
+            screened => format!(
+                "to execute in the physics of the screen, add `--set {}.simulated.scene.{key}={screened}`",
+                dispatch.name
+            ),
+        },
     };
     Some(differing.map(difference).collect())
 }
 
-fn value(scene: &SceneConfig, key: &str) -> Value {
-    let scene = serde_json::to_value(scene).unwrap_or_default();
-    scene.get(key).cloned().unwrap_or_default()
+/// The values of a scene by their keys.
+fn values(scene: &SceneConfig) -> Value {
+    serde_json::to_value(scene).unwrap_or_default()
 }
 
 /// Returns the values that differ; of tables those within, each by its key.

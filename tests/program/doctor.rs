@@ -311,6 +311,12 @@ fn doctor_and_run_say_where_the_simulated_cell_differs_from_the_screen() {
             "drive.torque_limit",
         ),
         ("screen.scene.fingers_touch=true", "fingers_touch"),
+        ("screen.scene.table_friction=0.3", "table_friction"),
+        (
+            "screen.scene.object_density_kg_per_m3=500.0",
+            "object_density_kg_per_m3",
+        ),
+        ("screen.scene.mass_scale=2.0", "mass_scale"),
     ] {
         let report = done(&bench, "doctor", &["--set", set]);
         assert!(report.contains(&format!("scene.{key}` is")), "{report}");
