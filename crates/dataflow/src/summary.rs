@@ -74,6 +74,7 @@ impl<M: Metrics> Summary<M> {
 /// The line of an output in `run`: its summary in the user's terms, e.g.
 /// `24 recordings → 23 demonstrations`.
 pub type Line<M> = fn(&Summary<M>) -> String;
+
 /// Returns a count with its noun, which is in the singular for one.
 ///
 /// ```

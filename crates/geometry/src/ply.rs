@@ -29,11 +29,14 @@ pub(crate) fn parsed(bytes: &[u8]) -> Result<TriMesh, GeometryError> {
         vertices_m: Vec::new(),
         triangles: Vec::new(),
     };
-    let text = text_of(body);
+    let text;
     let mut numbers = match header.form {
-        Form::Text => Numbers::Text {
-            words: text.split_whitespace(),
-        },
+        Form::Text => {
+            text = text_of(body);
+            Numbers::Text {
+                words: text.split_whitespace(),
+            }
+        }
         form => Numbers::Binary { bytes: body, form },
     };
     for element in &header.elements {

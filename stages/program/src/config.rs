@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, path::PathBuf};
 use dataflow::{
     ArtifactName, ColumnName, NodeName, OptionFault, OptionFaults, PartitionKey, nearest,
 };
+use lake::Lake;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -21,8 +22,6 @@ pub(crate) const LABEL: &str = "label:";
 /// Prefix of a word in `read` that names a label of the partitions that are read.
 pub(crate) const WHERE: &str = "where:";
 
-/// Tables of what runs did, which no program makes.
-const RUN_TABLES: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
 /// Prefix of a table's name for the rows of all runs.
 const ALL: &str = "all_";
 /// Columns that every table has.
@@ -234,7 +233,8 @@ impl ProgramConfig {
                 ),
             ),
             (false, false)
-                if RUN_TABLES.contains(&self.makes.as_str()) || self.makes.starts_with(ALL) =>
+                if Lake::history_tables().contains(&self.makes.as_str())
+                    || self.makes.starts_with(ALL) =>
             {
                 faults.note(
                     "makes",
@@ -242,7 +242,7 @@ impl ProgramConfig {
                         "is `{}`, which is the name of a table of the lake itself, as are {} and those \
                          that begin with `{ALL}`: choose another",
                         self.makes,
-                        RUN_TABLES.join(", "),
+                        Lake::history_tables().join(", "),
                     ),
                 );
             }

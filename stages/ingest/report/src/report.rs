@@ -1,7 +1,7 @@
 //! The lines of `run`.
 
 use dataflow::{Code, Lines, Report, counted};
-use stage_ingest::{Demonstrations, Ingest, Objects, Shapes};
+use stage_ingest::{Demonstrations, Ingest, Objects, ShapeMetrics, Shapes};
 
 /// Sums up what `ingest` made.
 pub enum IngestReport {}
@@ -14,11 +14,10 @@ impl Report for IngestReport {
     fn lines(lines: &mut Lines<Ingest>) {
         lines.add::<Shapes>(|summary| {
             format!(
-                "{} in {}{}{}{}",
+                "{} in {}{}{}",
                 counted(summary.n_made, "shape"),
                 counted(summary.metrics.convex_parts_n, "convex part"),
-                mended(summary.metrics.unused_vertices_n, "unused mesh corner"),
-                mended(summary.metrics.turned_triangles_n, "inward triangle"),
+                mended(&summary.metrics),
                 left_out(summary.n_skipped, "skipped")
             )
         });
@@ -42,9 +41,14 @@ impl Report for IngestReport {
     }
 }
 
-/// Returns `, 3 inward triangles mended`, or nothing for none.
-fn mended(n: Option<f64>, what: &str) -> String {
-    n.map_or_else(String::new, |n| format!(", {} mended", counted(n, what)))
+/// Returns `, 3 triangles turned outward`, or nothing for none.
+fn mended(shapes: &ShapeMetrics) -> String {
+    let repairs = shapes.repairs().to_string();
+    if repairs.is_empty() {
+        repairs
+    } else {
+        format!(", {repairs}")
+    }
 }
 
 /// Returns `, 3 skipped`, or nothing for none.

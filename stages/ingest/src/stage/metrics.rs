@@ -1,6 +1,7 @@
 //! The figures of demonstrations and shapes.
 
 use dataflow::{Max, Mean, Sum, With};
+use geometry::Repairs;
 
 dataflow::metrics! {
     /// Metrics of an object's shape.
@@ -15,6 +16,22 @@ dataflow::metrics! {
         unused_vertices_n: Option<Sum>,
         /// Number of triangles of its mesh that were turned outward.
         turned_triangles_n: Option<Sum>,
+    }
+}
+
+impl ShapeMetrics {
+    /// Returns what was mended of the meshes.
+    #[must_use]
+    #[expect(
+        clippy::cast_possible_truncation,
+        clippy::cast_sign_loss,
+        reason = "they are counts"
+    )]
+    pub fn repairs(&self) -> Repairs {
+        Repairs {
+            unused_vertices_n: self.unused_vertices_n.unwrap_or_default() as usize,
+            turned_triangles_n: self.turned_triangles_n.unwrap_or_default() as usize,
+        }
     }
 }
 
