@@ -149,6 +149,7 @@ fn a_dispatcher_in_python_has_a_saved_goal_carried_out_once() {
     let folder = tempfile::tempdir().unwrap();
     let goal = folder.path().join("saved.goal");
     fs::copy(lab.journal().join(format!("{id}.goal")), &goal).unwrap();
+    page_opens_a_goal_and_signs_an_answer(&python, &goal, &id);
     // Another cell, which knows nothing of it.
     let journal = folder.path().join("journal");
     let cell = lab.cell(&["--fast", "--journal", journal.to_str().unwrap()]);
@@ -168,12 +169,62 @@ fn a_dispatcher_in_python_has_a_saved_goal_carried_out_once() {
     );
 }
 
+/// The bytes of a cell's messages as the page has them, against the module of the examples.
+fn page_opens_a_goal_and_signs_an_answer(python: &str, goal: &Path, id: &str) {
+    const CHECK: &str = r#"
+import pathlib, sys, types, zenoh
+from wire import Goal, Key, answer_text, split, verifies
+
+data = pathlib.Path(sys.argv[1]).read_bytes()
+found = Goal(data)
+seal, address, motion, rows = opened(data)
+assert [seal, motion] == [found.seal, found.head], motion
+assert all(map(np.array_equal, rows, [found.carried, found.hand]))
+broken = {"digest": data[:-1] + b"x", "protocol": data.replace(b":5,", b":4,", 1), "malformed": b"{}"}
+other = Key(pathlib.Path(sys.argv[1] + ".other"))
+broken["dispatcher"] = found.sent_by(other, **address)
+broken["dispatcher"] = broken["dispatcher"].replace(split(broken["dispatcher"])[0]["signature"].encode(), b"00" * 64)
+for code, wrong in broken.items():
+    try:
+        opened(wrong)
+        raise SystemExit(f"{code}: taken")
+    except Refused as refused:
+        assert refused.args[0] == code, (code, refused.args)
+
+said = []
+class Query:
+    key_expr, parameters, payload = "cgf/cell/lab/goal", "nonce=5f", zenoh.ZBytes(data)
+    def reply(self, key, content):
+        said.append(content)
+    def drop(self):
+        said.append("over")
+answer(Query(), other.pair, b"{}\n")
+head, content = split(said[0])
+assert content == b"{}\n" and said[1] == "over" and head["asked"] == digest(data)
+text = answer_text(Query.key_expr, Query.parameters, head["asked"], content)
+assert verifies(other.public, text, head["signature"]) and head["journal"] == other.public
+print(address["goal_id"])
+"#;
+    let (_, rest) = README.split_once("In Python these are the bytes").unwrap();
+    let (_, program) = rest.split_once("```python\n").unwrap();
+    let (program, _) = program.split_once("```").unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let ran = Command::new(python)
+        .args(["-B", "-c", &format!("{program}{CHECK}")])
+        .arg(goal)
+        .env("PYTHONPATH", root.join("crates/cell/examples/python"))
+        .output()
+        .unwrap();
+    assert_eq!(stdout(&ran).trim(), id, "{}", stderr(&ran));
+}
+
 #[test]
 fn readme_shows_the_messages_of_a_cell() {
     let Some(python) = python(&["numpy", "zenoh"]) else {
         return;
     };
-    let (_, rest) = README.split_once("```python\n").unwrap();
+    let (_, rest) = README.split_once("Watch it from Python").unwrap();
+    let (_, rest) = rest.split_once("```python\n").unwrap();
     let (program, _) = rest.split_once("```").unwrap();
     assert!(program.lines().count() <= LINES);
     assert_eq!(program.matches(PRINTED).count(), 1);
