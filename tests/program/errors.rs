@@ -71,9 +71,9 @@ fn a_misspelt_kind_and_a_misspelt_stage_get_the_near_name() {
 
 #[test]
 fn unused_profile_is_checked_as_well() {
-    const LAST: &str = "steps_per_control = 1\n";
+    const NEXT: &str = "# One page of everything above.";
     let check = |profile: &str, says: &[&str]| {
-        let (code, text) = with_edited_file(LAST, &format!("{LAST}{profile}\n"));
+        let (code, text) = with_edited_file(NEXT, &format!("{profile}\n\n{NEXT}"));
         assert_eq!(code, 2, "{text}");
         assert_says(&text, says);
         assert_eq!(text.matches("error: ").count(), 1, "{text}");
