@@ -180,11 +180,17 @@ found = Goal(data)
 seal, address, motion, rows = opened(data)
 assert [seal, motion] == [found.seal, found.head], motion
 assert all(map(np.array_equal, rows, [found.carried, found.hand]))
+def resealed(motion):
+    """The same address and a motion of other bytes, both sealed anew."""
+    return types.SimpleNamespace(motion=motion, id=digest(motion)[:32])
 broken = {"digest": data[:-1] + b"x", "protocol": data.replace(b":5,", b":4,", 1), "malformed": b"{}"}
 other = Key(pathlib.Path(sys.argv[1] + ".other"))
 broken["dispatcher"] = found.sent_by(other, **address)
 broken["dispatcher"] = broken["dispatcher"].replace(split(broken["dispatcher"])[0]["signature"].encode(), b"00" * 64)
-for code, wrong in broken.items():
+deep = b"[" * 100_000 + b"\n"
+fewer = found.motion.replace(b'"points_n":', b'"points_n":-')
+malformed = [Goal.sent_by(resealed(motion), other, **address) for motion in (found.motion + b"x" * 8, fewer, deep)]
+for code, wrong in [*broken.items(), *(("malformed", message) for message in [*malformed, deep])]:
     try:
         opened(wrong)
         raise SystemExit(f"{code}: taken")
