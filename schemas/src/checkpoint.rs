@@ -1,11 +1,11 @@
 //! `checkpoint`: the trained grasping function, one partition.
 //!
 //! Two files each of the best and of the last epoch: weights (safetensors, `f32`) and everything
-//! needed to use them (JSON: widths, normalization, hand, joint names, training curve). `crates/cgf`
+//! needed to use them (JSON: widths, normalization, hand, joint names, training curve, sources and terms of the data). `crates/cgf`
 //! reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
-pub const VERSION: &str = "checkpoint/3";
+pub const VERSION: &str = "checkpoint/4";
 /// Name of the artifact.
 pub const NAME: &str = "checkpoint";
 /// Kind of item that one partition holds.

@@ -14,6 +14,10 @@ use crate::{
     columns::{Reader, Writer, columns, words},
 };
 
+/// Label of demonstrations and of what is retargeted from them: source of the data and its terms of
+/// use, e.g. `DexYCB, CC BY-NC 4.0`.
+pub const TERMS: &str = "terms";
+
 /// Number of landmarks of a hand.
 pub const KEYPOINTS: usize = 21;
 

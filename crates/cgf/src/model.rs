@@ -51,6 +51,8 @@ pub struct Description {
     pub seed: u64,
     /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
     pub normalization: Normalization,
+    /// Sources of the motions and their terms of use, as their datasets state them.
+    pub data: Vec<String>,
     /// Encoded motions: those that it was trained on and the held-out ones.
     pub demonstrations: Vec<EncodedDemonstration>,
     /// Learning curve: losses of all epochs.
@@ -262,6 +264,11 @@ impl Cgf {
         }
         self.description.demonstrations = demonstrations;
         Ok(())
+    }
+
+    /// Sets [`Description::data`].
+    pub fn set_data(&mut self, data: Vec<String>) {
+        self.description.data = data;
     }
 
     /// Writes the two files.

@@ -360,6 +360,7 @@ impl<'a> Trainer<'a> {
             training: self.batches.training.clone(),
             seed: self.batches.seed,
             normalization: self.batches.normalization.clone(),
+            data: Vec::new(),
             demonstrations: Vec::new(),
             training_curve: self.curve.clone(),
         };

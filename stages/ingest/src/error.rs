@@ -107,6 +107,9 @@ pub enum IngestError {
     /// A hand model cannot be read.
     #[error("the hand model cannot be used")]
     HandModel(#[source] RecordingError),
+    /// The dataset's terms of use cannot be read.
+    #[error("the dataset's terms of use cannot be read")]
+    Terms(#[source] RecordingError),
     /// An object of the pipeline file has a name that no partition can have.
     #[error(
         "`{name}` below `meshes` is not a name for an object: letters, digits, `_` and `-` only"
@@ -221,7 +224,10 @@ impl Advise for IngestError {
                 }
                 _ => None,
             },
-            Self::NoneTold { .. } | Self::Untold { .. } | Self::MeshName { .. } => None,
+            Self::NoneTold { .. }
+            | Self::Untold { .. }
+            | Self::MeshName { .. }
+            | Self::Terms(_) => None,
         }
     }
 }
@@ -363,6 +369,15 @@ pub enum RecordingError {
         file: String,
         /// The fault.
         reason: String,
+    },
+    /// The first line of the dataset's terms says nothing, or is no line.
+    #[error(
+        "the first line of `{file}` is empty or has more than 200 characters: say there what the \
+         dataset is and its terms of use, e.g. `DexYCB, CC BY-NC 4.0`"
+    )]
+    TermsLine {
+        /// Its name in the dataset.
+        file: String,
     },
     /// Landmarks are asked of a hand model, but there is none.
     #[error("no hand model poses this hand, but `landmarks` asks for one")]

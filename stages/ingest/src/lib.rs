@@ -42,6 +42,7 @@ mod rests;
 mod selection;
 mod stage;
 mod table;
+mod terms;
 mod tracks;
 mod yaml;
 mod ycb;

@@ -13,7 +13,7 @@ use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
 use schemas::{
     Table,
-    demonstrations::Demonstration,
+    demonstrations::{Demonstration, TERMS},
     distance_fields::FieldInfo,
     objects::{self, Object},
     trajectories::Trajectory,
@@ -118,6 +118,7 @@ impl Output for Trajectories {
                 };
                 let unit = Unit::new(&demonstration.key)
                     .with_label_of("object", demonstration)
+                    .with_label_of(TERMS, demonstration)
                     .reading(Demonstration::NAME, [&demonstration.key])
                     .reading(Object::NAME, among(objects))
                     .reading(FieldInfo::NAME, among(fields))

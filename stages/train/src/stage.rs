@@ -10,8 +10,8 @@ use dataflow::{
 use lake::ReadInputs;
 use robot::RobotModel;
 use schemas::{
-    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
-    rollouts::Rollouts, trajectories::Trajectory,
+    Table, candidates::Candidates, checkpoint, demonstrations::TERMS, distance_fields::FieldInfo,
+    objects::Object, rollouts::Rollouts, trajectories::Trajectory,
 };
 
 use crate::{
@@ -50,6 +50,8 @@ dataflow::metrics! {
 
 /// Key of the one partition.
 const MODEL: &str = "cgf";
+/// Source of motions whose dataset has no `TERMS.txt`.
+const UNSTATED: &str = "source and terms not stated";
 
 impl Stage for Train {
     type Config = TrainConfig;
@@ -90,6 +92,7 @@ impl Output for Train {
         let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();
         let mut keys = Vec::new();
+        let mut terms = BTreeSet::new();
         for trajectory in trajectories {
             let object = trajectory
                 .label("object")
@@ -99,6 +102,7 @@ impl Output for Train {
             if config.takes(object) {
                 objects.insert(object);
                 keys.push(&trajectory.key);
+                terms.insert(trajectory.label(TERMS).unwrap_or(UNSTATED));
             }
         }
         let of_fold = config.unseen_fold.map(|fold| (fold, fold.of(&objects)));
@@ -120,6 +124,7 @@ impl Output for Train {
         let keeps_out = config.training.penetration_weight > 0.0;
         let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
         let unit = Unit::new(MODEL)
+            .with_fact(TERMS, Vec::from_iter(terms).join("\n"))
             .reading(Trajectory::NAME, keys)
             .only_files(Trajectory::NAME, [lake::table::FILE])
             .reading(Object::NAME, objects)
@@ -157,11 +162,13 @@ impl Output for Train {
         )?;
         let accepted_n = accepted.len();
         set.tracks.extend(accepted);
-        let trained = train(config, &set, &hand, cx)?;
+        let mut trained = train(config, &set, &hand, cx)?;
+        let terms = inputs.fact(TERMS).unwrap_or_default();
         for (cgf, files) in [
-            (&trained.best, checkpoint::BEST),
-            (&trained.last, checkpoint::LAST),
+            (&mut trained.best, checkpoint::BEST),
+            (&mut trained.last, checkpoint::LAST),
         ] {
+            cgf.set_data(terms.lines().map(str::to_owned).collect());
             let file = |name| cx.folder().join(name);
             cgf.save(&file(files.weights), &file(files.description))?;
         }

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use dataflow::{Output, Scope, SourceFile, Unit};
 use geometry::MeshFormat;
+use schemas::demonstrations::TERMS;
 
 use super::{ADDED, Demonstrations, LEFT_OUT, MASS, MESHES, Shapes, UNREADABLE};
 use crate::{
@@ -12,7 +13,7 @@ use crate::{
     place,
     reader::{self, ListedRecording, MAX_MESH_BYTES, Reader},
     selection::{self, Cameras, Selection},
-    ycb,
+    terms, ycb,
 };
 
 /// The recordings that are listed, each with what becomes of it.
@@ -124,6 +125,7 @@ pub(super) fn demonstrations(
     scope: &Scope,
 ) -> Result<Vec<Unit>, IngestError> {
     let reader = reader::reader(config);
+    let terms = terms::of_dataset(&config.root).map_err(IngestError::Terms)?;
     let shapes: BTreeSet<&str> = scope
         .partitions(Shapes::ARTIFACT)
         .iter()
@@ -135,7 +137,7 @@ pub(super) fn demonstrations(
             (Some(fault), _) => unreadable(&listed.key, fault),
             (None, Selection::Leave(reason)) => {
                 // What it is about is all that is read of it.
-                recording(&listed)
+                recording(&listed, terms.as_deref())
                     .with_fact(LEFT_OUT, reason)
                     .with_file(listed.file(reader.description()))
             }
@@ -144,7 +146,7 @@ pub(super) fn demonstrations(
                     Ok(files) => files,
                     Err(unusable) => return unreadable(&listed.key, &unusable),
                 };
-                let mut unit = recording(&listed);
+                let mut unit = recording(&listed, terms.as_deref());
                 unit.files = files;
                 let object = listed.about.as_ref().map(|about| about.object.as_str());
                 // What is wrong with a mesh is told where its shape is made.
@@ -167,8 +169,12 @@ pub(super) fn demonstrations(
 }
 
 /// Returns the unit of a recording, with its labels.
-fn recording(listed: &ListedRecording) -> Unit {
+fn recording(listed: &ListedRecording, terms: Option<&str>) -> Unit {
     let unit = Unit::new(&listed.key);
+    let unit = match terms {
+        Some(terms) => unit.with_label(TERMS, terms),
+        None => unit,
+    };
     match &listed.about {
         Some(about) => unit
             .with_label("object", &about.object)

@@ -14,7 +14,9 @@ use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Sc
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
-    Table, checkpoint, distance_fields,
+    Table, checkpoint,
+    demonstrations::TERMS,
+    distance_fields,
     objects::{Object, RestingOrientation},
     training::Split,
     trajectories::{Tracking, Trajectory, TrajectoryRates},
@@ -170,12 +172,11 @@ fn inputs(folder: &Path) -> Inputs {
 }
 
 fn scope() -> Scope {
-    let partition = |key: &str, object: &str| {
-        Partition::new(
-            key.parse().unwrap(),
-            BTreeMap::from([("object".to_owned(), object.to_owned())]),
-        )
+    let labeled = |key: &str, labels: &[(&str, &str)]| {
+        let labels = labels.iter().map(|&(name, is)| (name.into(), is.into()));
+        Partition::new(key.parse().unwrap(), labels.collect())
     };
+    let partition = |key: &str, object: &str| labeled(key, &[("object", object)]);
     Scope::new(BTreeMap::from([
         (
             "objects".to_owned(),
@@ -186,7 +187,7 @@ fn scope() -> Scope {
             vec![
                 partition("a", "can"),
                 partition("b", "can"),
-                partition("c", "tin"),
+                labeled("c", &[("object", "tin"), (TERMS, "Ours, CC0")]),
             ],
         ),
     ]))
@@ -196,7 +197,9 @@ fn scope() -> Scope {
 fn a_checkpoint_is_made_of_all_trajectories() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
-    let Outcome::Made(made) = Train::make(&config(), &inputs(lake.path()), &cx).unwrap() else {
+    let units = Train::units(&config(), &scope()).unwrap();
+    let inputs = inputs(lake.path()).with_facts(units[0].facts.clone());
+    let Outcome::Made(made) = Train::make(&config(), &inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
     assert_eq!(made.trajectories[Split::Training], Some(3.0));
@@ -207,6 +210,9 @@ fn a_checkpoint_is_made_of_all_trajectories() {
     let demonstrations = &cgf.description().demonstrations;
     assert_eq!(demonstrations[0].rest_up, [0.0, 0.0, 1.0]);
     assert_eq!(demonstrations[1].rest_up, [1.0, 0.0, 0.0]);
+    // One motion's dataset states its terms, the others' do not.
+    let expected = ["Ours, CC0", "source and terms not stated"];
+    assert_eq!(cgf.description().data, expected);
 }
 
 #[test]
