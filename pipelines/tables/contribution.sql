@@ -1,5 +1,5 @@
--- Contribution of the learned function: motions of each generator, one draw each, refined alike, palm and fingers following the
--- motion to its planned squeeze: means over the objects of the share that holds, with Student's 95 % interval, and the least
+-- Contribution of the learned function: motions of each generator, one sample each, refined alike, palm and fingers following the
+-- motion to its planned squeeze: means over the objects of the share that succeeds, with Student's 95 % interval, and the least
 -- and the greatest seed. Four folds, so that every object is unseen once; generators that learn nothing have one seed.
 --
 -- pipeline run pipelines/contribution.toml --set ingest.root=$DEXYCB
@@ -45,7 +45,7 @@ select
     objects_n as "objects",
     seeds_n as "seeds",
     round(n, 0) as "motions tried",
-    round(share, 1) as "hold, %",
+    round(share, 1) as "succeed, %",
     round(share - reach, 0) as "from",
     round(share + reach, 0) as "to",
     round(low, 1) as "least seed",

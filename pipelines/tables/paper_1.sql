@@ -1,4 +1,4 @@
--- Smoothness of the motions that hold, as planned and as the simulated hand executed them, by the paper's definition: position
+-- Smoothness of the motions that succeed, as planned and as the simulated hand executed them, by the paper's definition: position
 -- as is, velocity and acceleration as logarithms to base 10 (Ye et al., RA-L 2023, table I).
 --
 -- pipeline run pipelines/paper_tables.toml
@@ -32,8 +32,8 @@ with
             as paper(stage, place, motion, n, q, dq, ddq, x, dx, ddx)),
     names as (
         select * from (values
-            ('screen', 1, 'the function, refined'), ('screen_drawn', 2, 'the function, as drawn'),
-            ('cgf', 2, 'the function, as drawn'), ('screen_rrt', 3, 'force closure, RRT-Connect'),
+            ('screen', 1, 'the function, refined'), ('screen_drawn', 2, 'the function, as sampled'),
+            ('cgf', 2, 'the function, as sampled'), ('screen_rrt', 3, 'force closure, RRT-Connect'),
             ('screen_rrt_eigengrasp', 4, 'eigengrasps, RRT-Connect'), ('screen_rrt_tta', 5, 'GraspTTA, RRT-Connect'), ('rrt', 5, 'GraspTTA, RRT-Connect'),
             ('screen_cem', 6, 'force closure, CEM-MPC'), ('cem', 7, 'GraspTTA, CEM-MPC'),
             ('screen_line', 8, 'straight line'), ('line', 8, 'straight line')) as names(of_stage, number, shown))

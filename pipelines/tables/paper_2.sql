@@ -1,4 +1,4 @@
--- Share of motions that hold, and what a success costs: control steps (every trial at full length, as the paper counts them,
+-- Share of motions that succeed, and what a success costs: control steps (every trial at full length, as the paper counts them,
 -- and as simulated), collision checks, and processor seconds of making the grasp, planning or refining, and physics (Ye et
 -- al., RA-L 2023, table II). Means over objects with Student's 95 % interval.
 --
@@ -50,7 +50,7 @@ with
     names as (
         select * from (values
             ('screen', 1, 'the function, refined', '-', '-'),
-            ('screen_drawn', 2, 'the function, as drawn', '4.30, 11.70', '4.19, 8.31'),
+            ('screen_drawn', 2, 'the function, as sampled', '4.30, 11.70', '4.19, 8.31'),
             ('screen_rrt', 3, 'force closure, RRT-Connect', '-', '-'),
             ('screen_rrt_eigengrasp', 4, 'eigengrasps, RRT-Connect', '-', '-'),
             ('screen_rrt_tta', 5, 'GraspTTA, RRT-Connect', '5.30, 56.61', '4.97, 41.47'),
@@ -60,7 +60,7 @@ select
     shown as "grasp, motion",
     cast(objects_n as varchar) || ' ' || split as "objects",
     n as "tried",
-    round(share, 1) as "hold, %",
+    round(share, 1) as "succeed, %",
     case when reach >= 0 then cast(cast(round(greatest(share - reach, 0.0), 0) as int) as varchar) else '-' end as "from",
     case when reach >= 0 then cast(cast(round(least(share + reach, 100.0), 0) as int) as varchar) else '-' end as "to",
     case when held > 0 then cast(round(log10(1.0 * full_steps / held), 2) as varchar) else '-' end as "control steps, full",

@@ -1,4 +1,4 @@
--- Motions that the simulated cell, with physics other than the screen's and errors drawn for each motion, lifts and holds, of
+-- Motions that succeed at the simulated cell, whose physics are other than the screen's and whose errors are sampled anew, of
 -- the first accepted ones, for the paper's six objects and over all: the counterpart, simulated, of its trials on a robot (Ye
 -- et al., RA-L 2023, table III).
 --

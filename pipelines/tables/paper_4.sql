@@ -1,4 +1,4 @@
--- Share of refined motions that hold under four controllers of palm and fingers, at speeds and with masses of the hand, the
+-- Share of refined motions that succeed under four controllers of palm and fingers, at speeds and with masses of the hand, the
 -- palm lagging as that of the released simulation, and the gain of the last over PD with Student's 95 % interval over the
 -- objects; the paper states only a gain (Ye et al., RA-L 2023, table IV).
 --

@@ -1,4 +1,4 @@
--- Share of motions as drawn that hold with noise of s times the object's extent on its points or on its place, drawn for each
+-- Share of motions as sampled that succeed with noise of s times the object's extent on its points or on its place, new for each
 -- motion, and control steps per success, every trial at full length, as logarithm to base 10, beside the paper's (Ye et al.,
 -- RA-L 2023, table V).
 --
@@ -39,12 +39,12 @@ with
 select
     replace(screen, 'screen_', '') as "noise on",
     s as "s",
-    round(seen, 1) as "seen: hold, %",
+    round(seen, 1) as "seen: succeed, %",
     round(greatest(seen - seen_reach, 0.0), 0) as "from",
     round(least(seen + seen_reach, 100.0), 0) as "to",
     round(seen_cost, 2) as "cost",
     paper_seen as "paper's",
-    round(unseen, 1) as "unseen: hold, %",
+    round(unseen, 1) as "unseen: succeed, %",
     round(greatest(unseen - unseen_reach, 0.0), 0) as "unseen: from",
     round(least(unseen + unseen_reach, 100.0), 0) as "unseen: to",
     round(unseen_cost, 2) as "unseen: cost",

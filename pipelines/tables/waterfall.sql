@@ -1,4 +1,4 @@
--- Where the yield comes from: motions that hold, one factor more in each arm from the authors' released code to the default, as
+-- Where the yield comes from: motions that succeed, one factor more in each arm from the authors' released code to the default, as
 -- means over the objects of the share of all five seeds, with Student's 95 % interval over the objects, and the least and the
 -- greatest seed.
 --
@@ -27,15 +27,15 @@ with
         select * from (values
             (1, 'the released code, a tenth of its epochs'), (2, 'and this network, its losses and training'),
             (3, 'and the frame of the resting object'), (4, 'and this retargeting'), (5, 'and a scripted squeeze'),
-            (6, 'refinement, which plans a squeeze, in its place'), (7, 'and the best of four draws'),
+            (6, 'refinement, which plans a squeeze, in its place'), (7, 'and the best of four samples'),
             (8, 'and half the codes of demonstrations')) as names(number, shown))
 select
     shown as "motions",
     split as "objects",
     seeds_n as "seeds",
     round(n, 0) as "motions tried",
-    round(held, 0) as "hold",
-    round(share, 1) as "hold, %",
+    round(held, 0) as "succeed",
+    round(share, 1) as "succeed, %",
     round(case when share - reach < 0 then 0 else share - reach end, 0) as "from",
     round(case when share + reach > 100 then 100 else share + reach end, 0) as "to",
     round(least, 1) as "least seed",

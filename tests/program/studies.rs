@@ -121,7 +121,7 @@ fn every_table_of_the_paper_is_made_of_one_run() {
     noise(&bench, &table(&bench, 5));
 }
 
-/// Motions that hold have figures as planned and as executed, which are not the same.
+/// Motions that succeed have figures as planned and as executed, which are not the same.
 fn smoothness(rows: &[Value]) {
     let own: Vec<&Value> = rows
         .iter()
@@ -149,7 +149,7 @@ fn cost(rows: &[Value]) {
     let function = "the function, refined";
     assert_eq!(of(function, "objects"), ["\"1 seen\"", "\"1 unseen\""]);
     assert_eq!(of(function, "tried"), ["6", "6"]);
-    assert_eq!(of("the function, as drawn", "tried"), ["6", "6"]);
+    assert_eq!(of("the function, as sampled", "tried"), ["6", "6"]);
     assert_eq!(of("straight line", "tried"), ["6", "6"]);
     assert_eq!(of("force closure, RRT-Connect", "tried"), ["4", "4"]);
     assert_eq!(of("GraspTTA, RRT-Connect", "tried"), ["4", "4"]);
