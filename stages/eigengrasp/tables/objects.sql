@@ -16,9 +16,9 @@ with
 select
     grasped as "object",
     annealed_n as "grasps",
-    round(100.0 * annealed / annealed_n, 0) as "hold, %",
+    round(100.0 * annealed / annealed_n, 0) as "succeed, %",
     not_grasped as "not grasped",
     in_table as "below the table",
     knocked_over as "knocked over",
-    round(100.0 * random_held / random_n, 0) as "random palms hold, %"
+    round(100.0 * random_held / random_n, 0) as "random palms succeed, %"
 from sums order by "object"

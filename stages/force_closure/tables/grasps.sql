@@ -12,7 +12,7 @@ select
     '`' || generator || '`' as "generator",
     objects_n as "objects",
     candidates_n as "candidates",
-    round(100 * candidate_rate, 1) as "hold, %",
+    round(100 * candidate_rate, 1) as "succeed, %",
     round(100 * candidate_rate_mean, 1) as "objects' mean, %",
     round(100 * candidate_rate_low, 1) as "from, %",
     round(100 * candidate_rate_high, 1) as "to, %",

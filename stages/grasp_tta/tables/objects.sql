@@ -16,10 +16,10 @@ with
 select
     grasped as "object",
     adapted_n as "grasps",
-    round(100.0 * adapted / adapted_n, 0) as "hold, %",
+    round(100.0 * adapted / adapted_n, 0) as "succeed, %",
     not_grasped as "not grasped",
     in_table as "below the table",
     knocked_over as "knocked over",
     inside as "inside the object",
-    round(100.0 * random_held / random_n, 0) as "random palms hold, %"
+    round(100.0 * random_held / random_n, 0) as "random palms succeed, %"
 from sums order by "object"

@@ -13,10 +13,10 @@ with
 select
     '`' || generator || '`' as "generator",
     objects_n as "objects",
-    draws_n as "draws",
+    draws_n as "samples",
     candidates_n as "candidates",
-    round(100 * candidate_rate, 1) as "hold by candidate, %",
-    round(100 * draw_rate, 1) as "by draw, %",
+    round(100 * candidate_rate, 1) as "succeed by candidate, %",
+    round(100 * draw_rate, 1) as "by sample, %",
     round(100 * candidate_rate_mean, 1) as "objects' mean, %",
     round(100 * candidate_rate_low, 1) as "from, %",
     round(100 * candidate_rate_high, 1) as "to, %",

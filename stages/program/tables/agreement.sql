@@ -1,4 +1,4 @@
--- How well the screen and MuJoCo agree on single draws of the prior, 40 for each object of DexYCB, accepted or not, by
+-- How well the screen and MuJoCo agree on single samples of the prior, 40 for each object of DexYCB, accepted or not, by
 -- friction and by how MuJoCo computes contacts.
 --
 -- pipeline run pipelines/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
@@ -20,14 +20,14 @@ select
     contacts as "contacts of MuJoCo",
     name as "objects",
     candidates_n as "motions",
-    round(100.0 * first_rate, 1) as "hold here, %",
+    round(100.0 * first_rate, 1) as "succeed here, %",
     round(100.0 * second_rate, 1) as "in MuJoCo, %",
     both_n as "in both",
     only_first_n as "here alone",
     only_second_n as "there alone",
     round(100.0 * agreement, 1) as "equal verdicts, %",
     round(kappa, 2) as "kappa",
-    round(100.0 * accepted_hold, 1) as "of those that hold here, %"
+    round(100.0 * accepted_hold, 1) as "of those that succeed here, %"
 from all_agreement join named on all_agreement.run = named.variant
 where of <> 'object'
 order by friction desc, contacts, name

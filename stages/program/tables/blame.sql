@@ -6,7 +6,7 @@ with
 select
     name as "object",
     candidates_n as "motions",
-    first_n as "hold here",
+    first_n as "succeed here",
     second_n as "in MuJoCo",
     only_first_n as "here alone",
     only_second_n as "there alone",

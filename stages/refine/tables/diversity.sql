@@ -1,4 +1,4 @@
--- How different the grasps that hold are, of an object that lies alike: refined single draws of the prior beside the
+-- How different the grasps that succeed are, of an object that lies alike: refined single samples of the prior beside the
 -- retargeted demonstrations: root mean square distances from their mean (`success`), over the objects weighted by grasps.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB

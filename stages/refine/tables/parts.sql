@@ -1,4 +1,4 @@
--- What each part of the refinement changes: single draws of the prior that hold, palm and fingers following the motion:
+-- What each part of the refinement changes: single samples of the prior that succeed, palm and fingers following the motion:
 -- means over the objects of the share of motions, with Student's 95 % interval over 20 seen and 15 unseen objects, and
 -- why unseen objects' motions fail. Three folds of four; the defaults were chosen on the other.
 --
@@ -42,18 +42,18 @@ with
     unseen as (select * from means where object_split = 'unseen'),
     names as (
         select * from (values
-            (1, 'as drawn, with the scripted squeeze'), (2, 'refined'), (3, 'without `squeeze_m`'),
+            (1, 'as sampled, with the scripted squeeze'), (2, 'refined'), (3, 'without `squeeze_m`'),
             (4, 'without `squeeze_m`, with the scripted squeeze'), (5, 'without `restart_angle_rad`'),
             (6, 'without `balance_weight`'), (7, 'without `contact_weight` too, and so without the squeeze'), (8, 'without `clearance_m`'),
             (9, 'without `object_weight` too'), (10, 'without `table_weight`'))
             as names(number, shown))
 select
-    shown as "draws",
-    round(seen.middle, 1) as "seen: hold, %",
+    shown as "samples",
+    round(seen.middle, 1) as "seen: succeed, %",
     round(seen.middle - seen.reach, 0) as "from",
     round(seen.middle + seen.reach, 0) as "to",
     round(seen.least, 0) as "least object",
-    round(unseen.middle, 1) as "unseen: hold, %",
+    round(unseen.middle, 1) as "unseen: succeed, %",
     round(unseen.middle - unseen.reach, 0) as "unseen: from",
     round(unseen.middle + unseen.reach, 0) as "unseen: to",
     round(unseen.least, 0) as "unseen: least object",

@@ -1,4 +1,4 @@
--- Refined motions of the prior that hold, single draws and the best of four by residual, palm and fingers following
+-- Refined motions of the prior that succeed, single samples and the best of four by residual, palm and fingers following
 -- the motion: means over the objects of the share of motions, with Student's 95 % interval over the 20 objects, each
 -- over all its folds and five seeds; and how far the means of single seeds spread.
 --
@@ -26,11 +26,11 @@ with
             min(share) as least, case when count(share) = 20 then 2.093 * stddev(share) / sqrt(20.0) end as reach
         from by_object group by draws, object_split)
 select
-    case when draws > 1 then 'best of four' else 'single draws' end as "refined motions",
+    case when draws > 1 then 'best of four' else 'single samples' end as "refined motions",
     objects_n || ' ' || object_split as "objects",
-    round(d, 0) as "draws",
+    round(d, 0) as "samples",
     round(n, 0) as "candidates",
-    round(share, 1) as "hold, %",
+    round(share, 1) as "succeed, %",
     round(share - reach, 1) as "from",
     round(share + reach, 1) as "to",
     round(spread, 1) as "seeds' deviation",

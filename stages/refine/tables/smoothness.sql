@@ -1,4 +1,4 @@
--- How smooth refined motions are, single draws of the prior, beside the retargeted demonstrations, by each definition of
+-- How smooth refined motions are, single samples of the prior, beside the retargeted demonstrations, by each definition of
 -- `rollouts`: means over the motions, of velocity and acceleration their logarithm to base 10.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB

@@ -1,5 +1,5 @@
 -- What each term of the objective and each option is worth, on demonstrations carried out unchanged. All
--- columns but those of what holds are means over the objects' figures; depths, gaps and the share of hands
+-- columns but the success rates are means over the objects' figures; depths, gaps and the share of hands
 -- more than 3 mm below the table are those of the grasp.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow
@@ -50,8 +50,8 @@ with
         from all_tracking join named on all_tracking.run = named.variant group by name)
 select
     substr(name, 3) as "retargeting",
-    round(held, 1) as "hold, %",
-    round(held_following, 1) as "hold, following the motion, %",
+    round(held, 1) as "succeed, %",
+    round(held_following, 1) as "succeed, following the motion, %",
     round(mean_mm, 1) as "tip to landmark, mm: mean",
     round(median_mm, 1) as "median",
     round(p95_mm, 0) as "p95",

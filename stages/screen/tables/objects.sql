@@ -1,6 +1,6 @@
--- Refined motions of the prior for each object, single draws and the best of four, by functions that have seen it and
--- that have not (five seeds, four folds), the share of the unseen single draws that fails by each reason, and the share
--- of the object's demonstrations that hold.
+-- Refined motions of the prior for each object, single samples and the best of four, by functions that have seen it and
+-- that have not (five seeds, four folds), the share of the unseen single samples that fails by each reason, and the share
+-- of the object's demonstrations that succeed.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
 -- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
@@ -31,7 +31,7 @@ with
         where pipeline = 'replay' and run in (select run from runs))
 select
     replace(substr(object, 5), '_', ' ') as "object",
-    round(seen_share, 0) as "seen, single: hold, %",
+    round(seen_share, 0) as "seen, single: succeed, %",
     round(seen_best_share, 0) as "seen, best of four, %",
     round(100 * s / n, 0) as "unseen, single, %",
     round(unseen_best_share, 0) as "unseen, best of four, %",
@@ -42,7 +42,7 @@ select
     round(100 * lost / n, 0) as "dropped, slipped",
     round(100 * deep / n, 0) as "too deep",
     round(100 * other / n, 0) as "limit, diverged, infeasible",
-    round(100 * demonstrated_rate, 0) as "demonstrations hold, %"
+    round(100 * demonstrated_rate, 0) as "demonstrations succeed, %"
 from unseen join seen on object = seen_object join seen_best on object = seen_best_object
     join unseen_best on object = unseen_best_object left join replayed on object = demonstrated
 order by object

@@ -1,4 +1,4 @@
--- Single draws and demonstrations by protocol: the mean over objects of the share of draws that holds, with
+-- Single samples and demonstrations by protocol: the mean over objects of the share of samples that succeeds, with
 -- Student's 95 % interval over the objects, each over all its folds and seeds; how far the means of single seeds
 -- spread; and the difference to `table_lift` with palm and fingers following the motion, paired by object.
 --
@@ -61,8 +61,8 @@ select
     object_mass as "masses",
     motions as "motions",
     objects_n as "objects",
-    round(d, 0) as "draws",
-    round(share, 1) as "hold, %",
+    round(d, 0) as "samples",
+    round(share, 1) as "succeed, %",
     round(share - t * deviation, 1) as "from",
     round(share + t * deviation, 1) as "to",
     round(simulated, 1) as "of those simulated, %",

@@ -1,4 +1,4 @@
--- Motions at the simulated cell with its drawn errors: the most robust ones, and the first accepted ones of the
+-- Motions at the simulated cell with its sampled errors: the most robust ones, and the first accepted ones of the
 -- same objects, five seeds of training and drawing. The difference is the mean over objects, each over all its seeds,
 -- with Student's 95 % interval (19 degrees of freedom).
 --

@@ -1,5 +1,5 @@
 -- What the squeeze and the script around a motion add: share of the refined motions for the bundled objects that
--- holds, with the squeeze that is planned from the contacts, with the script's and with none, the fingers following
+-- succeeds, with the squeeze that is planned from the contacts, with the script's and with none, the fingers following
 -- the motion or opened and closed by script.
 --
 -- pipeline run pipelines/script.toml
@@ -12,9 +12,9 @@ select
     round(squeeze_mm, 0) as "planned squeeze, mm",
     round(squeeze_rad, 2) as "scripted squeeze, rad",
     origin as "latent codes",
-    draws_n as "draws",
+    draws_n as "samples",
     candidates_n as "candidates",
-    round(100 * draw_rate, 1) as "hold, by draw, %",
+    round(100 * draw_rate, 1) as "succeed, by sample, %",
     round(100 * candidate_rate, 1) as "by candidate, %",
     round(100 * candidate_rate_mean, 1) as "objects' mean, %",
     round(100 * candidate_rate_low, 1) as "from, %",

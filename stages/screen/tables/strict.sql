@@ -1,4 +1,4 @@
--- Share of the refined motions for the bundled objects that holds with all strict conditions, without each of
+-- Share of the refined motions for the bundled objects that succeeds with all strict conditions, without each of
 -- them and without any, and the control steps simulated for each motion.
 --
 -- pipeline run pipelines/strict.toml
@@ -41,7 +41,7 @@ with
 select
     conditions as "conditions",
     n as "motions",
-    round(held, 1) as "hold, %",
+    round(held, 1) as "succeed, %",
     round(steps, 1) as "control steps a motion"
 from sums join names on sums.place = names.number
 order by place

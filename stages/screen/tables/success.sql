@@ -1,4 +1,4 @@
--- Demonstrations carried out unchanged, and refined motions of the prior, single draws and the best of four, of functions
+-- Demonstrations carried out unchanged, and refined motions of the prior, single samples and the best of four, of functions
 -- that have seen the object, and that have not (five seeds, four folds of the objects). The 95 % interval is that of the
 -- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived: 65 control steps of a trial
 -- over its cost (Ye et al., RA-L 2023, table V).
@@ -25,17 +25,17 @@ with
     names as (
         select * from (values
             (0, 'demonstration', 1, '', 'demonstrations', 'all', '-'),
-            (1, 'prior', 1, 'seen', 'refined, single draws', 'seen', '0.33'),
-            (2, 'prior', 1, 'unseen', 'refined, single draws', 'unseen', '0.42'),
+            (1, 'prior', 1, 'seen', 'refined, single samples', 'seen', '0.33'),
+            (2, 'prior', 1, 'unseen', 'refined, single samples', 'unseen', '0.42'),
             (3, 'prior', 4, 'seen', 'refined, best of four', 'seen', '0.33'),
             (4, 'prior', 4, 'unseen', 'refined, best of four', 'unseen', '0.42'))
             as names(place, of_origin, of_best, of_split, shown, objects, paper_share))
 select
     shown as "motions",
     objects_n || ' ' || objects as "objects",
-    round(draws, 0) as "draws",
+    round(draws, 0) as "samples",
     round(motions, 0) as "candidates",
-    round(by_draw, 1) as "hold, by draw, %",
+    round(by_draw, 1) as "succeed, by sample, %",
     round(by_motion, 1) as "by candidate, %",
     round(middle, 1) as "objects' mean, %",
     round(middle - reach, 1) as "from, %",

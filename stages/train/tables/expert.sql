@@ -1,5 +1,5 @@
--- Expert iteration: single draws of the prior, refined, and as drawn with the scripted squeeze: means over the objects
--- of the share that holds. Fifteen objects are seen and five unseen, by the second fold; one seed.
+-- Expert iteration: single samples of the prior, refined, and as sampled with the scripted squeeze: means over the objects
+-- of the share that succeeds. Fifteen objects are seen and five unseen, by the second fold; one seed.
 --
 -- pipeline run pipelines/expert.toml --set ingest.root=$DEXYCB
 with
@@ -21,8 +21,8 @@ with
         from by_object group by number)
 select
     shown as "learned from",
-    round(refined_seen, 1) as "refined: hold, seen, %",
-    round(refined_unseen, 1) as "refined: hold, unseen, %",
-    round(drawn_seen, 1) as "as drawn: hold, seen, %",
-    round(drawn_unseen, 1) as "as drawn: hold, unseen, %"
+    round(refined_seen, 1) as "refined: succeed, seen, %",
+    round(refined_unseen, 1) as "refined: succeed, unseen, %",
+    round(drawn_seen, 1) as "as sampled: succeed, seen, %",
+    round(drawn_unseen, 1) as "as sampled: succeed, unseen, %"
 from means join names on means.number = names.number order by means.number

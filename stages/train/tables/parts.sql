@@ -1,4 +1,4 @@
--- What each part of the training changes: fingertip errors, and single draws of the prior that hold, as drawn with the
+-- What each part of the training changes: fingertip errors, and single samples of the prior that succeed, as sampled with the
 -- scripted squeeze and refined: means over the objects of the share of motions; the difference is to the default, paired by
 -- object, with Student's 95 % interval over 20 seen and 15 unseen objects. Three folds of four; the defaults were chosen
 -- on the other.
@@ -60,13 +60,13 @@ select
     round(learned_mm, 0) as "tips, learned, mm",
     round(held_out_mm, 0) as "held out, mm",
     round(unseen_mm, 0) as "unseen objects, mm",
-    round(drawn_seen, 1) as "as drawn: hold, seen, %",
-    round(drawn_unseen, 1) as "as drawn: hold, unseen, %",
-    round(seen, 1) as "refined: hold, seen, %",
+    round(drawn_seen, 1) as "as sampled: succeed, seen, %",
+    round(drawn_unseen, 1) as "as sampled: succeed, unseen, %",
+    round(seen, 1) as "refined: succeed, seen, %",
     round(seen_gain, 1) as "difference",
     round(seen_gain - seen_reach, 1) as "from",
     round(seen_gain + seen_reach, 1) as "to",
-    round(unseen, 1) as "refined: hold, unseen, %",
+    round(unseen, 1) as "refined: succeed, unseen, %",
     round(unseen_gain, 1) as "unseen: difference",
     round(unseen_gain - unseen_reach, 1) as "unseen: from",
     round(unseen_gain + unseen_reach, 1) as "unseen: to"
