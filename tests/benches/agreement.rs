@@ -136,7 +136,7 @@ fn main() -> ExitCode {
     println!("{:24} {}", "all", totals.line());
     let only_here = totals.held - totals.there[0];
     println!(
-        "{}: {:?}; held here alone {only_here}, there alone {}, p = {:.2e} by McNemar's test",
+        "{}: {:?}; succeed here alone {only_here}, there alone {}, p = {:.2e} by McNemar's test",
         ENGINES[0].0,
         totals.reasons,
         totals.only_there,
@@ -160,7 +160,7 @@ fn main() -> ExitCode {
         totals.held_finer
     );
     println!(
-        "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that hold",
+        "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that succeed",
         totals.here_s / all * 1e3,
         totals.here_held_s / totals.here_held_steps * 1e6
     );
@@ -179,7 +179,11 @@ fn main() -> ExitCode {
     }
     for ((what, counts), least) in parts.into_iter().zip(MIN_SHARE) {
         let share = counts.there[0] as f64 / counts.held as f64;
-        limits.keep(&format!("accepted that hold there, {what}"), share, least..);
+        limits.keep(
+            &format!("accepted that succeed there, {what}"),
+            share,
+            least..,
+        );
     }
     let (apart, name) = apart;
     limits.keep(
@@ -221,7 +225,7 @@ impl Counts {
     fn header() -> String {
         let engines = ENGINES.map(|(name, _)| format!("{name:>18}"));
         format!(
-            "candidates  held here  {}  of all there  kappa",
+            "candidates  successes  {}  of all there  kappa",
             engines.join(" ")
         )
     }

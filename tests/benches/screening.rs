@@ -123,7 +123,7 @@ fn main() -> ExitCode {
         .sum();
     let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / our_steps;
     println!(
-        "here     {:8.2} µs per physics step of those that hold",
+        "here     {:8.2} µs per physics step of those that succeed",
         our_step * 1e6
     );
     if !theirs.is_empty() {
@@ -134,7 +134,7 @@ fn main() -> ExitCode {
         let is_same =
             |idx: &usize| (verdicts[*idx] == Verdict::Held) == (theirs[*idx].verdict == "held");
         let same = (0..CANDIDATES).filter(is_same).count();
-        println!("held or not: {same} of {CANDIDATES} agree");
+        println!("success: {same} of {CANDIDATES} agree");
         let pairs = verdicts.iter().zip(&theirs).map(|(verdict, rolled)| {
             let [here, there] = [verdict.as_str(), rolled.verdict.as_str()];
             format!("{here} here and {there} there")

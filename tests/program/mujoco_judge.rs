@@ -308,7 +308,7 @@ fn verdicts_on_recorded_grasps_agree() {
         .collect();
     let agreements = held.iter().zip(&recorded).filter(|(a, b)| a == b).count();
     let said = format!(
-        "{agreements} of {} verdicts agree; held: {} here, {} recorded",
+        "{agreements} of {} verdicts agree; successes: {} here, {} recorded",
         recorded.len(),
         held.iter().filter(|held| **held).count(),
         recorded.iter().filter(|held| **held).count(),

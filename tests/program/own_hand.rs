@@ -250,7 +250,7 @@ fn a_hand_of_meshes_holds_about_as_often_as_one_of_boxes() {
         let hand = Hand::new(made);
         replayed(&hand, &Bench::new())
     });
-    println!("of meshes {meshes:.2} hold, of boxes {boxes:.2}");
+    println!("of meshes {meshes:.2} succeed, of boxes {boxes:.2}");
     assert!(meshes > 0.4, "{meshes} of meshes, {boxes} of boxes");
     assert!(
         (meshes - boxes).abs() < 0.26,
@@ -284,7 +284,7 @@ fn a_urdf_and_a_table_are_all_that_a_hand_needs() {
     let ran = run(&bench, "pipelines/cgf.toml", &settings);
     assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
     let held = rate(&bench, "refine");
-    println!("{held:.2} of the motions drawn hold");
+    println!("{held:.2} of the sampled motions succeed");
     assert!(held > 0.05, "{held}");
     assert!(stdout(&ran).is_empty());
 

@@ -147,7 +147,7 @@ fn commands_columns_and_decimals_are_those_of_the_file() {
     let query = Query::parse(
         "-- What it shows.\n--\n-- pipeline run a.toml \\\n--   --set b.c=1\n-- pipeline run d.toml\n\n\
          with sums as (select a, b from all_t where run in (select run from runs))\n\
-         select a as \"what\", round(100.0 * b, 1) as \"hold, %\", b as n from sums order by what",
+         select a as \"what\", round(100.0 * b, 1) as \"succeed, %\", b as n from sums order by what",
     )
     .unwrap();
     let expected = [&["run", "a.toml", "--set", "b.c=1"][..], &["run", "d.toml"]];
@@ -158,19 +158,19 @@ fn commands_columns_and_decimals_are_those_of_the_file() {
         "{over}"
     );
     let rows = [
-        json!({"what": "seen", "hold, %": 70.0, "n": 4}),
-        json!({"what": "unseen", "hold, %": -0.04, "n": null}),
+        json!({"what": "seen", "succeed, %": 70.0, "n": 4}),
+        json!({"what": "unseen", "succeed, %": -0.04, "n": null}),
     ];
     let table = query.table(&rows).unwrap();
     let expected = [
-        "| what | hold, % | n |",
+        "| what | succeed, % | n |",
         "| --- | --- | --- |",
         "| seen | 70.0 | 4 |",
         "| unseen | 0.0 | - |",
     ];
     assert_eq!(table, expected);
     let said = query.table(&[json!({"what": "seen", "n": 1})]).unwrap_err();
-    assert!(said.starts_with("no `hold, %` in {"), "{said}");
+    assert!(said.starts_with("no `succeed, %` in {"), "{said}");
 }
 
 #[test]
