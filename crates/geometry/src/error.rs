@@ -113,10 +113,20 @@ pub enum GeometryError {
         /// Number of points.
         points: usize,
     },
-    /// The grid of a distance field would be empty or enormous.
+    /// The grid of a distance field would have too many nodes.
     #[error(
-        "a grid of {spacing_m} m between nodes and {margin_m} m around the mesh cannot be made"
+        "it measures {} m, too large for distances every {spacing_m} m; meshes are in meters, and \
+         large objects need a coarser spacing",
+        sides_m.map(|side| Rounded(side).to_string()).join(" × ")
     )]
+    LargeGrid {
+        /// Its sides along the axes, in meters.
+        sides_m: [f64; 3],
+        /// Distance between neighboring nodes, in meters.
+        spacing_m: f64,
+    },
+    /// A length of the grid of a distance field is not a positive number.
+    #[error("spacing and margin of a distance field must be positive: {spacing_m} m, {margin_m} m")]
     BadGrid {
         /// Distance between neighboring nodes, in meters.
         spacing_m: f64,
@@ -152,11 +162,11 @@ impl GeometryError {
                 None => "lengths are in meters: export the mesh in meters".to_owned(),
             }),
             Self::NoTriangles => Some("export the mesh with its faces".to_owned()),
-            Self::BadGrid { .. } => Some(
+            Self::LargeGrid { .. } => Some(
                 "the spacing must be about a hundredth of the object; is the mesh in meters?"
                     .to_owned(),
             ),
-            Self::NoHull { .. } => None,
+            Self::BadGrid { .. } | Self::NoHull { .. } => None,
         }
     }
 }

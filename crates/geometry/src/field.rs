@@ -71,9 +71,9 @@ impl DistanceField {
         let along = |length: f64| (length / spacing_m).ceil() + 1.0;
         let nodes = along(room.x) * along(room.y) * along(room.z);
         if nodes.is_nan() || nodes > MAX_NODES as f64 {
-            return Err(GeometryError::BadGrid {
+            return Err(GeometryError::LargeGrid {
+                sides_m: (high - low).into(),
                 spacing_m,
-                margin_m,
             });
         }
         #[expect(
@@ -301,6 +301,23 @@ mod tests {
             let mesh = cuboid([0.03, 0.04, 0.05]);
             DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap()
         })
+    }
+
+    #[test]
+    fn a_mesh_too_large_for_its_spacing_is_refused_with_its_size() {
+        let said = |spacing_m: f64| {
+            let made = DistanceField::new(&cuboid([60.0, 40.0, 0.5]), spacing_m, 0.025);
+            made.err().unwrap().to_string()
+        };
+        assert_eq!(
+            said(0.0025),
+            "it measures 120 × 80 × 1 m, too large for distances every 0.0025 m; meshes are in meters, \
+             and large objects need a coarser spacing"
+        );
+        assert_eq!(
+            said(0.0),
+            "spacing and margin of a distance field must be positive: 0 m, 0.025 m"
+        );
     }
 
     /// The signed distance of a box, in closed form.
