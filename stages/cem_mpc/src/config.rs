@@ -7,7 +7,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use simulation::{Approach, ControllerKind, Protocol, SceneConfig};
 
-/// Most draws of one iteration, and most iterations.
+/// Most samples of one iteration, and most iterations.
 const MAX_DRAWS: usize = 100_000;
 /// Most control steps that are looked ahead.
 const MAX_HORIZON: usize = 1000;
@@ -35,7 +35,7 @@ pub struct CemMpcConfig {
     /// a thousand control steps for each of its own, and takes some ten seconds. The other candidates get none.
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
-    /// Sequences of actions drawn in one iteration (100): the paper's.
+    /// Sequences of actions sampled in one iteration (100): the paper's.
     #[serde(default = "defaults::population")]
     pub population: usize,
     /// Actions of a sequence, one per control step (5): the paper's.
@@ -47,7 +47,7 @@ pub struct CemMpcConfig {
     /// Iterations before an action is executed (2): the paper's.
     #[serde(default = "defaults::iterations")]
     pub iterations: usize,
-    /// Standard deviation of the first draws, as a share of half the range of an action's number (0.2): wide enough
+    /// Standard deviation of the first samples, as a share of half the range of an action's number (0.2): wide enough
     /// for any direction.
     #[serde(default = "defaults::initial_sd")]
     pub initial_sd: f64,
@@ -122,14 +122,14 @@ impl CemMpcConfig {
         let why = "each is simulated for each control step";
         faults.within("population", self.population, 2..=MAX_DRAWS, why);
         faults.within("iterations", self.iterations, 1..=MAX_DRAWS, why);
-        let why = "each is simulated for every draw";
+        let why = "each is simulated for every sample";
         faults.within("horizon", self.horizon, 1..=MAX_HORIZON, why);
         let why = "they are some of the `population`";
         faults.within("elites", self.elites, 1..=self.population.max(1), why);
         let why = "it is a share of half the range of an action's number";
         faults.above("initial_sd", self.initial_sd, 0.0, 10.0, why);
         faults.within("min_sd", self.min_sd, 0.0..=10.0, why);
-        let why = "with 1 nothing would be learned from the draws";
+        let why = "with 1 nothing would be learned from the samples";
         faults.within("smoothing", self.smoothing, 0.0..=0.99, why);
         let why = "it is a share of the plan that is left";
         faults.within("memory", self.memory, 0.0..=1.0, why);

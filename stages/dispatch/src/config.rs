@@ -54,7 +54,7 @@ pub struct DispatchConfig {
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
     /// Order in which an object's accepted motions are sent: `robust`, by the share of their trials under
-    /// drawn errors that held, and different grasps first (the default), or `accepted`, as they were
+    /// errors that succeed, and different grasps first (the default), or `accepted`, as they were
     /// screened.
     #[serde(default)]
     pub order: Order,
@@ -134,7 +134,7 @@ pub enum AfterUnknown {
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SimulatedConfig {
-    /// Errors of the object's pose, of friction, of its mass and of the fingers' delay, drawn for each
+    /// Errors of the object's pose, of friction, of its mass and of the fingers' delay, sampled for each
     /// goal.
     #[serde(default)]
     pub errors: SceneRandomization,

@@ -73,7 +73,7 @@ impl Stage for Dispatch {
     type Error = DispatchError;
 
     const KIND: &'static str = "dispatch";
-    const ABOUT: &'static str = "Sends accepted motions to a robot cell and keeps what it did";
+    const ABOUT: &'static str = "Sends accepted motions to a robot cell and records their outcomes";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[
         Rollouts::NAME,

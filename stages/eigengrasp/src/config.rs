@@ -34,7 +34,7 @@ pub struct EigengraspConfig {
     /// Objects to grasp, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Grasps per object, the best of all runs: as many as `sample` draws
+    /// Grasps per object, the best of all runs: as many as the motions of `sample`
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
     /// Runs per object, each with the object in a resting pose of its own: as many as fill `per_object`

@@ -39,7 +39,7 @@ pub struct ForceClosureConfig {
     /// Objects to grasp, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Grasps per object: as many as `sample` draws
+    /// Grasps per object: as many as the motions of `sample`
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
     /// Maximum number of iterations of one search, each an evaluation of the metric and its gradient, over all its

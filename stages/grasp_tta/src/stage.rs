@@ -16,7 +16,7 @@ impl Stage for GraspTta {
     type Error = GraspTtaError;
 
     const KIND: &'static str = "grasp_tta";
-    const ABOUT: &'static str = "Draws grasps from learned networks and adapts each to its object";
+    const ABOUT: &'static str = "Samples grasps from learned networks, adapts each to its object";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&LearnedNetworks, &AdaptedCandidates];

@@ -1,4 +1,4 @@
-"""Draws grasps in a simple way, as a program for `kind = "program"`: a hand that comes straight from the side or from
+"""Samples grasps in a simple way, as a program for `kind = "program"`: a hand that comes straight from the side or from
 above and wraps its fingers around the middle of the object. Nothing is learned, nothing is optimized.
 
 Reads `objects`; makes `candidates` of the Allegro hand, `options.draws` for each object.

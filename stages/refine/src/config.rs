@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 const MAX_VALUE: f64 = 1e6;
 /// Smallest force of the thumb, in newtons: a thousandth of what small drives give.
 const MIN_FORCE_N: f64 = 1e-3;
-/// Most draws of one motion.
+/// Most samples of one motion.
 const MAX_DRAWS: usize = 10_000;
 /// Maximum number of iterations for one step.
 const MAX_ITERATIONS: usize = 100_000;
@@ -31,14 +31,14 @@ pub struct RefineConfig {
     /// without physics (1); a last, incomplete group counts as one.
     #[serde(default = "defaults::draws")]
     pub draws: usize,
-    /// Weight of a point's distance from where it was drawn (1): far below the object's, so that the draw gives way.
+    /// Weight of a point's distance from its sampled place (1): far below the object's, so that the sample gives way.
     #[serde(default = "defaults::position_weight")]
     pub position_weight: f64,
-    /// Weight of a joint's distance from where it was drawn (m/rad): a radian counts as 5 mm.
+    /// Weight of a joint's distance from its sampled position (m/rad): a radian counts as 5 mm.
     #[serde(default = "defaults::joint_weight")]
     pub joint_weight: f64,
-    /// Weight of the change of a point's displacement from one step to the next (1): what a step
-    /// is moved by, its neighbors are moved by too.
+    /// Weight of the change of a point's displacement from one step to the next (1): neighboring
+    /// steps move together.
     #[serde(default = "defaults::smoothness_weight")]
     pub smoothness_weight: f64,
     /// Weight of the change of a joint's displacement from one step to the next (m/rad): a radian counts as 2 cm,
@@ -65,7 +65,7 @@ pub struct RefineConfig {
     /// balance and the squeeze too.
     #[serde(default = "defaults::contact_weight")]
     pub contact_weight: f64,
-    /// Distance from the surface up to which a drawn fingertip is one that should touch (m): about the error of a
+    /// Distance from the surface up to which a sampled fingertip is one that should touch (m): about the error of a
     /// learned fingertip; it fades out at 1.5 times that.
     #[serde(default = "defaults::contact_distance_m")]
     pub contact_distance_m: f64,

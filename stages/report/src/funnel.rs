@@ -121,8 +121,8 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         return section;
     }
     section.say(
-        "What each step of the pipeline received from the one before, and what it lost. Draws are made from the \
-         learned function, not from trajectories, so that nothing is lost there.",
+        "Numbers that each step of the pipeline received and lost. Samples come from the \
+         learned function, not from trajectories, so nothing is lost there.",
     );
     let mut table = DataTable::new(
         "funnel",

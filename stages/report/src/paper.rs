@@ -176,8 +176,8 @@ fn cost(gathered: &PageData) -> DataTable {
             Cell::text(format!("paper, table II: {unit}")),
         ]);
     }
-    let how = "control steps of this project's screen, which ends a motion as soon as its verdict is certain; draws that \
-               were refused before the screen cost none";
+    let how = "control steps of this project's screen, which ends a motion as soon as its verdict is certain; \
+               samples that were refused before the screen cost none";
     let of = |split: ObjectSplit| {
         let rows = || {
             gathered

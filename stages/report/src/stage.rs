@@ -62,7 +62,7 @@ impl Stage for Report {
     type Error = ReportError;
 
     const KIND: &'static str = "report";
-    const ABOUT: &'static str = "Makes one page of what a run learned, with motions to look at";
+    const ABOUT: &'static str = "Makes one page of a run's results, with motions to look at";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[];
     const OPTIONAL_INPUTS: &'static [&'static str] = INPUTS;

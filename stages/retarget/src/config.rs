@@ -28,7 +28,7 @@ pub struct RetargetConfig {
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Whether the palm is placed so that the fingers reach their landmarks, or follows the
-    /// person's palm alone: free, because with a fixed one a third fewer grasps hold.
+    /// person's palm alone: free, because with a fixed one a third fewer grasps succeed.
     #[serde(default)]
     pub wrist: Wrist,
     /// Loss of a point's distance to its landmark: squared, as in the paper.
@@ -49,7 +49,7 @@ pub struct RetargetConfig {
     #[serde(default = "defaults::joint_smoothness_weight")]
     pub joint_smoothness_weight: f64,
     /// Weight of a link's depth inside the object, or inside its clearance (1): more than a
-    /// landmark's; without it 8 of 100 fewer grasps hold.
+    /// landmark's; without it 8 of 100 fewer grasps succeed.
     #[serde(default = "defaults::object_weight")]
     pub object_weight: f64,
     /// Distance that links keep from the object before the hand closes (m): a motion that is
@@ -75,7 +75,7 @@ pub struct RetargetConfig {
     /// finger's thickness plus the error of its landmark.
     #[serde(default = "defaults::contact_distance_m")]
     pub contact_distance_m: f64,
-    /// Factor on the position weight of a fingertip that is drawn to the surface (1): the surface
+    /// Factor on the position weight of a fingertip that is pulled to the surface (1): the surface
     /// has priority, the landmark selects the point on it.
     #[serde(default = "defaults::contact_position_factor")]
     pub contact_position_factor: f64,

@@ -30,7 +30,7 @@ impl Stage for Retarget {
     type Error = RetargetError;
 
     const KIND: &'static str = "retarget";
-    const ABOUT: &'static str = "Moves human demonstrations onto a robot hand";
+    const ABOUT: &'static str = "Retargets human demonstrations to a robot hand";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Demonstration::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];

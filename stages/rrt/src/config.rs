@@ -48,7 +48,7 @@ pub struct RrtConfig {
     /// a fingertip moves 4 mm; with all coordinates at once each moves less.
     #[serde(default = "defaults::check_spacing")]
     pub check_spacing: f64,
-    /// Share of the targets that are drawn; the others are the root of the other tree (0.5): the paper's β.
+    /// Share of the targets that are sampled; the others are the root of the other tree (0.5): the paper's β.
     #[serde(default = "defaults::drawn_share")]
     pub drawn_share: f64,
     /// Weight of a meter of the palm's way (1/m): 10 cm count as one radian, about the length of a finger.

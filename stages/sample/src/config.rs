@@ -12,7 +12,7 @@ const MAX_MOTIONS: usize = 1_000_000;
 const MAX_STEPS: usize = 10_000;
 /// Most steps of all motions of one object, ten times the paper's: 4 GB.
 const MAX_STEPS_HELD: usize = 4_000_000;
-/// Most codes drawn for one motion.
+/// Most codes sampled for one motion.
 const MAX_DRAWS: usize = 10_000;
 /// Longest motion, in seconds.
 const MAX_DURATION_S: f64 = 3600.0;
@@ -27,14 +27,14 @@ const MAX_RECORDED: usize = 1000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleConfig {
-    /// URDF of the robot hand; its collision shapes are what is measured against object and table
+    /// URDF of the robot hand; its collision shapes are measured against object and table
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Weights of the checkpoint: the last, because the held-out loss hardly rises
     /// when the learning rate falls to zero
     #[serde(default)]
     pub epoch: CheckpointWeights,
-    /// Objects to draw motions for, by name; empty: all
+    /// Objects that get motions, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
     /// Motions per object: enough for a success rate within 12 points; paper: 10000
@@ -46,7 +46,7 @@ pub struct SampleConfig {
     /// Time from the first step to the grasp, s: a person's reach takes about as long
     #[serde(default = "defaults::duration_s")]
     pub duration_s: f64,
-    /// Share of the motions whose latent code is drawn from a demonstration's posterior, in 0..=1, the
+    /// Share of the motions whose latent code is sampled from a demonstration's posterior, in 0..=1, the
     /// others from the standard normal distribution: half seen grasps, half new ones; paper: 0
     #[serde(default = "defaults::demonstrated_share")]
     pub demonstrated_share: f64,
@@ -54,20 +54,20 @@ pub struct SampleConfig {
     /// object
     #[serde(default)]
     pub demonstrations: Vec<String>,
-    /// Factor on the standard deviation of drawn codes: the distribution itself, as in the paper
+    /// Factor on the standard deviation of sampled codes: the distribution itself, as in the paper
     #[serde(default = "defaults::spread")]
     pub spread: f64,
-    /// Most latent codes drawn for a motion until its hand stays out of object and table; if none does,
-    /// the shallowest is kept; refused draws are rows of `candidates` too. One: motions are refined
+    /// Most latent codes sampled for a motion until its hand stays out of object and table; if none does,
+    /// the shallowest is kept; refused samples are rows of `candidates` too. One: motions are refined
     /// instead; paper: 1
     #[serde(default = "defaults::draws")]
     pub draws: usize,
-    /// Tolerated penetration of object or table (m): what squeezing presses away; unused if `draws`
+    /// Tolerated penetration of object or table (m): as deep as a squeeze presses; unused if `draws`
     /// is 1
     #[serde(default = "defaults::max_depth_m")]
     pub max_depth_m: f64,
-    /// Names of two demonstrations: instead of drawing, latent codes go from the one's mean to the
-    /// other's in equal steps, in the first one's resting orientation; empty: they are drawn
+    /// Names of two demonstrations: latent codes are not sampled but go from the one's mean to the
+    /// other's in equal steps, in the first one's resting orientation; empty: they are sampled
     #[serde(default)]
     pub path: Vec<String>,
     /// Resting orientations of the object: those that people grasp it in
@@ -76,7 +76,7 @@ pub struct SampleConfig {
     /// Unit vector against gravity, object frame, for `rests = "given"`
     #[serde(default)]
     pub rest_up: Option<[f64; 3]>,
-    /// Noise on the object's points, for a study: normally distributed and drawn for each motion, with a standard
+    /// Noise on the object's points, for a study: normally distributed and new for each motion, with a standard
     /// deviation along each axis of this share of the object's extent (0); paper: 0 to 1
     #[serde(default)]
     pub point_noise: f64,
@@ -145,7 +145,7 @@ impl SampleConfig {
         faults.within("point_noise", self.point_noise, 0.0..=MAX_FACTOR, why);
         let share = self.demonstrated_share;
         faults.within("demonstrated_share", share, 0.0..=1.0, "it is a share");
-        let why = "each draw is decoded and checked for penetration";
+        let why = "each sample is decoded and checked for penetration";
         faults.within("draws", self.draws, 1..=MAX_DRAWS, why);
         let why = "no object that a hand can hold is deeper";
         faults.within("max_depth_m", self.max_depth_m, 0.0..=MAX_DEPTH_M, why);

@@ -31,7 +31,7 @@ impl Stage for Sample {
     type Error = SampleError;
 
     const KIND: &'static str = "sample";
-    const ABOUT: &'static str = "Draws candidate motions for each object from a grasping function";
+    const ABOUT: &'static str = "Samples motions for each object from a grasping function";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[
         checkpoint::NAME,

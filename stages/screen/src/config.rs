@@ -13,9 +13,9 @@ const MAX_RECORDED: usize = 10_000;
 /// Largest pose noise, as a share of an object's extent.
 const MAX_POSE_NOISE: f64 = 1000.0;
 
-/// Most trials of a motion under drawn errors.
+/// Most trials of a motion under sampled errors.
 const MAX_TRIALS: usize = 100_000;
-/// Most motions of an object that are tried under drawn errors.
+/// Most motions of an object that are tried under sampled errors.
 const MAX_TRIED: usize = 1_000_000;
 
 /// Greatest bound of the hand's depth in an object, in meters.
@@ -44,7 +44,7 @@ pub struct ScreenConfig {
     /// fingertips yield by that much.
     #[serde(default = "defaults::max_penetration_m")]
     pub max_penetration_m: f64,
-    /// Trials of accepted motions under drawn errors.
+    /// Trials of accepted motions under sampled errors.
     #[serde(default)]
     pub robustness: RobustnessConfig,
     /// The physical scene.
@@ -53,7 +53,7 @@ pub struct ScreenConfig {
     pub protocol: Protocol,
 }
 
-/// Trials of accepted motions under drawn errors.
+/// Trials of accepted motions under sampled errors.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 #[schemars(inline)]
@@ -63,7 +63,7 @@ pub struct RobustnessConfig {
     /// Number of accepted motions per object that are tried, the first ones (16): each costs as much as
     /// `trials` candidates.
     pub per_object: usize,
-    /// Bounds of the drawn errors.
+    /// Bounds of the sampled errors.
     pub errors: SceneRandomization,
 }
 

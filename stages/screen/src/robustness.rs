@@ -74,7 +74,7 @@ impl Output for RobustnessTrials {
         let rows = if motions.is_empty() || trials == 0 {
             Robustnesses::new()
         } else {
-            let progress = |share: f64| cx.progress(share, "under drawn errors");
+            let progress = |share: f64| cx.progress(share, "under sampled errors");
             let screening = screened.screening(config, cx.seed());
             match robustness(config, &screening, &motions, cx.seed(), progress) {
                 Ok(rows) => rows,

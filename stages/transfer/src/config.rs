@@ -17,7 +17,7 @@ pub struct TransferConfig {
     /// Objects that get motions, by name; empty: all
     #[serde(default)]
     pub objects: Vec<String>,
-    /// Most motions per object: as many as are drawn of a function in the studies
+    /// Most motions per object: as many as of a function in the studies
     #[serde(default = "defaults::per_object")]
     pub per_object: usize,
 }
@@ -30,7 +30,7 @@ pub enum TransferSource {
     /// Those of the other object whose box has the most similar sides.
     #[default]
     Nearest,
-    /// Those of any other object, drawn at random.
+    /// Those of any other object, chosen at random.
     Other,
     /// The mean of the object's own, one for each resting orientation.
     Mean,

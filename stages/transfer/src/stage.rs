@@ -46,7 +46,7 @@ impl Stage for Transfer {
     type Error = TransferError;
 
     const KIND: &'static str = "transfer";
-    const ABOUT: &'static str = "Carries demonstrations to other objects, without learning";
+    const ABOUT: &'static str = "Applies demonstrations to other objects, without learning";
     const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];

@@ -73,7 +73,7 @@ fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
         );
         if gathered.robustness_steps_n > 0 {
             let errors = count(gathered.robustness_steps_n);
-            text.push_str(&format!("; {errors} under drawn errors"));
+            text.push_str(&format!("; {errors} under sampled errors"));
         }
         work.insert("screen", text);
     }
@@ -104,7 +104,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
     if has_times {
         section.say("Times are those for which each result was made, in this run or an earlier one, summed over units that ran side by side.");
     } else {
-        section.say("Equal inputs give an equal page, so that it holds no measured times; `pipeline report` adds those of a run's record.");
+        section.say("Measured times are left out, so that equal inputs give an equal page; `pipeline report` adds those of a run.");
     }
     let mut columns = vec![("stage", "Stage"), ("kind", "Kind"), ("work", "Work")];
     if has_times {

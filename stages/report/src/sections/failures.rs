@@ -21,7 +21,7 @@ fn meaning(verdict: Verdict) -> &'static str {
         Verdict::Slipped => "the object moved in the hand while it was held",
         Verdict::Dropped => "lifted, and fell before the end",
         Verdict::TooDeep => "held, with the hand deeper in the object than solid bodies can be",
-        Verdict::Overloaded => "object and table loaded the palm more than an arm bears",
+        Verdict::Overloaded => "object and table loaded the palm more than an arm withstands",
         Verdict::Diverged => "the simulation became non-finite or implausible",
         Verdict::Infeasible => "the hand cannot execute the motion; nothing was simulated",
     }

@@ -88,7 +88,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         (false, true) => "Every object was seen in training: this run says nothing of unseen ones.",
         (false, false) => "Whether an object was seen in training is not known here.",
     });
-    section.say("A click on an object shows its motions. The interval is Wilson's: candidates of one object are drawn independently.");
+    section.say("A click on an object shows its motions. The interval is Wilson's: candidates of one object are sampled independently.");
     let split_of: BTreeMap<&str, &str> = gathered
         .successes
         .iter()

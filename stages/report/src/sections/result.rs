@@ -195,7 +195,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         let interval = wilson(trials.successes_n as f64, trials.trials_n as f64);
         let is_simulated = trials.simulated_n >= trials.trials_n;
         let how = if is_simulated {
-            "executed by a simulated cell with other physics and errors drawn for each motion; Wilson's interval, \
+            "executed by a simulated cell with other physics and new errors for each motion; Wilson's interval, \
              no evidence for other objects"
         } else {
             "executed by a robot cell; Wilson's interval"

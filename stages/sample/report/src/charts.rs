@@ -87,7 +87,7 @@ impl Charts<'_> {
 
     /// Diversity of motions and of demonstrations, of each that has two comparable ones.
     fn both(&self) -> impl Iterator<Item = (&'static str, &Diversity)> {
-        let both = [("drawn", self.drawn), ("demonstrations", self.shown)];
+        let both = [("sampled", self.drawn), ("demonstrations", self.shown)];
         both.into_iter()
             .filter(|(_, diversity)| diversity.compared_n > 0)
     }
@@ -174,7 +174,7 @@ impl Charts<'_> {
     fn limits(&self) -> Option<String> {
         let excess = self.sampled.iter().map(|s| s.limit_excess_rad.to_degrees());
         let sample = Sample {
-            name: "drawn".to_owned(),
+            name: "sampled".to_owned(),
             values: excess.collect(),
         };
         let captions = Captions {
