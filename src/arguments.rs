@@ -79,7 +79,7 @@ pub(crate) enum Command {
     Untag(UntagArgs),
     /// List the kinds of stages, their inputs, outputs and options
     Stages(StagesArgs),
-    /// Draw what a pipeline's stages read and make
+    /// Draw a pipeline's stages with their inputs and outputs
     Graph(GraphArgs),
     /// Check that the lake, a pipeline's files and its cell are ready
     Doctor(DoctorArgs),
@@ -87,7 +87,7 @@ pub(crate) enum Command {
     Cell(CellArgs),
     /// Forward messages between robot cells, dispatchers and viewers
     Router(RouterArgs),
-    /// Check every byte of the lake against what was stored
+    /// Check every byte of the lake against its digest
     Verify(VerifyArgs),
     /// Remove unreferenced artifacts
     Gc(GcArgs),
@@ -376,7 +376,7 @@ pub(crate) struct RunArgs {
     /// Make units on other machines [default: on this one]
     ///
     /// `slurm`, or an executor of the file that `PIPELINE_EXECUTORS` names; `crates/depot` has examples. Short
-    /// units, and what moves a robot, stay here.
+    /// units, and stages that move a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,
     /// Run in the background, until it is done
@@ -418,9 +418,9 @@ pub(crate) struct QueryArgs {
     /// Output format
     #[arg(long, value_enum, default_value_t = QueryFormat::Table)]
     pub(crate) format: QueryFormat,
-    /// Tables as this run had them [default: the newest]
+    /// Tables of this run [default: the newest]
     ///
-    /// Without it: each table as the newest run that made it.
+    /// Without it: each table of the newest run that made it.
     #[arg(long, value_name = "RUN")]
     pub(crate) run: Option<String>,
     /// Tables of all machines that share the depot
@@ -589,9 +589,9 @@ pub(crate) struct PullArgs {
 
 #[derive(Args)]
 pub(crate) struct VerifyArgs {
-    /// Check also the files outside the lake that it has read
+    /// Check also the input files of the lake's runs
     ///
-    /// Computes the digests of input files again; the next run reads those again that changed.
+    /// Rehashes them; the next run rereads those that changed.
     #[arg(long)]
     pub(crate) inputs: bool,
     /// Check the depot instead of the lake

@@ -371,7 +371,7 @@ impl Table for Candidates {
             candidates.push(row.candidate(&joints, refused)?);
         }
         if let Some(name) = refused.keys().next() {
-            let message = format!("every draw of `{name}` is refused");
+            let message = format!("every sample of `{name}` is refused");
             return Err(SchemaError::invalid("refused", message));
         }
         Ok(Self {

@@ -58,7 +58,7 @@ pub struct NetworkConfig {
     /// Activation of encoder and decoder: "silu" gives motions accelerations; paper: "relu", which has
     /// no second derivative in time
     pub activation: Activation,
-    /// Frame in which the network sees object and hand: once refined, motions of "resting" hold unseen
+    /// Frame in which the network sees object and hand: once refined, motions of "resting" succeed on unseen
     /// objects 27 points more often than those of the paper's "object"
     pub frame: InputFrame,
     /// Steps of a motion that the encoder sees: with equally spaced ones the motion's length does not
@@ -92,7 +92,7 @@ pub enum EncoderTimes {
     /// Steps at equal times from the first to the grasp.
     #[default]
     Equal,
-    /// Recorded ones, drawn once for each motion.
+    /// Recorded ones, sampled once for each motion.
     Recorded,
 }
 
@@ -288,7 +288,7 @@ pub enum Augmentation {
     /// About the vertical, redrawn for every object and step: gravity keeps its direction.
     #[default]
     Vertical,
-    /// By eleven rotations that are drawn once for each motion, the identity among them; an epoch
+    /// By eleven rotations that are sampled once for each motion, the identity among them; an epoch
     /// covers all of them.
     Released,
     /// By any rotation, redrawn for every object and step: the network does not know where down is.
@@ -328,7 +328,7 @@ pub enum Times {
     /// rotations along the shortest arc.
     #[default]
     Continuous,
-    /// On recorded steps, drawn once for each motion.
+    /// On recorded steps, sampled once for each motion.
     Recorded,
 }
 

@@ -159,7 +159,7 @@ fn signed() -> Option<String> {
 fn rates(n_series: usize) -> Option<String> {
     let captions = Captions {
         title: "Success by object",
-        x: "share that held, 95 % interval [%]",
+        x: "success rate, 95 % interval [%]",
         y: "",
     };
     let series = ["cgf", "interpolate"].iter().take(n_series).enumerate();

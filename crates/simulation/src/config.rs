@@ -58,7 +58,7 @@ pub struct SceneConfig {
     #[serde(default = "defaults::prediction_m")]
     pub prediction_m: f64,
     /// Relative motion of two touching shapes, in meters, up to which their contact points and normals
-    /// are kept instead of computed again (0): the engine's default, 50 mm, holds grasps that slip, and
+    /// are kept instead of computed again (0): the engine's default, 50 mm, accepts grasps that slip, and
     /// with 1 mm held cans turn back and forth.
     #[serde(default = "defaults::contact_recycle_m")]
     pub contact_recycle_m: f64,
@@ -305,7 +305,7 @@ pub struct StrictConfig {
     /// newton meters (none).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub max_palm_torque_nm: Option<f64>,
-    /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may draw it to the
+    /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may pull it to the
     /// palm from farther away, and hold it well.
     pub knocked_until: KnockedUntil,
 }

@@ -53,7 +53,7 @@ fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
     let err = Candidates::from_batch("can", &without_kept).unwrap_err();
     assert_eq!(
         err.to_string(),
-        "column `refused`: every draw of `can-1` is refused"
+        "column `refused`: every sample of `can-1` is refused"
     );
     // Without training, objects have no split.
     let mut untrained = candidates;

@@ -121,9 +121,8 @@ impl GatheredMotions {
             }
         }
         if refused_n > 0 {
-            self.left_out.push(format!(
-                "{refused_n} draws that were refused: they have no motion"
-            ));
+            self.left_out
+                .push(format!("{refused_n} refused samples: they have no motion"));
         }
         Ok(())
     }

@@ -68,10 +68,10 @@ pub struct GraspTrainingConfig {
     /// a grasping function's are
     pub turn_rad: f64,
     /// Standard deviation by which a hand is displaced for the contact network, along each axis (m): about the error of
-    /// a drawn grasp
+    /// a sampled grasp
     pub jitter_m: f64,
     /// Standard deviation by which it is turned about each axis, and by which its joints are moved (rad): about the
-    /// error of a drawn grasp
+    /// error of a sampled grasp
     pub jitter_rad: f64,
 }
 
@@ -79,7 +79,7 @@ pub struct GraspTrainingConfig {
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields, default)]
 pub struct AdaptationConfig {
-    /// Steps of the optimizer, published: 300; 0: grasps as they are drawn
+    /// Steps of the optimizer, published: 300; 0: grasps as sampled
     pub steps: usize,
     /// Adam's learning rate on the hand's numbers (m, 1, rad); published: 6.25e-6, of gradient descent with momentum
     pub learning_rate: f64,

@@ -209,7 +209,7 @@ impl GraspNetworks {
         let finite = numbers.iter().all(|x| x.is_finite());
         hand.filter(|_| finite).ok_or_else(|| CgfError::NotFinite {
             name: object.to_owned(),
-            what: "a drawn hand",
+            what: "a sampled hand",
         })
     }
 }
