@@ -7,6 +7,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::{PartitionKey, Sweep};
 
+use crate::outages::DepotDown;
+
 /// End of the help: options of every command, and a first command.
 const LONG: &str = "
 Options of every command:
@@ -379,6 +381,16 @@ pub(crate) struct RunArgs {
     /// units, and stages that move a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,
+    /// What to do while the depot does not answer [default: wait]
+    ///
+    /// Without it results of other machines are not found, and would be made again.
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = DepotDown::Wait, hide_default_value = true)]
+    pub(crate) depot_down: DepotDown,
+    /// Longest wait for the depot, in minutes [default: 480]
+    ///
+    /// A night: a disk that is full at three is freed in the morning.
+    #[arg(long, value_name = "MIN", value_parser = minutes)]
+    pub(crate) depot_patience_min: Option<f64>,
     /// Run in the background, until it is done
     ///
     /// A terminal that closes does not stop it; `pipeline attach` shows it.
@@ -392,6 +404,15 @@ pub(crate) struct RunArgs {
     /// Without this it sends nothing to one.
     #[arg(long)]
     pub(crate) execute: bool,
+}
+
+/// Reads a number of minutes.
+fn minutes(text: &str) -> Result<f64, String> {
+    let number: f64 = text.parse().map_err(|_| "it is no number".to_owned())?;
+    let is_time = number.is_finite() && number >= 0.0;
+    is_time
+        .then_some(number)
+        .ok_or_else(|| "it is no time".to_owned())
 }
 
 #[derive(Args)]

@@ -176,11 +176,20 @@ impl Batch<'_> {
         let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
         rest.sort_unstable();
         let submitted = self.submit(wave, driver, &rest, &mut arrays);
-        let watched = match submitted {
+        let mut watched = match submitted {
             Ok(()) if arrays.is_empty() => Ok(false),
             Ok(()) => self.watch(wave, &arrays, open, events, ended),
             Err(err) => Err(err),
         };
+        if let Err(err) = watched {
+            if self.lake.is_depot_offline() {
+                for array in &arrays {
+                    out(|out| out.remove(&array.name));
+                }
+                return Err(self.left_alone(&err, &arrays));
+            }
+            watched = Err(err);
+        }
         let is_left = watched.is_err() || !open.is_empty();
         for array in &arrays {
             // A job that is stuck, or whose result is no longer needed.
@@ -192,6 +201,27 @@ impl Batch<'_> {
             let _left = self.forget(wave, array);
         }
         watched.map(drop)
+    }
+
+    /// The failure of a run that leaves its jobs to themselves, since the depot stays down.
+    fn left_alone(&self, err: &Failure, arrays: &[Array]) -> Failure {
+        let then = match arrays {
+            [] => "the same command goes on from there".to_owned(),
+            _ => {
+                let words: Vec<String> = env::args().map(|word| for_shell(&word)).collect();
+                format!(
+                    "its jobs are left in the queue of `{}` and keep their results until the depot is back; this \
+                     takes them over: `{}`",
+                    self.name,
+                    words.join(" ")
+                )
+            }
+        };
+        let (hint, _) = err.advice();
+        Failure::Executor {
+            message: report::sources(err),
+            hint: Some(hint.map_or_else(|| then.clone(), |hint| format!("{hint}; {then}"))),
+        }
     }
 
     /// Starts a job that makes nothing; returns the name of its machine.
@@ -208,6 +238,7 @@ impl Batch<'_> {
         let nothing = JobOrders {
             folder: env::current_dir().map_err(refused)?,
             heartbeat_s: None,
+            limit_s: None,
             orders: Vec::new(),
         };
         self.leave(&orders_key(&job), &nothing)?;
@@ -288,6 +319,7 @@ impl Batch<'_> {
                 let job = JobOrders {
                     folder,
                     heartbeat_s,
+                    limit_s: limit_s(wave.resources(), n_in_job),
                     orders,
                 };
                 self.leave(&key, &job)?;
@@ -324,8 +356,7 @@ impl Batch<'_> {
                 .display()
                 .to_string(),
         };
-        let n_in_job = u32::try_from(n_in_job).unwrap_or(u32::MAX);
-        let time_min = resources.time_min.map(|it| it.saturating_mul(n_in_job));
+        let time_min = limit_s(resources, n_in_job).map(|it| it / 60);
         let values = values_of(array)
             .with("n", &array.jobs.len())
             .with("last", &array.jobs.len().saturating_sub(1))
@@ -435,8 +466,18 @@ impl Batch<'_> {
 
     fn leave(&self, key: &str, message: &impl Serialize) -> Result<(), Failure> {
         let bytes = serde_json::to_vec(message).map_err(|err| self.refused(&err.into()))?;
-        self.lake.leave_message(key, bytes).map_err(failed)
+        self.lake.leave_message(key, &bytes).map_err(failed)
     }
+}
+
+/// Returns the seconds that a job of this many units has, if its units have a time limit.
+fn limit_s(resources: &Resources, n_in_job: usize) -> Option<u64> {
+    let time_min = u64::from(resources.time_min?);
+    // More minutes than a scheduler counts are no limit.
+    let time_min = time_min
+        .saturating_mul(n_in_job as u64)
+        .min(u64::from(u32::MAX));
+    Some(time_min * 60)
 }
 
 /// Returns the number of units per job for units of this duration: more where there would be too many jobs for
@@ -460,6 +501,16 @@ fn unique_name() -> io::Result<String> {
         .take(12)
         .collect();
     Ok(format!("pl{digits}"))
+}
+
+/// A word as a shell reads it; plain words, and `~`, stay as they are.
+pub(crate) fn for_shell(word: &str) -> String {
+    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_./~:=@%+,-".contains(c);
+    if word.chars().all(is_plain) {
+        word.to_owned()
+    } else {
+        quoted(word)
+    }
 }
 
 /// A word as a shell reads it.

@@ -27,7 +27,7 @@ mod sweep;
 mod tags;
 mod unit;
 mod verify;
-mod worker;
+pub(crate) mod worker;
 
 pub(crate) use cell::cell;
 pub(crate) use completions::completions;

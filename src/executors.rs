@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
-    batch::{Batch, Table, quoted},
+    batch::{Batch, Table, for_shell},
     outcome::CommandError,
     processes::{Processes, Reach},
     sharing::{self, DepotName},
@@ -35,6 +35,9 @@ struct Launcher {
     /// Units at once.
     #[serde(default = "one")]
     at_once: usize,
+    /// Longest wait for the depot in minutes; read by [`depot_patience_min`].
+    #[serde(default, rename = "depot_patience_min")]
+    _depot_patience_min: Option<f64>,
 }
 
 fn tmp() -> String {
@@ -146,6 +149,7 @@ impl Launcher {
         let named = format!("{}={depot}", sharing::VARIABLE);
         let worker = ["env", &named, &program, "unit", "--scratch", &self.scratch];
         let is_shell = self.prefix.first().is_some_and(|it| it.ends_with("ssh"));
+        // `ssh` gives all of them to a shell in one line.
         let worker = worker.map(|word| {
             if is_shell {
                 for_shell(word)
@@ -163,14 +167,14 @@ impl Launcher {
     }
 }
 
-/// A word as a shell takes it, to which `ssh` gives all of them in one line; `~` and plain words stay as they are.
-fn for_shell(word: &str) -> String {
-    let is_plain = |c: char| c.is_ascii_alphanumeric() || "_./~:=@%+,-".contains(c);
-    if word.chars().all(is_plain) {
-        word.to_owned()
-    } else {
-        quoted(word)
-    }
+/// Returns for how many minutes a run by this executor waits for a depot that is down, if its table says so.
+pub(crate) fn depot_patience_min(name: &str) -> Result<Option<f64>, CommandError> {
+    let (table, _) = configured(name)?;
+    let number = table.get("depot_patience_min");
+    Ok(number.and_then(|it| {
+        it.as_float()
+            .or_else(|| it.as_integer().map(|it| it as f64))
+    }))
 }
 
 /// Returns the table of a name, and the file that may change it: of one that is built in, the keys of the

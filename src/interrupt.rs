@@ -11,7 +11,7 @@ use signal_hook::{
 
 use stage_dispatch::{Cancellation, MotionInFlight};
 
-use crate::{batch, outcome::CommandError, report};
+use crate::{batch, commands::worker, outcome::CommandError, report};
 
 /// Exit code of a program that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
@@ -54,6 +54,7 @@ pub(crate) fn stop(lake: &Lake) -> ! {
         }
     });
     let (_nothing_is_kept_now, n_dropped) = lake.abort();
+    worker::leave_scratch(lake);
     let dropped = match n_dropped {
         0 => String::new(),
         1 => "the unit in the making is dropped, ".to_owned(),

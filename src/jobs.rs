@@ -12,6 +12,9 @@ pub(crate) struct JobOrders {
     pub(crate) folder: PathBuf,
     /// Time in seconds between the heartbeats that its worker leaves in the depot.
     pub(crate) heartbeat_s: Option<u64>,
+    /// Time in seconds that the job has, if it is limited.
+    #[serde(default)]
+    pub(crate) limit_s: Option<u64>,
     /// The orders, made one after the other.
     pub(crate) orders: Vec<Order>,
 }

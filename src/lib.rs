@@ -18,6 +18,7 @@ mod interrupt;
 mod jobs;
 mod kinds;
 mod numbers;
+mod outages;
 mod outcome;
 mod processes;
 mod progress;

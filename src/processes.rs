@@ -82,6 +82,7 @@ impl<'a> Processes<'a> {
         let nothing = JobOrders {
             folder: env::current_dir().map_err(|err| failed(err.to_string()))?,
             heartbeat_s: None,
+            limit_s: None,
             orders: Vec::new(),
         };
         let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
@@ -111,6 +112,7 @@ impl<'a> Processes<'a> {
         let job = JobOrders {
             folder: env::current_dir().map_err(lost)?,
             heartbeat_s: None,
+            limit_s: None,
             orders: vec![order.clone()],
         };
         let order = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
@@ -142,7 +144,7 @@ impl<'a> Processes<'a> {
         let program = words.next().ok_or(io::ErrorKind::InvalidInput)?;
         let mut command = Command::new(program);
         command.args(words).args(["--order", "-"]);
-        if self.lake.is_depot_offline() {
+        if self.lake.is_depot_down() {
             // So that not every process waits for it.
             command.env_remove(sharing::VARIABLE);
         }

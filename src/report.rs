@@ -212,8 +212,22 @@ fn hint(advice: Option<&str>) {
 
 /// An error and its causes on one line; repeated causes are left out.
 pub(crate) fn chain(error: &anyhow::Error) -> String {
+    joined(error.chain())
+}
+
+/// The same of an error that is borrowed.
+pub(crate) fn sources(error: &(dyn std::error::Error + 'static)) -> String {
+    let mut next = Some(error);
+    joined(std::iter::from_fn(move || {
+        let err = next?;
+        next = err.source();
+        Some(err)
+    }))
+}
+
+fn joined<'a>(causes: impl Iterator<Item = &'a (dyn std::error::Error + 'static)>) -> String {
     let mut text = String::new();
-    for cause in error.chain().map(ToString::to_string) {
+    for cause in causes.map(ToString::to_string) {
         if text.is_empty() {
             text = cause;
         } else if !text.ends_with(&cause) {

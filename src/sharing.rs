@@ -9,10 +9,10 @@ use std::{
 
 use dataflow::{End, Failure, Order};
 use depot::{Depot, FolderDepot};
-use lake::Lake;
+use lake::{Lake, Sharing};
 use object_depot::ObjectDepot;
 
-use crate::{command_line::Program, outcome::CommandError, report};
+use crate::{command_line::Program, outages, outcome::CommandError, report};
 
 /// Variable with the depot's URL or folder.
 pub(crate) const VARIABLE: &str = "PIPELINE_DEPOT";
@@ -24,11 +24,17 @@ const SEND_TIMEOUT: Duration = Duration::from_secs(10);
 const NAMED: usize = 3;
 
 impl Program<'_> {
-    /// Opens the lake with the depot that the environment names, if it names one.
+    /// Opens the lake with the depot that the environment names, if it names one: it is done without where that is
+    /// down.
     pub(crate) fn open_lake(&self) -> Result<Lake, CommandError> {
+        self.open_lake_with(Sharing::default())
+    }
+
+    /// Opens the lake with the depot that the environment names, if it names one, used in this way.
+    pub(crate) fn open_lake_with(&self, sharing: Sharing) -> Result<Lake, CommandError> {
         let lake = Lake::open(&self.lake);
         Ok(match depot()? {
-            Some(depot) => lake.with_depot(depot),
+            Some(depot) => lake.with_depot(&depot, sharing),
             None => lake,
         })
     }
@@ -41,7 +47,7 @@ impl Program<'_> {
                 format!("name one, e.g. `export {VARIABLE}=/mnt/lab/depot`"),
             )
         })?;
-        Ok(Lake::open(&self.lake).with_depot(depot))
+        Ok(Lake::open(&self.lake).with_depot(&depot, outages::needed(self.quiet)))
     }
 
     /// Sends the remaining results, for a while, and reports the shared ones.
@@ -70,13 +76,17 @@ impl Program<'_> {
         if let Some(why) = &shared.offline {
             report::line(&format!(
                 "warn   the depot is not used: {why}\n\
-                 hint: everything is done here alone, and sent by a later run or `pipeline push`"
+                 hint: what is made here is kept, and sent by a later run or `pipeline push`"
             ));
         } else if shared.n_units_waiting > 0 {
-            self.say(&format!(
-                "note   {} units are not in the depot yet; a later run or `pipeline push` sends them",
+            let waiting = format!(
+                "{} units are not in the depot yet; a later run or `pipeline push` sends them",
                 shared.n_units_waiting
-            ));
+            );
+            match &shared.unsent {
+                Some(why) => report::line(&format!("warn   {why}\nhint: {waiting}")),
+                None => self.say(&format!("note   {waiting}")),
+            }
         }
         if shared.n_damaged > 0 {
             report::line(&format!(

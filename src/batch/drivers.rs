@@ -71,13 +71,14 @@ impl Batch<'_> {
     ) -> Result<R, Failure> {
         let key = key(driver);
         let mut heartbeat = Heartbeat::of_this_process();
-        let mut leave = || {
+        self.leave(&key, &heartbeat)?;
+        let beat = || {
             heartbeat.n += 1;
-            self.leave(&key, &heartbeat)
+            // One that is missed is followed by others.
+            let bytes = serde_json::to_vec(&heartbeat);
+            let _left = bytes.map(|bytes| self.lake.leave_heartbeat(&key, &bytes));
         };
-        leave()?;
-        // One that is missed is followed by others.
-        let done = heartbeats::during(PERIOD, || drop(leave()), work);
+        let done = heartbeats::during(PERIOD, beat, work);
         // Files left in a depot that is down are removed by its garbage collection.
         let _gone = self.lake.remove_message(&key);
         done
@@ -105,7 +106,10 @@ impl Batch<'_> {
             };
             match &mut seen {
                 Some((last, at)) if *last == heartbeat => {
-                    if at.elapsed() > TIMEOUT {
+                    // While the depot is down nobody is heard.
+                    let untroubled = self.lake.untroubled_for();
+                    let is_heard = untroubled.is_some_and(|since| since <= TIMEOUT);
+                    if at.elapsed() > TIMEOUT && !is_heard {
                         break;
                     }
                 }

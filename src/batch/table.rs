@@ -44,6 +44,9 @@ pub(crate) struct Table {
     /// Longest time in seconds without a heartbeat of a worker, which leaves five in it.
     #[serde(default = "heartbeat_timeout_s")]
     pub(crate) heartbeat_timeout_s: u64,
+    /// Longest wait for the depot in minutes; read by `executors::depot_patience_min`.
+    #[serde(default, rename = "depot_patience_min")]
+    pub(crate) _depot_patience_min: Option<f64>,
     /// Cancels an array.
     pub(crate) cancel: Vec<String>,
     /// Prints the maximum number of jobs of an array.

@@ -7,7 +7,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, End, Ended, Event, Events, Failure, Wave};
+use dataflow::{Digest, End, Ended, Event, Events, Failure, Store, Wave};
 
 use super::{
     Array, Batch, POLL_PERIOD, failed,
@@ -146,6 +146,7 @@ impl Batch<'_> {
             if *n_missed < LOOKS {
                 continue;
             }
+            let units = self.without_made(units, open, ended)?;
             let log = self.log(array, job_idx);
             let why = format!("job {job_idx} of {} {why}; log `{log}`", array.name);
             for unit in units {
@@ -155,6 +156,27 @@ impl Batch<'_> {
             }
         }
         Ok(places)
+    }
+
+    /// Ends those of these units whose results came to the depot without a word; returns the others.
+    fn without_made(
+        &self,
+        units: Vec<Digest>,
+        open: &mut HashMap<Digest, usize>,
+        ended: &Ended,
+    ) -> Result<Vec<Digest>, Failure> {
+        let mut lost = Vec::new();
+        for unit in units {
+            let made = self.lake.arrived(&unit).map_err(Failure::Store)?;
+            match open.get(&unit) {
+                Some(&idx) if made.is_some() => {
+                    open.remove(&unit);
+                    ended(idx, End::Done { made_now: true });
+                }
+                _ => lost.push(unit),
+            }
+        }
+        Ok(lost)
     }
 
     /// Says for how long nothing was heard of the worker of a job that is said to run, if that is too long.
@@ -183,7 +205,10 @@ impl Batch<'_> {
                 last.at = now;
             }
         }
-        let is_silent = last.at.elapsed() > longest;
+        // While the depot is down nobody is heard.
+        let untroubled = self.lake.untroubled_for();
+        let is_heard = untroubled.is_some_and(|since| since <= longest);
+        let is_silent = last.at.elapsed() > longest && !is_heard;
         Ok(is_silent.then(|| match last.heartbeat {
             None => format!("begun for {begin_s} s"),
             Some(_) => format!("been heard for {timeout_s} s"),

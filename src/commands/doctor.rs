@@ -5,7 +5,7 @@ mod lake_folder;
 mod robot;
 
 use dataflow::{Advise, Pipeline};
-use lake::Lake;
+use lake::{Lake, Sharing, WhenDown};
 
 use crate::{
     arguments::DoctorArgs,
@@ -137,15 +137,23 @@ fn depot(program: &Program) -> Result<Option<Check>, CommandError> {
     let Some(depot) = sharing::depot()? else {
         return Ok(None);
     };
-    let missing = |why: String| {
-        Check::new(State::Missing, "depot", why).with_hint(
-            "runs work without it: check that it is mounted and can be written".to_owned(),
-        )
+    let missing = |why: String, hint: Option<String>| {
+        let hint = hint.unwrap_or_else(|| "check that it can be reached and written".to_owned());
+        Check::new(State::Missing, "depot", why).with_hint(hint)
     };
-    let lake = Lake::open(&program.lake).with_depot(depot);
+    let lake = Lake::open(&program.lake).with_depot(
+        &depot,
+        Sharing {
+            when_down: WhenDown::Fail,
+            ..Sharing::default()
+        },
+    );
     Ok(Some(match lake.try_depot() {
         Ok(true) => Check::new(State::Ok, "depot", "results can be shared"),
-        Ok(false) => missing("a file is not read as it was stored".to_owned()),
-        Err(err) => missing(report::chain(&err.into())),
+        Ok(false) => missing("a file is not read as it was stored".to_owned(), None),
+        Err(err) => {
+            let hint = err.hint();
+            missing(report::chain(&err.into()), hint)
+        }
     }))
 }

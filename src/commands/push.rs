@@ -10,11 +10,11 @@ pub(crate) fn push(program: &Program) -> Result<CommandOutcome, CommandError> {
     let lake = program.open_shared_lake()?;
     let pushed = lake.push();
     lake.leave();
-    pushed?;
+    let n_waiting = pushed?;
     program.say_shared(&lake)?;
     let shared = lake.sharing()?;
-    let counts = shared.map(|shared| (shared.n_units_waiting, shared.n_units_damaged));
-    match counts.unwrap_or_default() {
+    let n_damaged = shared.as_ref().map_or(0, |shared| shared.n_units_damaged);
+    match (n_waiting, n_damaged) {
         (0, 0) => Ok(CommandOutcome::Done),
         (0, n) => Err(CommandError::failed(
             anyhow::anyhow!("{n} units are damaged here and were not sent"),
@@ -22,7 +22,9 @@ pub(crate) fn push(program: &Program) -> Result<CommandOutcome, CommandError> {
         )),
         (n, _) => Err(CommandError::failed(
             anyhow::anyhow!("{n} units are not in the depot"),
-            None,
+            shared
+                .and_then(|shared| shared.unsent)
+                .map(|why| format!("the same command sends them when this is over: {why}")),
         )),
     }
 }

@@ -16,8 +16,8 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
-    executors::RemoteExecutor,
-    interrupt,
+    executors::{self, RemoteExecutor},
+    interrupt, outages,
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
@@ -32,7 +32,19 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
     if args.detach {
         return detach::detach(program);
     }
-    let lake = Arc::new(program.open_lake()?);
+    let lake = Arc::new(if args.dry_run {
+        program.open_lake()?
+    } else {
+        let of_executor = args.on.as_deref().map(executors::depot_patience_min);
+        let of_executor = of_executor.transpose()?.flatten();
+        let patience_min = args.depot_patience_min.or(of_executor);
+        let patience_min = patience_min.unwrap_or(outages::PATIENCE_MIN);
+        program.open_lake_with(outages::sharing(
+            args.depot_down,
+            patience_min,
+            program.quiet,
+        ))?
+    });
     if !args.dry_run {
         interrupt::drop_on_signal(&lake)?;
         sharing::say_unlocked(&lake);

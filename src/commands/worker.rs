@@ -3,27 +3,39 @@
 use std::{
     env, fs,
     io::{self, BufRead, Read},
-    path::Path,
-    sync::{Arc, Mutex, PoisonError},
+    path::{Path, PathBuf},
+    sync::{Arc, Mutex, OnceLock, PoisonError},
     thread,
-    time::Duration,
+    time::{Duration, Instant, SystemTime},
 };
 
 use dataflow::{Digest, End, Event, Failure, Order, make_ordered};
-use lake::Lake;
+use lake::{Lake, Sharing};
 use tempfile::TempDir;
 
 use crate::{
     arguments::UnitArgs,
+    batch::for_shell,
     command_line::Program,
     heartbeats, interrupt,
     jobs::{self, JobOrders},
+    outages,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
 };
 
-/// Longest time in which a worker's result must reach the depot: an hour for what a slow one takes.
-const SENDING: Duration = Duration::from_hours(1);
+/// Time in which a worker tries to leave its result in the depot where its job has no limit: nobody waits longer.
+const DAY: Duration = Duration::from_hours(24);
+
+/// The end of the time that Slurm gives a job, in seconds since 1970.
+const JOB_END: &str = "SLURM_JOB_END_TIME";
+
+/// Part of its time that a worker keeps to say where a result lies, and at most how much.
+const LAST: u32 = 10;
+const LONGEST_LAST: Duration = Duration::from_secs(30);
+
+/// The folder of this worker's lake, if it has one of its own.
+static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 
 /// Makes the order on stdin, or those of a job in the depot.
 pub(crate) fn work(
@@ -33,20 +45,30 @@ pub(crate) fn work(
 ) -> Result<CommandOutcome, CommandError> {
     let own = args.scratch.as_deref().map(scratch).transpose()?;
     // Relative to the folder in which it was started, not to that of the run.
-    let root = own.as_ref().map_or(program.lake.as_path(), TempDir::path);
+    let root = own.as_deref().unwrap_or(&program.lake);
     let root = std::path::absolute(root).map_err(|err| CommandError::failed(err, None))?;
+    let began = Instant::now();
     let lake = Lake::open(&root);
-    let lake = Arc::new(match sharing::depot()? {
-        Some(depot) => lake.with_depot(depot),
-        None => lake,
+    let lake = Arc::new(match (sharing::depot()?, &own) {
+        (Some(depot), Some(_)) => {
+            lake.with_depot(&depot, outages::of_worker(time_left().unwrap_or(DAY)))
+        }
+        // The run has looked up what it orders.
+        (Some(depot), None) => lake.with_depot(&depot, Sharing::default()),
+        (None, _) => lake,
     });
+    if let Some(own) = own {
+        SCRATCH.get_or_init(|| own);
+    }
     interrupt::drop_on_signal(&lake)?;
     let worker = Worker {
         program,
         lake: &lake,
         jobs: args.jobs.map_or(0, usize::from),
         lines: Lines::default(),
-        sends: own.is_some(),
+        sends: SCRATCH.get().is_some(),
+        began,
+        limit: OnceLock::new(),
     };
     let outcome = if order == "-" {
         worker.stdin_job()
@@ -54,7 +76,40 @@ pub(crate) fn work(
         worker.job(order)
     };
     lake.leave();
+    leave_scratch(&lake);
     outcome.and_then(|()| worker.lines.finish().map(|()| CommandOutcome::Done))
+}
+
+/// Removes the folder of this worker's lake, if it has one of its own; results that are not in the depot stay, and
+/// it says where.
+pub(crate) fn leave_scratch(lake: &Lake) {
+    let Some(folder) = SCRATCH.get() else {
+        return;
+    };
+    let n_waiting = lake
+        .sharing()
+        .ok()
+        .flatten()
+        .map_or(0, |it| it.n_units_waiting);
+    if n_waiting == 0 {
+        // What is left there is removed with the machine's temporary files.
+        let _gone = fs::remove_dir_all(folder);
+        return;
+    }
+    report::line(&format!(
+        "kept   {n_waiting} results that are not in the depot lie on `{}` in `{}`\n\
+         hint: `pipeline push --lake {}` sends them from there",
+        lake::host(),
+        folder.display(),
+        for_shell(&folder.display().to_string())
+    ));
+}
+
+/// Time that this job has left, as Slurm says.
+fn time_left() -> Option<Duration> {
+    let end: u64 = env::var(JOB_END).ok()?.parse().ok()?;
+    let end = SystemTime::UNIX_EPOCH + Duration::from_secs(end);
+    end.duration_since(SystemTime::now()).ok()
 }
 
 struct Worker<'a> {
@@ -64,6 +119,9 @@ struct Worker<'a> {
     lines: Lines,
     /// Whether a result counts when it is in the depot.
     sends: bool,
+    /// When it began, and the time that its job has, if that is limited.
+    began: Instant,
+    limit: OnceLock<Duration>,
 }
 
 impl Worker<'_> {
@@ -93,14 +151,16 @@ impl Worker<'_> {
             CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
         })?;
         let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
+        let limit = job.limit_s.map(Duration::from_secs);
+        limit.map(|limit| self.limit.set(limit));
         let here = jobs::here_key(name);
-        self.lake.leave_message(&here, lake::host().into_bytes())?;
+        self.lake.leave_message(&here, lake::host().as_bytes())?;
         let work = || {
             self.each(&job, |order, end| {
                 let bytes =
                     serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
                 let key = jobs::end_key(name, &order.fingerprint);
-                Ok(self.lake.leave_message(&key, bytes)?)
+                Ok(self.lake.leave_message(&key, &bytes)?)
             })
         };
         let Some(period_s) = job.heartbeat_s else {
@@ -111,7 +171,7 @@ impl Worker<'_> {
             n += 1;
             let heartbeat = format!("{} {n}", lake::host());
             // One that is missed is followed by others.
-            let _left = self.lake.leave_message(&here, heartbeat.into_bytes());
+            let _left = self.lake.leave_heartbeat(&here, heartbeat.as_bytes());
         };
         heartbeats::during(Duration::from_secs(period_s), beat, work)
     }
@@ -160,15 +220,28 @@ impl Worker<'_> {
         })
     }
 
-    /// Sends a result, without which it is none.
+    /// Sends a result, without which it is none, for as long as the job has time.
     fn send(&self, fingerprint: &Digest) -> Result<(), CommandError> {
-        self.lake.finish_sending(SENDING)?;
+        self.lake.send_all(self.sending_time())?;
         let shared = self.lake.sharing()?;
-        if shared.is_none_or(|it| it.offline.is_some() || it.n_units_waiting > 0) {
-            let message = format!("the result of {fingerprint} could not be left in the depot");
-            return Err(CommandError::failed(anyhow::anyhow!(message), None));
-        }
-        Ok(())
+        let Some(shared) = shared.filter(|it| it.n_units_waiting > 0) else {
+            return Ok(());
+        };
+        let why = shared
+            .unsent
+            .unwrap_or_else(|| "it was not sent in time".to_owned());
+        let message = format!("the result of {fingerprint} could not be left in the depot: {why}");
+        Err(CommandError::failed(anyhow::anyhow!(message), None))
+    }
+
+    /// Time in which results can be sent: that of the job, but for a last part in which it says where they lie.
+    fn sending_time(&self) -> Duration {
+        let limit = self.limit.get();
+        let of_orders = limit.map(|limit| limit.saturating_sub(self.began.elapsed()));
+        let Some(left) = time_left().into_iter().chain(of_orders).min() else {
+            return DAY;
+        };
+        left.saturating_sub((left / LAST).min(LONGEST_LAST))
     }
 
     fn failed(&self, order: &Order, err: Failure) -> Event {
@@ -201,13 +274,14 @@ fn unreadable(err: serde_json::Error) -> CommandError {
     )
 }
 
-/// Makes a folder for the lake of one worker, which is removed when it is dropped.
-fn scratch(folder: &Path) -> Result<TempDir, CommandError> {
+/// Makes a folder for the lake of one worker.
+fn scratch(folder: &Path) -> Result<PathBuf, CommandError> {
     let made = fs::create_dir_all(folder).and_then(|()| {
         // Its name is not the process's number: machines or containers may share the folder.
         tempfile::Builder::new()
             .prefix("pipeline-worker-")
             .tempdir_in(folder)
+            .map(TempDir::keep)
     });
     made.map_err(|err| {
         let message = format!("cannot make a folder in `{}`", folder.display());

@@ -31,12 +31,12 @@ const COMMANDS: [(&str, &str); 4] = [
 ];
 
 /// A depot and a scheduler.
-struct Cluster {
+pub(crate) struct Cluster {
     folder: TempDir,
 }
 
 impl Cluster {
-    fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let cluster = Self {
             folder: TempDir::new().unwrap(),
         };
@@ -51,12 +51,12 @@ impl Cluster {
         cluster
     }
 
-    fn path(&self, name: &str) -> PathBuf {
+    pub(crate) fn path(&self, name: &str) -> PathBuf {
         self.folder.path().join(name)
     }
 
     /// Lets a command use the depot and the fake scheduler.
-    fn with(&self, mut command: Command) -> Command {
+    pub(crate) fn with(&self, mut command: Command) -> Command {
         let path = std::env::var("PATH").unwrap();
         let path = format!("{}:{path}", self.path("commands").display());
         command
@@ -74,14 +74,14 @@ impl Cluster {
     }
 
     /// The lines that the scheduler's commands have noted which begin with a word.
-    fn calls(&self, word: &str) -> Vec<String> {
+    pub(crate) fn calls(&self, word: &str) -> Vec<String> {
         let calls = fs::read_to_string(self.path("fake/calls")).unwrap_or_default();
         let lines = calls.lines().filter(|line| line.starts_with(word));
         lines.map(str::to_owned).collect()
     }
 
     /// Asserts that a run has left no message and no worker's lake.
-    fn assert_tidy(&self) {
+    pub(crate) fn assert_tidy(&self) {
         assert_eq!(
             files_below(&self.path("depot/messages")),
             [] as [PathBuf; 0]
@@ -617,7 +617,8 @@ fn what_moves_a_robot_stays_here_and_is_done_on_one_machine_alone() {
     // Without the depot nobody can know.
     let third = Place::with_inputs(ACTS, 4);
     fs::remove_dir_all(cluster.path("depot")).unwrap();
-    let refused = cluster.with(third.command("run", &[])).output().unwrap();
+    let alone = ["--depot-down", "alone"];
+    let refused = cluster.with(third.command("run", &alone)).output().unwrap();
     let said = stderr(&refused);
     assert_eq!(refused.status.code(), Some(1), "{said}");
     assert!(said.contains("cannot be known"), "{said}");

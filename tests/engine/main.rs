@@ -22,6 +22,7 @@ mod elsewhere;
 mod faults;
 mod full_disk;
 mod garbage;
+mod hiccups;
 mod interrupt;
 mod logged;
 mod meanwhile;

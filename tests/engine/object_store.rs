@@ -7,13 +7,18 @@ use std::{
     io::{self, Read, Write},
     net::{TcpListener, TcpStream},
     process::{Child, Command, Output, Stdio},
-    sync::{Arc, Mutex, PoisonError},
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicUsize, Ordering},
+    },
     thread,
     time::{Duration, Instant},
 };
 
-use crate::elsewhere::ACTS;
-use crate::place::{CHAIN, LONG, Place, files_below, free_port, read, stderr, stdout};
+use crate::elsewhere::{ACTS, Cluster};
+use crate::place::{
+    CHAIN, LONG, Place, Running, files_below, free_port, put, read, stderr, stdout,
+};
 
 /// Secret that no file and no line may contain.
 const SECRET: &str = "a-secret-that-nobody-may-see";
@@ -94,6 +99,101 @@ impl Server {
     }
 }
 
+/// Fault of an answer.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum Fault {
+    /// None comes.
+    Hangs,
+    /// It is a refusal.
+    Refused,
+    /// The connection ends in the middle of the body.
+    Cut,
+    /// It says that the body is as short as it is.
+    Short,
+    /// The connection ends before it.
+    Reset,
+    /// It says that the server is busy.
+    Busy,
+}
+
+const FAULTS: [Fault; 6] = [
+    Fault::Hangs,
+    Fault::Refused,
+    Fault::Cut,
+    Fault::Short,
+    Fault::Reset,
+    Fault::Busy,
+];
+
+impl Server {
+    /// Starts a proxy before it, in which the first `n_faults` requests that are `chosen` by their first line meet a
+    /// fault; returns its port.
+    fn faulty(
+        &self,
+        fault: Fault,
+        n_faults: usize,
+        chosen: impl Fn(&str) -> bool + Send + Sync + 'static,
+    ) -> u16 {
+        let listener = TcpListener::bind("127.0.0.1:0").unwrap();
+        let port = listener.local_addr().unwrap().port();
+        let to = self.port;
+        let (n_met, chosen) = (Arc::new(AtomicUsize::new(0)), Arc::new(chosen));
+        thread::spawn(move || {
+            for mut client in listener.incoming().map_while(Result::ok) {
+                let (n_met, chosen) = (Arc::clone(&n_met), Arc::clone(&chosen));
+                thread::spawn(move || {
+                    let Ok((head, body)) = request(&mut client) else {
+                        return;
+                    };
+                    let line = head.lines().next().unwrap_or_default();
+                    let is_met = chosen(line) && n_met.fetch_add(1, Ordering::Relaxed) < n_faults;
+                    let head = head.trim_end().to_owned() + "\r\nConnection: close\r\n\r\n";
+                    let answered =
+                        || answer(to, &[head.as_bytes(), &body].concat()).unwrap_or_default();
+                    let answered = match fault {
+                        _ if !is_met => answered(),
+                        Fault::Hangs => {
+                            thread::sleep(LONG);
+                            Vec::new()
+                        }
+                        Fault::Reset => Vec::new(),
+                        Fault::Refused => refusal("403 Forbidden"),
+                        Fault::Busy => refusal("503 Slow Down"),
+                        Fault::Cut | Fault::Short => half(answered(), fault),
+                    };
+                    let _sent = client.write_all(&answered);
+                });
+            }
+        });
+        port
+    }
+}
+
+fn refusal(status: &str) -> Vec<u8> {
+    let body = "<?xml version=\"1.0\"?><Error><Code>AccessDenied</Code><Message>Access Denied</Message></Error>";
+    let length = body.len();
+    format!("HTTP/1.1 {status}\r\nContent-Length: {length}\r\nConnection: close\r\n\r\n{body}")
+        .into_bytes()
+}
+
+/// The first half of an answer's body.
+fn half(answered: Vec<u8>, fault: Fault) -> Vec<u8> {
+    let end = answered.windows(4).position(|bytes| bytes == b"\r\n\r\n");
+    let (head, body) = answered.split_at(end.map_or(answered.len(), |at| at + 4));
+    let body = &body[..body.len() / 2];
+    let head = String::from_utf8_lossy(head);
+    let lines = head.split("\r\n").map(|line| {
+        let is_length = line.to_lowercase().starts_with("content-length:");
+        if is_length && fault == Fault::Short {
+            format!("Content-Length: {}", body.len())
+        } else {
+            line.to_owned()
+        }
+    });
+    let head = lines.collect::<Vec<_>>().join("\r\n");
+    [head.as_bytes(), body].concat()
+}
+
 impl Drop for Server {
     fn drop(&mut self) {
         let _killed = self.process.kill();
@@ -166,17 +266,21 @@ fn pass(mut client: TcpStream, to: u16, trouble: Trouble, met: &Mutex<BTreeSet<S
     };
 }
 
+/// The variables by which a command uses the depot at a port.
+fn variables(url: &str, port: u16) -> [(&'static str, String); 6] {
+    [
+        ("PIPELINE_DEPOT", url.to_owned()),
+        ("AWS_ACCESS_KEY_ID", "a-key".to_owned()),
+        ("AWS_SECRET_ACCESS_KEY", SECRET.to_owned()),
+        ("AWS_REGION", "us-east-1".to_owned()),
+        ("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{port}")),
+        ("AWS_ALLOW_HTTP", "true".to_owned()),
+    ]
+}
+
 /// Lets a command use the depot at a port.
 fn share(command: &mut Command, url: &str, port: u16) -> Output {
-    command
-        .env("PIPELINE_DEPOT", url)
-        .env("AWS_ACCESS_KEY_ID", "a-key")
-        .env("AWS_SECRET_ACCESS_KEY", SECRET)
-        .env("AWS_REGION", "us-east-1")
-        .env("AWS_ENDPOINT_URL", format!("http://127.0.0.1:{port}"))
-        .env("AWS_ALLOW_HTTP", "true")
-        .output()
-        .unwrap()
+    command.envs(variables(url, port)).output().unwrap()
 }
 
 fn well(output: &Output) -> String {
@@ -297,7 +401,7 @@ fn an_object_store_that_refuses_is_down_or_lacks_the_bucket_costs_one_warning() 
         let value = format!("first.add={added}");
         added += 1;
         let started = Instant::now();
-        let mut command = machine.command("run", &["--set", &value]);
+        let mut command = machine.command("run", &["--set", &value, "--depot-down", "alone"]);
         let said = well(&share(&mut command, url, port));
         assert_eq!(warnings(&said), 1, "{what}: {said}");
         // It is asked once, and not until some timeout for each of its files.
@@ -313,6 +417,138 @@ fn an_object_store_that_refuses_is_down_or_lacks_the_bucket_costs_one_warning() 
     server.process.kill().unwrap();
     server.process.wait().unwrap();
     costs_one_warning(DEPOT, server.port, "down");
+}
+
+/// Fills a depot; returns the machine that did.
+fn filled(server: &Server, url: &str, n_inputs: usize) -> Place {
+    let first = machine(n_inputs);
+    well(&share(&mut first.command("run", &[]), url, server.port));
+    first
+}
+
+#[test]
+fn one_answer_that_is_cut_short_refused_or_hung_makes_nothing_again() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    let first = filled(&server, DEPOT, 12);
+    let makes_nothing = |fault: Fault, what: &'static str, n_faults: usize| {
+        let port = server.faulty(fault, n_faults, move |line| line.contains(what));
+        let second = machine(12);
+        let said = well(&share(&mut second.command("run", &[]), DEPOT, port));
+        let context = format!("{fault:?} {what}: {said}");
+        assert_eq!(second.take_log(), [], "{context}");
+        assert_eq!(warnings(&said), 0, "{context}");
+        let mut pull = second.bare(&second.lake(), "pull");
+        well(&share(&mut pull, DEPOT, server.port));
+        assert_eq!(second.published(), first.published(), "{context}");
+    };
+    for fault in FAULTS {
+        makes_nothing(fault, "list-type=2", 1);
+        makes_nothing(fault, "/units/", 1);
+    }
+    // Several in a row, and one of each kind of file.
+    for (fault, what) in [
+        (Fault::Refused, "list-type=2"),
+        (Fault::Cut, "/blobs/"),
+        (Fault::Short, "/runs/"),
+        (Fault::Refused, "/format"),
+    ] {
+        makes_nothing(fault, what, 3);
+    }
+}
+
+#[test]
+fn a_fault_of_the_depot_ends_no_run_by_jobs_and_loses_no_result() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    for (fault, what) in [
+        (Fault::Hangs, "GET messages/ends"),
+        (Fault::Refused, "GET messages/ends"),
+        (Fault::Cut, "GET messages/ends"),
+        // The first tells that the worker is there; the second is a heartbeat.
+        (Fault::Hangs, "PUT messages/here"),
+        (Fault::Refused, "PUT units"),
+        (Fault::Hangs, "PUT blobs"),
+    ] {
+        let cluster = Cluster::new();
+        let table = format!(
+            "[slurm]\nheartbeat_timeout_s = 5\nlogs = \"{}\"\n",
+            cluster.path("logs").display()
+        );
+        put(&cluster.path("executors.toml"), table.as_bytes());
+        let (method, key) = what.split_once(' ').unwrap();
+        let is_heartbeat = key == "messages/here";
+        let n_seen = AtomicUsize::new(0);
+        let chosen = move |line: &str| {
+            let line = line.replace("%2F", "/");
+            let is_meant = line.starts_with(method) && line.contains(key);
+            is_meant && (!is_heartbeat || n_seen.fetch_add(1, Ordering::Relaxed) > 0)
+        };
+        let port = server.faulty(fault, 1, chosen);
+        let place = machine(1);
+        let url = format!("{DEPOT}/{fault:?}/{method}/{key}");
+        let mut run = cluster.with(place.held(&["--on", "slurm", "--until", "split"]));
+        run.envs(variables(&url, port));
+        let mut run = Running::start(run);
+        run.wait_for(&place, "p000");
+        thread::sleep(Duration::from_secs(3));
+        place.let_go("p000");
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{fault:?} {what}: {said}");
+        assert_eq!(place.take_log().len(), 1, "{fault:?} {what}: {said}");
+        assert_eq!(cluster.calls("submit").len(), 1, "{fault:?} {what}: {said}");
+        assert_eq!(cluster.calls("cancel").len(), 0, "{fault:?} {what}: {said}");
+    }
+}
+
+#[test]
+fn an_error_of_the_store_names_its_cause_once_and_what_to_do() {
+    let Some(server) = Server::start() else {
+        return;
+    };
+    let place = machine(2);
+    place.run_well(&[]);
+    let refused = server.faulty(Fault::Refused, usize::MAX, |_| true);
+    let push = |url: &str, port: u16, change: &dyn Fn(&mut Command)| {
+        let mut push = place.bare(&place.lake(), "push");
+        push.envs(variables(url, port));
+        change(&mut push);
+        let output = push.output().unwrap();
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{said}");
+        assert!(
+            !said.contains("<?xml") && !said.contains("<Code>"),
+            "{said}"
+        );
+        assert!(!said.contains("169.254"), "{said}");
+        let error = said.lines().find(|line| line.starts_with("error: "));
+        let error = error.unwrap_or_else(|| panic!("{said}")).to_owned();
+        (error, said)
+    };
+    let nothing = |_: &mut Command| {};
+    let no_credentials = |push: &mut Command| {
+        push.env_remove("AWS_ACCESS_KEY_ID")
+            .env_remove("AWS_SECRET_ACCESS_KEY")
+            .env("AWS_EC2_METADATA_DISABLED", "true");
+    };
+    let (error, said) = push("s3://nothing/here", server.port, &nothing);
+    assert_eq!(error.matches("bucket").count(), 1, "{error}");
+    assert!(error.contains("no bucket `nothing`"), "{error}");
+    assert!(
+        said.contains("hint: ") && said.contains("s3://nothing/here"),
+        "{said}"
+    );
+    let (error, said) = push(DEPOT, refused, &nothing);
+    assert_eq!(error.matches("Access Denied").count(), 1, "{error}");
+    assert!(
+        said.contains("hint: ") && said.contains("list, read, write and delete"),
+        "{said}"
+    );
+    let (error, said) = push(DEPOT, server.port, &no_credentials);
+    assert!(error.contains("no credentials"), "{error}");
+    assert!(said.contains("AWS_ACCESS_KEY_ID"), "{said}");
 }
 
 #[test]

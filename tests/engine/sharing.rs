@@ -22,6 +22,9 @@ use crate::place::{
 /// Longest delay of a run by a depot that is down, beyond the time that it takes alone.
 const LOST: Duration = Duration::from_secs(5);
 
+/// A run that goes on without a depot that is down.
+const ALONE: [&str; 2] = ["--depot-down", "alone"];
+
 /// The pipeline with another value, for which the inputs of `second` are read.
 const OTHER: [&str; 2] = ["--set", "second.add=9"];
 
@@ -391,7 +394,7 @@ fn a_depot_that_is_down_costs_one_warning_and_the_next_run_sends_the_rest() {
         let expected = first.undisturbed(&[]);
         break_it(&lab.depot());
         let started = Instant::now();
-        let ran = lab.run(&first, &[]);
+        let ran = lab.run(&first, &ALONE);
         let took = started.elapsed();
         assert!(took < 2 * LOST, "{name}: {took:?}");
         assert_eq!(warnings(&ran), 1, "{name}: {}", stderr(&ran));
@@ -420,7 +423,7 @@ fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
         for partition in 0..12 {
             second.let_go(&crate::place::name(partition));
         }
-        let mut run = Running::start(lab.share(second.held(&[])));
+        let mut run = Running::start(lab.share(second.held(&ALONE)));
         run.wait_for(&second, "held");
         break_it(&lab.depot());
         fs::remove_dir_all(second.path("gate")).unwrap();
@@ -696,7 +699,16 @@ fn a_depot_that_is_not_one_is_an_error_with_a_hint() {
     // One of another version is left alone.
     let lab = Lab::new();
     put(&lab.depot().join("format"), b"depot 99\n");
-    let ran = lab.run(&machine, &[]);
+    let ran = lab.run(&machine, &ALONE);
     assert_eq!(warnings(&ran), 1, "{}", stderr(&ran));
     assert_eq!(lab.keys("").len(), 1);
+    // Nor is it waited for.
+    let refused = lab.share(machine.command("run", &["--set", "first.add=5"]));
+    let refused = { refused }.output().unwrap();
+    let said = stderr(&refused);
+    assert_eq!(refused.status.code(), Some(1), "{said}");
+    assert!(
+        said.contains("error: the depot's layout is `depot 99`"),
+        "{said}"
+    );
 }

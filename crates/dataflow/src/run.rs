@@ -219,12 +219,20 @@ impl Runner<'_> {
         units: &'u [ListedUnit],
     ) -> Result<(Vec<UnitReport>, Vec<&'u ListedUnit>), Failure> {
         let (mut found, mut missing) = (Vec::with_capacity(units.len()), Vec::new());
+        let mut digests = Vec::with_capacity(units.len());
         for unit in units {
-            match self.found(node, unit)? {
+            let fingerprint = self.state.fingerprint(node, unit)?;
+            digests.push(fingerprint.map(|(_, digest)| digest));
+        }
+        let known = digests.iter().flatten().copied();
+        self.store.look_ahead(&node.name, known.collect());
+        for (unit, digest) in units.iter().zip(digests) {
+            match self.found(node, unit, digest)? {
                 Some(report) => found.push((unit, report)),
                 None => missing.push(unit),
             }
         }
+        self.store.look_ahead(&node.name, Vec::new());
         let outcomes: Vec<&RecordOutcome> = found.iter().map(|(_, it)| &*it.outcome).collect();
         let mut is_complete = self.store.fetch_published(&outcomes)?.into_iter();
         let mut made = Vec::with_capacity(units.len());
@@ -238,11 +246,16 @@ impl Runner<'_> {
     }
 
     /// Returns a unit's stored result, unless a rerun is forced.
-    fn found(&self, node: &Node, unit: &ListedUnit) -> Result<Option<UnitReport>, Failure> {
+    fn found(
+        &self,
+        node: &Node,
+        unit: &ListedUnit,
+        digest: Option<Digest>,
+    ) -> Result<Option<UnitReport>, Failure> {
         if self.options.is_forced(&node.name.stage) {
             return Ok(None);
         }
-        let Some((_, digest)) = self.state.fingerprint(node, unit)? else {
+        let Some(digest) = digest else {
             return Ok(None);
         };
         let outcome = self.store.lookup(&digest)?;

@@ -200,6 +200,9 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn enter(&self, pipeline: &str) -> Result<(), Advised>;
 
+    /// Notes which units of an output are looked up next.
+    fn look_ahead(&self, _node: &NodeName, _fingerprints: Vec<Digest>) {}
+
     /// Returns the result stored under a fingerprint's digest if its artifact is whole.
     ///
     /// # Errors

@@ -1,6 +1,6 @@
 //! Failures of a depot.
 
-use std::{error::Error, io, time::Duration};
+use std::{error::Error, io, sync::Arc, time::Duration};
 
 /// Failures of a depot.
 #[derive(Debug, thiserror::Error)]
@@ -16,6 +16,14 @@ pub enum DepotError {
         /// Why it failed.
         source: io::Error,
     },
+    /// The folder of a depot is not there.
+    #[error("the depot's folder `{folder}` cannot be used")]
+    Folder {
+        /// The folder.
+        folder: String,
+        /// Why not.
+        source: io::Error,
+    },
     /// A request to a store of another kind failed.
     #[error("cannot {action} `{key}` in the depot")]
     Store {
@@ -23,6 +31,10 @@ pub enum DepotError {
         action: &'static str,
         /// The key.
         key: String,
+        /// Suggested fix, if the cause is known.
+        hint: Option<String>,
+        /// Whether it is no matter of time.
+        is_lasting: bool,
         /// Why it failed.
         source: Box<dyn Error + Send + Sync>,
     },
@@ -42,12 +54,26 @@ pub enum DepotError {
         /// Behavior that violates the contract.
         why: String,
     },
-    /// A depot that failed before is not asked again by this process.
-    #[error("the depot is not asked any more: {why}")]
-    Offline {
-        /// The first failure.
-        why: String,
+    /// A depot has a layout of another version.
+    #[error("the depot's layout is `{found}`, which this version of the program does not know")]
+    Layout {
+        /// The layout found.
+        found: String,
     },
+    /// A request failed again and again.
+    #[error("the depot was down for {}", in_words(*lasted))]
+    Down {
+        /// Time since the first failure.
+        lasted: Duration,
+        /// The last failure.
+        source: Box<DepotError>,
+    },
+    /// A depot that is offline is not asked again.
+    #[error(transparent)]
+    Offline(Arc<DepotError>),
+    /// A depot that failed is not asked for a while.
+    #[error("the depot is not asked for a while after a failure")]
+    Resting,
 }
 
 impl DepotError {
@@ -61,15 +87,65 @@ impl DepotError {
         }
     }
 
-    /// Returns the error with its causes, in one line.
+    /// Whether the same request fails later as well.
+    pub fn is_lasting(&self) -> bool {
+        match self {
+            Self::Store { is_lasting, .. } => *is_lasting,
+            Self::Unreliable { .. } | Self::Layout { .. } => true,
+            Self::Down { source, .. } => source.is_lasting(),
+            Self::Offline(err) => err.is_lasting(),
+            Self::Io { .. } | Self::Folder { .. } | Self::Silent { .. } | Self::Resting => false,
+        }
+    }
+
+    /// Returns a suggested fix, if the cause is known.
+    pub fn hint(&self) -> Option<String> {
+        match self {
+            Self::Store { hint, .. } => hint.clone(),
+            Self::Io { source, .. } => match source.kind() {
+                io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded => {
+                    Some("free space there, e.g. by `pipeline gc --depot`".to_owned())
+                }
+                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => Some(
+                    "its folders must be writable by you: `chgrp lab DIR; chmod 2775 DIR`, and `umask 002`"
+                        .to_owned(),
+                ),
+                _ => None,
+            },
+            Self::Folder { folder, .. } => Some(format!(
+                "check that `{folder}` is mounted: `ls {folder}`; a new one must be made first"
+            )),
+            Self::Down { source, .. } => source.hint(),
+            Self::Offline(err) => err.hint(),
+            Self::Layout { .. } => {
+                Some("use the version of the program that the other machines use".to_owned())
+            }
+            Self::Silent { .. } | Self::Unreliable { .. } | Self::Resting => None,
+        }
+    }
+
+    /// Returns the error with its causes, in one line; a cause that the text before it ends in is left out.
     pub fn chain(&self) -> String {
         let mut text = self.to_string();
         let mut cause = self.source();
         while let Some(err) = cause {
-            text.push_str(": ");
-            text.push_str(&err.to_string());
+            let words = err.to_string();
+            if !text.ends_with(&words) {
+                text.push_str(": ");
+                text.push_str(&words);
+            }
             cause = err.source();
         }
         text
+    }
+}
+
+/// A duration in words.
+fn in_words(duration: Duration) -> String {
+    let seconds = duration.as_secs();
+    match seconds {
+        0..120 => format!("{seconds} s"),
+        120..7200 => format!("{} min", seconds / 60),
+        _ => format!("{} h", seconds / 3600),
     }
 }

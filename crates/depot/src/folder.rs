@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
     process,
     sync::{
-        LazyLock,
+        LazyLock, OnceLock,
         atomic::{AtomicU64, Ordering},
     },
 };
@@ -40,6 +40,8 @@ static MACHINE: LazyLock<String> = LazyLock::new(|| {
 /// A depot in a folder.
 pub struct FolderDepot {
     root: PathBuf,
+    /// A name in the folder that stays: that of a folder of files, or of a file.
+    known: OnceLock<PathBuf>,
 }
 
 impl FolderDepot {
@@ -48,6 +50,7 @@ impl FolderDepot {
     pub fn new(root: &Path) -> Self {
         Self {
             root: root.to_owned(),
+            known: OnceLock::new(),
         }
     }
 
@@ -55,13 +58,37 @@ impl FolderDepot {
         self.root.join(key)
     }
 
-    /// Checks that the folder is there.
-    fn check(&self) -> io::Result<()> {
-        if fs::metadata(&self.root)?.is_dir() {
-            Ok(())
-        } else {
-            Err(io::ErrorKind::NotADirectory.into())
+    /// Makes a system's error that of a request; it is the folder's where that is away.
+    fn failed(&self, action: &'static str, key: &str, err: io::Error) -> DepotError {
+        match self.check() {
+            Ok(()) => DepotError::io(action, key)(err),
+            Err(source) => DepotError::Folder {
+                folder: self.root.display().to_string(),
+                source,
+            },
         }
+    }
+
+    /// Checks that the folder is there; where a name in it is gone that stays, its file system is not mounted.
+    fn check(&self) -> io::Result<()> {
+        if !fs::metadata(&self.root)?.is_dir() {
+            return Err(io::ErrorKind::NotADirectory.into());
+        }
+        if let Some(known) = self.known.get()
+            && if_there(fs::symlink_metadata(known))?.is_none()
+        {
+            let what = format!("`{}` was there before", known.display());
+            return Err(io::Error::new(io::ErrorKind::NotFound, what));
+        }
+        Ok(())
+    }
+
+    /// Notes that there is a file of this key.
+    fn know(&self, key: &str) {
+        self.known.get_or_init(|| {
+            let first = key.split('/').next().unwrap_or_default();
+            self.root.join(first)
+        });
     }
 
     /// Checks that no folder of a key is a link, which would lead out of the depot. A person may have put
@@ -111,6 +138,7 @@ impl FolderDepot {
         let _gone = fs::remove_file(&beside);
         let put = placed?;
         path.parent().map_or(Ok(()), sync)?;
+        self.know(key);
         Ok(put)
     }
 
@@ -156,6 +184,7 @@ impl Depot for FolderDepot {
             let Some(mut file) = if_there(File::open(path))? else {
                 return Ok(false);
             };
+            self.know(key);
             let mut piece = vec![0; PIECE];
             loop {
                 let n_read = file.read(&mut piece)?;
@@ -165,12 +194,12 @@ impl Depot for FolderDepot {
                 }
             }
         };
-        read().map_err(DepotError::io("get", key))
+        read().map_err(|err| self.failed("get", key, err))
     }
 
     fn put(&self, key: &str, content: Content, mode: PutMode) -> Result<Put, DepotError> {
         let placed = self.place(key, content, mode);
-        placed.map_err(DepotError::io("put", key))
+        placed.map_err(|err| self.failed("put", key, err))
     }
 
     fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
@@ -185,19 +214,22 @@ impl Depot for FolderDepot {
                 modified: found.modified()?,
             }))
         };
-        look().map_err(DepotError::io("look for", key))
+        look().map_err(|err| self.failed("look for", key, err))
     }
 
     fn list(&self, prefix: &str, each: &mut dyn FnMut(Entry)) -> Result<(), DepotError> {
         let listed = self
             .check()
             .and_then(|()| self.each_below(&self.path(prefix), each));
-        listed.map_err(DepotError::io("list", prefix))
+        listed.map_err(|err| self.failed("list", prefix, err))
     }
 
     fn remove(&self, key: &str) -> Result<(), DepotError> {
-        let removed = if_there(fs::remove_file(self.path(key)));
-        removed.map(drop).map_err(DepotError::io("remove", key))
+        let remove = || match if_there(fs::remove_file(self.path(key)))? {
+            Some(()) => Ok(()),
+            None => self.check(),
+        };
+        remove().map_err(|err| self.failed("remove", key, err))
     }
 }
 
@@ -305,6 +337,38 @@ mod tests {
             fs::read_dir(folder.path().join(WRITING)).unwrap().count(),
             0
         );
+    }
+
+    #[test]
+    fn a_folder_that_is_away_or_not_mounted_is_no_empty_depot() {
+        let parent = tempfile::tempdir().unwrap();
+        let (folder, away) = (parent.path().join("depot"), parent.path().join("away"));
+        fs::create_dir(&folder).unwrap();
+        let depot = FolderDepot::new(&folder);
+        assert_eq!(get(&depot, "units/one"), None, "a new one is empty");
+        put(&depot, "units/one", b"one", PutMode::Always);
+        fs::rename(&folder, &away).unwrap();
+        for is_mount_point in [false, true] {
+            if is_mount_point {
+                fs::create_dir(&folder).unwrap();
+            }
+            let failed = [
+                depot.get("units/one", &mut |_| Ok(())).map(drop),
+                depot.head("units/one").map(drop),
+                depot.list("units", &mut |_| {}),
+                depot.remove("units/one"),
+            ];
+            for failed in failed {
+                let err = failed.unwrap_err();
+                assert!(matches!(err, DepotError::Folder { .. }), "{err:?}");
+                assert!(err.hint().unwrap().contains("mounted"));
+            }
+            let content = Content::of_bytes(Vec::new());
+            assert!(depot.put("units/two", content, PutMode::Always).is_err());
+        }
+        fs::remove_dir(&folder).unwrap();
+        fs::rename(&away, &folder).unwrap();
+        assert_eq!(get(&depot, "units/one"), Some(b"one".to_vec()));
     }
 
     #[test]

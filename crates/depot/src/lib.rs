@@ -17,8 +17,8 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! A [`Link`] makes requests to a depot that cannot hang and that are not made any more after one
-//! has failed, so that a depot that is down costs a run seconds, once.
+//! A [`Link`] makes requests to a depot that cannot hang, and that are made again while it is down, for as long as its
+//! [`Patience`] says.
 //!
 //! What this crate deliberately does not know: artifacts, digests, records. `lake` decides what the
 //! keys are and checks every byte that it fetches.
@@ -27,9 +27,11 @@ mod error;
 mod folder;
 mod interface;
 mod link;
+mod patience;
 mod watch;
 
 pub use error::DepotError;
 pub use folder::{FolderDepot, WRITING};
 pub use interface::{Content, Depot, Entry, Put, PutMode, Sink};
-pub use link::{Link, Traffic};
+pub use link::{Link, Opened, Piece, PieceSink, Told, Traffic};
+pub use patience::{Outage, Patience};

@@ -1,36 +1,58 @@
-//! Requests to a depot that cannot hang, and that stop at the first failure.
+//! Requests to a depot that cannot hang, and are repeated while it is down: a file system or a store that machines
+//! share has bad minutes, which are no end.
 
 use std::{
     io::{self, Read},
     sync::{
-        Arc, OnceLock,
+        Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant, SystemTime},
 };
 
 use crate::{
     DepotError,
-    interface::{Content, Depot, Entry, Put, PutMode, Sink},
+    interface::{Content, Depot, Entry, Put, PutMode},
+    patience::{ANSWER_TIMEOUT, Outage, Patience, SAID_AFTER, pause, timeout},
     watch::{Pass, watched},
 };
-
-/// Silence after which a depot counts as down: a run may lose 5 s to it in all.
-const ANSWER_TIMEOUT: Duration = Duration::from_secs(4);
 
 /// Bytes per second that any depot takes: the last answer to a large file may come late.
 const SLOWEST: u64 = 1_000_000;
 
 /// A connection to a depot.
 ///
-/// After a request has failed or was not answered, the depot is *offline* for this process: further
-/// requests fail at once, so that their callers go on without the depot.
+/// A request that fails or is not answered is made again, with growing pauses, as [`Patience`] says. Where that ends,
+/// the depot is *offline* for this link: further requests fail at once.
 pub struct Link {
     depot: Arc<dyn Depot>,
-    offline: OnceLock<String>,
+    patience: Patience,
+    told: Option<Arc<Told>>,
+    state: Mutex<State>,
+    /// Wakes requests that pause.
+    hurried: Condvar,
     n_requests: AtomicU64,
     bytes_got: AtomicU64,
     bytes_put: AtomicU64,
+}
+
+/// Receives outages when they have lasted for a while, and their ends.
+pub type Told = dyn Fn(&Outage) + Send + Sync;
+
+/// State of a link.
+struct State {
+    offline: Option<Arc<DepotError>>,
+    /// Times of the last success and the last failure, and of the first failure since the last success.
+    succeeded: Option<Instant>,
+    troubled: Option<Instant>,
+    down: Option<Instant>,
+    /// Why requests have failed since the last success.
+    failing: Option<String>,
+    /// Failures without a success between them, and the time before which nothing is asked, of a casual link.
+    n_failed: u32,
+    asked_from: Option<Instant>,
+    /// Requests whose outage was told.
+    n_told: usize,
 }
 
 /// Traffic of a link.
@@ -44,26 +66,102 @@ pub struct Traffic {
     pub bytes_put: u64,
 }
 
+impl std::ops::Add for Traffic {
+    type Output = Self;
+
+    fn add(self, other: Self) -> Self {
+        Self {
+            n_requests: self.n_requests + other.n_requests,
+            bytes_got: self.bytes_got + other.bytes_got,
+            bytes_put: self.bytes_put + other.bytes_put,
+        }
+    }
+}
+
+/// Piece of a file that is fetched.
+pub enum Piece<'a> {
+    /// The file begins, again where a request is repeated: what came before counts no more.
+    Begin,
+    /// Its next bytes.
+    Bytes(&'a [u8]),
+}
+
+/// Receives the pieces of a file.
+pub type PieceSink<'a> = dyn FnMut(Piece) -> io::Result<()> + 'a;
+
+/// Opens the content of a file to store, for each try anew.
+pub type Opened<'a> = dyn Fn() -> io::Result<Content> + 'a;
+
+/// One try of a request.
+type Work<T, R> = Box<dyn FnOnce(&dyn Depot, &mut Pass<T>) -> Result<R, DepotError> + Send>;
+
+/// Part of an answer.
+enum Part<T> {
+    Begin,
+    Next(T),
+}
+
 impl Link {
     /// Returns a link to a depot; nothing is asked of it yet.
-    pub fn new(depot: Arc<dyn Depot>) -> Self {
+    pub fn new(depot: Arc<dyn Depot>, patience: Patience) -> Self {
         Self {
             depot,
-            offline: OnceLock::new(),
+            patience,
+            told: None,
+            state: Mutex::new(State {
+                offline: None,
+                succeeded: None,
+                troubled: None,
+                down: None,
+                failing: None,
+                n_failed: 0,
+                asked_from: None,
+                n_told: 0,
+            }),
+            hurried: Condvar::new(),
             n_requests: AtomicU64::new(0),
             bytes_got: AtomicU64::new(0),
             bytes_put: AtomicU64::new(0),
         }
     }
 
+    /// Lets outages be told.
+    #[must_use]
+    pub fn telling(mut self, told: Option<Arc<Told>>) -> Self {
+        self.told = told;
+        self
+    }
+
     /// Returns why the depot is offline, if it is.
-    pub fn offline(&self) -> Option<&str> {
-        self.offline.get().map(String::as_str)
+    pub fn offline(&self) -> Option<String> {
+        self.state().offline.as_ref().map(|err| err.chain())
     }
 
     /// Takes the depot offline.
-    pub fn give_up(&self, why: String) {
-        self.offline.get_or_init(|| why);
+    pub fn give_up(&self, why: DepotError) -> DepotError {
+        let mut state = self.state();
+        let offline = state.offline.get_or_insert_with(|| Arc::new(why));
+        DepotError::Offline(Arc::clone(offline))
+    }
+
+    /// Returns when a request failed last, if one did.
+    pub fn troubled(&self) -> Option<Instant> {
+        self.state().troubled
+    }
+
+    /// Returns when a request succeeded last, if one did.
+    pub fn succeeded(&self) -> Option<Instant> {
+        self.state().succeeded
+    }
+
+    /// Returns for how long requests have failed without a success.
+    pub fn down_for(&self) -> Option<Duration> {
+        self.state().down.map(|since| since.elapsed())
+    }
+
+    /// Returns why requests have failed since the last success, if they have, or why the depot is offline.
+    pub fn failing(&self) -> Option<String> {
+        self.offline().or_else(|| self.state().failing.clone())
     }
 
     /// Returns the traffic of the link so far.
@@ -75,25 +173,37 @@ impl Link {
         }
     }
 
+    fn state(&self) -> MutexGuard<'_, State> {
+        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// Passes the bytes of a file to `sink`; returns whether there is such a file.
     ///
     /// # Errors
     ///
     /// Fails if the depot is offline, with the error of `sink`, which takes no depot offline, or if
     /// the request fails.
-    pub fn get(&self, key: &str, sink: &mut Sink) -> Result<bool, DepotError> {
-        let asked = key.to_owned();
-        let work = move |depot: &dyn Depot, pass: &mut Pass<Vec<u8>>| {
-            depot.get(&asked, &mut |bytes| {
-                let is_wanted = pass(bytes.to_vec());
-                is_wanted.then_some(()).ok_or_else(not_wanted)
-            })
+    pub fn get(&self, key: &str, sink: &mut PieceSink) -> Result<bool, DepotError> {
+        let work = || {
+            let asked = key.to_owned();
+            let work: Work<Vec<u8>, bool> = Box::new(move |depot, pass| {
+                depot.get(&asked, &mut |bytes| {
+                    let is_wanted = pass(bytes.to_vec());
+                    is_wanted.then_some(()).ok_or_else(not_wanted)
+                })
+            });
+            Ok(work)
         };
         let mut taken = Ok(());
-        let got = self.ask("get", key, ANSWER_TIMEOUT, work, |bytes: Vec<u8>| {
-            let n_bytes = bytes.len() as u64;
-            self.bytes_got.fetch_add(n_bytes, Ordering::Relaxed);
-            taken = sink(&bytes);
+        let got = self.ask("get", key, Duration::ZERO, work, |part| {
+            taken = match part {
+                Part::Begin => sink(Piece::Begin),
+                Part::Next(bytes) => {
+                    let n_bytes = bytes.len() as u64;
+                    self.bytes_got.fetch_add(n_bytes, Ordering::Relaxed);
+                    sink(Piece::Bytes(&bytes))
+                }
+            };
             taken.is_ok()
         });
         taken.map_err(DepotError::io("get", key))?;
@@ -108,7 +218,10 @@ impl Link {
     pub fn read(&self, key: &str) -> Result<Option<Vec<u8>>, DepotError> {
         let mut bytes = Vec::new();
         let is_there = self.get(key, &mut |piece| {
-            bytes.extend_from_slice(piece);
+            match piece {
+                Piece::Begin => bytes.clear(),
+                Piece::Bytes(piece) => bytes.extend_from_slice(piece),
+            }
             Ok(())
         })?;
         Ok(is_there.then_some(bytes))
@@ -118,30 +231,47 @@ impl Link {
     ///
     /// # Errors
     ///
-    /// Fails if the depot is offline, the content cannot be read or the request fails.
-    pub fn put(&self, key: &str, content: Content, mode: PutMode) -> Result<Put, DepotError> {
-        let size = content.size;
-        let asked = key.to_owned();
-        let is_unreadable = Arc::new(AtomicBool::new(false));
-        let content = Content {
-            size,
-            reader: Box::new(Watched {
-                reader: content.reader,
-                is_unreadable: Arc::clone(&is_unreadable),
-            }),
+    /// Fails if the depot is offline, the content cannot be opened or read, or the request fails.
+    pub fn put(&self, key: &str, open: &Opened, mode: PutMode) -> Result<Put, DepotError> {
+        let mut size = 0;
+        let work = || {
+            let content = open().map_err(DepotError::io("put", key))?;
+            let asked = key.to_owned();
+            let is_unreadable = Arc::new(AtomicBool::new(false));
+            let content = Content {
+                size: content.size,
+                reader: Box::new(Watched {
+                    reader: content.reader,
+                    is_unreadable: Arc::clone(&is_unreadable),
+                }),
+            };
+            size = content.size;
+            let work: Work<(), Put> = Box::new(move |depot, pass| {
+                let put = depot.put(&asked, content, mode);
+                // A content that cannot be read is no fault of the depot.
+                if is_unreadable.load(Ordering::Relaxed) {
+                    pass(());
+                }
+                put
+            });
+            Ok(work)
         };
-        let work = move |depot: &dyn Depot, pass: &mut Pass<()>| {
-            let put = depot.put(&asked, content, mode);
-            // A content that cannot be read is no fault of the depot.
-            if is_unreadable.load(Ordering::Relaxed) {
-                pass(());
-            }
-            put
-        };
-        let timeout = ANSWER_TIMEOUT + Duration::from_secs(size / SLOWEST);
-        let put = self.ask("put", key, timeout, work, |()| false)?;
+        let longest = open().map_err(DepotError::io("put", key))?.size / SLOWEST;
+        let longest = Duration::from_secs(longest);
+        let put = self.ask("put", key, longest, work, |part| {
+            matches!(part, Part::Begin)
+        })?;
         self.bytes_put.fetch_add(size, Ordering::Relaxed);
         Ok(put)
+    }
+
+    /// Stores a small file.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot is offline or the request fails.
+    pub fn put_bytes(&self, key: &str, bytes: &[u8], mode: PutMode) -> Result<Put, DepotError> {
+        self.put(key, &|| Ok(Content::of_bytes(bytes.to_vec())), mode)
     }
 
     /// Returns a file's size and time, if there is such a file.
@@ -150,9 +280,7 @@ impl Link {
     ///
     /// Fails if the depot is offline or the request fails.
     pub fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
-        let asked = key.to_owned();
-        let work = move |depot: &dyn Depot, _: &mut Pass<()>| depot.head(&asked);
-        self.ask("look for", key, ANSWER_TIMEOUT, work, |()| true)
+        self.ask_simply("look for", key, |depot, key| depot.head(key))
     }
 
     /// Lists every file whose key begins with `prefix` and `/`, in any order.
@@ -161,15 +289,21 @@ impl Link {
     ///
     /// Fails if the depot is offline or the request fails.
     pub fn list(&self, prefix: &str) -> Result<Vec<Entry>, DepotError> {
-        let asked = prefix.to_owned();
-        let work = move |depot: &dyn Depot, pass: &mut Pass<Entry>| {
-            depot.list(&asked, &mut |entry| {
-                let _is_wanted = pass(entry);
-            })
+        let work = || {
+            let asked = prefix.to_owned();
+            let work: Work<Entry, ()> = Box::new(move |depot, pass| {
+                depot.list(&asked, &mut |entry| {
+                    let _is_wanted = pass(entry);
+                })
+            });
+            Ok(work)
         };
         let mut entries = Vec::new();
-        self.ask("list", prefix, ANSWER_TIMEOUT, work, |entry| {
-            entries.push(entry);
+        self.ask("list", prefix, Duration::ZERO, work, |part| {
+            match part {
+                Part::Begin => entries.clear(),
+                Part::Next(entry) => entries.push(entry),
+            }
             true
         })?;
         Ok(entries)
@@ -181,48 +315,171 @@ impl Link {
     ///
     /// Fails if the depot is offline or the request fails.
     pub fn remove(&self, key: &str) -> Result<(), DepotError> {
-        let asked = key.to_owned();
-        let work = move |depot: &dyn Depot, _: &mut Pass<()>| depot.remove(&asked);
-        self.ask("remove", key, ANSWER_TIMEOUT, work, |()| true)
+        self.ask_simply("remove", key, |depot, key| depot.remove(key))
     }
 
-    /// Makes a request, if the depot is not offline, and takes it offline if that fails.
+    /// Makes a request whose answer has no parts.
+    fn ask_simply<R: Send + 'static>(
+        &self,
+        action: &'static str,
+        key: &str,
+        ask: fn(&dyn Depot, &str) -> Result<R, DepotError>,
+    ) -> Result<R, DepotError> {
+        let work = || {
+            let asked = key.to_owned();
+            let work: Work<(), R> = Box::new(move |depot, _| ask(depot, &asked));
+            Ok(work)
+        };
+        self.ask(action, key, Duration::ZERO, work, |_| true)
+    }
+
+    /// Makes a request, and again while it fails and this link is patient. `work` gives each try; `each` takes the
+    /// parts of the answer, and says whether it wants more.
     fn ask<T: Send + 'static, R: Send + 'static>(
         &self,
         action: &'static str,
         key: &str,
-        timeout: Duration,
-        work: impl FnOnce(&dyn Depot, &mut Pass<T>) -> Result<R, DepotError> + Send + 'static,
-        mut each: impl FnMut(T) -> bool,
+        longer: Duration,
+        mut work: impl FnMut() -> Result<Work<T, R>, DepotError>,
+        mut each: impl FnMut(Part<T>) -> bool,
     ) -> Result<R, DepotError> {
-        if let Some(why) = self.offline() {
-            let why = why.to_owned();
-            return Err(DepotError::Offline { why });
-        }
-        self.n_requests.fetch_add(1, Ordering::Relaxed);
-        let depot = Arc::clone(&self.depot);
-        let mut is_refused = false;
-        let answer = watched(
-            timeout,
-            move |pass| work(&*depot, pass),
-            |part| {
-                is_refused = is_refused || !each(part);
-                !is_refused
-            },
-        );
-        let answer = answer.unwrap_or_else(|| {
-            Err(DepotError::Silent {
+        self.check()?;
+        let (began, since) = (Instant::now(), SystemTime::now());
+        let mut is_told = false;
+        let mut n_failed = 0;
+        loop {
+            self.n_requests.fetch_add(1, Ordering::Relaxed);
+            let patience = self.patience.left(began);
+            let waited = longer + patience.map_or(ANSWER_TIMEOUT, |left| timeout(n_failed, left));
+            let work = work()?;
+            let depot = Arc::clone(&self.depot);
+            let mut is_refused = !each(Part::Begin);
+            let answer = watched(
+                waited,
+                move |pass| work(&*depot, pass),
+                |part| {
+                    is_refused = is_refused || !each(Part::Next(part));
+                    !is_refused
+                },
+            );
+            let silent = || DepotError::Silent {
                 action,
                 key: key.to_owned(),
-                waited: timeout,
-            })
-        });
-        if let Err(err) = &answer
-            && !is_refused
-        {
-            self.give_up(err.chain());
+                waited,
+            };
+            let err = match answer.unwrap_or_else(|| Err(silent())) {
+                Err(err) if is_refused => return Err(err),
+                Err(err) => err,
+                Ok(answer) => {
+                    self.success(is_told, since, began);
+                    return Ok(answer);
+                }
+            };
+            n_failed += 1;
+            self.failure(&err);
+            let left = self.patience.left(began).filter(|_| !err.is_lasting());
+            let Some(left) = left.filter(|left| !left.is_zero()) else {
+                return Err(self.end(err, is_told, began.elapsed()));
+            };
+            if began.elapsed() >= SAID_AFTER && !is_told {
+                is_told = true;
+                self.tell(&err, since, left);
+            }
+            self.pause(pause(n_failed).min(left));
+            self.check()?;
         }
-        answer
+    }
+
+    /// Makes requests that pause between two tries again at once.
+    pub fn hurry(&self) {
+        self.hurried.notify_all();
+    }
+
+    fn pause(&self, time: Duration) {
+        let waited = self.hurried.wait_timeout(self.state(), time);
+        drop(waited);
+    }
+
+    /// Fails if nothing is asked now.
+    fn check(&self) -> Result<(), DepotError> {
+        let state = self.state();
+        if let Some(err) = &state.offline {
+            return Err(DepotError::Offline(Arc::clone(err)));
+        }
+        match state.asked_from {
+            Some(from) if Instant::now() < from => Err(DepotError::Resting),
+            _ => Ok(()),
+        }
+    }
+
+    fn success(&self, is_told: bool, since: SystemTime, began: Instant) {
+        let mut state = self.state();
+        (state.n_failed, state.asked_from) = (0, None);
+        (state.down, state.failing) = (None, None);
+        state.succeeded = Some(Instant::now());
+        if is_told {
+            state.n_told -= 1;
+            if state.n_told == 0 {
+                drop(state);
+                self.say(&Outage {
+                    since,
+                    lasted: began.elapsed(),
+                    why: None,
+                    left: Duration::ZERO,
+                });
+            }
+        }
+    }
+
+    fn failure(&self, err: &DepotError) {
+        let mut state = self.state();
+        let now = Instant::now();
+        state.troubled = Some(now);
+        state.down.get_or_insert(now);
+        state.failing = Some(err.chain());
+        state.n_failed = state.n_failed.saturating_add(1);
+        if matches!(self.patience, Patience::Casual) {
+            state.asked_from = Some(now + pause(state.n_failed + Patience::CASUAL_FROM));
+        }
+    }
+
+    /// The error of a request that is not made again.
+    fn end(&self, err: DepotError, is_told: bool, lasted: Duration) -> DepotError {
+        if is_told {
+            self.state().n_told -= 1;
+        }
+        if !matches!(self.patience, Patience::For(_)) {
+            return err;
+        }
+        let err = if err.is_lasting() || lasted < SAID_AFTER {
+            err
+        } else {
+            DepotError::Down {
+                lasted,
+                source: Box::new(err),
+            }
+        };
+        self.give_up(err)
+    }
+
+    fn tell(&self, err: &DepotError, since: SystemTime, left: Duration) {
+        let mut state = self.state();
+        state.n_told += 1;
+        if state.n_told == 1 {
+            drop(state);
+            self.say(&Outage {
+                since,
+                lasted: SAID_AFTER,
+                why: Some(err.chain()),
+                left,
+            });
+        }
+    }
+
+    fn say(&self, outage: &Outage) {
+        if let Some(told) = &self.told {
+            told(outage);
+        }
     }
 }
 
@@ -246,117 +503,4 @@ fn not_wanted() -> io::Error {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::time::SystemTime;
-
-    use super::*;
-
-    /// A depot whose every request fails, is refused or is never answered.
-    enum Broken {
-        Fails,
-        Hangs,
-    }
-
-    impl Broken {
-        fn ask<T>(&self) -> Result<T, DepotError> {
-            match self {
-                Self::Fails => Err(DepotError::io("get", "key")(io::Error::other("down"))),
-                Self::Hangs => loop {
-                    std::thread::park();
-                },
-            }
-        }
-    }
-
-    impl Depot for Broken {
-        fn get(&self, _: &str, _: &mut Sink) -> Result<bool, DepotError> {
-            self.ask()
-        }
-
-        fn put(&self, _: &str, _: Content, _: PutMode) -> Result<Put, DepotError> {
-            self.ask()
-        }
-
-        fn head(&self, _: &str) -> Result<Option<Entry>, DepotError> {
-            self.ask()
-        }
-
-        fn list(&self, _: &str, _: &mut dyn FnMut(Entry)) -> Result<(), DepotError> {
-            self.ask()
-        }
-
-        fn remove(&self, _: &str) -> Result<(), DepotError> {
-            self.ask()
-        }
-    }
-
-    /// A depot that takes and gives anything.
-    struct Willing;
-
-    impl Depot for Willing {
-        fn get(&self, _: &str, sink: &mut Sink) -> Result<bool, DepotError> {
-            sink(b"bytes").map_err(DepotError::io("get", "key"))?;
-            Ok(true)
-        }
-
-        fn put(&self, _: &str, mut content: Content, _: PutMode) -> Result<Put, DepotError> {
-            let read = content.reader.read_to_end(&mut Vec::new());
-            read.map_err(DepotError::io("put", "key"))?;
-            Ok(Put::New)
-        }
-
-        fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
-            Ok(Some(Entry {
-                key: key.to_owned(),
-                size: 5,
-                modified: SystemTime::UNIX_EPOCH,
-            }))
-        }
-
-        fn list(&self, _: &str, _: &mut dyn FnMut(Entry)) -> Result<(), DepotError> {
-            Ok(())
-        }
-
-        fn remove(&self, _: &str) -> Result<(), DepotError> {
-            Ok(())
-        }
-    }
-
-    #[test]
-    fn a_depot_that_fails_or_hangs_is_asked_once() {
-        for (broken, why) in [(Broken::Fails, "down"), (Broken::Hangs, "did not answer")] {
-            let link = Link::new(Arc::new(broken));
-            assert!(link.head("key").is_err());
-            assert!(
-                link.offline().unwrap().contains(why),
-                "{:?}",
-                link.offline()
-            );
-            assert!(matches!(link.read("key"), Err(DepotError::Offline { .. })));
-            assert_eq!(link.traffic().n_requests, 1);
-        }
-    }
-
-    #[test]
-    fn unreadable_content_and_refused_bytes_are_no_fault_of_the_depot() {
-        struct Unreadable;
-        impl Read for Unreadable {
-            fn read(&mut self, _: &mut [u8]) -> io::Result<usize> {
-                Err(io::Error::other("damaged"))
-            }
-        }
-        let link = Link::new(Arc::new(Willing));
-        let content = Content {
-            size: 5,
-            reader: Box::new(Unreadable),
-        };
-        let put = link.put("key", content, PutMode::Always);
-        assert!(put.unwrap_err().chain().contains("damaged"));
-        let mut refuse = |_: &[u8]| Err(io::Error::other("too long"));
-        let got = link.get("key", &mut refuse);
-        assert!(got.unwrap_err().chain().contains("too long"));
-        assert_eq!(link.offline(), None);
-        assert_eq!(link.read("key").unwrap().unwrap(), b"bytes");
-        assert_eq!(link.traffic().bytes_got, 10);
-    }
-}
+mod tests;

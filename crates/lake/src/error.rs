@@ -299,11 +299,10 @@ impl Advise for LakeError {
                 "mount the depot, or run without it where no other machine moves this robot".to_owned(),
             ),
             Self::NoDepot => Some("name one, e.g. `export PIPELINE_DEPOT=/mnt/lab/depot`".to_owned()),
-            Self::Depot(_) => Some(
-                "check that it is mounted and can be written by you; results stay in the lake until \
-                 then"
-                    .to_owned(),
-            ),
+            Self::Depot(err) => Some(err.hint().unwrap_or_else(|| {
+                "check that it can be reached and written by you; results stay in the lake until then"
+                    .to_owned()
+            })),
             Self::LostInDepot { .. } => Some(
                 "`pipeline verify --depot` lists what is damaged in it; a run of its pipeline makes it again"
                     .to_owned(),

@@ -12,20 +12,24 @@ use crate::{
     digests::OnBytes,
     lake::Lake,
     published,
-    shared::{Shared, key_of, keys},
+    shared::{Item, Shared, key_of, keys},
     verify::{Fault, Verified},
 };
 
 /// Time without a limit.
 const NO_LIMIT: Duration = Duration::from_hours(10 * 24);
 
+/// Time for which a person waits for a depot that is down.
+const LONGEST_DOWN: Duration = Duration::from_secs(30);
+
 impl Lake {
-    /// Sends every result of the lake's runs that the depot lacks, and waits for it.
+    /// Sends every result that the depot lacks, of the lake's runs or left to be sent, and waits for it. Returns how many
+    /// of them are still to be sent; what a run beside it makes meanwhile is that run's to send.
     ///
     /// # Errors
     ///
     /// Fails if the lake has no depot, or it or a record of the lake cannot be read.
-    pub fn push(&self) -> Result<(), LakeError> {
+    pub fn push(&self) -> Result<usize, LakeError> {
         let shared = self.depot()?;
         self.check_exists()?;
         self.prepare()?;
@@ -43,7 +47,17 @@ impl Lake {
                 shared.send_run(number)?;
             }
         }
-        shared.finish(NO_LIMIT)
+        let asked: HashSet<Item> = shared.outbox.list()?.into_iter().collect();
+        shared.finish(NO_LIMIT, LONGEST_DOWN)?;
+        let left = shared.outbox.list()?.into_iter();
+        let mut n_left = 0;
+        for item in left.filter(|item| asked.contains(item)) {
+            if let Item::Unit(fingerprint) = item {
+                // One without a record is being made.
+                n_left += usize::from(self.records.is_whole(&fingerprint)?);
+            }
+        }
+        Ok(n_left)
     }
 
     /// Fetches the files of the newest results that were left in the depot, of these outputs or of

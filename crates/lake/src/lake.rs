@@ -23,9 +23,12 @@ use crate::{
     mount,
     records::{Provenance, Records},
     register::{Register, Run},
-    shared::{Shared, SharingReport},
+    shared::{Shared, Sharing, SharingReport},
     sources::Sources,
 };
+
+/// Time for which the end of a run waits for a depot that does not answer.
+const DOWN: Duration = Duration::from_secs(2);
 
 /// A folder of artifacts.
 pub struct Lake {
@@ -65,20 +68,30 @@ impl Lake {
 
     /// Shares results with other machines in a depot; nothing is asked of it yet.
     #[must_use]
-    pub fn with_depot(mut self, depot: Arc<dyn Depot>) -> Self {
-        self.shared = Some(Shared::new(depot, &self.folder));
+    pub fn with_depot(mut self, depot: &Arc<dyn Depot>, sharing: Sharing) -> Self {
+        self.shared = Some(Shared::new(depot, &self.folder, sharing));
         self
     }
 
-    /// Sends the results made so far to the depot, for at most `patience`; the rest is sent later.
+    /// Sends the results made so far to the depot, for at most `patience`, or seconds where it is down; the rest is
+    /// sent later.
     ///
     /// # Errors
     ///
     /// Fails if the lake cannot be read.
     pub fn finish_sending(&self, patience: Duration) -> Result<(), LakeError> {
-        self.shared
-            .as_ref()
-            .map_or(Ok(()), |shared| shared.finish(patience))
+        let shared = self.shared.as_ref();
+        shared.map_or(Ok(()), |shared| shared.finish(patience, DOWN))
+    }
+
+    /// Sends the results made so far to the depot, for at most `patience`, whether it is down or not.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the lake cannot be read.
+    pub fn send_all(&self, patience: Duration) -> Result<(), LakeError> {
+        let shared = self.shared.as_ref();
+        shared.map_or(Ok(()), |shared| shared.finish(patience, patience))
     }
 
     /// Returns a report of the results that this process shared with its depot, if it has one.
@@ -267,6 +280,12 @@ impl Lake {
     pub fn is_depot_offline(&self) -> bool {
         let shared = self.shared.as_ref();
         shared.is_some_and(Shared::is_offline)
+    }
+
+    /// Whether the lake has a depot, and it is not asked any more or does not take results now.
+    pub fn is_depot_down(&self) -> bool {
+        let shared = self.shared.as_ref();
+        shared.is_some_and(Shared::is_down)
     }
 
     /// Whether a blob was left in the depot.

@@ -107,6 +107,6 @@ pub use error::LakeError;
 pub use lake::Lake;
 pub use records::Provenance;
 pub use register::Run;
-pub use shared::SharingReport;
+pub use shared::{Sharing, SharingReport, ToldTrouble, Trouble, WhenDown};
 pub use unit::{ReadInputs, WriteArtifact};
 pub use verify::{Fault, Verified};

@@ -1,8 +1,8 @@
 //! Sharing of results between a lake and a depot, which several machines use.
 //!
 //! A lake with a depot finds in it what it does not have: a record is looked up there, and a blob is
-//! fetched when something asks for its bytes. What the lake makes is sent there beside the work. All of it is
-//! optional: a lake goes on without a depot that is down, and checks its bytes as they come.
+//! fetched when something asks for its bytes. What the lake makes is sent there beside the work. A depot that is
+//! down is asked again for as long as [`Sharing`] says; bytes are checked as they come.
 
 mod check;
 mod claims;
@@ -17,23 +17,24 @@ mod send;
 
 use std::{
     collections::{BTreeSet, HashSet},
+    ops::Add,
     sync::{
         Arc, Mutex,
         atomic::{AtomicUsize, Ordering},
     },
-    time::Duration,
+    time::{Duration, Instant},
 };
 
-use dataflow::{Digest, FileRef, RecordOutcome};
-use depot::{Depot, DepotError, Entry, Traffic};
+use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
+use depot::{Depot, Entry, Outage, Patience, Told, Traffic};
 
 use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
 
-pub(crate) use self::{index::SharedRun, send::key_of};
+pub(crate) use self::{index::SharedRun, marks::Item, send::key_of};
 use self::{
     index::{FoundRecord, Index},
-    marks::{Item, Outbox, Unfetched},
-    remote::Remote,
+    marks::{Outbox, Unfetched},
+    remote::{Layout, Remote},
     send::Sender,
 };
 
@@ -56,13 +57,72 @@ pub struct SharingReport {
     pub n_damaged: usize,
     /// Units that came out differently here than on the machine, named second, that sent them first.
     pub differing: Vec<(String, String)>,
-    /// Why the depot is not asked any more, if it is not.
+    /// Why the depot is not asked any more, if the lake goes on alone.
     pub offline: Option<String>,
+    /// Why results could not be sent at last, if that is so.
+    pub unsent: Option<String>,
 }
+
+/// How a lake uses its depot.
+#[derive(Clone)]
+pub struct Sharing {
+    /// Time for which a request that one cannot do without is made again.
+    pub patience: Duration,
+    /// What follows after that.
+    pub when_down: WhenDown,
+    /// Receives outages.
+    pub told: Option<Arc<ToldTrouble>>,
+}
+
+impl Default for Sharing {
+    /// Seconds, and then alone.
+    fn default() -> Self {
+        Self {
+            patience: Duration::from_secs(5),
+            when_down: WhenDown::Alone,
+            told: None,
+        }
+    }
+}
+
+/// What follows when a depot stays down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum WhenDown {
+    /// An error.
+    Fail,
+    /// The lake goes on alone: what it lacks is made here.
+    Alone,
+}
+
+/// An outage of a depot.
+#[derive(Debug, Clone)]
+pub struct Trouble {
+    /// The outage.
+    pub outage: Outage,
+    /// Whether it is about results that are sent beside the work, for which nothing waits.
+    pub is_of_sending: bool,
+    /// Units that are being looked up and are not here: their output and their number.
+    pub at_stake: Option<(NodeName, usize)>,
+}
+
+/// Receives outages of a depot.
+pub type ToldTrouble = dyn Fn(&Trouble) + Send + Sync;
+
+/// The units that are being looked up: their output, and those that are not here.
+type AtStake = Arc<Mutex<Option<(NodeName, Vec<Digest>)>>>;
 
 /// The depot of a lake, and its known content.
 pub(crate) struct Shared {
+    /// For what one cannot do without.
     remote: Arc<Remote>,
+    /// For what one can do without.
+    casual: Remote,
+    /// For heartbeats, which must not wait for anything else.
+    heartbeats: Remote,
+    /// For results that are sent beside the work.
+    sending: Arc<Remote>,
+    when_down: WhenDown,
+    at_stake: AtStake,
     folder: Folder,
     index: Index,
     pub(crate) outbox: Outbox,
@@ -79,12 +139,36 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub(crate) fn new(depot: Arc<dyn Depot>, folder: &Folder) -> Self {
-        let remote = Arc::new(Remote::new(depot));
+    pub(crate) fn new(depot: &Arc<dyn Depot>, folder: &Folder, sharing: Sharing) -> Self {
+        let layout = Arc::new(Layout::default());
+        let at_stake = AtStake::default();
+        let told = |is_of_sending: bool| -> Option<Arc<Told>> {
+            let told = sharing.told.clone()?;
+            let (at_stake, records) = (Arc::clone(&at_stake), Records::new(folder.clone()));
+            Some(Arc::new(move |outage: &Outage| {
+                let at_stake = lock(&at_stake);
+                let at_stake = at_stake.as_ref().filter(|_| !is_of_sending);
+                let is_absent = |unit: &&Digest| !records.path(unit).exists();
+                told(&Trouble {
+                    outage: outage.clone(),
+                    is_of_sending,
+                    at_stake: at_stake.map(|(node, units)| {
+                        (node.clone(), units.iter().filter(is_absent).count())
+                    }),
+                });
+            }))
+        };
+        let link = |patience, told| Remote::new(depot, &layout, patience, told);
+        let sending = Arc::new(link(Patience::ENDLESS, told(true)));
         let lost = Arc::default();
         Self {
-            sender: Sender::new(Arc::clone(&remote), folder, Arc::clone(&lost)),
-            remote,
+            sender: Sender::new(Arc::clone(&sending), folder, Arc::clone(&lost)),
+            remote: Arc::new(link(Patience::For(sharing.patience), told(false))),
+            casual: link(Patience::Casual, None),
+            heartbeats: link(Patience::Once, None),
+            sending,
+            when_down: sharing.when_down,
+            at_stake,
             folder: folder.clone(),
             index: Index::default(),
             outbox: Outbox::new(folder),
@@ -102,9 +186,32 @@ impl Shared {
         self.index.enter(pipeline);
     }
 
+    /// Notes which units of an output are looked up next, so that an outage says what is at stake.
+    pub(crate) fn look_ahead(&self, node: &NodeName, units: Vec<Digest>) {
+        *lock(&self.at_stake) = Some((node.clone(), units));
+    }
+
     /// Asks for the record of a unit that another machine has just made.
-    pub(crate) fn expect(&self, fingerprint: &Digest) {
-        self.index.expect(&self.remote, fingerprint);
+    pub(crate) fn expect(&self, fingerprint: &Digest) -> Result<bool, LakeError> {
+        let there = self.index.expect(&self.remote, fingerprint);
+        self.or_alone(there.map_err(Into::into))
+    }
+
+    /// Returns an answer of the depot, or that of an empty one where it is down and the lake goes on alone.
+    fn or_alone<T: Default>(&self, answer: Result<T, LakeError>) -> Result<T, LakeError> {
+        match answer {
+            Err(LakeError::Depot(_)) if self.when_down == WhenDown::Alone => Ok(T::default()),
+            answer => answer,
+        }
+    }
+
+    /// Returns when the depot failed last, if it did.
+    pub(crate) fn troubled(&self) -> Option<Instant> {
+        let links = [&*self.remote, &self.heartbeats, &*self.sending];
+        links
+            .into_iter()
+            .filter_map(|it| it.idle().troubled())
+            .max()
     }
 
     /// Marks files to be sent again, of which the depot may have lost some.
@@ -114,7 +221,7 @@ impl Shared {
 
     /// Sends a file that the depot lacks; returns whether it is there now.
     pub(crate) fn offer(&self, file: &FileRef) -> Result<bool, LakeError> {
-        self.sender.offer(file)
+        self.sender.offer(&self.remote, file)
     }
 
     /// Whether a blob was left in the depot.
@@ -131,6 +238,11 @@ impl Shared {
         self.remote.idle().offline().is_some()
     }
 
+    /// Whether it is not asked any more, or does not take results now.
+    pub(crate) fn is_down(&self) -> bool {
+        self.is_offline() || self.sending.idle().failing().is_some()
+    }
+
     /// Returns a result from the depot, whose files can be fetched.
     pub(crate) fn lookup(
         &self,
@@ -138,7 +250,8 @@ impl Shared {
         blobs: &Blobs,
         fingerprint: &Digest,
     ) -> Result<Option<Arc<RecordOutcome>>, LakeError> {
-        let Some((stored, recipe)) = self.index.record(&self.remote, records, fingerprint)? else {
+        let found = self.index.record(&self.remote, records, fingerprint);
+        let Some((stored, recipe)) = self.or_alone(found)? else {
             return Ok(None);
         };
         let files = stored
@@ -201,27 +314,22 @@ impl Shared {
 
     /// Lists the fingerprints of all records in the depot.
     pub(crate) fn fingerprints(&self) -> Result<HashSet<Digest>, LakeError> {
-        let offline = || DepotError::Offline {
-            why: self.remote.idle().offline().unwrap_or_default().to_owned(),
-        };
-        let found = Index::fingerprints(&self.remote);
-        found.ok_or_else(|| offline().into())
+        Ok(Index::fingerprints(&self.remote)?)
     }
 
     /// Lists the files below a prefix.
     pub(crate) fn list(&self, prefix: &str) -> Result<Vec<Entry>, LakeError> {
-        Ok(self.remote.link().list(prefix)?)
+        Ok(self.remote.list(prefix)?)
     }
 
     /// Returns a small file, if there is one.
     pub(crate) fn read(&self, key: &str) -> Result<Option<Vec<u8>>, LakeError> {
-        Ok(self.remote.link().read(key)?)
+        Ok(self.remote.read(key)?)
     }
 
     /// The error of a depot that is not asked any more, if it is not.
     pub(crate) fn offline(&self) -> Option<LakeError> {
-        let why = self.remote.idle().offline()?.to_owned();
-        Some(DepotError::Offline { why }.into())
+        self.remote.link().err().map(Into::into)
     }
 
     /// The error of a blob that the depot has lost.
@@ -236,21 +344,31 @@ impl Shared {
         self.sender.start();
     }
 
-    /// Waits until everything is sent, the depot is offline, or for `patience`.
-    pub(crate) fn finish(&self, patience: Duration) -> Result<(), LakeError> {
+    /// Waits until everything is sent, for `patience`, or for `longest_down` where the depot is down.
+    pub(crate) fn finish(
+        &self,
+        patience: Duration,
+        longest_down: Duration,
+    ) -> Result<(), LakeError> {
         if !self.outbox.list()?.is_empty() {
-            self.sender.finish(patience);
+            self.sender.finish(patience, longest_down);
         }
         Ok(())
     }
 
     pub(crate) fn report(&self) -> Result<SharingReport, LakeError> {
-        let link = self.remote.idle();
+        let links = [
+            &*self.remote,
+            &self.casual,
+            &self.heartbeats,
+            &*self.sending,
+        ];
+        let traffic = links.map(|it| it.idle().traffic());
         let sent = self.sender.sent();
         let waiting = self.outbox.list()?;
         let is_unit = |item: &&Item| matches!(item, Item::Unit(_));
         Ok(SharingReport {
-            traffic: link.traffic(),
+            traffic: traffic.into_iter().fold(Traffic::default(), Add::add),
             n_units_found: self.n_found.load(Ordering::Relaxed),
             n_files_fetched: self.n_fetched.load(Ordering::Relaxed),
             n_units_sent: sent.n_units,
@@ -258,7 +376,13 @@ impl Shared {
             n_units_waiting: waiting.iter().filter(is_unit).count(),
             n_damaged: lock(&self.damaged).len(),
             differing: sent.differing.into_iter().collect(),
-            offline: link.offline().map(str::to_owned),
+            // Where it is not gone on alone, that is an error.
+            offline: self
+                .remote
+                .idle()
+                .offline()
+                .filter(|_| self.when_down == WhenDown::Alone),
+            unsent: self.sending.idle().failing(),
         })
     }
 }

@@ -133,6 +133,12 @@ impl Store for Lake {
         Ok(())
     }
 
+    fn look_ahead(&self, node: &NodeName, fingerprints: Vec<Digest>) {
+        if let Some(shared) = &self.shared {
+            shared.look_ahead(node, fingerprints);
+        }
+    }
+
     fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
         match self.find(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
@@ -182,7 +188,7 @@ impl Store for Lake {
         }
         match &self.shared {
             Some(shared) => {
-                shared.expect(fingerprint);
+                shared.expect(fingerprint)?;
                 let found = shared.lookup(&self.records, &self.blobs, fingerprint)?;
                 self.adopt()?;
                 Ok(found)
@@ -326,7 +332,7 @@ impl Store for Lake {
         let history = history::keep(self, &run, record, units)?;
         self.register.end(run, record.clone(), history)?;
         if let Some(shared) = &self.shared {
-            if shared.is_offline() {
+            if shared.is_down() {
                 // Processes that were started without it marked nothing.
                 for (unit, _) in units.iter().filter(|(unit, _)| unit.made_now) {
                     shared.send_unit(&unit.fingerprint)?;

@@ -8,6 +8,7 @@
 //! the condition keeps the last of several that come at once; their bytes are checked wherever they
 //! are used, so that it is only less economical.
 
+mod causes;
 mod parts;
 mod store;
 

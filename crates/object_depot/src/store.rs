@@ -14,9 +14,9 @@ use object_store::{
 };
 use tokio::runtime::{Builder, Runtime};
 
-use crate::parts;
+use crate::{causes::Cause, parts};
 
-/// Retries of a request, and the time for all of them: a depot that is down is done without.
+/// Retries of a request, and the time for all of them: whoever asks goes on with longer pauses (`depot::Link`).
 const RETRIES: usize = 2;
 const RETRIED_WITHIN: Duration = Duration::from_secs(3);
 
@@ -35,6 +35,8 @@ pub struct InvalidUrl(#[from] Boxed);
 pub struct ObjectDepot {
     store: Arc<dyn ObjectStore>,
     runtime: Runtime,
+    bucket: String,
+    url: String,
 }
 
 impl ObjectDepot {
@@ -70,7 +72,21 @@ impl ObjectDepot {
         Ok(Self {
             store: Arc::new(PrefixStore::new(s3, prefix.trim_matches('/'))),
             runtime,
+            bucket: bucket.to_owned(),
+            url: url.to_owned(),
         })
+    }
+
+    fn failed(&self, action: &'static str, key: &str, err: Boxed) -> DepotError {
+        // What the reader or the sink of a request failed with is no answer of the store.
+        let cause = Cause::of(&err, &self.bucket, &self.url);
+        DepotError::Store {
+            action,
+            key: key.to_owned(),
+            hint: cause.hint.clone(),
+            is_lasting: cause.is_lasting,
+            source: Box::new(cause),
+        }
     }
 }
 
@@ -121,7 +137,9 @@ impl Depot for ObjectDepot {
             }
             Ok(true)
         };
-        self.runtime.block_on(got).map_err(failed("get", key))
+        self.runtime
+            .block_on(got)
+            .map_err(|err| self.failed("get", key, err))
     }
 
     fn put(&self, key: &str, mut content: Content, mode: PutMode) -> Result<Put, DepotError> {
@@ -155,12 +173,14 @@ impl Depot for ObjectDepot {
                 }
             }
         };
-        self.runtime.block_on(put).map_err(failed("put", key))
+        self.runtime
+            .block_on(put)
+            .map_err(|err| self.failed("put", key, err))
     }
 
     fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
         let found = self.runtime.block_on(self.store.head(&Path::from(key)));
-        let found = if_there(found).map_err(failed("look for", key))?;
+        let found = if_there(found).map_err(|err| self.failed("look for", key, err))?;
         Ok(found.as_ref().map(entry))
     }
 
@@ -175,12 +195,12 @@ impl Depot for ObjectDepot {
         };
         self.runtime
             .block_on(listed)
-            .map_err(failed("list", prefix))
+            .map_err(|err| self.failed("list", prefix, err))
     }
 
     fn remove(&self, key: &str) -> Result<(), DepotError> {
         let removed = self.runtime.block_on(self.store.delete(&Path::from(key)));
-        if_there(removed).map_err(failed("remove", key))?;
+        if_there(removed).map_err(|err| self.failed("remove", key, err))?;
         Ok(())
     }
 }
@@ -218,15 +238,6 @@ fn is_bucket_missing(err: &(dyn std::error::Error + 'static)) -> bool {
         cause = err.source();
     }
     false
-}
-
-fn failed(action: &'static str, key: &str) -> impl FnOnce(Boxed) -> DepotError {
-    let key = key.to_owned();
-    move |source| DepotError::Store {
-        action,
-        key,
-        source,
-    }
 }
 
 #[cfg(test)]

@@ -12,7 +12,7 @@ use std::{
 };
 
 use dataflow::{Digest, RecordOutcome};
-use depot::{Content, DepotError, Link, Put, PutMode};
+use depot::{DepotError, Link, Piece, Put, PutMode};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
@@ -42,7 +42,7 @@ impl Shared {
         &self,
         on_bytes: &OnBytes,
     ) -> Result<(usize, u64, Vec<KeyFault>), DepotError> {
-        let link = self.remote.link();
+        let link = self.remote.link()?;
         let mut entries = Vec::new();
         // A record comes after its files, so it is listed before them.
         let prefixes = [
@@ -93,8 +93,7 @@ impl Shared {
     pub(crate) fn try_out(&self) -> Result<bool, DepotError> {
         let link = self.remote.to_write()?;
         let key = format!("doctor/{}", atomic::process_name());
-        let content = || Content::of_bytes(TRIED.to_vec());
-        link.put(&key, content(), PutMode::IfAbsent)?;
+        link.put_bytes(&key, TRIED, PutMode::IfAbsent)?;
         let read = link.read(&key)?;
         link.remove(&key)?;
         Ok(read.as_deref() == Some(TRIED))
@@ -105,10 +104,7 @@ impl Shared {
     pub(crate) fn check_creates(&self) -> Result<(), DepotError> {
         let link = self.remote.to_write()?;
         let key = format!("doctor/{}-twice", atomic::process_name());
-        let create = || {
-            let content = Content::of_bytes(TRIED.to_vec());
-            link.put(&key, content, PutMode::IfAbsent)
-        };
+        let create = || link.put_bytes(&key, TRIED, PutMode::IfAbsent);
         create()?;
         let again = create()?;
         link.remove(&key)?;
@@ -122,7 +118,7 @@ impl Shared {
 
     /// Removes a file from the depot.
     pub(crate) fn remove(&self, key: &Path) -> Result<(), DepotError> {
-        self.remote.link().remove(&key.to_string_lossy())
+        self.remote.link()?.remove(&key.to_string_lossy())
     }
 }
 
@@ -144,7 +140,10 @@ impl Checker<'_> {
         if key.starts_with(keys::BLOBS) {
             let mut hasher = blake3::Hasher::new();
             let is_there = self.link.get(key, &mut |piece| {
-                hasher.update(piece);
+                match piece {
+                    Piece::Begin => hasher.reset(),
+                    Piece::Bytes(bytes) => hasher.update(bytes),
+                };
                 Ok(())
             })?;
             let digest = Digest::from(*hasher.finalize().as_bytes());

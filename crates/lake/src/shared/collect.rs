@@ -11,7 +11,7 @@ use std::{
 };
 
 use dataflow::{Digest, RecordOutcome};
-use depot::{Content, DepotError, Entry, Link, PutMode, WRITING};
+use depot::{DepotError, Entry, Link, PutMode, WRITING};
 
 use super::{Shared, index::SharedRun, keys};
 use crate::{
@@ -56,7 +56,7 @@ impl ReferencedKeys {
 impl Shared {
     /// Lists the unreferenced files; of each pipeline on each machine the newest `n_runs` are kept.
     pub(crate) fn garbage(&self, records: &Records, n_runs: usize) -> Result<Garbage, LakeError> {
-        let link = self.remote.link();
+        let link = self.remote.link()?;
         let before = oldest_kept(link)?;
         let is_old = |entry: &Entry| entry.modified < before;
         let mut kept = ReferencedKeys::default();
@@ -135,7 +135,7 @@ fn series(key: &str) -> (String, String) {
 /// just now.
 fn oldest_kept(link: &Link) -> Result<SystemTime, LakeError> {
     let key = format!("clock/{}", atomic::process_name());
-    link.put(&key, Content::of_bytes(Vec::new()), PutMode::Always)?;
+    link.put_bytes(&key, b"", PutMode::Always)?;
     let stored = link.head(&key)?;
     link.remove(&key)?;
     let now = stored

@@ -2,7 +2,7 @@
 
 use std::{
     fs::{self, File},
-    io::{self, Write},
+    io::{self, Seek, Write},
     panic::resume_unwind,
     path::Path,
     sync::atomic::{AtomicUsize, Ordering},
@@ -10,6 +10,7 @@ use std::{
 };
 
 use dataflow::{Digest, FileRef};
+use depot::Piece;
 
 use super::{Shared, keys};
 use crate::{
@@ -70,6 +71,11 @@ impl Shared {
         for _ in 0..TRIES {
             let beside = atomic::temporary_name(&staging);
             let came = self.download(file, &beside);
+            // A depot that is offline may still have it.
+            if let Err(LakeError::Depot(_)) = came {
+                let _gone = fs::remove_file(&beside);
+                return self.or_alone(came.map(|_| false));
+            }
             if let Ok(FetchOutcome::Whole) = came {
                 blobs.take_fetched(&beside, digest)?;
                 self.unfetched.remove(digest);
@@ -84,11 +90,8 @@ impl Shared {
                 FetchOutcome::Whole | FetchOutcome::Nothing => break,
             }
         }
-        // A depot that is offline may still have it.
-        if self.remote.idle().offline().is_none() {
-            lock(&self.lost).insert(*digest);
-            self.unfetched.remove(digest);
-        }
+        lock(&self.lost).insert(*digest);
+        self.unfetched.remove(digest);
         Ok(false)
     }
 
@@ -97,31 +100,40 @@ impl Shared {
         let mut to = File::create_new(beside).map_err(io_error("write", beside))?;
         let mut hasher = blake3::Hasher::new();
         let mut left = file.size;
-        let mut written = Ok(());
-        let got = self
-            .remote
-            .link()
-            .get(&keys::blob(&file.digest), &mut |piece| {
-                left = left
-                    .checked_sub(piece.len() as u64)
-                    .ok_or_else(|| io::Error::other("too long"))?;
-                hasher.update(piece);
-                written = to.write_all(piece);
-                if written.is_err() {
-                    return Err(io::Error::other("cannot be kept"));
+        let (mut written, mut is_too_long) = (Ok(()), false);
+        let link = self.remote.link()?;
+        let got = link.get(&keys::blob(&file.digest), &mut |piece| {
+            written = match piece {
+                Piece::Begin => {
+                    hasher.reset();
+                    left = file.size;
+                    to.rewind().and_then(|()| to.set_len(0))
                 }
-                Ok(())
-            });
+                Piece::Bytes(bytes) => {
+                    hasher.update(bytes);
+                    let rest = left.checked_sub(bytes.len() as u64);
+                    is_too_long = rest.is_none();
+                    left = rest.ok_or_else(|| io::Error::other("too long"))?;
+                    to.write_all(bytes)
+                }
+            };
+            let is_written = written.is_ok();
+            is_written
+                .then_some(())
+                .ok_or_else(|| io::Error::other("cannot be kept"))
+        });
         written.map_err(io_error("write", beside))?;
+        if is_too_long {
+            return Ok(FetchOutcome::Damaged);
+        }
         let is_whole = || left == 0 && Digest::from(*hasher.finalize().as_bytes()) == file.digest;
-        match got {
-            Ok(false) => Ok(FetchOutcome::Nothing),
-            Ok(true) if is_whole() => {
+        match got? {
+            false => Ok(FetchOutcome::Nothing),
+            true if is_whole() => {
                 to.sync_all().map_err(io_error("write", beside))?;
                 Ok(FetchOutcome::Whole)
             }
-            Err(_) if self.remote.idle().offline().is_some() => Ok(FetchOutcome::Nothing),
-            Ok(true) | Err(_) => Ok(FetchOutcome::Damaged),
+            true => Ok(FetchOutcome::Damaged),
         }
     }
 }

@@ -11,6 +11,7 @@ use std::{
 };
 
 use dataflow::{Digest, OutputFingerprint, PipelineName, text_of};
+use depot::DepotError;
 use serde::{Deserialize, Serialize};
 
 use super::{keys, remote::Remote};
@@ -125,12 +126,20 @@ impl Index {
         }
     }
 
-    /// Asks for a record, however lately the names of all were listed.
-    pub(crate) fn expect(&self, remote: &Remote, fingerprint: &Digest) {
-        let mut known = lock(&self.0);
-        if !known.records.contains_key(fingerprint) {
-            known.fetch(remote, fingerprint);
+    /// Asks for a record, however lately the names of all were listed; returns whether it is there.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot cannot be asked.
+    pub(crate) fn expect(&self, remote: &Remote, fingerprint: &Digest) -> Result<bool, DepotError> {
+        if lock(&self.0).records.contains_key(fingerprint) {
+            return Ok(true);
         }
+        let found = fetch(remote, fingerprint)?;
+        let is_there = found.is_some();
+        let found = found.map(|stored| (*fingerprint, stored));
+        lock(&self.0).records.extend(found);
+        Ok(is_there)
     }
 
     /// Drops a record that is stored here now: there may be very many.
@@ -139,7 +148,11 @@ impl Index {
     }
 
     /// Lists the fingerprints of all records.
-    pub(crate) fn fingerprints(remote: &Remote) -> Option<HashSet<Digest>> {
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot cannot be asked.
+    pub(crate) fn fingerprints(remote: &Remote) -> Result<HashSet<Digest>, DepotError> {
         names(remote).map(|names| names.digests)
     }
 
@@ -151,7 +164,7 @@ impl Index {
         fingerprint: &Digest,
     ) -> Result<Option<FoundRecord>, LakeError> {
         let mut known = lock(&self.0);
-        let Some(stored) = known.stored(remote, fingerprint) else {
+        let Some(stored) = known.stored(remote, fingerprint)? else {
             return Ok(None);
         };
         let Some(recipe) = known.recipe(remote, records, &stored.recipe)? else {
@@ -163,9 +176,13 @@ impl Index {
 }
 
 impl IndexedRecords {
-    fn stored(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
+    fn stored(
+        &mut self,
+        remote: &Remote,
+        fingerprint: &Digest,
+    ) -> Result<Option<Arc<Stored>>, DepotError> {
         if let Some(stored) = self.records.get(fingerprint) {
-            return Some(Arc::clone(stored));
+            return Ok(Some(Arc::clone(stored)));
         }
         if self.names.is_none() && self.n_single < N_SINGLE {
             self.n_single += 1;
@@ -180,30 +197,30 @@ impl IndexedRecords {
             self.names = Some(names(remote)?);
         }
         if !self.names.as_ref().is_some_and(is_named) {
-            return None;
+            return Ok(None);
         }
-        while self.read_run(remote).is_some() {
+        while self.read_run(remote)? {
             if let Some(stored) = self.records.get(fingerprint) {
-                return Some(Arc::clone(stored));
+                return Ok(Some(Arc::clone(stored)));
             }
         }
         self.fetch(remote, fingerprint)
     }
 
-    fn fetch(&mut self, remote: &Remote, fingerprint: &Digest) -> Option<Arc<Stored>> {
-        let key = keys::record(fingerprint);
-        let bytes = remote.read(&key)?;
-        let stored: Stored = sealed::parse_exact(Path::new(&key), &bytes).ok()?;
-        if stored.fingerprint != *fingerprint {
-            return None;
+    fn fetch(
+        &mut self,
+        remote: &Remote,
+        fingerprint: &Digest,
+    ) -> Result<Option<Arc<Stored>>, DepotError> {
+        let found = fetch(remote, fingerprint)?;
+        if let Some(stored) = &found {
+            self.records.insert(*fingerprint, Arc::clone(stored));
         }
-        let stored = Arc::new(stored);
-        self.records.insert(*fingerprint, Arc::clone(&stored));
-        Some(stored)
+        Ok(found)
     }
 
-    /// Reads the records of one more run of the pipeline, if there is one.
-    fn read_run(&mut self, remote: &Remote) -> Option<()> {
+    /// Reads the records of one more run of the pipeline; returns whether there was one.
+    fn read_run(&mut self, remote: &Remote) -> Result<bool, DepotError> {
         if self.runs.is_none() {
             let mut runs = remote.list(&keys::runs(&self.pipeline))?;
             runs.sort_by_key(|run| run.modified);
@@ -211,10 +228,11 @@ impl IndexedRecords {
             let newest = runs.into_iter().skip(from).map(|run| run.key);
             self.runs = Some(newest.collect());
         }
-        let key = self.runs.as_mut()?.pop()?;
-        let read = remote.read(&key);
+        let Some(key) = self.runs.as_mut().and_then(Vec::pop) else {
+            return Ok(false);
+        };
         // One that is damaged or of another version has no records.
-        let run = read.and_then(|bytes| SharedRun::parse(&key, &bytes).ok());
+        let run = remote.parsed(&key, |bytes| SharedRun::parse(&key, bytes).ok())?;
         for stored in run.into_iter().flat_map(|run| {
             let recipes = run.recipes.into_iter();
             self.recipes
@@ -224,7 +242,7 @@ impl IndexedRecords {
             let record = self.records.entry(stored.fingerprint);
             record.or_insert_with(|| Arc::new(stored));
         }
-        Some(())
+        Ok(true)
     }
 
     fn recipe(
@@ -236,11 +254,13 @@ impl IndexedRecords {
         if let Some(recipe) = self.recipes.get(digest) {
             return Ok(Some(Arc::clone(recipe)));
         }
-        let here = records.recipe(digest)?;
-        let recipe = here.or_else(|| {
-            let key = keys::recipe(digest);
-            parse_recipe(Path::new(&key), &remote.read(&key)?).ok()
-        });
+        let recipe = match records.recipe(digest)? {
+            Some(here) => Some(here),
+            None => {
+                let key = keys::recipe(digest);
+                remote.parsed(&key, |bytes| parse_recipe(Path::new(&key), bytes).ok())?
+            }
+        };
         let recipe = recipe.map(Arc::new);
         if let Some(recipe) = &recipe {
             self.recipes.insert(*digest, Arc::clone(recipe));
@@ -249,14 +269,24 @@ impl IndexedRecords {
     }
 }
 
+/// Returns the record of a unit, if the depot has a whole one.
+fn fetch(remote: &Remote, fingerprint: &Digest) -> Result<Option<Arc<Stored>>, DepotError> {
+    let key = keys::record(fingerprint);
+    let stored: Option<Stored> = remote.parsed(&key, |bytes| {
+        sealed::parse_exact(Path::new(&key), bytes).ok()
+    })?;
+    let stored = stored.filter(|stored| stored.fingerprint == *fingerprint);
+    Ok(stored.map(Arc::new))
+}
+
 /// The names of all records in a depot.
-fn names(remote: &Remote) -> Option<Names> {
+fn names(remote: &Remote) -> Result<Names, DepotError> {
     let listed = Instant::now();
     let entries = remote.list(keys::UNITS)?;
     let digests = entries
         .iter()
         .filter_map(|entry| keys::digest_of(&entry.key));
-    Some(Names {
+    Ok(Names {
         digests: digests.collect(),
         listed,
         took: listed.elapsed(),

@@ -21,7 +21,7 @@ use crate::{
 const RUN: &str = "run-";
 
 /// An item to be sent to the depot.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Item {
     /// A unit, by its fingerprint.
     Unit(Digest),

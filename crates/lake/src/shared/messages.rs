@@ -1,9 +1,11 @@
 //! Small files in the depot by which a run and its workers communicate: orders and their outcomes.
 
-use dataflow::FileRef;
-use depot::{Content, PutMode};
+use std::time::Duration;
 
-use super::keys;
+use dataflow::FileRef;
+use depot::PutMode;
+
+use super::{Shared, keys};
 use crate::{LakeError, lake::Lake};
 
 /// Messages between a run and its workers in the depot.
@@ -13,14 +15,28 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the lake has no depot, or that cannot be used.
-    pub fn leave_message(&self, key: &str, bytes: Vec<u8>) -> Result<(), LakeError> {
+    pub fn leave_message(&self, key: &str, bytes: &[u8]) -> Result<(), LakeError> {
         let link = self.depot()?.remote.to_write()?;
-        link.put(
-            &keys::message(key),
-            Content::of_bytes(bytes),
-            PutMode::Always,
-        )?;
+        link.put_bytes(&keys::message(key), bytes, PutMode::Always)?;
         Ok(())
+    }
+
+    /// Leaves a heartbeat under a key: on a link of its own, and without a second try, since another follows.
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`Lake::leave_message`] does.
+    pub fn leave_heartbeat(&self, key: &str, bytes: &[u8]) -> Result<(), LakeError> {
+        let link = self.depot()?.heartbeats.to_write()?;
+        link.put_bytes(&keys::message(key), bytes, PutMode::Always)?;
+        Ok(())
+    }
+
+    /// Returns the time since the depot failed last, if it ever did: what has not been heard of in it since then may
+    /// still be alive.
+    pub fn untroubled_for(&self) -> Option<Duration> {
+        let troubled = self.shared.as_ref().and_then(Shared::troubled);
+        troubled.map(|last| last.elapsed())
     }
 
     /// Returns the message under a key, if there is one.
@@ -29,7 +45,7 @@ impl Lake {
     ///
     /// Fails as [`Lake::leave_message`] does.
     pub fn message(&self, key: &str) -> Result<Option<Vec<u8>>, LakeError> {
-        Ok(self.depot()?.remote.link().read(&keys::message(key))?)
+        Ok(self.depot()?.remote.read(&keys::message(key))?)
     }
 
     /// Lists the keys of the messages below a prefix, in order.
@@ -38,7 +54,7 @@ impl Lake {
     ///
     /// Fails as [`Lake::leave_message`] does.
     pub fn messages(&self, prefix: &str) -> Result<Vec<String>, LakeError> {
-        let found = self.depot()?.remote.link().list(&keys::message(prefix))?;
+        let found = self.depot()?.remote.list(&keys::message(prefix))?;
         let below = format!("{}/", keys::MESSAGES);
         let keys = found.iter().filter_map(|it| it.key.strip_prefix(&below));
         let mut keys: Vec<String> = keys.map(str::to_owned).collect();

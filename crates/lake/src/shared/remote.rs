@@ -1,49 +1,65 @@
-//! The depot as the lake asks it: a failure means doing without.
+//! The depot as the lake asks it.
 
-use std::sync::{Arc, Mutex, OnceLock};
+use std::sync::{Arc, Mutex};
 
-use depot::{Content, Depot, DepotError, Entry, Link, Put, PutMode};
+use depot::{Depot, DepotError, Entry, Link, Patience, Put, PutMode, Told};
 
 use super::keys;
 use crate::mutex::lock;
 
-/// A depot, of whose layout's version the first request makes sure.
+/// Tries of a file that came damaged, and of one that is said to be there and is not: what is damaged on its way is
+/// whole the next time.
+const TRIES: usize = 3;
+
+/// A depot of whose layout's version the first request makes sure.
 pub(crate) struct Remote {
     link: Link,
-    /// Whether the depot had a layout when it was first asked.
-    is_laid_out: OnceLock<bool>,
-    /// Whether its layout was written.
-    laid_out: Mutex<bool>,
+    layout: Arc<Layout>,
+}
+
+/// What is known of the layout, by all links of a process.
+#[derive(Default)]
+pub(crate) struct Layout {
+    /// Whether the depot had one when it was first asked.
+    found: Mutex<Option<bool>>,
+    /// Whether it was written.
+    written: Mutex<bool>,
 }
 
 impl Remote {
-    pub(crate) fn new(depot: Arc<dyn Depot>) -> Self {
+    pub(crate) fn new(
+        depot: &Arc<dyn Depot>,
+        layout: &Arc<Layout>,
+        patience: Patience,
+        told: Option<Arc<Told>>,
+    ) -> Self {
         Self {
-            link: Link::new(depot),
-            is_laid_out: OnceLock::new(),
-            laid_out: Mutex::new(false),
+            link: Link::new(Arc::clone(depot), patience).telling(told),
+            layout: Arc::clone(layout),
         }
     }
 
-    /// The link, whose depot has this layout or is empty, or is offline.
-    pub(crate) fn link(&self) -> &Link {
-        self.is_laid_out();
-        &self.link
+    /// The link, whose depot has this layout or is empty.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot is offline or has another layout.
+    pub(crate) fn link(&self) -> Result<&Link, DepotError> {
+        self.is_laid_out()?;
+        Ok(&self.link)
     }
 
-    fn is_laid_out(&self) -> bool {
-        *self.is_laid_out.get_or_init(|| {
-            let Ok(Some(found)) = self.link.read(keys::FORMAT) else {
-                return false;
-            };
-            if found != keys::VERSION {
-                let found = String::from_utf8_lossy(&found).trim().to_owned();
-                self.link.give_up(format!(
-                    "its layout is `{found}`, which this version of the program does not know"
-                ));
-            }
-            true
-        })
+    fn is_laid_out(&self) -> Result<bool, DepotError> {
+        if let Some(found) = *lock(&self.layout.found) {
+            return Ok(found);
+        }
+        let found = self.link.read(keys::FORMAT)?;
+        if let Some(found) = found.as_ref().filter(|found| *found != keys::VERSION) {
+            let found = String::from_utf8_lossy(found).trim().to_owned();
+            return Err(self.link.give_up(DepotError::Layout { found }));
+        }
+        *lock(&self.layout.found) = Some(found.is_some());
+        Ok(found.is_some())
     }
 
     /// The link, of which nothing is asked by this.
@@ -57,25 +73,54 @@ impl Remote {
     ///
     /// Fails if the depot is offline.
     pub(crate) fn to_write(&self) -> Result<&Link, DepotError> {
-        let mut laid_out = lock(&self.laid_out);
-        if !*laid_out {
-            if !self.is_laid_out() {
-                let version = Content::of_bytes(keys::VERSION.to_vec());
-                self.link.put(keys::FORMAT, version, PutMode::IfAbsent)?;
+        if !*lock(&self.layout.written) {
+            if !self.is_laid_out()? {
+                self.link
+                    .put_bytes(keys::FORMAT, keys::VERSION, PutMode::IfAbsent)?;
             }
-            *laid_out = true;
+            *lock(&self.layout.written) = true;
         }
         Ok(&self.link)
     }
 
-    /// Returns a small file; `None` if there is none or the depot is offline.
-    pub(crate) fn read(&self, key: &str) -> Option<Vec<u8>> {
-        self.link().read(key).ok().flatten()
+    /// Returns a small file, if there is one.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot cannot be asked.
+    pub(crate) fn read(&self, key: &str) -> Result<Option<Vec<u8>>, DepotError> {
+        self.link()?.read(key)
     }
 
-    /// Lists the files below a prefix; `None` if the depot is offline.
-    pub(crate) fn list(&self, prefix: &str) -> Option<Vec<Entry>> {
-        self.link().list(prefix).ok()
+    /// Returns what is in a small file; `None` if there is none, or it is damaged there.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot cannot be asked.
+    pub(crate) fn parsed<T>(
+        &self,
+        key: &str,
+        parse: impl Fn(&[u8]) -> Option<T>,
+    ) -> Result<Option<T>, DepotError> {
+        let link = self.link()?;
+        for _ in 0..TRIES {
+            let Some(bytes) = link.read(key)? else {
+                return Ok(None);
+            };
+            if let Some(parsed) = parse(&bytes) {
+                return Ok(Some(parsed));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Lists the files below a prefix.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the depot cannot be asked.
+    pub(crate) fn list(&self, prefix: &str) -> Result<Vec<Entry>, DepotError> {
+        self.link()?.list(prefix)
     }
 
     /// Stores a small file if there is none at its key; returns the bytes of another that is there.
@@ -84,12 +129,10 @@ impl Remote {
     ///
     /// Fails if the depot is offline or unreliable.
     pub(crate) fn create(&self, key: &str, bytes: &[u8]) -> Result<Option<Vec<u8>>, DepotError> {
-        // A store may say that there is a file and have none, where another's answer was lost.
-        const TRIES: usize = 3;
         let link = self.to_write()?;
+        // A store may say that there is a file and have none, where another's answer was lost.
         for _ in 0..TRIES {
-            let content = Content::of_bytes(bytes.to_vec());
-            if link.put(key, content, PutMode::IfAbsent)? == Put::New {
+            if link.put_bytes(key, bytes, PutMode::IfAbsent)? == Put::New {
                 return Ok(None);
             }
             if let Some(there) = link.read(key)? {

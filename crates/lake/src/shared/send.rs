@@ -7,7 +7,7 @@ use std::{
     path::Path,
     sync::{
         Arc, Condvar, Mutex, PoisonError,
-        atomic::{AtomicUsize, Ordering},
+        atomic::{AtomicBool, AtomicUsize, Ordering},
     },
     thread,
     time::{Duration, Instant, SystemTime},
@@ -129,27 +129,35 @@ impl Sender {
         }
     }
 
-    /// Waits until everything that is complete is sent, the depot is offline, or for `patience`.
-    pub(crate) fn finish(&self, patience: Duration) {
+    /// Waits until everything that is complete is sent, for `patience`, or for `longest_down` where the depot is down.
+    pub(crate) fn finish(&self, patience: Duration, longest_down: Duration) {
         self.start();
-        let until = Instant::now() + patience;
+        let began = Instant::now();
+        let until = began + patience;
+        self.work.remote.idle().hurry();
         let mut passes = lock(&self.work.passes);
         passes.n_asked += 1;
         let asked = passes.n_asked;
         self.work.changed.notify_all();
         while passes.n_done < asked {
             let left = until.saturating_duration_since(Instant::now());
-            if left.is_zero() {
+            let link = self.work.remote.idle();
+            let is_down = || {
+                let is_silent = link.succeeded().is_none_or(|last| last < began);
+                let is_long = link.down_for().is_some_and(|down| down > longest_down);
+                (is_silent || is_long) && began.elapsed() > longest_down
+            };
+            if left.is_zero() || is_down() {
                 return;
             }
-            let waited = self.work.changed.wait_timeout(passes, left);
+            let waited = self.work.changed.wait_timeout(passes, left.min(EVERY));
             passes = waited.unwrap_or_else(PoisonError::into_inner).0;
         }
     }
 
-    /// Sends a file that the depot lacks; returns whether it is there now.
-    pub(crate) fn offer(&self, file: &FileRef) -> Result<bool, LakeError> {
-        self.work.send_blob(file).map_err(|err| match err {
+    /// Sends a file that the depot lacks, by this link; returns whether it is there now.
+    pub(crate) fn offer(&self, remote: &Remote, file: &FileRef) -> Result<bool, LakeError> {
+        self.work.send_blob(remote, file).map_err(|err| match err {
             Unsent::Depot(err) => err.into(),
             Unsent::Lake(err) => err,
         })
@@ -230,9 +238,10 @@ impl Work {
             .into_iter()
             .flat_map(|files| files.values())
         {
-            if !self.send_blob(file)? {
-                // It is not here whole, so that its unit will be made again.
-                lock(&self.sent).n_damaged += 1;
+            if !self.send_blob(&self.remote, file)? {
+                // It is not here whole, so that its unit will be made again, unless it was collected meanwhile.
+                let is_collected = self.records.read(fingerprint)?.is_none();
+                lock(&self.sent).n_damaged += usize::from(!is_collected);
                 return Ok(self.outbox.remove(item)?);
             }
         }
@@ -240,7 +249,7 @@ impl Work {
         let path = self.records.path(fingerprint);
         let bytes = sealed::seal(&path, &stored)?;
         if let Some(there) = self.remote.create(&keys::record(fingerprint), &bytes)? {
-            self.compare(&stored, bytes, &there)?;
+            self.compare(&stored, &bytes, &there)?;
         }
         lock(&self.sent).n_units += 1;
         Ok(self.outbox.remove(item)?)
@@ -248,15 +257,13 @@ impl Work {
 
     /// Compares a record with the one that was there first. Of two that differ the first stays; one
     /// that is damaged is replaced.
-    fn compare(&self, stored: &Stored, bytes: Vec<u8>, there: &[u8]) -> Result<(), Unsent> {
+    fn compare(&self, stored: &Stored, bytes: &[u8], there: &[u8]) -> Result<(), Unsent> {
         let fingerprint = &stored.fingerprint;
         let key = keys::record(fingerprint);
         let first: Option<Stored> = sealed::parse(Path::new(&key), there).ok();
         let Some(first) = first.filter(|first| first.fingerprint == *fingerprint) else {
-            let content = Content::of_bytes(bytes);
-            self.remote
-                .to_write()?
-                .put(&key, content, PutMode::Always)?;
+            let link = self.remote.to_write()?;
+            link.put_bytes(&key, bytes, PutMode::Always)?;
             return Ok(());
         };
         if first.outcome == stored.outcome {
@@ -266,10 +273,8 @@ impl Work {
         let differing = (unit, first.provenance.host);
         lock(&self.sent).differing.insert(differing);
         let key = keys::differing(fingerprint, &atomic::process_name());
-        let content = Content::of_bytes(bytes);
-        self.remote
-            .to_write()?
-            .put(&key, content, PutMode::Always)?;
+        let link = self.remote.to_write()?;
+        link.put_bytes(&key, bytes, PutMode::Always)?;
         Ok(())
     }
 
@@ -284,7 +289,7 @@ impl Work {
             let there = link.head(&key)?;
             let is_whole = |it: &Entry| it.size == bytes.len() as u64 && is_recent(it.modified);
             if !there.is_some_and(|it| is_whole(&it)) {
-                link.put(&key, Content::of_bytes(bytes), PutMode::Always)?;
+                link.put_bytes(&key, &bytes, PutMode::Always)?;
             }
             lock(&self.there).insert(*digest);
         }
@@ -292,14 +297,14 @@ impl Work {
     }
 
     /// Sends a blob, unless it is there; returns whether it is there now.
-    fn send_blob(&self, file: &FileRef) -> Result<bool, Unsent> {
+    fn send_blob(&self, remote: &Remote, file: &FileRef) -> Result<bool, Unsent> {
         let digest = &file.digest;
         let is_lost = lock(&self.lost).contains(digest);
         if lock(&self.there).contains(digest) && !is_lost {
             return Ok(true);
         }
         let key = keys::blob(digest);
-        let link = self.remote.to_write()?;
+        let link = remote.to_write()?;
         let there = if is_lost { None } else { link.head(&key)? };
         let there = there.filter(|it| it.size == file.size);
         if there.as_ref().is_some_and(|it| is_recent(it.modified)) {
@@ -307,19 +312,22 @@ impl Work {
             return Ok(true);
         }
         let path = self.blobs.path(digest);
-        let opened = match atomic::open(&path) {
+        match atomic::open(&path) {
             Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(there.is_some()),
             opened => opened.map_err(atomic::io_error("read", &path))?,
         };
-        let content = Content {
-            size: file.size,
-            reader: Box::new(VerifiedBytes::new(opened, file)),
+        let is_damaged = Arc::new(AtomicBool::new(false));
+        let open = || {
+            let opened = atomic::open(&path)?;
+            Ok(Content {
+                size: file.size,
+                reader: Box::new(VerifiedBytes::new(opened, file, &is_damaged)),
+            })
         };
-        match link.put(&key, content, PutMode::Always) {
+        match link.put(&key, &open, PutMode::Always) {
             Ok(_) => {}
-            Err(err) if link.offline().is_some() => return Err(err.into()),
-            // It is damaged here.
-            Err(_) => return Ok(false),
+            Err(_) if is_damaged.load(Ordering::Relaxed) => return Ok(false),
+            Err(err) => return Err(err.into()),
         }
         lock(&self.there).insert(*digest);
         lock(&self.lost).remove(digest);
@@ -363,10 +371,8 @@ impl Work {
             recipes,
         };
         let bytes = sealed::seal(Path::new(&key), &shared)?;
-        let content = Content::of_bytes(bytes);
-        self.remote
-            .to_write()?
-            .put(&key, content, PutMode::Always)?;
+        let link = self.remote.to_write()?;
+        link.put_bytes(&key, &bytes, PutMode::Always)?;
         Ok(self.outbox.remove(item)?)
     }
 }
@@ -392,11 +398,14 @@ struct VerifiedBytes {
     hasher: blake3::Hasher,
     expected: Digest,
     left: u64,
+    /// Set where they are not.
+    is_damaged: Arc<AtomicBool>,
 }
 
 impl VerifiedBytes {
-    fn new(file: File, expected: &FileRef) -> Self {
+    fn new(file: File, expected: &FileRef, is_damaged: &Arc<AtomicBool>) -> Self {
         Self {
+            is_damaged: Arc::clone(is_damaged),
             file,
             hasher: blake3::Hasher::new(),
             expected: expected.digest,
@@ -405,8 +414,8 @@ impl VerifiedBytes {
     }
 }
 
-impl Read for VerifiedBytes {
-    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+impl VerifiedBytes {
+    fn read_checked(&mut self, into: &mut [u8]) -> io::Result<usize> {
         let n_read = self.file.read(into)?;
         self.hasher.update(into.get(..n_read).unwrap_or_default());
         let left = self.left.checked_sub(n_read as u64);
@@ -419,6 +428,14 @@ impl Read for VerifiedBytes {
             return Err(damaged());
         }
         Ok(n_read)
+    }
+}
+
+impl Read for VerifiedBytes {
+    fn read(&mut self, into: &mut [u8]) -> io::Result<usize> {
+        let read = self.read_checked(into);
+        self.is_damaged.fetch_or(read.is_err(), Ordering::Relaxed);
+        read
     }
 }
 

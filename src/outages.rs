@@ -1,0 +1,148 @@
+//! What a run does while its depot is down, and what it says of it.
+
+use std::{
+    sync::Arc,
+    time::{Duration, SystemTime},
+};
+
+use clap::ValueEnum;
+use lake::{Sharing, ToldTrouble, Trouble, WhenDown};
+
+use crate::{progress::Quiet, report, timestamps};
+
+/// Minutes for which a run waits for a depot that is down: a night, so that a disk that is full at three in the
+/// morning ends no run before somebody comes at nine.
+pub(crate) const PATIENCE_MIN: f64 = 480.0;
+
+/// Time for which requests are made again where a run is not to wait.
+const SHORT: Duration = Duration::from_secs(30);
+
+/// What a run does when its depot stays down.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub(crate) enum DepotDown {
+    /// Wait until it is back
+    Wait,
+    /// Fail after half a minute
+    Fail,
+    /// Go on without it after 5 s, and make everything here
+    Alone,
+}
+
+/// Returns how a run uses its depot.
+pub(crate) fn sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> Sharing {
+    let patience = minutes(patience_min);
+    let (patience, when_down) = match when_down {
+        DepotDown::Wait => (patience, WhenDown::Fail),
+        DepotDown::Fail => (patience.min(SHORT), WhenDown::Fail),
+        DepotDown::Alone => {
+            let alone = Sharing::default();
+            (alone.patience, alone.when_down)
+        }
+    };
+    Sharing {
+        patience,
+        when_down,
+        told: Some(told(quiet, when_down)),
+    }
+}
+
+/// Returns how a command uses a depot without which it makes no sense.
+pub(crate) fn needed(quiet: Quiet) -> Sharing {
+    Sharing {
+        patience: SHORT,
+        when_down: WhenDown::Fail,
+        told: Some(told(quiet, WhenDown::Fail)),
+    }
+}
+
+/// Returns how a worker uses its depot: until the time of its job ends.
+pub(crate) fn of_worker(patience: Duration) -> Sharing {
+    Sharing {
+        patience,
+        when_down: WhenDown::Fail,
+        told: Some(told(Quiet::No, WhenDown::Fail)),
+    }
+}
+
+/// A number of minutes that a person gave.
+pub(crate) fn minutes(number: f64) -> Duration {
+    Duration::try_from_secs_f64(number * 60.0).unwrap_or(Duration::MAX / 2)
+}
+
+fn told(quiet: Quiet, when_down: WhenDown) -> Arc<ToldTrouble> {
+    Arc::new(move |trouble| {
+        if quiet == Quiet::No {
+            report::line(&text(trouble, when_down));
+        }
+    })
+}
+
+/// Describes an outage, or its end.
+fn text(trouble: &Trouble, when_down: WhenDown) -> String {
+    let outage = &trouble.outage;
+    let Some(why) = &outage.why else {
+        let lasted = report::duration(outage.lasted.as_secs_f64());
+        return format!("note   the depot is back after {lasted}");
+    };
+    let since = clock(outage.since);
+    if trouble.is_of_sending {
+        return format!(
+            "wait   results are not sent to the depot since {since}: {why}\n\
+             hint: they are kept in the lake, and sent when it is back"
+        );
+    }
+    let left = report::duration(outage.left.as_secs_f64());
+    let then = match (&trouble.at_stake, when_down) {
+        (_, WhenDown::Alone) => String::new(),
+        (Some((node, n_units)), WhenDown::Fail) if *n_units > 0 => format!(
+            "\nhint: without it {n_units} units of `{node}` would be made again, and what follows from them: \
+             `--depot-down alone` does that"
+        ),
+        (_, WhenDown::Fail) => String::new(),
+    };
+    format!("wait   the depot does not answer since {since}, waiting for up to {left}: {why}{then}")
+}
+
+/// A time of the day to the second.
+fn clock(time: SystemTime) -> String {
+    let since_1970 = time.duration_since(SystemTime::UNIX_EPOCH);
+    let since_1970_ns = since_1970.map_or(0, |it| it.as_nanos());
+    let second = timestamps::second(u64::try_from(since_1970_ns).unwrap_or(u64::MAX));
+    second.replace('T', " ")
+}
+
+#[cfg(test)]
+mod tests {
+    use depot::Outage;
+
+    use super::*;
+
+    #[test]
+    fn an_outage_says_since_when_for_what_and_how_much_would_be_made_again() {
+        let outage = Outage {
+            since: SystemTime::UNIX_EPOCH,
+            lasted: Duration::from_secs(6),
+            why: Some("cannot list `units` in the depot: down".to_owned()),
+            left: Duration::from_hours(8),
+        };
+        let mut trouble = Trouble {
+            outage,
+            is_of_sending: false,
+            at_stake: Some((dataflow::NodeName::parse("split.parts").unwrap(), 101)),
+        };
+        let said = text(&trouble, WhenDown::Fail);
+        for part in [
+            "since 1970-01-01 00:00:00Z",
+            "for up to 8 h 00 min: cannot list `units`",
+            "101 units of `split.parts` would be made again",
+        ] {
+            assert!(said.contains(part), "{said}");
+        }
+        assert!(!text(&trouble, WhenDown::Alone).contains("hint"));
+        trouble.outage.why = None;
+        assert_eq!(
+            text(&trouble, WhenDown::Fail),
+            "note   the depot is back after 6.0 s"
+        );
+    }
+}
