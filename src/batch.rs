@@ -25,7 +25,7 @@ use dataflow::{Digest, End, Ended, Events, Executor, Failure, Order, Resources, 
 use lake::{Lake, LakeError};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use self::table::Table;
+pub(crate) use self::table::{Table, yes};
 use self::{
     queue::{Queue, ask},
     table::Values,
@@ -104,7 +104,13 @@ impl Executor for Batch<'_> {
     fn takes(&self, wave: &Wave) -> bool {
         let is_short =
             |took_s: f64| took_s < SHORT_S && took_s * (wave.len() as f64) < SHORT_WAVE_S;
-        wave.resources().gpus.is_some() || !wave.took_s.is_some_and(is_short)
+        let is_long = wave.resources().gpus.is_some() || !wave.took_s.is_some_and(is_short);
+        // What is queued or running already is waited for, or taken over.
+        is_long || self.has_arrays(wave)
+    }
+
+    fn keeps_going(&self) -> bool {
+        self.table.keep_going
     }
 
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
@@ -340,14 +346,13 @@ impl Batch<'_> {
         Ok(())
     }
 
-    /// Submits an array. A scheduler that does not answer is waited for; one that answers its queries and
-    /// still fails to take the array refuses it.
-    fn submit_array(
+    /// Returns the values of the names in the table's words and script, for an array.
+    fn values<'r>(
         &self,
         array: &Array,
-        resources: &Resources,
+        resources: &'r Resources,
         n_in_job: usize,
-    ) -> Result<Option<String>, Failure> {
+    ) -> Result<Values, Failure> {
         let cores = resources.cores.unwrap_or(1);
         let program = match &self.table.program {
             Some(program) => program.clone(),
@@ -357,7 +362,16 @@ impl Batch<'_> {
                 .to_string(),
         };
         let time_min = limit_s(resources, n_in_job).map(|it| it / 60);
-        let values = values_of(array)
+        let environment = resources.environment.join("\n");
+        let environment = (!environment.is_empty()).then_some(&environment);
+        let some = |text: &'r Option<String>| text.as_ref().map(|it| it as &dyn ToString);
+        Ok(values_of(array)
+            .with_some("partition", some(&resources.partition))
+            .with_some("account", some(&resources.account))
+            .with_some("qos", some(&resources.qos))
+            .with_some("constraint", some(&resources.constraint))
+            .with_some("gres", some(&resources.gres))
+            .with_some("environment", environment.map(|it| it as _))
             .with("n", &array.jobs.len())
             .with("last", &array.jobs.len().saturating_sub(1))
             .with("logs", &self.logs.display())
@@ -369,7 +383,46 @@ impl Batch<'_> {
             .with(
                 "worker",
                 &format!("{} unit --jobs {cores}", quoted(&program)),
-            );
+            ))
+    }
+
+    /// Asks whether jobs with these resources could be submitted, if the scheduler answers such a question.
+    pub(crate) fn test(&self, resources: &Resources) -> Result<(), Failure> {
+        if self.table.test.is_empty() {
+            return Ok(());
+        }
+        let array = Array {
+            name: unique_name().map_err(|err| self.refused(&err))?,
+            id: None,
+            on: self.name.clone(),
+            driver: String::new(),
+            jobs: vec![Vec::new()],
+        };
+        let values = self.values(&array, resources, 1)?;
+        let mut words = self.table.submission(&values);
+        words.splice(1..1, self.table.test.iter().cloned());
+        let asked = ask(&words, &values.lines(&self.table.script));
+        asked.map(drop).map_err(|err| Failure::Executor {
+            message: format!(
+                "`{}` refuses jobs with {}: {err}",
+                self.name,
+                described(resources)
+            ),
+            hint: Some(
+                "correct `resources` of the stage, or what the executor's table adds".to_owned(),
+            ),
+        })
+    }
+
+    /// Submits an array. A scheduler that does not answer is waited for; one that answers its queries and
+    /// still fails to take the array refuses it.
+    fn submit_array(
+        &self,
+        array: &Array,
+        resources: &Resources,
+        n_in_job: usize,
+    ) -> Result<Option<String>, Failure> {
+        let values = self.values(array, resources, n_in_job)?;
         let (words, script) = (
             self.table.submission(&values),
             values.lines(&self.table.script),
@@ -380,7 +433,8 @@ impl Batch<'_> {
                 Ok(said) => return Ok(self.table.id_in(&said)),
                 Err(err) => err,
             };
-            if err.kind() == io::ErrorKind::NotFound {
+            let said = err.to_string();
+            if err.kind() == io::ErrorKind::NotFound || self.refuses(&said) {
                 return Err(self.refused(&err));
             }
             // Its answer may have been lost, or it may have gone in the middle of it.
@@ -396,6 +450,12 @@ impl Batch<'_> {
                 return Err(self.refused(&err));
             }
         }
+    }
+
+    /// Whether a submission that was answered so would be refused again.
+    fn refuses(&self, said: &str) -> bool {
+        let mut words = self.table.refused.iter();
+        words.any(|words| said.contains(words))
     }
 
     fn cancellation(&self, array: &Array) -> Vec<String> {
@@ -478,6 +538,31 @@ fn limit_s(resources: &Resources, n_in_job: usize) -> Option<u64> {
         .saturating_mul(n_in_job as u64)
         .min(u64::from(u32::MAX));
     Some(time_min * 60)
+}
+
+/// The resources in the words of a pipeline file.
+fn described(resources: &Resources) -> String {
+    let number = |key: &str, value: Option<u32>| value.map(|value| format!("`{key} = {value}`"));
+    let text = |key: &str, value: &Option<String>| {
+        value.as_ref().map(|value| format!("`{key} = \"{value}\"`"))
+    };
+    let all = [
+        number("cores", resources.cores),
+        number("memory_gb", resources.memory_gb),
+        number("gpus", resources.gpus),
+        number("time_min", resources.time_min),
+        text("partition", &resources.partition),
+        text("account", &resources.account),
+        text("qos", &resources.qos),
+        text("constraint", &resources.constraint),
+        text("gres", &resources.gres),
+    ];
+    let named: Vec<String> = all.into_iter().flatten().collect();
+    if named.is_empty() {
+        "nothing in particular".to_owned()
+    } else {
+        named.join(", ")
+    }
 }
 
 /// Returns the number of units per job for units of this duration: more where there would be too many jobs for

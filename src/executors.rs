@@ -2,13 +2,13 @@
 
 use std::{env, fs, path::PathBuf};
 
-use dataflow::{Ended, Events, Executor, Failure, Wave};
+use dataflow::{Ended, Events, Executor, Failure, Resources, Wave};
 use lake::Lake;
 use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
-    batch::{Batch, Table, for_shell},
+    batch::{Batch, Table, for_shell, yes},
     outcome::CommandError,
     processes::{Processes, Reach},
     sharing::{self, DepotName},
@@ -35,6 +35,9 @@ struct Launcher {
     /// Units at once.
     #[serde(default = "one")]
     at_once: usize,
+    /// Whether the other units of an output are made when one fails.
+    #[serde(default = "yes")]
+    keep_going: bool,
     /// Longest wait for the depot in minutes; read by [`depot_patience_min`].
     #[serde(default, rename = "depot_patience_min")]
     _depot_patience_min: Option<f64>,
@@ -64,6 +67,13 @@ impl Executor for RemoteExecutor<'_> {
         }
     }
 
+    fn keeps_going(&self) -> bool {
+        match self {
+            Self::Launch(processes) => processes.keeps_going(),
+            Self::Batch(batch) => batch.keeps_going(),
+        }
+    }
+
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
         match self {
             Self::Launch(processes) => processes.carry_out(wave, events, ended),
@@ -78,6 +88,14 @@ impl RemoteExecutor<'_> {
         match self {
             Self::Launch(processes) => processes.try_out(),
             Self::Batch(batch) => batch.try_out(),
+        }
+    }
+
+    /// Asks whether jobs with these resources could be submitted, where there is a scheduler to ask.
+    pub(crate) fn test(&self, resources: &Resources) -> Result<(), Failure> {
+        match self {
+            Self::Launch(_) => Ok(()),
+            Self::Batch(batch) => batch.test(resources),
         }
     }
 }
@@ -163,6 +181,7 @@ impl Launcher {
             worker: words.map(Into::into).collect(),
             reach: Reach::DepotAlone,
             at_once: self.at_once.max(1),
+            keep_going: self.keep_going,
         })
     }
 }

@@ -84,7 +84,7 @@ fn text(trouble: &Trouble, when_down: WhenDown) -> String {
         let lasted = report::duration(outage.lasted.as_secs_f64());
         return format!("note   the depot is back after {lasted}");
     };
-    let since = clock(outage.since);
+    let since = clock(trouble.since);
     if trouble.is_of_sending {
         return format!(
             "wait   results are not sent to the depot since {since}: {why}\n\
@@ -120,12 +120,12 @@ mod tests {
     #[test]
     fn an_outage_says_since_when_for_what_and_how_much_would_be_made_again() {
         let outage = Outage {
-            since: SystemTime::UNIX_EPOCH,
             lasted: Duration::from_secs(6),
             why: Some("cannot list `units` in the depot: down".to_owned()),
             left: Duration::from_hours(8),
         };
         let mut trouble = Trouble {
+            since: SystemTime::UNIX_EPOCH,
             outage,
             is_of_sending: false,
             at_stake: Some((dataflow::NodeName::parse("split.parts").unwrap(), 101)),

@@ -24,6 +24,8 @@ pub(crate) struct Processes<'a> {
     pub(crate) reach: Reach,
     /// Processes at once.
     pub(crate) at_once: usize,
+    /// Whether the other units of an output are made when one fails.
+    pub(crate) keep_going: bool,
 }
 
 /// Lake that a worker uses.
@@ -36,8 +38,14 @@ pub(crate) enum Reach {
 }
 
 impl Executor for Processes<'_> {
+    fn keeps_going(&self) -> bool {
+        self.keep_going
+    }
+
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
-        wave.each(self.at_once, ended, |order| self.make(order, events));
+        wave.each(self.at_once, self.keep_going, ended, |order| {
+            self.make(order, events)
+        });
         Ok(())
     }
 }
@@ -55,6 +63,7 @@ impl<'a> Processes<'a> {
             worker,
             reach: Reach::SameLake,
             at_once: jobs.map_or_else(cores, usize::from),
+            keep_going: false,
         })
     }
 

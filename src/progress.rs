@@ -4,7 +4,7 @@ use std::{
     collections::BTreeMap,
     io,
     sync::{Mutex, PoisonError},
-    time::Duration,
+    time::{Duration, Instant},
 };
 
 use dataflow::{Event, NodeName, StageName, UnitName};
@@ -37,13 +37,40 @@ struct State {
     bar: Option<ProgressBar>,
     /// The output whose units are being made.
     output: Option<NodeName>,
-    /// The output of which was said last where its units wait.
-    queued: Option<NodeName>,
+    /// What was said last of where its units wait.
+    queued: Option<SaidQueue>,
+    /// When its units were begun, their number, and how many were made since.
+    started: Option<Instant>,
+    n_units: usize,
+    n_made_now: usize,
     /// Progress of its units in flight.
     fractions: BTreeMap<UnitName, f64>,
     n_units_done: usize,
     /// Lines of cached outputs; printed only if something is made.
     held_back: Vec<String>,
+}
+
+/// Time after which it is said again where units wait, without a terminal.
+const QUEUE_PERIOD: Duration = Duration::from_mins(5);
+
+/// A line about units that wait.
+struct SaidQueue {
+    output: NodeName,
+    reasons: String,
+    at: Instant,
+}
+
+impl SaidQueue {
+    /// Whether nothing has changed that is worth another line.
+    fn is_recent(&self, output: &NodeName, reasons: &str) -> bool {
+        let is_same = self.output == *output && (self.reasons == reasons || reasons.is_empty());
+        is_same && self.at.elapsed() < QUEUE_PERIOD
+    }
+}
+
+/// Whether a reason says only that other jobs come first.
+fn is_idle(reason: &str) -> bool {
+    ["", "None", "Priority", "Resources", "BeginTime"].contains(&reason)
 }
 
 impl Screen {
@@ -96,24 +123,36 @@ impl State {
             Event::Queue {
                 output,
                 on,
-                n_waiting,
+                waiting,
                 running,
-            } => self.show_queue(output, on, *n_waiting, running),
+            } => self.show_queue(output, on, waiting, running),
             Event::UnitDamaged { unit } => {
                 let text = format!("repair {unit} is damaged in the lake and is made again");
                 self.print(&text, report::line);
             }
-            Event::UnitDone { unit, skipped, .. } if self.is_counted(unit) => {
+            Event::UnitDone {
+                unit,
+                skipped,
+                made_now,
+                ..
+            } if self.is_counted(unit) => {
                 self.fractions.remove(unit);
                 self.n_units_done += 1;
+                self.n_made_now += usize::from(*made_now);
                 self.move_bar();
                 if let Some(reason) = skipped {
                     let text = format!("skip   {}: {reason}", unit.partition);
                     self.print(&text, report::short_line);
                 }
             }
-            // A rebuilt artifact, or a failure that the command reports.
-            Event::UnitDone { .. } | Event::UnitFailed { .. } | Event::UnitLacking { .. } => {}
+            // A rebuilt artifact.
+            Event::UnitDone { .. } | Event::UnitLacking { .. } => {}
+            // Others go on; the command reports it again at its end.
+            Event::UnitFailed { unit, message, .. } => {
+                self.fractions.remove(unit);
+                let text = format!("fail   {unit}: {message}");
+                self.print(&text, report::line);
+            }
             Event::OutputDone {
                 output,
                 description,
@@ -128,23 +167,55 @@ impl State {
         &mut self,
         output: &NodeName,
         on: &str,
-        n_waiting: usize,
+        waiting: &BTreeMap<String, usize>,
         running: &BTreeMap<String, usize>,
     ) {
         let hosts = running.iter();
         let hosts: Vec<String> = hosts.map(|(host, n)| format!("{n} on {host}")).collect();
-        let mut places = vec![format!("{n_waiting} units wait")];
+        let n_waiting: usize = waiting.values().sum();
+        let reasons = waiting.keys().filter(|reason| !is_idle(reason));
+        let reasons: Vec<&str> = reasons.map(String::as_str).collect();
+        let reasons = match reasons.join(", ") {
+            none if none.is_empty() => none,
+            reasons => format!(" ({reasons})"),
+        };
+        let mut places = vec![format!("{n_waiting} units wait{reasons}")];
         places.extend(hosts);
-        let places = places.join(", ");
+        let estimate = self.estimate();
+        let places = places.join(", ") + &estimate;
         match &self.bar {
             Some(bar) if !bar.is_hidden() => bar.set_message(format!("{on}: {places}")),
-            // Without a terminal one line says where they went.
-            _ if self.queued.as_ref() == Some(output) => {}
+            // Without a terminal a line says where they went, why they wait, and now and then how far they are.
+            _ if self
+                .queued
+                .as_ref()
+                .is_some_and(|said| said.is_recent(output, &reasons)) => {}
             _ => {
-                report::line(&format!("queue  {output} on {on}: {places}"));
-                self.queued = Some(output.clone());
+                let done = match self.n_units_done {
+                    0 => String::new(),
+                    n => format!("{n} of {} units made, ", self.n_units),
+                };
+                report::line(&format!("queue  {output} on {on}: {done}{places}"));
+                self.queued = Some(SaidQueue {
+                    output: output.clone(),
+                    reasons,
+                    at: Instant::now(),
+                });
             }
         }
+    }
+
+    /// The time that the other units take if they take as long as those that are made.
+    fn estimate(&self) -> String {
+        let (Some(started), 1..) = (self.started, self.n_made_now) else {
+            return String::new();
+        };
+        let n_left = self.n_units.saturating_sub(self.n_units_done);
+        let per_unit = started.elapsed().as_secs_f64() / self.n_made_now as f64;
+        format!(
+            ", about {} left",
+            report::duration(per_unit * n_left as f64)
+        )
     }
 
     /// Whether the bar counts this unit.
@@ -166,6 +237,9 @@ impl State {
         self.output = Some(output.clone());
         self.fractions.clear();
         self.n_units_done = 0;
+        self.n_made_now = 0;
+        self.n_units = n_units;
+        self.started = Some(Instant::now());
     }
 
     /// Prints the line of an output, or holds it back until something is made.

@@ -27,11 +27,11 @@ impl Program<'_> {
     /// Opens the lake with the depot that the environment names, if it names one: it is done without where that is
     /// down.
     pub(crate) fn open_lake(&self) -> Result<Lake, CommandError> {
-        self.open_lake_with(Sharing::default())
+        self.open_lake_with(&Sharing::default())
     }
 
     /// Opens the lake with the depot that the environment names, if it names one, used in this way.
-    pub(crate) fn open_lake_with(&self, sharing: Sharing) -> Result<Lake, CommandError> {
+    pub(crate) fn open_lake_with(&self, sharing: &Sharing) -> Result<Lake, CommandError> {
         let lake = Lake::open(&self.lake);
         Ok(match depot()? {
             Some(depot) => lake.with_depot(&depot, sharing),
@@ -47,7 +47,7 @@ impl Program<'_> {
                 format!("name one, e.g. `export {VARIABLE}=/mnt/lab/depot`"),
             )
         })?;
-        Ok(Lake::open(&self.lake).with_depot(&depot, outages::needed(self.quiet)))
+        Ok(Lake::open(&self.lake).with_depot(&depot, &outages::needed(self.quiet)))
     }
 
     /// Sends the remaining results, for a while, and reports the shared ones.

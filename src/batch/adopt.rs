@@ -38,7 +38,7 @@ impl Batch<'_> {
             let name = array.name.clone();
             for (idx, job) in array.jobs.iter_mut().enumerate() {
                 let state = queue.get(&(name.clone(), idx));
-                if !matches!(state, Some(JobState::Waiting | JobState::Running(_))) {
+                if !matches!(state, Some(JobState::Waiting(_) | JobState::Running(_))) {
                     job.clear();
                 }
             }
@@ -59,6 +59,15 @@ impl Batch<'_> {
             ));
         }
         Ok(kept)
+    }
+
+    /// Whether arrays that make units of this output are in the depot.
+    pub(super) fn has_arrays(&self, wave: &Wave) -> bool {
+        let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
+        // A depot that cannot be asked has none to take over.
+        self.lake
+            .messages(&below)
+            .is_ok_and(|keys| !keys.is_empty())
     }
 
     /// Lists the arrays in the depot that make units of this output.

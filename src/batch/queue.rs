@@ -19,12 +19,14 @@ const LOOK_EVERY: Duration = Duration::from_millis(5);
 /// The state of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) enum JobState {
-    /// It waits for a machine.
-    Waiting,
+    /// It waits for a machine, for this reason.
+    Waiting(String),
     /// It runs on this machine.
     Running(String),
     /// It will never run.
     Stuck(String),
+    /// Nor would another like it.
+    Impossible(String),
     /// It has ended in this state.
     Over(String),
 }
@@ -53,8 +55,10 @@ pub(crate) fn read(table: &Table, said: &str) -> Queue {
             JobState::Over(state.to_owned())
         } else if is_one_of(&table.stuck, reason) {
             JobState::Stuck(reason.to_owned())
+        } else if is_one_of(&table.impossible, reason) {
+            JobState::Impossible(reason.to_owned())
         } else {
-            JobState::Waiting
+            JobState::Waiting(reason.to_owned())
         };
         Some(((column("name").to_owned(), index), state))
     });
@@ -150,7 +154,10 @@ mod tests {
         let queue = read(&table, said);
         let of = |name: &str, index| queue.get(&(name.to_owned(), index)).cloned();
         assert_eq!(of("pl1", 0), Some(JobState::Running("n1".to_owned())));
-        assert_eq!(of("pl1", 1), Some(JobState::Waiting));
+        assert_eq!(
+            of("pl1", 1),
+            Some(JobState::Waiting("Resources".to_owned()))
+        );
         assert_eq!(of("pl1", 2), Some(JobState::Over("COMPLETED".to_owned())));
         assert!(matches!(of("pl2", 0), Some(JobState::Stuck(_))));
         assert_eq!(queue.len(), 4);

@@ -34,9 +34,32 @@ pub(crate) struct Table {
     pub(crate) waiting: Vec<String>,
     /// States of jobs that run; in any other state a job is over.
     pub(crate) running: Vec<String>,
-    /// Reasons for which a job would wait for ever.
+    /// Reasons for which a job would wait for ever, and another like it might not.
     #[serde(default)]
     pub(crate) stuck: Vec<String>,
+    /// Reasons for which no machine ever takes a job.
+    #[serde(default)]
+    pub(crate) impossible: Vec<String>,
+    /// Words of a refused submission for which it would be refused again.
+    #[serde(default)]
+    pub(crate) refused: Vec<String>,
+    /// States of jobs that were over when others needed their machine, or lost it: no fault of their own.
+    #[serde(default)]
+    pub(crate) displaced: Vec<String>,
+    /// States of jobs that took more time than they had.
+    #[serde(default)]
+    pub(crate) out_of_time: Vec<String>,
+    /// States of jobs that took more memory than they had, and words in their logs that say so.
+    #[serde(default)]
+    pub(crate) out_of_memory: Vec<String>,
+    #[serde(default)]
+    pub(crate) out_of_memory_logs: Vec<String>,
+    /// Whether the other units of an output are made when one fails.
+    #[serde(default = "yes")]
+    pub(crate) keep_going: bool,
+    /// Words after the first one of `submit` by which nothing is submitted, and the answer says whether it could be.
+    #[serde(default)]
+    pub(crate) test: Vec<String>,
     /// Longest time in seconds from a job's start to the first sign of its worker: a scheduler that has lost
     /// its state may show jobs that no machine runs.
     #[serde(default = "begin_s")]
@@ -55,6 +78,10 @@ pub(crate) struct Table {
     /// The word before that number, and ` = `.
     #[serde(default)]
     pub(crate) limit_key: String,
+}
+
+pub(crate) fn yes() -> bool {
+    true
 }
 
 fn begin_s() -> u64 {
@@ -84,7 +111,7 @@ impl Values {
 
     /// Returns a text with the values in it; `None` if a name in braces has no value. Other braces stay.
     fn fill(&self, text: &str) -> Option<String> {
-        const NAMES: [&str; 15] = [
+        const NAMES: [&str; 21] = [
             "name",
             "names",
             "id",
@@ -97,6 +124,12 @@ impl Values {
             "memory_gb",
             "gpus",
             "time_min",
+            "partition",
+            "account",
+            "qos",
+            "constraint",
+            "gres",
+            "environment",
             "depot",
             "worker",
             "user",

@@ -2,6 +2,8 @@
 
 use std::{
     collections::{BTreeMap, HashMap},
+    fs::File,
+    io::{self, Read, Seek, SeekFrom},
     path::Path,
     thread,
     time::{Duration, Instant},
@@ -10,7 +12,7 @@ use std::{
 use dataflow::{Digest, End, Ended, Event, Events, Failure, Store, Wave};
 
 use super::{
-    Array, Batch, POLL_PERIOD, failed,
+    Array, Batch, POLL_PERIOD, described, failed, limit_s,
     queue::{JobState, Queue},
 };
 use crate::{jobs::here_key, report};
@@ -22,7 +24,7 @@ const LOOKS: usize = 4;
 /// Places of a wave's units: in the queue or on machines.
 #[derive(Default)]
 struct Places {
-    n_waiting: usize,
+    waiting: BTreeMap<String, usize>,
     running: BTreeMap<String, usize>,
     /// Whether a job will never start, or its worker sends no heartbeats.
     is_stuck: bool,
@@ -64,20 +66,21 @@ impl Batch<'_> {
             // The outcomes of a job that is over now are seen in the look into the depot that
             // follows.
             let queue = self.look(arrays);
-            if self.collect(wave, arrays, open, ended)? || open.is_empty() {
+            let has_failed = self.collect(wave, arrays, open, ended)?;
+            if has_failed && !self.table.keep_going || open.is_empty() {
                 return Ok(is_stuck);
             }
             match queue {
                 Ok(queue) => {
-                    let places = self.compare(arrays, &queue, open, &mut seen, ended)?;
+                    let places = self.compare(wave, arrays, &queue, open, &mut seen, ended)?;
                     is_stuck |= places.is_stuck;
-                    let now = Some((places.n_waiting, places.running));
+                    let now = Some((places.waiting, places.running));
                     if now != shown {
-                        let (n_waiting, running) = now.clone().unwrap_or_default();
+                        let (waiting, running) = now.clone().unwrap_or_default();
                         events(&Event::Queue {
                             output: wave.output().clone(),
                             on: self.name.clone(),
-                            n_waiting,
+                            waiting,
                             running,
                         });
                         shown = now;
@@ -99,6 +102,7 @@ impl Batch<'_> {
     /// and have left nothing for a while are lost.
     fn compare(
         &self,
+        wave: &Wave,
         arrays: &[Array],
         queue: &Queue,
         open: &mut HashMap<Digest, usize>,
@@ -118,10 +122,14 @@ impl Batch<'_> {
             }
             let job = (array.name.clone(), job_idx);
             let why = match queue.get(&job) {
-                Some(JobState::Waiting) => {
-                    places.n_waiting += units.len();
+                Some(JobState::Waiting(reason)) => {
+                    *places.waiting.entry(reason.clone()).or_default() += units.len();
                     seen.missed.remove(&job);
                     continue;
+                }
+                Some(JobState::Impossible(reason)) => {
+                    *places.waiting.entry(reason.clone()).or_default() += units.len();
+                    format!("never starts ({reason})")
                 }
                 Some(JobState::Running(host)) => match self.silence(&job, seen)? {
                     None => {
@@ -141,21 +149,104 @@ impl Batch<'_> {
                 Some(JobState::Over(state)) => format!("ended as {state} and left no result"),
                 None => "is unknown to the scheduler and left no result".to_owned(),
             };
-            let n_missed = seen.missed.entry(job).or_default();
+            let state = queue.get(&job);
+            let n_missed = seen.missed.entry(job.clone()).or_default();
             *n_missed += 1;
             if *n_missed < LOOKS {
                 continue;
             }
             let units = self.without_made(units, open, ended)?;
-            let log = self.log(array, job_idx);
-            let why = format!("job {job_idx} of {} {why}; log `{log}`", array.name);
+            if let Some(JobState::Impossible(reason)) = state {
+                return Err(self.impossible(wave, reason));
+            }
+            let log = Log::new(self.log(array, job_idx));
+            let why = format!(
+                "job {job_idx} of {} {why}{}",
+                array.name,
+                log.named("; log ")
+            );
+            let cause = state.and_then(|state| self.cause(wave, array, state, &log));
+            // It made its units one after the other: the first that is open is to blame.
+            let mut to_blame = cause;
             for unit in units {
-                if let Some(idx) = open.remove(&unit) {
-                    ended(idx, End::lost(&why));
-                }
+                let Some(idx) = open.remove(&unit) else {
+                    continue;
+                };
+                let displaced = |states: &[String]| match state {
+                    Some(JobState::Over(state)) => states.contains(state),
+                    _ => false,
+                };
+                let end = match to_blame.take() {
+                    Some((message, hint)) => End::Failed(Failure::Remote {
+                        message: format!("{} {message}", wave.unit(idx)),
+                        hint: Some(hint),
+                        left_out: None,
+                    }),
+                    None if displaced(&self.table.displaced)
+                        || displaced(&self.table.out_of_time)
+                        || displaced(&self.table.out_of_memory) =>
+                    {
+                        End::displaced(&why)
+                    }
+                    None => End::lost(&why),
+                };
+                ended(idx, end);
             }
         }
         Ok(places)
+    }
+
+    /// Says why a job that is over could not have succeeded, and what to change, if its state or its log tells.
+    fn cause(
+        &self,
+        wave: &Wave,
+        array: &Array,
+        state: &JobState,
+        log: &Log,
+    ) -> Option<(String, String)> {
+        let JobState::Over(state) = state else {
+            return None;
+        };
+        let resources = wave.resources();
+        let n_in_job = array.jobs.iter().map(Vec::len).max().unwrap_or(1);
+        let (needed, key) = if self.table.out_of_time.contains(state) {
+            let limit = limit_s(resources, n_in_job);
+            let limit = limit.map(|limit_s| report::duration(limit_s as f64));
+            let limit = limit.unwrap_or_else(|| "the time that a job gets by default".to_owned());
+            (format!("needed more than {limit}"), "time_min")
+        } else if self.table.out_of_memory.contains(state)
+            || log.says_one_of(&self.table.out_of_memory_logs)
+        {
+            let limit = resources.memory_gb.map(|limit| format!("{limit} GB"));
+            let limit = limit.unwrap_or_else(|| "the memory that a job gets by default".to_owned());
+            (format!("needed more than {limit}"), "memory_gb")
+        } else {
+            return None;
+        };
+        let hint = format!(
+            "raise `{key}` in `resources` of {}{}",
+            place_of_resources(wave),
+            log.named("; its log is ")
+        );
+        Some((needed, hint))
+    }
+
+    /// The failure of a wave whose jobs no machine takes.
+    fn impossible(&self, wave: &Wave, reason: &str) -> Failure {
+        Failure::Executor {
+            message: format!(
+                "`{}` never starts the jobs of `{}`: {reason}",
+                self.name,
+                wave.output()
+            ),
+            hint: Some(format!(
+                "correct `resources` of {}, which ask for {}; `pipeline doctor {} --on {}` tests them",
+                place_of_resources(wave),
+                described(wave.resources()),
+                wave.file().display(),
+                self.name
+            )),
+        }
     }
 
     /// Ends those of these units whose results came to the depot without a word; returns the others.
@@ -251,6 +342,53 @@ impl Batch<'_> {
             }
         }
         Ok(has_failed)
+    }
+}
+
+/// Where a wave's resources stand.
+pub(super) fn place_of_resources(wave: &Wave) -> String {
+    format!(
+        "`[stages.{}]` in `{}`",
+        wave.output().stage,
+        wave.file().display()
+    )
+}
+
+/// The log of a job.
+struct Log {
+    path: String,
+    /// Its last bytes, if it is there.
+    end: Option<String>,
+}
+
+impl Log {
+    /// Reads the end of a log, where what ended a job stands.
+    fn new(path: String) -> Self {
+        const END: u64 = 16_384;
+        let read = || {
+            let mut file = File::open(&path)?;
+            let size = file.metadata()?.len();
+            file.seek(SeekFrom::Start(size.saturating_sub(END)))?;
+            let mut end = Vec::new();
+            file.read_to_end(&mut end)?;
+            io::Result::Ok(String::from_utf8_lossy(&end).into_owned())
+        };
+        let end = read().ok();
+        Self { path, end }
+    }
+
+    fn says_one_of(&self, words: &[String]) -> bool {
+        let end = self.end.as_deref().unwrap_or_default();
+        words.iter().any(|word| end.contains(word))
+    }
+
+    /// Its path after some words; nothing where there is no log.
+    fn named(&self, before: &str) -> String {
+        let path = self
+            .end
+            .as_ref()
+            .map(|_| format!("{before}`{}`", self.path));
+        path.unwrap_or_default()
     }
 }
 

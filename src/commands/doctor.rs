@@ -4,7 +4,7 @@ mod checks;
 mod lake_folder;
 mod robot;
 
-use dataflow::{Advise, Pipeline};
+use dataflow::{Advise, Pipeline, Resources};
 use lake::{Lake, Sharing, WhenDown};
 
 use crate::{
@@ -74,7 +74,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
     let mut found = all(program, &pipeline)?;
     if let Some(name) = &args.on {
-        found.push(remote_executor(program, name)?);
+        found.extend(remote_executor(program, name, &pipeline)?);
     }
     let rows: Vec<Vec<String>> = found
         .iter()
@@ -119,17 +119,33 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
     Ok(found)
 }
 
-/// Checks that a worker of an executor starts and answers.
-fn remote_executor(program: &Program, name: &str) -> Result<Check, CommandError> {
+/// Checks that a worker of an executor starts and answers, and that each stage's resources can be had there.
+fn remote_executor(
+    program: &Program,
+    name: &str,
+    pipeline: &Pipeline,
+) -> Result<Vec<Check>, CommandError> {
     let lake = program.open_shared_lake()?;
-    let tried = RemoteExecutor::named(name, &lake)?.try_out();
-    Ok(match tried {
+    let executor = RemoteExecutor::named(name, &lake)?;
+    let missing = |subject: &str, err: dataflow::Failure| {
+        let hint = err.hint();
+        Check::new(State::Missing, subject, report::chain(&err.into())).with_hint(hint)
+    };
+    let mut found = vec![match executor.try_out() {
         Ok(host) => Check::new(State::Ok, name, format!("a worker on `{host}` answers")),
-        Err(err) => {
-            let hint = err.hint();
-            Check::new(State::Missing, name, report::chain(&err.into())).with_hint(hint)
+        Err(err) => missing(name, err),
+    }];
+    for stage in &pipeline.stages {
+        if stage.resources == Resources::default() {
+            continue;
         }
-    })
+        let subject = format!("{name}, {}", stage.name);
+        found.push(match executor.test(&stage.resources) {
+            Ok(()) => Check::new(State::Ok, subject, "takes jobs with its resources"),
+            Err(err) => missing(&subject, err),
+        });
+    }
+    Ok(found)
 }
 
 /// Stores a file in the depot, reads and removes it, if the environment names a depot.
@@ -143,7 +159,7 @@ fn depot(program: &Program) -> Result<Option<Check>, CommandError> {
     };
     let lake = Lake::open(&program.lake).with_depot(
         &depot,
-        Sharing {
+        &Sharing {
             when_down: WhenDown::Fail,
             ..Sharing::default()
         },

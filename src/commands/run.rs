@@ -39,7 +39,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
         let of_executor = of_executor.transpose()?.flatten();
         let patience_min = args.depot_patience_min.or(of_executor);
         let patience_min = patience_min.unwrap_or(outages::PATIENCE_MIN);
-        program.open_lake_with(outages::sharing(
+        program.open_lake_with(&outages::sharing(
             args.depot_down,
             patience_min,
             program.quiet,

@@ -107,7 +107,8 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
         "resources".to_owned(),
         "table".to_owned(),
         "-".to_owned(),
-        "Of a unit on another machine: `cores`, `memory_gb`, `gpus`, `time_min`.".to_owned(),
+        "Of a unit on another machine: `cores`, `memory_gb`, `gpus`, `time_min`, `partition`, `account`, `qos`, \
+         `constraint`, `gres`, `environment`.".to_owned(),
     ]);
     text.push('\n');
     let table = report::columns(&rows, &[]);

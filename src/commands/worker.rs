@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
     sync::{Arc, Mutex, OnceLock, PoisonError},
     thread,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use dataflow::{Digest, End, Event, Failure, Order, make_ordered};
@@ -51,10 +51,10 @@ pub(crate) fn work(
     let lake = Lake::open(&root);
     let lake = Arc::new(match (sharing::depot()?, &own) {
         (Some(depot), Some(_)) => {
-            lake.with_depot(&depot, outages::of_worker(time_left().unwrap_or(DAY)))
+            lake.with_depot(&depot, &outages::of_worker(time_left().unwrap_or(DAY)))
         }
         // The run has looked up what it orders.
-        (Some(depot), None) => lake.with_depot(&depot, Sharing::default()),
+        (Some(depot), None) => lake.with_depot(&depot, &Sharing::default()),
         (None, _) => lake,
     });
     if let Some(own) = own {
@@ -107,9 +107,7 @@ pub(crate) fn leave_scratch(lake: &Lake) {
 
 /// Time that this job has left, as Slurm says.
 fn time_left() -> Option<Duration> {
-    let end: u64 = env::var(JOB_END).ok()?.parse().ok()?;
-    let end = SystemTime::UNIX_EPOCH + Duration::from_secs(end);
-    end.duration_since(SystemTime::now()).ok()
+    lake::time_until(env::var(JOB_END).ok()?.parse().ok()?)
 }
 
 struct Worker<'a> {
@@ -244,6 +242,16 @@ impl Worker<'_> {
         left.saturating_sub((left / LAST).min(LONGEST_LAST))
     }
 
+    /// A hint for people on another machine, where there is no lake of this worker: what lies in it was printed.
+    fn without_scratch(&self, order: &Order, hint: &str) -> String {
+        match self.lake.log(&order.fingerprint) {
+            Some(log) if self.sends => {
+                hint.replace(&format!("`{}`", log.display()), "the log of its job")
+            }
+            _ => hint.to_owned(),
+        }
+    }
+
     fn failed(&self, order: &Order, err: Failure) -> Event {
         // What a program printed goes where what this process prints goes.
         if let Some(log) = self.lake.log(&order.fingerprint)
@@ -252,6 +260,7 @@ impl Worker<'_> {
             report::line(String::from_utf8_lossy(&text).trim_end());
         }
         let (hint, left_out) = err.advice();
+        let hint = hint.map(|hint| self.without_scratch(order, &hint));
         let left_out = left_out.cloned();
         let message = match CommandError::from(err) {
             CommandError::Failed { error, .. } => report::chain(&error),

@@ -90,6 +90,15 @@ impl Cluster {
     }
 }
 
+impl Drop for Cluster {
+    /// Ends workers that are left, as a scheduler does: they would wait for the depot.
+    fn drop(&mut self) {
+        for process in workers(&self.path("depot")) {
+            let _killed = Command::new("kill").args(["-9", &process]).status();
+        }
+    }
+}
+
 fn machine() -> Place {
     Place::with_inputs(CHAIN, 6)
 }
@@ -278,7 +287,7 @@ fn what_is_lost_is_tried_again_but_not_for_ever() {
     for (n_lost, code) in [("2", 0), ("9", 1)] {
         let (cluster, said) = run_six_units("LOSE", n_lost, code);
         assert!(
-            said.contains("ended as NODE_FAIL and left no result"),
+            said.contains("ended as FAILED and left no result"),
             "{said}"
         );
         assert_eq!(cluster.calls("submit").len(), 3, "{said}");
@@ -286,14 +295,224 @@ fn what_is_lost_is_tried_again_but_not_for_ever() {
     }
 }
 
-/// Runs a stage of six units on a scheduler with this trouble, and expects that all are made or, with an
-/// exit code, none; returns what was said.
-fn run_six_units(trouble: &str, value: &str, code: i32) -> (Cluster, String) {
+#[test]
+fn a_job_that_others_displaced_or_whose_machine_was_lost_costs_no_try() {
+    for state in ["PREEMPTED", "NODE_FAIL"] {
+        let (cluster, said) = six_units(&[("LOSE", "4"), ("AS", state)], "", 0);
+        assert_eq!(cluster.calls("submit").len(), 5, "{said}");
+        assert!(said.contains(&format!("ended as {state}")), "{said}");
+    }
+}
+
+#[test]
+fn what_cannot_succeed_is_tried_once_and_the_message_names_cause_and_option() {
+    let resources = "\n[stages.split.resources]\nmemory_gb = 2\ntime_min = 3\ncores = 64\n";
+    let memory = [
+        "needed more than 2 GB",
+        "raise `memory_gb` in `resources` of `[stages.split]` in `",
+    ];
+    let time = [
+        "needed more than 3 min 00 s",
+        "raise `time_min` in `resources` of `[stages.split]` in `",
+    ];
+    for (trouble, parts, n_cancels) in [
+        ([("LOSE", "9"), ("AS", "TIMEOUT")], time, 0),
+        ([("LOSE", "9"), ("AS", "OUT_OF_MEMORY")], memory, 0),
+        (
+            [
+                ("LOSE", "9"),
+                ("SAID", "slurmstepd: error: Exceeded job memory limit"),
+            ],
+            memory,
+            0,
+        ),
+        (
+            [("WAIT", "PartitionConfig"), ("AS", "")],
+            [
+                "6 units wait (PartitionConfig)",
+                "which ask for `cores = 64`, `memory_gb = 2`",
+            ],
+            1,
+        ),
+        (
+            [
+                ("REFUSE", "Requested node configuration is not available"),
+                ("AS", ""),
+            ],
+            [
+                "`slurm` takes no jobs: ",
+                "Requested node configuration is not available",
+            ],
+            1,
+        ),
+    ] {
+        let (cluster, said) = six_units(&trouble, resources, 1);
+        let n_tried = cluster.calls("try").len();
+        assert_eq!(n_tried, 1, "{trouble:?}: {said}");
+        assert_eq!(
+            cluster.calls("cancel").len(),
+            n_cancels,
+            "{trouble:?}: {said}"
+        );
+        for part in parts {
+            assert!(said.contains(part), "{trouble:?}: {part}: {said}");
+        }
+        assert_eq!(
+            said.contains("its log is `"),
+            trouble[0].0 == "LOSE",
+            "{said}"
+        );
+    }
+}
+
+#[test]
+fn a_job_that_somebody_holds_stays_held() {
     let cluster = Cluster::new();
     let place = machine();
     let arguments = ["--on", "slurm", "--until", "split"];
     let mut run = cluster.with(place.command("run", &arguments));
-    let ran = run.env(trouble, value).output().unwrap();
+    run.env("WAIT", "JobHeldUser");
+    let mut run = Running::start(run);
+    run.wait_for_line("why they wait", |line| {
+        line.ends_with("6 units wait (JobHeldUser)")
+    });
+    thread::sleep(Duration::from_secs(10));
+    assert_eq!(run.child.try_wait().unwrap(), None);
+    assert_eq!(cluster.calls("submit").len(), 1);
+    let mut interrupt = Command::new("kill");
+    interrupt.args(["-INT", &run.child.id().to_string()]);
+    well(interrupt);
+    assert_eq!(run.finish().0, Some(130));
+}
+
+#[test]
+fn resources_of_a_stage_reach_the_scheduler_and_doctor_asks_for_them() {
+    let cluster = Cluster::new();
+    let mut pipeline = CHAIN.replace("[stages.first]", "resources = RESOURCES\n[stages.first]");
+    let resources = "{ cores = 2, partition = \"short\", account = \"lab\", qos = \"high\", constraint = \"a100\", \
+                     gres = \"gpu:a100:1\", environment = [\"export LOADED=yes\", \"echo loaded\"] }";
+    pipeline = pipeline.replace("RESOURCES", resources);
+    let place = Place::with_inputs(&pipeline, 2);
+    cluster.run(&place, &["--until", "split"]);
+    let said = cluster.calls("words").concat();
+    for word in [
+        "--cpus-per-task=2",
+        "--partition=short",
+        "--account=lab",
+        "--qos=high",
+        "--constraint=a100",
+        "--gres=gpu:a100:1",
+    ] {
+        assert!(said.contains(word), "{word}: {said}");
+    }
+    let logs = files_below(&cluster.path("depot/logs"));
+    assert!(
+        logs.iter()
+            .all(|log| fs::read_to_string(log).unwrap().contains("loaded"))
+    );
+    let doctor = cluster.with(place.command("doctor", &["--on", "slurm"]));
+    let said = stdout(&well(doctor));
+    assert!(
+        said.contains("slurm, split") && said.contains("takes jobs with its resources"),
+        "{said}"
+    );
+    let mut doctor = cluster.with(place.command("doctor", &["--on", "slurm"]));
+    doctor.env("REFUSE", "Invalid partition name specified");
+    let said = stdout(&doctor.output().unwrap());
+    assert!(
+        said.contains("refuses jobs with `cores = 2`, `partition = \"short\"`"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_unit_that_fails_lets_the_others_go_on_and_all_failures_are_listed() {
+    let chain = CHAIN.replace(
+        "[stages.first]",
+        "max_skipped_fraction = 0.0\n[stages.first]",
+    );
+    for (keep_going, n_made) in [(true, 4), (false, 0)] {
+        let cluster = Cluster::new();
+        let table = format!("[slurm]\nkeep_going = {keep_going}\n");
+        put(&cluster.path("executors.toml"), table.as_bytes());
+        let place = Place::with_inputs(&chain, 6);
+        let arguments = ["--on", "slurm", "--until", "split"];
+        let mut run = Running::start(cluster.with(place.held(&arguments)));
+        for number in 0..6 {
+            run.wait_for(&place, &name(number));
+        }
+        // What they read has changed: two fail.
+        for number in [1, 4] {
+            place.input(&name(number), b"another");
+            place.let_go(&name(number));
+        }
+        if keep_going {
+            run.wait_for_line("a failure", |line| line.starts_with("fail   split.parts"));
+            for number in [0, 2, 3, 5] {
+                place.let_go(&name(number));
+            }
+        }
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(1), "{said}");
+        let other = Place::with_inputs(&chain, 6);
+        for number in [1, 4] {
+            other.input(&name(number), b"another");
+        }
+        well(cluster.with(other.command("run", &["--until", "split"])));
+        assert_eq!(other.take_log().len(), 6 - n_made, "{said}");
+        if keep_going {
+            assert!(
+                said.contains("error: 2 of 6 units of `split.parts` failed:"),
+                "{said}"
+            );
+            assert_eq!(said.matches(".log` shows its log").count(), 2, "{said}");
+        }
+    }
+}
+
+#[test]
+fn units_that_are_short_and_out_already_are_taken_over() {
+    let cluster = Cluster::new();
+    let place = machine();
+    // How long they take is known.
+    well(cluster.with(place.command("run", &["--until", "split"])));
+    place.take_log();
+    put(&cluster.path("fake/hold"), b"");
+    let forced = [
+        "--on",
+        "slurm",
+        "--until",
+        "split",
+        "--set",
+        "split.table=false",
+    ];
+    let other = machine();
+    let mut run = Running::start(cluster.with(other.command("run", &forced)));
+    run.wait_for_line("its jobs are out", |line| line.starts_with("queue "));
+    run.child.kill().unwrap();
+    run.finish();
+    let mut again = Running::start(cluster.with(place.command("run", &forced)));
+    again.wait_for_line("it goes on", |line| line.starts_with("adopt  split.parts"));
+    fs::remove_file(cluster.path("fake/hold")).unwrap();
+    let (code, said) = again.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(place.take_log().len() + other.take_log().len(), 6, "{said}");
+    assert_eq!(cluster.calls("submit").len(), 1, "{said}");
+}
+
+/// Runs a stage of six units on a scheduler with this trouble, and expects that all are made or, with an
+/// exit code, none; returns what was said.
+fn run_six_units(trouble: &str, value: &str, code: i32) -> (Cluster, String) {
+    six_units(&[(trouble, value)], "", code)
+}
+
+/// The same with several troubles, and more in the pipeline file.
+fn six_units(troubles: &[(&str, &str)], more: &str, code: i32) -> (Cluster, String) {
+    let cluster = Cluster::new();
+    let place = Place::with_inputs(&format!("{CHAIN}{more}"), 6);
+    let arguments = ["--on", "slurm", "--until", "split"];
+    let mut run = cluster.with(place.command("run", &arguments));
+    let ran = run.envs(troubles.iter().copied()).output().unwrap();
     let said = stderr(&ran);
     assert_eq!(ran.status.code(), Some(code), "{said}");
     assert_eq!(place.take_log().len(), if code == 0 { 6 } else { 0 });
@@ -479,7 +698,8 @@ fn a_failure_is_not_tried_again_and_its_log_is_named() {
     assert_eq!(failed.status.code(), Some(1), "{said}");
     assert_eq!(cluster.calls("submit").len(), 1, "{said}");
     for part in [
-        "error: stage `split` failed",
+        "error: 6 of 6 units of `split.parts` failed:",
+        "stage `split` failed at `p005`: ",
         "less ",
         ".log` shows its log",
     ] {

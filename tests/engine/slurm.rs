@@ -48,6 +48,118 @@ fn slurm_gives_the_bytes_of_threads() {
     );
 }
 
+/// Two units with resources, on Slurm.
+fn with_resources(resources: &str) -> Place {
+    let more = format!("\n[stages.split.resources]\n{resources}\n");
+    Place::with_inputs(&format!("{CHAIN}{more}"), 2)
+}
+
+#[test]
+fn slurm_says_at_once_what_no_job_of_it_can_have() {
+    let Some(slurm) = Slurm::start() else { return };
+    for (resources, parts) in [
+        (
+            "cores = 64",
+            [
+                "never starts the jobs of `split.parts`: PartitionConfig",
+                "`cores = 64`",
+            ],
+        ),
+        (
+            "memory_gb = 500",
+            [
+                "takes no jobs",
+                "Requested node configuration is not available",
+            ],
+        ),
+        (
+            "partition = \"short\"\ntime_min = 5",
+            [
+                "never starts the jobs of `split.parts`: PartitionTimeLimit",
+                "`time_min = 5`",
+            ],
+        ),
+        (
+            "partition = \"none\"",
+            ["takes no jobs", "invalid partition"],
+        ),
+    ] {
+        let depot = TempDir::new().unwrap();
+        let place = with_resources(resources);
+        let began = Instant::now();
+        let run = place.command("run", &["--on", "slurm", "--until", "split"]);
+        let ran = slurm.with(depot.path(), run).output().unwrap();
+        let said = stderr(&ran);
+        assert_eq!(ran.status.code(), Some(1), "{said}");
+        for part in parts {
+            assert!(said.contains(part), "{resources}: {said}");
+        }
+        assert!(
+            began.elapsed() < LONG / 2,
+            "{resources}: {:?}",
+            began.elapsed()
+        );
+        let doctor = place.command("doctor", &["--on", "slurm"]);
+        let doctor = slurm.with(depot.path(), doctor).output().unwrap();
+        let said = stdout(&doctor);
+        let is_told = said.contains("missing  slurm, split");
+        // Slurm's own test does not know the limit of a partition.
+        assert_eq!(
+            is_told,
+            !resources.contains("time_min"),
+            "{resources}: {said}"
+        );
+    }
+}
+
+#[test]
+fn a_job_without_enough_time_is_tried_once_and_one_that_is_preempted_again() {
+    let Some(slurm) = Slurm::start() else { return };
+    let depot = TempDir::new().unwrap();
+    let place = with_resources("time_min = 1");
+    let run = place.held(&["--on", "slurm", "--until", "split"]);
+    let mut run = Running::start(slurm.with(depot.path(), run));
+    run.wait_for(&place, "p000");
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(1), "{said}");
+    assert!(said.contains("needed more than 1 min 00 s"), "{said}");
+    assert!(
+        said.contains("raise `time_min` in `resources` of `[stages.split]`"),
+        "{said}"
+    );
+    assert_eq!(place.take_log().len(), 2, "each once: {said}");
+
+    let depot = TempDir::new().unwrap();
+    let place = with_resources("cores = 2");
+    let run = place.held(&["--on", "slurm", "--until", "split"]);
+    let mut run = Running::start(slurm.with(depot.path(), run));
+    for partition in ["p000", "p001"] {
+        run.wait_for(&place, partition);
+    }
+    for n_preempted in 1..=4 {
+        let mut urgent = Command::new("srun");
+        urgent.args([
+            "--partition=urgent",
+            "--cpus-per-task=2",
+            "--nodes=2",
+            "true",
+        ]);
+        let ran = slurm.with(depot.path(), urgent).output().unwrap();
+        assert!(ran.status.success(), "{}", stderr(&ran));
+        let until = Instant::now() + LONG;
+        while place.log().len() < 2 * (n_preempted + 1) {
+            assert!(Instant::now() < until, "not begun again");
+            thread::sleep(Duration::from_millis(100));
+        }
+    }
+    for partition in ["p000", "p001"] {
+        place.let_go(partition);
+    }
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(said.matches("ended as PREEMPTED").count(), 8, "{said}");
+}
+
 /// A process of Slurm, or of a job of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {

@@ -32,7 +32,13 @@ SlurmdLogFile=$dir/log/slurmd.%n.log
 ProctrackType=proctrack/linuxproc
 TaskPlugin=task/none
 SelectType=select/cons_tres
-SelectTypeParameters=CR_CPU
+SelectTypeParameters=CR_CPU_Memory
+DefMemPerCPU=200
+JobAcctGatherType=jobacct_gather/linux
+JobAcctGatherFrequency=1
+JobAcctGatherParams=OverMemoryKill
+PreemptType=preempt/partition_prio
+PreemptMode=CANCEL
 SchedulerParameters=sched_interval=1,bf_interval=2,batch_sched_delay=0
 AccountingStorageType=accounting_storage/none
 MpiDefault=none
@@ -42,7 +48,9 @@ SlurmdTimeout=30
 KillWait=2
 MaxArraySize=1001
 NodeName=n[1-2] NodeHostname=$host NodeAddr=127.0.0.1 Port=$((port + 2))-$((port + 3)) CPUs=2 RealMemory=2000
-PartitionName=main Nodes=n[1-2] Default=YES MaxTime=INFINITE State=UP
+PartitionName=main Nodes=n[1-2] PriorityTier=1 Default=YES MaxTime=INFINITE State=UP
+PartitionName=short Nodes=n[1-2] MaxTime=1 State=UP
+PartitionName=urgent Nodes=n[1-2] PriorityTier=10 State=UP
 END
     munged --force --key-file="$dir/munge/munge.key" --socket="$dir/run/munge.sock" \
         --pid-file="$dir/run/munged.pid" --log-file="$dir/log/munged.log" \

@@ -1,7 +1,7 @@
 //! Making the units of an output: waves of orders, until each is made, has failed, or was lost too often.
 
 use std::{
-    collections::BTreeSet,
+    collections::{BTreeMap, BTreeSet},
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
@@ -23,6 +23,9 @@ use crate::{
 
 /// Maximum number of attempts at a unit whose worker is lost.
 const TRIES: usize = 3;
+
+/// The same of one that is displaced again and again.
+const DISPLACED: usize = 50;
 
 /// Number of an output's units from which the median time is taken.
 const TIMED: usize = 9;
@@ -65,15 +68,20 @@ pub(crate) struct Attempts<'a> {
     repaired: Mutex<BTreeSet<NodeName>>,
 }
 
+/// Why a unit was lost, the units that it lacked, and whether it counts as a try.
+type Loss = (String, Vec<UnitName>, bool);
+
 /// Outcomes of the units of a wave.
 #[derive(Default)]
 struct WaveOutcomes {
     /// Those that are made or have failed.
     settled: Vec<Result<UnitReport, Failure>>,
-    /// Positions of those that were lost, with the reasons.
-    lost: Vec<(usize, String)>,
+    /// Positions of those that were lost, with the reasons, and whether that counts as a try.
+    lost: Vec<(usize, String, bool)>,
     /// Units whose artifacts could not be read.
     lacking: BTreeSet<UnitName>,
+    /// Whether the executor can make no more of them.
+    is_over: bool,
 }
 
 impl<'a> Attempts<'a> {
@@ -98,7 +106,7 @@ impl<'a> Attempts<'a> {
         self.repaired.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Makes units whose inputs are all made; begins none after a failure.
+    /// Makes units whose inputs are all made; begins none after a failure, unless the executor keeps going.
     pub(crate) fn make(
         &self,
         state: &State,
@@ -108,8 +116,11 @@ impl<'a> Attempts<'a> {
     ) -> Vec<Result<UnitReport, Failure>> {
         let mut settled = Vec::with_capacity(units.len());
         let took_s = self.executor.and_then(|_| self.took_s(state, node));
+        let keeps_going = self.executor.is_some_and(Executor::keeps_going);
         let mut open = units.to_vec();
-        for n_left in (0..TRIES).rev() {
+        // Tries of each unit, and all its losses.
+        let mut losses: BTreeMap<&PartitionKey, (usize, usize)> = BTreeMap::new();
+        while !open.is_empty() {
             let wave = Wave {
                 state,
                 node,
@@ -119,27 +130,32 @@ impl<'a> Attempts<'a> {
             };
             let ends = self.carry_out(&wave);
             settled.extend(ends.settled);
-            if settled.iter().any(Result::is_err) {
+            if !keeps_going && settled.iter().any(Result::is_err) || ends.is_over {
                 return settled;
             }
-            if n_left == 0 {
-                settled.extend(ends.lost.into_iter().map(|(idx, why)| {
-                    let unit = UnitName::new(&node.name, &open[idx].partition);
-                    let n_tries = TRIES;
-                    Err(Failure::LostOften { unit, n_tries, why })
-                }));
-                return settled;
+            let mut again = Vec::with_capacity(ends.lost.len());
+            for (idx, why, counts) in ends.lost {
+                let listed = open[idx];
+                let (n_tries, n_losses) = losses.entry(&listed.partition).or_default();
+                *n_tries += usize::from(counts);
+                *n_losses += 1;
+                if *n_tries < TRIES && *n_losses < DISPLACED {
+                    again.push(listed);
+                    continue;
+                }
+                let unit = UnitName::new(&node.name, &listed.partition);
+                let n_tries = *n_losses;
+                settled.push(Err(Failure::LostOften { unit, n_tries, why }));
             }
-            for lacking in &ends.lacking {
-                if let Err(err) = self.repair(state, lacking) {
-                    settled.push(Err(err));
-                    return settled;
+            if !again.is_empty() {
+                for lacking in &ends.lacking {
+                    if let Err(err) = self.repair(state, lacking) {
+                        settled.push(Err(err));
+                        return settled;
+                    }
                 }
             }
-            open = ends.lost.iter().map(|(idx, _)| open[*idx]).collect();
-            if open.is_empty() {
-                break;
-            }
+            open = again;
         }
         settled
     }
@@ -166,19 +182,26 @@ impl<'a> Attempts<'a> {
             let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
             match end {
                 Ok(Ok(report)) => ends.settled.push(Ok(report)),
-                Ok(Err((why, lacks))) => {
+                Ok(Err((why, lacks, counts))) => {
                     let unit = UnitName::new(&wave.node.name, &wave.units[idx].partition);
                     if lacks.is_empty() {
                         let why = why.clone();
                         (self.events)(&Event::UnitLost { unit, why });
                     }
                     ends.lacking.extend(lacks);
-                    ends.lost.push((idx, why));
+                    ends.lost.push((idx, why, counts));
                 }
-                Err(err) => ends.settled.push(Err(err)),
+                Err(err) => {
+                    if executor.keeps_going() {
+                        let unit = UnitName::new(&wave.node.name, &wave.units[idx].partition);
+                        (self.events)(&err.event(unit));
+                    }
+                    ends.settled.push(Err(err));
+                }
             }
         });
         let mut ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
+        ends.is_over = carried_out.is_err();
         ends.settled.extend(carried_out.err().map(Err));
         ends
     }
@@ -189,11 +212,11 @@ impl<'a> Attempts<'a> {
         wave: &Wave,
         idx: usize,
         end: End,
-    ) -> Result<Result<UnitReport, (String, Vec<UnitName>)>, Failure> {
+    ) -> Result<Result<UnitReport, Loss>, Failure> {
         let made_now = match end {
             End::Done { made_now } => made_now,
             End::Failed(err) => return Err(err),
-            End::Lost { why, lacks } => return Ok(Err((why, lacks))),
+            End::Lost { why, lacks, counts } => return Ok(Err((why, lacks, counts))),
         };
         let unit = wave.units[idx];
         let found = wave.state.fingerprint(wave.node, unit)?;
@@ -211,7 +234,7 @@ impl<'a> Attempts<'a> {
         };
         let Some((digest, outcome)) = arrived.filter(|_| is_here) else {
             let why = "its result is not in the lake".to_owned();
-            return Ok(Err((why, Vec::new())));
+            return Ok(Err((why, Vec::new(), true)));
         };
         let report = UnitReport {
             partition: unit.partition.clone(),

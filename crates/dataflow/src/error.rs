@@ -1,9 +1,10 @@
 //! Errors of a pipeline file, a plan or a run.
 
-use std::{error::Error, fmt, io, path::PathBuf};
+use std::{collections::BTreeMap, error::Error, fmt, io, path::PathBuf};
 
 use crate::{
     advice::{Advise, Advised},
+    event::Event,
     metrics::MissingMetric,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
     source::Location,
@@ -153,6 +154,16 @@ pub enum Failure {
         n_tries: usize,
         /// Reason of the last loss.
         why: String,
+    },
+    /// Several units of an output failed.
+    #[error("{} of {n_units} units of `{node}` failed:{}", failures.len(), Failures(failures))]
+    Several {
+        /// The output.
+        node: NodeName,
+        /// Number of units that were to be made.
+        n_units: usize,
+        /// Their failures, at least two.
+        failures: Vec<Failure>,
     },
     /// A worker is built of other code than the run that sent it an order.
     #[error(
@@ -376,6 +387,47 @@ impl Failure {
         self
     }
 
+    /// Returns the event that reports it as the failure of a unit.
+    pub(crate) fn event(&self, unit: UnitName) -> Event {
+        let (hint, left_out) = self.advice();
+        Event::UnitFailed {
+            unit,
+            message: self.with_causes(),
+            hint,
+            left_out: left_out.cloned(),
+        }
+    }
+
+    /// Joins the failures of units of an output; `None` if there are none.
+    pub(crate) fn of_units(
+        node: &NodeName,
+        n_units: usize,
+        mut failures: Vec<Self>,
+    ) -> Option<Self> {
+        match failures.len() {
+            0 | 1 => failures.pop(),
+            _ => Some(Self::Several {
+                node: node.clone(),
+                n_units,
+                failures,
+            }),
+        }
+    }
+
+    /// The text with all causes; one that the text before it ends in is left out.
+    fn with_causes(&self) -> String {
+        let mut text = self.to_string();
+        let mut cause = self.source();
+        while let Some(err) = cause {
+            let words = err.to_string();
+            if !text.ends_with(&words) {
+                text = format!("{text}: {words}");
+            }
+            cause = err.source();
+        }
+        text
+    }
+
     /// Splits the hint into the action and the output whose skipped items to inspect.
     pub fn advice(&self) -> (Option<String>, Option<&NodeName>) {
         if let Self::Stage {
@@ -387,6 +439,33 @@ impl Failure {
             (source.0.hint(), Some(&left_out.node))
         } else {
             (self.hint(), None)
+        }
+    }
+}
+
+/// Failures in a list; those that say the same stand once.
+struct Failures<'a>(&'a [Failure]);
+
+impl fmt::Display for Failures<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SHOWN: usize = 20;
+        let mut said: BTreeMap<String, usize> = BTreeMap::new();
+        for failure in self.0 {
+            let text = failure.with_causes();
+            let hint = failure.hint().map(|hint| format!(" ({hint})"));
+            *said.entry(text + &hint.unwrap_or_default()).or_default() += 1;
+        }
+        for (text, n) in said.iter().take(SHOWN) {
+            let often = if *n > 1 {
+                format!("{n} times: ")
+            } else {
+                String::new()
+            };
+            write!(f, "\n  {often}{text}")?;
+        }
+        match said.len().saturating_sub(SHOWN) {
+            0 => Ok(()),
+            n => write!(f, "\n  and {n} others"),
         }
     }
 }
@@ -455,6 +534,9 @@ impl Advise for Failure {
                 "what is made is kept: run the same command again, or without other machines"
                     .to_owned(),
             ),
+            Self::Several { .. } => {
+                Some("what is made is kept: the same command makes the others again".to_owned())
+            }
             Self::OtherBuild { .. } => Some(
                 "install the same build of the program on every machine that makes units".to_owned(),
             ),

@@ -68,8 +68,8 @@ pub enum Event {
         output: NodeName,
         /// Name of the scheduler's configuration.
         on: String,
-        /// Units that wait for a machine.
-        n_waiting: usize,
+        /// Units that wait for a machine, by the reason that the scheduler names.
+        waiting: BTreeMap<String, usize>,
         /// Units that are being made, by machine.
         running: BTreeMap<String, usize>,
     },

@@ -1,6 +1,6 @@
 //! Executors: a wave of orders goes out, and `Done`, `Failed` or `Lost` comes back for each.
 
-use std::ops::ControlFlow;
+use std::{ops::ControlFlow, path::Path};
 
 use crate::{
     error::Failure,
@@ -20,6 +20,11 @@ pub trait Executor: Sync {
     /// Whether it makes this wave; otherwise the threads of this process do.
     fn takes(&self, _wave: &Wave) -> bool {
         true
+    }
+
+    /// Whether units are begun after another has failed.
+    fn keeps_going(&self) -> bool {
+        false
     }
 
     /// Makes the units of a wave, and reports the outcome of each, by its position. A unit without
@@ -50,6 +55,8 @@ pub enum End {
         why: String,
         /// Units whose artifacts it reads and could not get.
         lacks: Vec<UnitName>,
+        /// Whether it counts as a try: not where it was preempted, or its machine was lost.
+        counts: bool,
     },
 }
 
@@ -59,6 +66,16 @@ impl End {
         Self::Lost {
             why: why.into(),
             lacks: Vec::new(),
+            counts: true,
+        }
+    }
+
+    /// Returns the end of a unit that was lost by no fault of its own, and is tried again as if it had not begun.
+    pub fn displaced(why: impl Into<String>) -> Self {
+        Self::Lost {
+            why: why.into(),
+            lacks: Vec::new(),
+            counts: false,
         }
     }
 
@@ -67,6 +84,7 @@ impl End {
         Self::Lost {
             why: "an artifact that it reads is damaged or missing".to_owned(),
             lacks,
+            counts: true,
         }
     }
 }
@@ -102,6 +120,11 @@ impl Wave<'_> {
         &self.node.name
     }
 
+    /// The pipeline file.
+    pub fn file(&self) -> &Path {
+        &self.state.pipeline().origin.file
+    }
+
     /// The pipeline's name.
     pub fn pipeline(&self) -> &str {
         &self.state.pipeline().name
@@ -121,14 +144,21 @@ impl Wave<'_> {
         Order::new(self.state, self.node, self.units[idx], self.forced)
     }
 
-    /// Makes each unit with `make` in up to `n_workers` threads, and begins none after a failure.
-    pub fn each(&self, n_workers: usize, ended: &Ended, make: impl Fn(&Order) -> End + Sync) {
+    /// Makes each unit with `make` in up to `n_workers` threads, and begins none after a failure, unless it
+    /// `keeps_going`.
+    pub fn each(
+        &self,
+        n_workers: usize,
+        keeps_going: bool,
+        ended: &Ended,
+        make: impl Fn(&Order) -> End + Sync,
+    ) {
         workers::each(self.len(), n_workers, |idx| {
             let end = match self.order(idx) {
                 Ok(order) => make(&order),
                 Err(err) => End::Failed(err),
             };
-            let is_failure = matches!(end, End::Failed(_));
+            let is_failure = matches!(end, End::Failed(_)) && !keeps_going;
             ended(idx, end);
             if is_failure {
                 ControlFlow::Break(())
@@ -149,7 +179,7 @@ pub(crate) struct Threads<'a> {
 impl Executor for Threads<'_> {
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
         let stage = wave.state.pipeline().stage(wave.node);
-        wave.each(self.n_workers, ended, |order| {
+        wave.each(self.n_workers, false, ended, |order| {
             let made = self.maker.make(stage, wave.node.output_idx, order, events);
             made.map_or_else(End::Failed, End::from)
         });

@@ -15,4 +15,17 @@ pub struct Resources {
     pub gpus: Option<u32>,
     /// Time for one unit in minutes.
     pub time_min: Option<u32>,
+    /// Part of the machines, by the name that the scheduler gives it.
+    pub partition: Option<String>,
+    /// Account to which the time is charged.
+    pub account: Option<String>,
+    /// Quality of service.
+    pub qos: Option<String>,
+    /// Features that a machine must have, e.g. `a100`.
+    pub constraint: Option<String>,
+    /// Generic resources, e.g. `gpu:a100:1`.
+    pub gres: Option<String>,
+    /// Lines of a shell that load an environment before the unit is made, e.g. `module load cuda`.
+    #[serde(default)]
+    pub environment: Vec<String>,
 }

@@ -174,12 +174,14 @@ impl Runner<'_> {
             for unit in &made {
                 (self.events)(&unit.event(&node.name));
             }
+            let mut failures = Vec::new();
             for result in self.make(node, stage, &missing) {
                 match result {
                     Ok(unit) => made.push(unit),
-                    Err(err) => failure = failure.or(Some(err)),
+                    Err(err) => failures.push(err),
                 }
             }
+            failure = Failure::of_units(&node.name, missing.len(), failures);
             made.sort_by(|a, b| a.partition.cmp(&b.partition));
         }
         let mut report = report(node, stage, made, started)?;
@@ -268,7 +270,7 @@ impl Runner<'_> {
         }))
     }
 
-    /// Makes units; begins none after a failure.
+    /// Makes units.
     fn make(
         &self,
         node: &Node,

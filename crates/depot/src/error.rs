@@ -66,11 +66,11 @@ pub enum DepotError {
         /// Time since the first failure.
         lasted: Duration,
         /// The last failure.
-        source: Box<DepotError>,
+        source: Box<Self>,
     },
     /// A depot that is offline is not asked again.
     #[error(transparent)]
-    Offline(Arc<DepotError>),
+    Offline(Arc<Self>),
     /// A depot that failed is not asked for a while.
     #[error("the depot is not asked for a while after a failure")]
     Resting,

@@ -7,7 +7,7 @@ use std::{
         Arc, Condvar, Mutex, MutexGuard, PoisonError,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, Instant},
 };
 
 use crate::{
@@ -344,7 +344,7 @@ impl Link {
         mut each: impl FnMut(Part<T>) -> bool,
     ) -> Result<R, DepotError> {
         self.check()?;
-        let (began, since) = (Instant::now(), SystemTime::now());
+        let began = Instant::now();
         let mut is_told = false;
         let mut n_failed = 0;
         loop {
@@ -371,7 +371,7 @@ impl Link {
                 Err(err) if is_refused => return Err(err),
                 Err(err) => err,
                 Ok(answer) => {
-                    self.success(is_told, since, began);
+                    self.success(is_told, began);
                     return Ok(answer);
                 }
             };
@@ -383,7 +383,7 @@ impl Link {
             };
             if began.elapsed() >= SAID_AFTER && !is_told {
                 is_told = true;
-                self.tell(&err, since, left);
+                self.tell(&err, began.elapsed(), left);
             }
             self.pause(pause(n_failed).min(left));
             self.check()?;
@@ -412,7 +412,7 @@ impl Link {
         }
     }
 
-    fn success(&self, is_told: bool, since: SystemTime, began: Instant) {
+    fn success(&self, is_told: bool, began: Instant) {
         let mut state = self.state();
         (state.n_failed, state.asked_from) = (0, None);
         (state.down, state.failing) = (None, None);
@@ -422,7 +422,6 @@ impl Link {
             if state.n_told == 0 {
                 drop(state);
                 self.say(&Outage {
-                    since,
                     lasted: began.elapsed(),
                     why: None,
                     left: Duration::ZERO,
@@ -462,14 +461,13 @@ impl Link {
         self.give_up(err)
     }
 
-    fn tell(&self, err: &DepotError, since: SystemTime, left: Duration) {
+    fn tell(&self, err: &DepotError, lasted: Duration, left: Duration) {
         let mut state = self.state();
         state.n_told += 1;
         if state.n_told == 1 {
             drop(state);
             self.say(&Outage {
-                since,
-                lasted: SAID_AFTER,
+                lasted,
                 why: Some(err.chain()),
                 left,
             });

@@ -1,6 +1,6 @@
 //! How often a request to a depot is made again, and for how long.
 
-use std::time::{Duration, Instant, SystemTime};
+use std::time::{Duration, Instant};
 
 /// Silence after which a request counts as failed, the first time.
 pub(crate) const ANSWER_TIMEOUT: Duration = Duration::from_secs(4);
@@ -48,9 +48,7 @@ impl Patience {
 /// A time in which a depot does not answer, or answers with errors.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Outage {
-    /// When the first request failed.
-    pub since: SystemTime,
-    /// Time since then.
+    /// Time since the request was first made.
     pub lasted: Duration,
     /// Why, with all causes; `None` when it is over.
     pub why: Option<String>,

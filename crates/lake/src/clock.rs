@@ -15,6 +15,13 @@ pub(crate) fn now() -> SystemTime {
     SystemTime::now()
 }
 
+/// Returns the time until a moment, in seconds since 1970; `None` if it is over.
+#[must_use]
+pub fn time_until(since_1970_s: u64) -> Option<Duration> {
+    let moment = UNIX_EPOCH.checked_add(Duration::from_secs(since_1970_s))?;
+    moment.duration_since(now()).ok()
+}
+
 /// Nanoseconds since 1970.
 pub(crate) fn nanoseconds(time: SystemTime) -> u64 {
     let since = time.duration_since(UNIX_EPOCH).unwrap_or(Duration::ZERO);

@@ -68,7 +68,7 @@ impl Lake {
 
     /// Shares results with other machines in a depot; nothing is asked of it yet.
     #[must_use]
-    pub fn with_depot(mut self, depot: &Arc<dyn Depot>, sharing: Sharing) -> Self {
+    pub fn with_depot(mut self, depot: &Arc<dyn Depot>, sharing: &Sharing) -> Self {
         self.shared = Some(Shared::new(depot, &self.folder, sharing));
         self
     }

@@ -99,7 +99,7 @@ mod views;
 pub use artifact::ReadArtifact;
 pub use atomic::write_atomic;
 pub use catalog::{StageTable, TableFiles};
-pub use clock::host;
+pub use clock::{host, time_until};
 pub use collect::{GcMode, GcReport, GcUnits};
 pub use depot_tables::DepotTables;
 pub use digests::OnBytes;

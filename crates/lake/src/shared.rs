@@ -22,13 +22,13 @@ use std::{
         Arc, Mutex,
         atomic::{AtomicUsize, Ordering},
     },
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 use depot::{Depot, Entry, Outage, Patience, Told, Traffic};
 
-use crate::{LakeError, blobs::Blobs, folder::Folder, mutex::lock, records::Records};
+use crate::{LakeError, blobs::Blobs, clock::now, folder::Folder, mutex::lock, records::Records};
 
 pub(crate) use self::{index::SharedRun, marks::Item, send::key_of};
 use self::{
@@ -97,6 +97,8 @@ pub enum WhenDown {
 /// An outage of a depot.
 #[derive(Debug, Clone)]
 pub struct Trouble {
+    /// When it began, by this machine's clock.
+    pub since: SystemTime,
     /// The outage.
     pub outage: Outage,
     /// Whether it is about results that are sent beside the work, for which nothing waits.
@@ -139,7 +141,7 @@ pub(crate) struct Shared {
 }
 
 impl Shared {
-    pub(crate) fn new(depot: &Arc<dyn Depot>, folder: &Folder, sharing: Sharing) -> Self {
+    pub(crate) fn new(depot: &Arc<dyn Depot>, folder: &Folder, sharing: &Sharing) -> Self {
         let layout = Arc::new(Layout::default());
         let at_stake = AtStake::default();
         let told = |is_of_sending: bool| -> Option<Arc<Told>> {
@@ -150,6 +152,7 @@ impl Shared {
                 let at_stake = at_stake.as_ref().filter(|_| !is_of_sending);
                 let is_absent = |unit: &&Digest| !records.path(unit).exists();
                 told(&Trouble {
+                    since: now().checked_sub(outage.lasted).unwrap_or_else(now),
                     outage: outage.clone(),
                     is_of_sending,
                     at_stake: at_stake.map(|(node, units)| {

@@ -30,8 +30,7 @@ use crate::{
 };
 
 /// Example of `resources`, for hints.
-const RESOURCES_HINT: &str =
-    "write, e.g., `resources = { cores = 4, memory_gb = 16, gpus = 1, time_min = 30 }`";
+const RESOURCES_HINT: &str = "write, e.g., `resources = { cores = 4, memory_gb = 16, gpus = 1, time_min = 30, partition = \"gpu\" }`";
 
 /// Default share of items that a stage may skip: one in five.
 const DEFAULT_MAX_SKIPPED_FRACTION: f64 = 0.2;

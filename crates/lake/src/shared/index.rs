@@ -254,13 +254,11 @@ impl IndexedRecords {
         if let Some(recipe) = self.recipes.get(digest) {
             return Ok(Some(Arc::clone(recipe)));
         }
-        let recipe = match records.recipe(digest)? {
-            Some(here) => Some(here),
-            None => {
-                let key = keys::recipe(digest);
-                remote.parsed(&key, |bytes| parse_recipe(Path::new(&key), bytes).ok())?
-            }
-        };
+        let mut recipe = records.recipe(digest)?;
+        if recipe.is_none() {
+            let key = keys::recipe(digest);
+            recipe = remote.parsed(&key, |bytes| parse_recipe(Path::new(&key), bytes).ok())?;
+        }
         let recipe = recipe.map(Arc::new);
         if let Some(recipe) = &recipe {
             self.recipes.insert(*digest, Arc::clone(recipe));
