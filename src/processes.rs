@@ -43,7 +43,7 @@ impl Executor for Processes<'_> {
     }
 
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
-        wave.each(self.at_once, self.keep_going, ended, |order| {
+        wave.each(self.at_once, self.keep_going, (events, ended), |order| {
             self.make(order, events)
         });
         Ok(())

@@ -193,6 +193,16 @@ impl Worker<'_> {
     /// Makes the unit of an order; returns its last event.
     fn make(&self, order: &Order) -> Result<Event, CommandError> {
         let unit = order.unit.clone();
+        let done = |made_now| Event::UnitDone {
+            unit: order.unit.clone(),
+            fingerprint: order.fingerprint,
+            made_now,
+            skipped: None,
+        };
+        // Another machine may have made it since it was ordered.
+        if self.sends && !order.is_forced() && self.lake.announce(&order.fingerprint) {
+            return Ok(done(false));
+        }
         let events = |event: &Event| self.lines.write(event);
         let made = make_ordered(
             self.program.kinds,
@@ -206,12 +216,7 @@ impl Worker<'_> {
                 if self.sends {
                     self.send(&order.fingerprint)?;
                 }
-                Event::UnitDone {
-                    unit,
-                    fingerprint: order.fingerprint,
-                    made_now,
-                    skipped: None,
-                }
+                done(made_now)
             }
             Ok(End::Lost { lacks, .. }) => Event::UnitLacking { unit, lacks },
             Ok(End::Failed(err)) | Err(err) => self.failed(order, err),

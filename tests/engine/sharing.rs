@@ -483,6 +483,74 @@ fn units_made_at_once_on_two_machines_are_one_record() {
     assert_same(&first.undisturbed(&[]), &second.undisturbed(&[]), "");
 }
 
+/// Runs of several machines at once of units that take a while; returns how many units were made, and what they said.
+fn at_once(lab: &Lab, machines: &[Place], takes_ms: u64) -> (usize, String) {
+    let runs: Vec<Running> = machines
+        .iter()
+        .map(|machine| {
+            let mut run = lab.share(machine.command("run", &["--until", "split", "--jobs", "2"]));
+            run.env("OWN_STAGES_TAKES", takes_ms.to_string());
+            Running::start(run)
+        })
+        .collect();
+    let mut all = String::new();
+    for run in runs {
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{said}");
+        all += &said;
+    }
+    let n_made = machines
+        .iter()
+        .map(|machine| machine.take_log().len())
+        .sum();
+    (n_made, all)
+}
+
+#[test]
+fn machines_at_once_share_the_work() {
+    let lab = Lab::new();
+    let n_units: usize = number("PIPELINE_UNITS", 40);
+    let machines: Vec<Place> = (0..5).map(|_| Place::with_inputs(CHAIN, n_units)).collect();
+    let (n_made, said) = at_once(&lab, &machines, 200);
+    println!("{n_units} units on five machines at once: {n_made} made");
+    assert!(n_made * 10 <= n_units * 11, "{n_made} of {n_units}: {said}");
+    lab.assert_whole(&machines[0]);
+    assert_eq!(lab.keys("messages"), [] as [PathBuf; 0]);
+}
+
+#[test]
+fn a_unit_that_another_machine_makes_is_waited_for_until_that_dies() {
+    let lab = Lab::new();
+    let [first, second] = [(); 2].map(|()| Place::with_inputs(CHAIN, 1));
+    for is_killed in [false, true] {
+        let arguments = [
+            "--until",
+            "split",
+            "--set",
+            &format!("split.table={is_killed}"),
+        ];
+        let mut run = Running::start(lab.share(first.held(&arguments)));
+        run.wait_for(&first, "p000");
+        let mut other = Running::start(lab.share(second.command("run", &arguments)));
+        other.wait_for_line("it waits", |line| {
+            line.starts_with("wait   split.parts `p000`: waiting for `")
+                && line.contains("makes it now")
+        });
+        assert_eq!(second.log(), []);
+        if is_killed {
+            run.child.kill().unwrap();
+        }
+        first.let_go("p000");
+        let (code, said) = run.finish();
+        assert_eq!(code, (!is_killed).then_some(0), "{said}");
+        let (code, said) = other.finish();
+        assert_eq!(code, Some(0), "{said}");
+        assert_eq!(second.take_log().len(), usize::from(is_killed), "{said}");
+        first.take_log();
+        fs::remove_dir_all(first.path("gate")).unwrap();
+    }
+}
+
 #[test]
 fn a_kill_while_sending_leaves_nothing_half_sent() {
     let mut rng = chances("kills while sending");

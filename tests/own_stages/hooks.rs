@@ -12,6 +12,7 @@ const LOOK_EVERY: Duration = Duration::from_millis(2);
 /// Notes that a unit is being made, then holds it for as long as a test asks for.
 pub(crate) fn started<O: Output>(cx: &Context) -> Result<(), OwnError> {
     note::<O>(O::Stage::KIND, cx)?;
+    take_time();
     hold(cx.partition().as_str());
     Ok(())
 }
@@ -27,6 +28,14 @@ pub(crate) fn note<O: Output>(kind: &str, cx: &Context) -> Result<(), OwnError> 
     let log = File::options().append(true).create(true).open(&path);
     log.and_then(|mut log| log.write_all(line.as_bytes()))
         .map_err(OwnError::at(Path::new(&path)))
+}
+
+/// Takes the milliseconds in `OWN_STAGES_TAKES`.
+fn take_time() {
+    let takes = env::var("OWN_STAGES_TAKES").ok();
+    if let Some(takes_ms) = takes.and_then(|takes| takes.parse().ok()) {
+        thread::sleep(Duration::from_millis(takes_ms));
+    }
 }
 
 /// Waits until the folder `OWN_STAGES_GATE` holds a file `NAME.go`, or is gone.

@@ -163,7 +163,7 @@ pub enum Failure {
         /// Number of units that were to be made.
         n_units: usize,
         /// Their failures, at least two.
-        failures: Vec<Failure>,
+        failures: Vec<Self>,
     },
     /// A worker is built of other code than the run that sent it an order.
     #[error(

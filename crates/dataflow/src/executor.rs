@@ -1,16 +1,24 @@
 //! Executors: a wave of orders goes out, and `Done`, `Failed` or `Lost` comes back for each.
 
-use std::{ops::ControlFlow, path::Path};
+use std::{
+    collections::BTreeMap,
+    ops::ControlFlow,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
 
 use crate::{
+    digest::Digest,
     error::Failure,
-    event::Events,
+    event::{Event, Events},
     graph::Node,
     maker::{Maker, OrderOutcome},
     name::{NodeName, UnitName},
     order::{Forced, Order},
+    output::Execution,
     resources::Resources,
     state::State,
+    store::Turn,
     unit::ListedUnit,
     workers,
 };
@@ -150,22 +158,73 @@ impl Wave<'_> {
         &self,
         n_workers: usize,
         keeps_going: bool,
-        ended: &Ended,
+        (events, ended): (&Events, &Ended),
         make: impl Fn(&Order) -> End + Sync,
     ) {
-        workers::each(self.len(), n_workers, |idx| {
+        let make = |idx| {
             let end = match self.order(idx) {
                 Ok(order) => make(&order),
                 Err(err) => End::Failed(err),
             };
-            let is_failure = matches!(end, End::Failed(_)) && !keeps_going;
-            ended(idx, end);
-            if is_failure {
-                ControlFlow::Break(())
-            } else {
-                ControlFlow::Continue(())
+            if !matches!(end, End::Done { .. }) {
+                self.end_turn(idx);
+            }
+            tell(idx, end, keeps_going, ended)
+        };
+        // Units that move a robot keep their order, and have claims.
+        let takes_turns = self.node.output.execution == Execution::Parallel
+            && self.forced == Forced::No
+            && self.state.store().takes_turns();
+        if !takes_turns {
+            return workers::each(self.len(), n_workers, make);
+        }
+        let waited_for = Mutex::new(BTreeMap::new());
+        workers::each_by_turns(self.len(), n_workers, |idx| match self.turn(idx) {
+            Turn::Own => Some(make(idx)),
+            Turn::Made => Some(tell(idx, End::Done { made_now: false }, keeps_going, ended)),
+            Turn::Others(machine) => {
+                // The first time others are left to make here.
+                let mut looks = waited_for.lock().unwrap_or_else(PoisonError::into_inner);
+                let n_looks = looks.entry(idx).or_insert(0);
+                *n_looks += 1;
+                if *n_looks == 2 {
+                    events(&Event::UnitWaiting {
+                        unit: self.unit(idx),
+                        holder: format!("`{machine}`, which makes it now"),
+                    });
+                }
+                None
             }
         });
+    }
+
+    /// Whose turn it is to make the unit at a position.
+    fn turn(&self, idx: usize) -> Turn {
+        // What is wrong with it comes out where its order is made.
+        let digest = self.digest(idx);
+        digest.map_or(Turn::Own, |digest| self.state.store().turn(&digest))
+    }
+
+    fn end_turn(&self, idx: usize) {
+        if let Some(digest) = self.digest(idx) {
+            self.state.store().end_turn(&digest);
+        }
+    }
+
+    fn digest(&self, idx: usize) -> Option<Digest> {
+        let found = self.state.fingerprint(self.node, self.units[idx]);
+        found.ok().flatten().map(|(_, digest)| digest)
+    }
+}
+
+/// Reports an end, and says whether others follow.
+fn tell(idx: usize, end: End, keeps_going: bool, ended: &Ended) -> ControlFlow<()> {
+    let is_last = matches!(end, End::Failed(_)) && !keeps_going;
+    ended(idx, end);
+    if is_last {
+        ControlFlow::Break(())
+    } else {
+        ControlFlow::Continue(())
     }
 }
 
@@ -179,7 +238,7 @@ pub(crate) struct Threads<'a> {
 impl Executor for Threads<'_> {
     fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
         let stage = wave.state.pipeline().stage(wave.node);
-        wave.each(self.n_workers, false, ended, |order| {
+        wave.each(self.n_workers, false, (events, ended), |order| {
             let made = self.maker.make(stage, wave.node.output_idx, order, events);
             made.map_or_else(End::Failed, End::from)
         });

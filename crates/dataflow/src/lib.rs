@@ -109,7 +109,7 @@ pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};
 pub use store::{
     NewestUnit, NodeRecord, Origin, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
-    Store, UnitRef, UnitTransaction,
+    Store, Turn, UnitRef, UnitTransaction,
 };
 pub use suggestions::{did_you_mean, missing, nearest};
 pub use summary::{Line, Summary, counted};

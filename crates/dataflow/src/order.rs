@@ -109,6 +109,11 @@ impl Order {
         })
     }
 
+    /// Whether the unit is made even if its result is there.
+    pub fn is_forced(&self) -> bool {
+        self.forced == Forced::Yes
+    }
+
     /// Returns the fingerprint of the unit.
     pub(crate) fn whole_fingerprint(&self) -> Fingerprint {
         let inputs = self.inputs.iter().map(|(input, read)| {

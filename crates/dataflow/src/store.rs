@@ -189,6 +189,17 @@ pub enum RunStatus {
     Interrupted,
 }
 
+/// Whose turn it is to make a unit that machines want at once.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum Turn {
+    /// This process's.
+    Own,
+    /// Nobody's: its result has come.
+    Made,
+    /// That of another machine, named here, which makes it now.
+    Others(String),
+}
+
 /// A store of artifacts.
 ///
 /// Every method may be called from several threads at once.
@@ -199,6 +210,19 @@ pub trait Store: Sync {
     ///
     /// Fails if the store cannot be read.
     fn enter(&self, pipeline: &str) -> Result<(), Advised>;
+
+    /// Whether other machines may want the same units at the same time.
+    fn takes_turns(&self) -> bool {
+        false
+    }
+
+    /// Asks for the turn to make a unit.
+    fn turn(&self, _fingerprint: &Digest) -> Turn {
+        Turn::Own
+    }
+
+    /// Gives back the turn of a unit that was not made.
+    fn end_turn(&self, _fingerprint: &Digest) {}
 
     /// Notes which units of an output are looked up next.
     fn look_ahead(&self, _node: &NodeName, _fingerprints: Vec<Digest>) {}

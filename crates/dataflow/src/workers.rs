@@ -1,8 +1,15 @@
 //! Running the units of an output on several threads.
 
 use std::{
+    collections::VecDeque,
+    hash::{BuildHasher, RandomState},
     ops::ControlFlow,
-    sync::atomic::{AtomicBool, AtomicUsize, Ordering},
+    sync::{
+        Mutex, PoisonError,
+        atomic::{AtomicBool, AtomicUsize, Ordering},
+    },
+    thread,
+    time::Duration,
 };
 
 /// Runs `work` on the numbers below `count` on up to `n_workers` threads. None is started after one
@@ -24,7 +31,49 @@ pub(crate) fn each(count: usize, n_workers: usize, work: impl Fn(usize) -> Contr
             }
         }
     };
-    std::thread::scope(|scope| {
+    thread::scope(|scope| {
+        for _ in 0..n_workers.min(count) {
+            scope.spawn(go_through);
+        }
+    });
+}
+
+/// Pause before a number that another machine works on is tried again.
+const PAUSE: Duration = Duration::from_millis(500);
+
+/// Does the same in an order that is this process's own; a number for which `work` returns `None` is another machine's
+/// now, and comes again when no others are left.
+pub(crate) fn each_by_turns(
+    count: usize,
+    n_workers: usize,
+    work: impl Fn(usize) -> Option<ControlFlow<()>> + Sync,
+) {
+    let mut own: Vec<usize> = (0..count).collect();
+    let order = RandomState::new();
+    own.sort_by_cached_key(|idx| order.hash_one(idx));
+    let (own, others) = (Mutex::new(own), Mutex::new(VecDeque::<usize>::new()));
+    let take = || own.lock().unwrap_or_else(PoisonError::into_inner).pop();
+    let waiting = || others.lock().unwrap_or_else(PoisonError::into_inner);
+    let is_over = AtomicBool::new(false);
+    let go_through = || {
+        while !is_over.load(Ordering::Relaxed) {
+            let idx = if let Some(idx) = take() {
+                idx
+            } else {
+                let Some(idx) = waiting().pop_front() else {
+                    return;
+                };
+                thread::sleep(PAUSE);
+                idx
+            };
+            match work(idx) {
+                Some(done) if done.is_break() => is_over.store(true, Ordering::Relaxed),
+                Some(_) => {}
+                None => waiting().push_back(idx),
+            }
+        }
+    };
+    thread::scope(|scope| {
         for _ in 0..n_workers.min(count) {
             scope.spawn(go_through);
         }
@@ -33,7 +82,7 @@ pub(crate) fn each(count: usize, n_workers: usize, work: impl Fn(usize) -> Contr
 
 #[cfg(test)]
 mod tests {
-    use std::{collections::BTreeSet, sync::Mutex};
+    use std::collections::BTreeSet;
 
     use super::*;
 
@@ -47,6 +96,23 @@ mod tests {
         let worked = worked.into_inner().unwrap();
         assert_eq!(worked.len(), 100);
         assert_eq!(worked.iter().collect::<BTreeSet<_>>().len(), 100);
+    }
+
+    #[test]
+    fn what_another_machine_works_on_comes_last() {
+        let worked = Mutex::new(Vec::new());
+        each_by_turns(20, 3, |idx| {
+            let mut worked = worked.lock().unwrap();
+            // Those below 3 are another's until all others are done.
+            if idx < 3 && worked.len() < 17 {
+                return None;
+            }
+            worked.push(idx);
+            Some(ControlFlow::Continue(()))
+        });
+        let worked = worked.into_inner().unwrap();
+        assert_eq!(worked.iter().collect::<BTreeSet<_>>().len(), 20);
+        assert!(worked[17..].iter().all(|idx| *idx < 3), "{worked:?}");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{ArtifactName, Digest, FileRef, Record, RunStatus};
+use dataflow::{ArtifactName, Digest, FileRef, Record, RunStatus, Turn};
 use depot::Depot;
 
 use crate::{
@@ -147,8 +147,18 @@ impl Lake {
         })
     }
 
+    /// Notes in the depot that a unit is made here, whoever else makes it; returns whether its result has come.
+    pub fn announce(&self, fingerprint: &Digest) -> bool {
+        let shared = self.shared.as_ref();
+        shared.is_some_and(|shared| shared.turn(fingerprint, true) == Turn::Made)
+            && self.is_complete(fingerprint)
+    }
+
     /// Ends this process's writing to the lake.
     pub fn leave(&self) {
+        if let Some(shared) = &self.shared {
+            shared.end_turns();
+        }
         self.locks.leave();
     }
 

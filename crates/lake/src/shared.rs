@@ -14,6 +14,7 @@ mod marks;
 mod messages;
 mod remote;
 mod send;
+mod turns;
 
 use std::{
     collections::{BTreeSet, HashSet},
@@ -36,6 +37,7 @@ use self::{
     marks::{Outbox, Unfetched},
     remote::{Layout, Remote},
     send::Sender,
+    turns::Turns,
 };
 
 /// Report of the results that a lake shared with its depot, for people.
@@ -120,9 +122,10 @@ pub(crate) struct Shared {
     /// For what one can do without.
     casual: Remote,
     /// For heartbeats, which must not wait for anything else.
-    heartbeats: Remote,
+    heartbeats: Arc<Remote>,
     /// For results that are sent beside the work.
     sending: Arc<Remote>,
+    turns: Arc<Turns>,
     when_down: WhenDown,
     at_stake: AtStake,
     folder: Folder,
@@ -164,11 +167,18 @@ impl Shared {
         let link = |patience, told| Remote::new(depot, &layout, patience, told);
         let sending = Arc::new(link(Patience::ENDLESS, told(true)));
         let lost = Arc::default();
+        let turns = Arc::new(Turns::default());
         Self {
-            sender: Sender::new(Arc::clone(&sending), folder, Arc::clone(&lost)),
+            sender: Sender::new(
+                Arc::clone(&sending),
+                folder,
+                Arc::clone(&lost),
+                Arc::clone(&turns),
+            ),
             remote: Arc::new(link(Patience::For(sharing.patience), told(false))),
             casual: link(Patience::Casual, None),
-            heartbeats: link(Patience::Once, None),
+            heartbeats: Arc::new(link(Patience::Once, None)),
+            turns,
             sending,
             when_down: sharing.when_down,
             at_stake,
@@ -210,7 +220,7 @@ impl Shared {
 
     /// Returns when the depot failed last, if it did.
     pub(crate) fn troubled(&self) -> Option<Instant> {
-        let links = [&*self.remote, &self.heartbeats, &*self.sending];
+        let links = [&self.remote, &self.heartbeats, &self.sending];
         links
             .into_iter()
             .filter_map(|it| it.idle().troubled())

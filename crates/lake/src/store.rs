@@ -9,7 +9,7 @@ use std::{
 
 use dataflow::{
     Advised, Digest, FileName, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit,
-    Record, RecordOutcome, RunRecord, RunStatus, Store, UnitName, UnitRef, UnitTransaction,
+    Record, RecordOutcome, RunRecord, RunStatus, Store, Turn, UnitName, UnitRef, UnitTransaction,
 };
 
 use crate::{
@@ -109,6 +109,15 @@ impl Lake {
         }
     }
 
+    /// Whether a result whose record is in the depot can be used: its files may be lost there.
+    pub(crate) fn is_complete(&self, fingerprint: &Digest) -> bool {
+        let Ok(Some(outcome)) = self.lookup(fingerprint) else {
+            return false;
+        };
+        let fetched = self.fetch_published(&[&*outcome]);
+        !outcome.is_provisional() && fetched.is_ok_and(|fetched| fetched.into_iter().all(|it| it))
+    }
+
     /// Stores the records that were found in the depot.
     fn adopt(&self) -> Result<(), LakeError> {
         match &self.shared {
@@ -131,6 +140,25 @@ impl Store for Lake {
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
         self.dirty.enter(pipeline);
         Ok(())
+    }
+
+    fn takes_turns(&self) -> bool {
+        self.shared.is_some()
+    }
+
+    fn turn(&self, fingerprint: &Digest) -> Turn {
+        let shared = self.shared.as_ref();
+        let turn = shared.map_or(Turn::Own, |shared| shared.turn(fingerprint, false));
+        if turn == Turn::Made && !self.is_complete(fingerprint) {
+            return Turn::Own;
+        }
+        turn
+    }
+
+    fn end_turn(&self, fingerprint: &Digest) {
+        if let Some(shared) = &self.shared {
+            shared.end_turn(fingerprint);
+        }
     }
 
     fn look_ahead(&self, node: &NodeName, fingerprints: Vec<Digest>) {

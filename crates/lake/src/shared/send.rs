@@ -17,7 +17,12 @@ use dataflow::{Digest, FileRef};
 use depot::{Content, DepotError, Entry, PutMode};
 
 use super::marks::{Item, Outbox};
-use super::{index::SharedRun, keys, remote::Remote};
+use super::{
+    index::SharedRun,
+    keys,
+    remote::Remote,
+    turns::{self, Turns},
+};
 use crate::{
     LakeError, atomic,
     blobs::Blobs,
@@ -80,6 +85,8 @@ struct Work {
     there: Mutex<BTreeSet<Digest>>,
     /// Blobs that the depot has lost or damaged.
     lost: Arc<Mutex<BTreeSet<Digest>>>,
+    /// Notes of units that are being made.
+    turns: Arc<Turns>,
     sent: Mutex<SendReport>,
     passes: Mutex<Passes>,
     changed: Condvar,
@@ -99,6 +106,7 @@ impl Sender {
         remote: Arc<Remote>,
         folder: &Folder,
         lost: Arc<Mutex<BTreeSet<Digest>>>,
+        turns: Arc<Turns>,
     ) -> Self {
         let work = Work {
             remote,
@@ -109,6 +117,7 @@ impl Sender {
             register: Register::new(folder.clone()),
             there: Mutex::default(),
             lost,
+            turns,
             sent: Mutex::default(),
             passes: Mutex::default(),
             changed: Condvar::new(),
@@ -252,7 +261,9 @@ impl Work {
             self.compare(&stored, &bytes, &there)?;
         }
         lock(&self.sent).n_units += 1;
-        Ok(self.outbox.remove(item)?)
+        self.outbox.remove(item)?;
+        turns::forget(&self.turns, &self.remote, fingerprint);
+        Ok(())
     }
 
     /// Compares a record with the one that was there first. Of two that differ the first stays; one

@@ -1,0 +1,202 @@
+//! Turns of machines that make the same units at once: each leaves a note of what it makes now, with a heartbeat, and
+//! the others take that last.
+//!
+//! It saves work and guards nothing: where a note is missed, a unit is made twice, with equal bytes.
+
+use std::{
+    collections::{HashMap, HashSet},
+    path::Path,
+    sync::{
+        Arc, Mutex, OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
+    thread,
+    time::{Duration, Instant},
+};
+
+use dataflow::{Digest, Turn};
+use depot::{DepotError, Put, PutMode};
+
+use super::{Shared, keys, remote::Remote};
+use crate::{atomic, mutex::lock};
+
+/// Time between two heartbeats of a process that makes units.
+const PERIOD: Duration = Duration::from_secs(5);
+
+/// Time without a new heartbeat after which a process counts as dead.
+const TIMEOUT: Duration = Duration::from_secs(30);
+
+/// Time for which a heartbeat that was read is not read again.
+const READ_AGAIN: Duration = Duration::from_secs(1);
+
+/// The turns of this process, and what is known of those of others.
+pub(crate) struct Turns {
+    /// Name of this process in its notes.
+    id: String,
+    /// Units of which this process has left a note.
+    held: Mutex<HashSet<Digest>>,
+    others: Mutex<HashMap<String, Heartbeat>>,
+    /// Set when this process makes no more units.
+    is_over: Arc<AtomicBool>,
+    beating: OnceLock<()>,
+}
+
+/// The last heartbeat of another process.
+struct Heartbeat {
+    bytes: Option<Vec<u8>>,
+    /// When it was first seen, and when it was read last.
+    since: Instant,
+    read: Instant,
+}
+
+impl Default for Turns {
+    fn default() -> Self {
+        Self {
+            id: atomic::process_name(),
+            held: Mutex::default(),
+            others: Mutex::default(),
+            is_over: Arc::default(),
+            beating: OnceLock::new(),
+        }
+    }
+}
+
+fn note_key(fingerprint: &Digest) -> String {
+    keys::message(&format!("making/{fingerprint}"))
+}
+
+fn heartbeat_key(id: &str) -> String {
+    keys::message(&format!("makers/{id}"))
+}
+
+/// The machine in the name of a process.
+fn machine_of(id: &str) -> String {
+    id.splitn(3, '-').nth(2).unwrap_or(id).to_owned()
+}
+
+impl Turns {
+    /// Whether this process has left a note of a unit; it forgets that.
+    pub(crate) fn give_back(&self, fingerprint: &Digest) -> bool {
+        lock(&self.held).remove(fingerprint)
+    }
+
+    /// Leaves heartbeats from now on, the first at once.
+    fn beat(&self, heartbeats: &Arc<Remote>) {
+        self.beating.get_or_init(|| {
+            let key = heartbeat_key(&self.id);
+            let leave = move |heartbeats: &Remote, n: u64| {
+                let link = heartbeats.to_write()?;
+                link.put_bytes(&key, n.to_string().as_bytes(), PutMode::Always)
+            };
+            // One that is missed is followed by others.
+            let _left = leave(heartbeats, 0);
+            let (heartbeats, is_over) = (Arc::clone(heartbeats), Arc::clone(&self.is_over));
+            thread::spawn(move || {
+                for n in 1.. {
+                    thread::sleep(PERIOD);
+                    if is_over.load(Ordering::Relaxed) {
+                        return;
+                    }
+                    let _left = leave(&heartbeats, n);
+                }
+            });
+        });
+    }
+
+    /// Whether a process that left a note is alive, as far as its heartbeats tell; of this machine it is known.
+    fn is_alive(&self, remote: &Remote, id: &str) -> Result<bool, DepotError> {
+        let process = id.split('-').next().unwrap_or_default();
+        let is_here = machine_of(id) == machine_of(&self.id);
+        if is_here && !Path::new("/proc").join(process).exists() {
+            return Ok(false);
+        }
+        let mut others = lock(&self.others);
+        let now = Instant::now();
+        let known = others.get(id);
+        if known.is_none_or(|it| now - it.read > READ_AGAIN) {
+            let bytes = remote.read(&heartbeat_key(id))?;
+            let known = others.entry(id.to_owned());
+            let known = known.or_insert_with(|| Heartbeat {
+                bytes: bytes.clone(),
+                since: now,
+                read: now,
+            });
+            known.read = now;
+            if known.bytes != bytes {
+                (known.bytes, known.since) = (bytes, now);
+            }
+        }
+        let known = others.get(id);
+        Ok(known.is_some_and(|it| it.bytes.is_some() && now - it.since < TIMEOUT))
+    }
+}
+
+impl Shared {
+    /// Asks for the turn to make a unit, and leaves a note of it; a depot that does not answer is done without.
+    pub(crate) fn turn(&self, fingerprint: &Digest, is_sure: bool) -> Turn {
+        if self.is_offline() {
+            return Turn::Own;
+        }
+        let asked = self.ask_for_turn(fingerprint, is_sure);
+        asked.unwrap_or(Turn::Own)
+    }
+
+    fn ask_for_turn(&self, fingerprint: &Digest, is_sure: bool) -> Result<Turn, DepotError> {
+        let link = self.casual.to_write()?;
+        self.turns.beat(&self.heartbeats);
+        let (key, id) = (note_key(fingerprint), self.turns.id.as_bytes());
+        let mode = if is_sure {
+            PutMode::Always
+        } else {
+            PutMode::IfAbsent
+        };
+        let put = link.put_bytes(&key, id, mode)?;
+        if self.index.expect(&self.casual, fingerprint)? {
+            if put == Put::New {
+                link.remove(&key)?;
+            }
+            return Ok(Turn::Made);
+        }
+        if put == Put::There {
+            let note = link.read(&key)?.unwrap_or_default();
+            let other = String::from_utf8_lossy(&note);
+            if note != id && !note.is_empty() && self.turns.is_alive(&self.casual, &other)? {
+                return Ok(Turn::Others(machine_of(&other)));
+            }
+            link.put_bytes(&key, id, PutMode::Always)?;
+        }
+        lock(&self.turns.held).insert(*fingerprint);
+        Ok(Turn::Own)
+    }
+
+    /// Gives the turn back of a unit that was not made.
+    pub(crate) fn end_turn(&self, fingerprint: &Digest) {
+        if self.turns.give_back(fingerprint) {
+            // Without heartbeats it means nothing.
+            let _gone = self.casual.idle().remove(&note_key(fingerprint));
+        }
+    }
+
+    /// Removes the notes of this process; what of them stays means nothing without heartbeats.
+    pub(crate) fn end_turns(&self) {
+        if self.turns.beating.get().is_none() || self.turns.is_over.swap(true, Ordering::Relaxed) {
+            return;
+        }
+        let link = self.casual.idle();
+        let held = std::mem::take(&mut *lock(&self.turns.held));
+        for fingerprint in held {
+            if link.remove(&note_key(&fingerprint)).is_err() {
+                return;
+            }
+        }
+        let _gone = link.remove(&heartbeat_key(&self.turns.id));
+    }
+}
+
+/// Removes the note of a unit whose record is in the depot.
+pub(crate) fn forget(turns: &Turns, remote: &Remote, fingerprint: &Digest) {
+    if turns.give_back(fingerprint) {
+        // It means nothing beside a record.
+        let _gone = remote.idle().remove(&note_key(fingerprint));
+    }
+}
