@@ -312,12 +312,19 @@ impl Batch<'_> {
                 driver: driver.to_owned(),
                 jobs: Vec::with_capacity(jobs.len()),
             };
-            for (idx, job) in jobs.iter().enumerate() {
+            let mut all_orders = Vec::with_capacity(jobs.len());
+            for job in jobs {
                 let orders = job.iter().map(|idx| wave.order(*idx));
                 let orders: Vec<Order> = orders.collect::<Result<_, _>>()?;
                 array
                     .jobs
                     .push(orders.iter().map(|order| order.fingerprint).collect());
+                all_orders.push(orders);
+            }
+            // First, so that whoever comes after a killed run finds what it left.
+            let wave_key = key(wave, &array.name);
+            self.leave(&wave_key, &array)?;
+            for (idx, orders) in all_orders.into_iter().enumerate() {
                 let folder = env::current_dir().map_err(|err| self.refused(&err))?;
                 let key = orders_key(&format!("{}/{idx}", array.name));
                 // Several come in the time in which one must.
@@ -330,15 +337,13 @@ impl Batch<'_> {
                 };
                 self.leave(&key, &job)?;
             }
-            let key = key(wave, &array.name);
-            self.leave(&key, &array)?;
             // Whatever comes now, its jobs are cancelled by their name.
             out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
             let submitted = self.submit_array(&array, wave.resources(), n_in_job);
             let noted = submitted.and_then(|id| {
                 array.id = id;
                 out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
-                self.leave(&key, &array)
+                self.leave(&wave_key, &array)
             });
             arrays.push(array);
             noted?;
@@ -515,11 +520,17 @@ impl Batch<'_> {
 
     /// Removes the files left in the depot for an array.
     fn forget(&self, wave: &Wave, array: &Array) -> Result<(), Failure> {
-        let mut keys = vec![key(wave, &array.name)];
+        self.forget_at(key(wave, &array.name), array)
+    }
+
+    fn forget_at(&self, wave_key: String, array: &Array) -> Result<(), Failure> {
+        let mut keys = Vec::new();
         for below in ["orders", "here", "ends"] {
             let found = self.lake.messages(&format!("{below}/{}", array.name));
             keys.extend(found.map_err(failed)?);
         }
+        // Last, so that the others are found if this is killed.
+        keys.push(wave_key);
         let mut removed = keys.iter().map(|key| self.lake.remove_message(key));
         removed.try_for_each(|it| it).map_err(failed)
     }

@@ -91,6 +91,14 @@ impl RemoteExecutor<'_> {
         }
     }
 
+    /// Removes what killed runs of a pipeline have left in the depot, of what is over.
+    pub(crate) fn tidy(&self, pipeline: &str) -> Result<(), Failure> {
+        match self {
+            Self::Launch(_) => Ok(()),
+            Self::Batch(batch) => batch.tidy(pipeline),
+        }
+    }
+
     /// Asks whether jobs with these resources could be submitted, where there is a scheduler to ask.
     pub(crate) fn test(&self, resources: &Resources) -> Result<(), Failure> {
         match self {

@@ -61,6 +61,41 @@ impl Batch<'_> {
         Ok(kept)
     }
 
+    /// Removes what killed runs of a pipeline have left in the depot for arrays that are over: their units were made,
+    /// and nobody asks for them any more.
+    pub(crate) fn tidy(&self, pipeline: &str) -> Result<(), Failure> {
+        let mut arrays = Vec::new();
+        for key in self
+            .lake
+            .messages(&format!("waves/{pipeline}"))
+            .map_err(failed)?
+        {
+            let found = self.lake.message(&key).map_err(failed)?;
+            let array: Option<Array> = found.and_then(|it| serde_json::from_slice(&it).ok());
+            let Some(array) = array.filter(|array| array.on == self.name) else {
+                continue;
+            };
+            if !self.may_live(&array.driver)? {
+                arrays.push((key, array));
+            }
+        }
+        if arrays.is_empty() {
+            return Ok(());
+        }
+        let (keys, arrays): (Vec<String>, Vec<Array>) = arrays.into_iter().unzip();
+        let queue = self.look_patiently(&arrays)?;
+        for (key, array) in keys.into_iter().zip(arrays) {
+            let is_out = |((name, _), state): (&(String, usize), &JobState)| {
+                *name == array.name && !matches!(state, JobState::Over(_))
+            };
+            if !queue.iter().any(is_out) {
+                self.forget_at(key, &array)?;
+                self.remove_heartbeat(&array.driver)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Whether arrays that make units of this output are in the depot.
     pub(super) fn has_arrays(&self, wave: &Wave) -> bool {
         let below = format!("waves/{}/{}", wave.pipeline(), wave.output());

@@ -84,6 +84,19 @@ impl Batch<'_> {
         done
     }
 
+    /// Whether a run may look after its jobs still: it has left a heartbeat, and is not known to have ended.
+    pub(super) fn may_live(&self, driver: &str) -> Result<bool, Failure> {
+        let found = self.lake.message(&key(driver)).map_err(failed)?;
+        let heartbeat: Option<Heartbeat> =
+            found.and_then(|bytes| serde_json::from_slice(&bytes).ok());
+        Ok(heartbeat.is_some_and(|heartbeat| !heartbeat.has_ended()))
+    }
+
+    /// Removes the heartbeat of a run that has ended.
+    pub(super) fn remove_heartbeat(&self, driver: &str) -> Result<(), Failure> {
+        self.lake.remove_message(&key(driver)).map_err(failed)
+    }
+
     /// Waits while a run looks after its jobs; returns whether it was alive. `waiting` is called before the first
     /// wait; a run on another machine is known to be alive or dead only later.
     pub(super) fn wait_for(

@@ -32,7 +32,10 @@ pub(crate) fn pull(program: &Program, args: &PullArgs) -> Result<CommandOutcome,
         )),
         n => Err(CommandError::failed(
             anyhow::anyhow!("{n} files are neither here nor in the depot"),
-            Some("a run that needs one makes it again".to_owned()),
+            Some(
+                "`pipeline push` on the machine that made them sends them again, and a run that needs one makes it again"
+                    .to_owned(),
+            ),
         )),
     }
 }

@@ -96,6 +96,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     };
     let events = |event: &Event| screen.show(event);
     let ran = dataflow::run(&pipeline, store, &options, executor, &events)?;
+    if let Some(remote) = &remote {
+        remote.tidy(&pipeline.name)?;
+    }
     // A page shows what the other outputs say.
     let is_page = |node: &&NodeReport| node.record.node.artifact == *PAGE;
     let last = ran.nodes.iter().rev().find(|node| !is_page(node));

@@ -71,6 +71,10 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutc
         ),
         Some(if args.drop {
             "the next run makes again what it needs".to_owned()
+        } else if args.depot {
+            "`pipeline verify --depot --drop` drops what is damaged; then `pipeline push` on the machines that made it \
+             sends it again, or a run that needs it makes it"
+                .to_owned()
         } else {
             "a run that needs one makes it again; `pipeline verify --drop` drops what is damaged"
                 .to_owned()

@@ -764,8 +764,29 @@ fn a_killed_run_goes_on_with_the_jobs_that_it_left() {
         if kill % 2 == 0 {
             assert!(said.contains("adopt  split.parts"), "{said}");
             assert_eq!(cluster.calls("submit").len(), 2, "{said}");
-            cluster.assert_tidy();
         }
+        cluster.assert_tidy();
+    }
+}
+
+#[test]
+fn collection_beside_a_run_by_jobs_forgets_nothing() {
+    for round in 0..number::<usize>("PIPELINE_ROUNDS", 3) {
+        let cluster = Cluster::new();
+        let place = Place::with_inputs(CHAIN, 12);
+        let add = format!("first.add={round}");
+        let mut run = place.command("run", &["--on", "slurm", "--set", &add]);
+        run.env("OWN_STAGES_TAKES", "300");
+        let mut run = Running::start(cluster.with(run));
+        while run.child.try_wait().unwrap().is_none() {
+            let _there = cluster
+                .with(place.bare(&place.lake(), "gc"))
+                .output()
+                .unwrap();
+        }
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{said}");
+        well(cluster.with(place.bare(&place.lake(), "verify")));
     }
 }
 

@@ -552,6 +552,59 @@ fn a_unit_that_another_machine_makes_is_waited_for_until_that_dies() {
 }
 
 #[test]
+fn a_push_sends_again_what_the_depot_has_lost() {
+    let lab = Lab::new();
+    let (first, second) = (machine(), machine());
+    lab.run(&first, &[]);
+    lab.run(&second, &[]);
+    let files = [lab.keys("blobs"), lab.keys("recipes")].concat();
+    for (idx, file) in files.iter().enumerate().step_by(3) {
+        if idx % 2 == 0 {
+            fs::remove_file(file).unwrap();
+        } else {
+            write_unnoticed(file, b"damaged");
+        }
+    }
+    let verify = |arguments: &[&str]| lab.ask(&second, "verify", arguments);
+    let found = verify(&["--depot"]);
+    assert_eq!(found.status.code(), Some(1));
+    assert!(
+        stderr(&found).contains("`pipeline verify --depot --drop`"),
+        "{}",
+        stderr(&found)
+    );
+    verify(&["--depot", "--drop"]);
+    let pushed = lab.ask(&first, "push", &[]);
+    assert_eq!(pushed.status.code(), Some(0), "{}", stderr(&pushed));
+    lab.assert_whole(&first);
+    assert_eq!(lab.ask(&second, "pull", &[]).status.code(), Some(0));
+    assert_same(&second.published(), &first.published(), "");
+    assert_eq!(first.take_log().len() + second.take_log().len(), 12 * 3 + 2);
+}
+
+#[test]
+fn a_push_beside_a_run_has_nothing_to_complain_of() {
+    let lab = Lab::new();
+    let place = machine();
+    lab.run(&place, &[]);
+    let mut n_pushed = 0;
+    for round in 0..number::<usize>("PIPELINE_ROUNDS", 4) {
+        let add = format!("first.add={}", round + 2);
+        let mut run = place.command("run", &["--set", &add]);
+        run.env("OWN_STAGES_TAKES", "50");
+        let mut run = Running::start(lab.share(run));
+        while run.child.try_wait().unwrap().is_none() {
+            let pushed = lab.ask(&place, "push", &[]);
+            assert_eq!(pushed.status.code(), Some(0), "{}", stderr(&pushed));
+            n_pushed += 1;
+        }
+        assert_eq!(run.finish().0, Some(0));
+    }
+    println!("{n_pushed} pushes beside runs");
+    assert!(n_pushed > 0);
+}
+
+#[test]
 fn a_kill_while_sending_leaves_nothing_half_sent() {
     let mut rng = chances("kills while sending");
     let lab = Lab::new();

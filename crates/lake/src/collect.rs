@@ -125,7 +125,7 @@ impl Lake {
         }
         self.collect_recipes(&recipes, since, collecting)?;
         self.collect_blobs(&blobs, since, collecting, &mut collected)?;
-        self.collect_unfetched(&blobs, collecting)?;
+        self.collect_unfetched(&blobs, since, collecting)?;
         self.collect_resumable(collecting, &mut collected)?;
         self.collect_logs(collecting, &mut collected)?;
         self.collect_leftovers(collecting, &mut collected)?;
@@ -240,11 +240,15 @@ impl Lake {
     fn collect_unfetched(
         &self,
         kept: &BTreeSet<Digest>,
+        since: SystemTime,
         collecting: GcMode,
     ) -> Result<(), LakeError> {
         for name in names_in(&self.folder.unfetched())? {
-            if !name.parse().is_ok_and(|blob| kept.contains(&blob)) {
-                remove(&self.folder.unfetched().join(name), collecting)?;
+            let path = self.folder.unfetched().join(&name);
+            let is_kept = name.parse().is_ok_and(|blob| kept.contains(&blob));
+            // A mark is there before the record of its unit.
+            if !is_kept && !is_newer(&path, since) {
+                remove(&path, collecting)?;
             }
         }
         Ok(())

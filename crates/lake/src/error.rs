@@ -288,6 +288,9 @@ impl Advise for LakeError {
                  `PIPELINE_DEPOT=DIR` on both; if `{host}` does not use it any more, remove `{}`",
                 path.join("locks/machine").display()
             )),
+            Self::NeverMade { made, .. } if made.is_empty() => {
+                Some("no run is in this lake yet: `pipeline run FILE` finds what the depot has".to_owned())
+            }
             Self::NeverMade { made, .. } => {
                 Some(format!("the newest runs made: {}", made.join(", ")))
             }

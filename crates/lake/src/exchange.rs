@@ -1,7 +1,7 @@
 //! Depot operations that a person starts: send, fetch, verify and remove.
 
 use std::{
-    collections::{BTreeSet, HashSet},
+    collections::{BTreeMap, BTreeSet, HashSet},
     time::Duration,
 };
 
@@ -34,12 +34,31 @@ impl Lake {
         self.check_exists()?;
         self.prepare()?;
         let mut there = shared.fingerprints()?;
+        let files = shared.list(keys::BLOBS)?.into_iter();
+        let files: HashSet<(Digest, u64)> = files
+            .filter_map(|entry| Some((keys::digest_of(&entry.key)?, entry.size)))
+            .collect();
+        let recipes = shared.list(keys::RECIPES)?.into_iter();
+        let recipes: HashSet<Digest> = recipes
+            .filter_map(|entry| keys::digest_of(&entry.key))
+            .collect();
+        let is_lost = |file: &FileRef| !files.contains(&(file.digest, file.size));
         let runs = shared.list(keys::RUNS)?.into_iter();
         let runs: HashSet<String> = runs.map(|entry| entry.key).collect();
         for number in self.register.ordered()? {
             let run = self.run(number)?;
             for unit in &run.record.units {
-                if self.records.is_whole(&unit.fingerprint)? && there.insert(unit.fingerprint) {
+                let Some(stored) = self.records.read(&unit.fingerprint)? else {
+                    continue;
+                };
+                let mut files = stored
+                    .outcome
+                    .files()
+                    .into_iter()
+                    .flat_map(BTreeMap::values);
+                // What was left there and lost is not here either.
+                let is_lost = files.any(|file| is_lost(file) && self.file(file).exists());
+                if there.insert(unit.fingerprint) || is_lost || !recipes.contains(&stored.recipe) {
                     shared.send_unit(&unit.fingerprint)?;
                 }
             }
@@ -47,17 +66,18 @@ impl Lake {
                 shared.send_run(number)?;
             }
         }
-        let asked: HashSet<Item> = shared.outbox.list()?.into_iter().collect();
-        shared.finish(NO_LIMIT, LONGEST_DOWN)?;
-        let left = shared.outbox.list()?.into_iter();
-        let mut n_left = 0;
-        for item in left.filter(|item| asked.contains(item)) {
-            if let Item::Unit(fingerprint) = item {
-                // One without a record is being made.
-                n_left += usize::from(self.records.is_whole(&fingerprint)?);
+        // One without a record is being made.
+        let mut asked = HashSet::new();
+        for item in shared.outbox.list()? {
+            if let Item::Unit(fingerprint) = item
+                && self.records.is_whole(&fingerprint)?
+            {
+                asked.insert(item);
             }
         }
-        Ok(n_left)
+        shared.finish(NO_LIMIT, LONGEST_DOWN)?;
+        let left = shared.outbox.list()?.into_iter();
+        Ok(left.filter(|item| asked.contains(item)).count())
     }
 
     /// Fetches the files of the newest results that were left in the depot, of these outputs or of
