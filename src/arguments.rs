@@ -381,15 +381,15 @@ pub(crate) struct RunArgs {
     /// units, and stages that move a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,
-    /// What to do while the depot does not answer [default: wait]
+    /// Wait, fail or go on alone if the depot is down [default: wait]
     ///
-    /// Without it results of other machines are not found, and would be made again.
-    #[arg(long, value_name = "WHAT", value_enum, default_value_t = DepotDown::Wait, hide_default_value = true)]
+    /// `fail` waits half a minute, `alone` 5 s. Without the depot results of other machines are not found, and would be made again.
+    #[arg(long, value_name = "WHAT", value_enum, default_value_t = DepotDown::Wait, hide_default_value = true, hide_possible_values = true)]
     pub(crate) depot_down: DepotDown,
     /// Longest wait for the depot, in minutes [default: 480]
     ///
     /// A night: a disk that is full at three is freed in the morning.
-    #[arg(long, value_name = "MIN", value_parser = minutes)]
+    #[arg(long, value_name = "MIN", value_parser = minutes, hide_short_help = true)]
     pub(crate) depot_patience_min: Option<f64>,
     /// Run in the background, until it is done
     ///
@@ -408,11 +408,9 @@ pub(crate) struct RunArgs {
 
 /// Reads a number of minutes.
 fn minutes(text: &str) -> Result<f64, String> {
-    let number: f64 = text.parse().map_err(|_| "it is no number".to_owned())?;
-    let is_time = number.is_finite() && number >= 0.0;
-    is_time
-        .then_some(number)
-        .ok_or_else(|| "it is no time".to_owned())
+    let number = text.parse().ok();
+    let time = number.filter(|it: &f64| it.is_finite() && *it >= 0.0);
+    time.ok_or_else(|| "it is no number of minutes".to_owned())
 }
 
 #[derive(Args)]

@@ -211,17 +211,16 @@ impl Batch<'_> {
 
     /// The failure of a run that leaves its jobs to themselves, since the depot stays down.
     fn left_alone(&self, err: &Failure, arrays: &[Array]) -> Failure {
-        let then = match arrays {
-            [] => "the same command goes on from there".to_owned(),
-            _ => {
-                let words: Vec<String> = env::args().map(|word| for_shell(&word)).collect();
-                format!(
-                    "its jobs are left in the queue of `{}` and keep their results until the depot is back; this \
-                     takes them over: `{}`",
-                    self.name,
-                    words.join(" ")
-                )
-            }
+        let then = if arrays.is_empty() {
+            "the same command goes on from there".to_owned()
+        } else {
+            let words: Vec<String> = env::args().map(|word| for_shell(&word)).collect();
+            format!(
+                "its jobs are left in the queue of `{}` and keep their results until the depot is back; this \
+                 takes them over: `{}`",
+                self.name,
+                words.join(" ")
+            )
         };
         let (hint, _) = err.advice();
         Failure::Executor {

@@ -92,14 +92,14 @@ fn text(trouble: &Trouble, when_down: WhenDown) -> String {
         );
     }
     let left = report::duration(outage.left.as_secs_f64());
-    let then = match (&trouble.at_stake, when_down) {
-        (_, WhenDown::Alone) => String::new(),
-        (Some((node, n_units)), WhenDown::Fail) if *n_units > 0 => format!(
+    let at_stake = trouble.at_stake.as_ref();
+    let at_stake = at_stake.filter(|(_, n_units)| *n_units > 0 && when_down == WhenDown::Fail);
+    let then = at_stake.map_or_else(String::new, |(node, n_units)| {
+        format!(
             "\nhint: without it {n_units} units of `{node}` would be made again, and what follows from them: \
              `--depot-down alone` does that"
-        ),
-        (_, WhenDown::Fail) => String::new(),
-    };
+        )
+    });
     format!("wait   the depot does not answer since {since}, waiting for up to {left}: {why}{then}")
 }
 

@@ -14,6 +14,7 @@ mod marks;
 mod messages;
 mod remote;
 mod send;
+mod taking_turns;
 mod turns;
 
 use std::{

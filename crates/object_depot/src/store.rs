@@ -77,9 +77,9 @@ impl ObjectDepot {
         })
     }
 
-    fn failed(&self, action: &'static str, key: &str, err: Boxed) -> DepotError {
+    fn failed(&self, action: &'static str, key: &str, err: &Boxed) -> DepotError {
         // What the reader or the sink of a request failed with is no answer of the store.
-        let cause = Cause::of(&err, &self.bucket, &self.url);
+        let cause = Cause::of(err, &self.bucket, &self.url);
         DepotError::Store {
             action,
             key: key.to_owned(),
@@ -139,7 +139,7 @@ impl Depot for ObjectDepot {
         };
         self.runtime
             .block_on(got)
-            .map_err(|err| self.failed("get", key, err))
+            .map_err(|err| self.failed("get", key, &err))
     }
 
     fn put(&self, key: &str, mut content: Content, mode: PutMode) -> Result<Put, DepotError> {
@@ -175,12 +175,12 @@ impl Depot for ObjectDepot {
         };
         self.runtime
             .block_on(put)
-            .map_err(|err| self.failed("put", key, err))
+            .map_err(|err| self.failed("put", key, &err))
     }
 
     fn head(&self, key: &str) -> Result<Option<Entry>, DepotError> {
         let found = self.runtime.block_on(self.store.head(&Path::from(key)));
-        let found = if_there(found).map_err(|err| self.failed("look for", key, err))?;
+        let found = if_there(found).map_err(|err| self.failed("look for", key, &err))?;
         Ok(found.as_ref().map(entry))
     }
 
@@ -195,12 +195,12 @@ impl Depot for ObjectDepot {
         };
         self.runtime
             .block_on(listed)
-            .map_err(|err| self.failed("list", prefix, err))
+            .map_err(|err| self.failed("list", prefix, &err))
     }
 
     fn remove(&self, key: &str) -> Result<(), DepotError> {
         let removed = self.runtime.block_on(self.store.delete(&Path::from(key)));
-        if_there(removed).map_err(|err| self.failed("remove", key, err))?;
+        if_there(removed).map_err(|err| self.failed("remove", key, &err))?;
         Ok(())
     }
 }

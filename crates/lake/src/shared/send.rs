@@ -17,12 +17,8 @@ use dataflow::{Digest, FileRef};
 use depot::{Content, DepotError, Entry, PutMode};
 
 use super::marks::{Item, Outbox};
-use super::{
-    index::SharedRun,
-    keys,
-    remote::Remote,
-    turns::{self, Turns},
-};
+use super::turns::{Turns, forget};
+use super::{index::SharedRun, keys, remote::Remote};
 use crate::{
     LakeError, atomic,
     blobs::Blobs,
@@ -262,7 +258,7 @@ impl Work {
         }
         lock(&self.sent).n_units += 1;
         self.outbox.remove(item)?;
-        turns::forget(&self.turns, &self.remote, fingerprint);
+        forget(&self.turns, &self.remote, fingerprint);
         Ok(())
     }
 

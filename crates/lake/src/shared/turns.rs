@@ -4,7 +4,7 @@
 //! It saves work and guards nothing: where a note is missed, a unit is made twice, with equal bytes.
 
 use std::{
-    collections::{HashMap, HashSet},
+    collections::{BTreeSet, HashMap},
     path::Path,
     sync::{
         Arc, Mutex, OnceLock,
@@ -14,10 +14,10 @@ use std::{
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, Turn};
-use depot::{DepotError, Put, PutMode};
+use dataflow::Digest;
+use depot::{DepotError, PutMode};
 
-use super::{Shared, keys, remote::Remote};
+use super::{keys, remote::Remote};
 use crate::{atomic, mutex::lock};
 
 /// Time between two heartbeats of a process that makes units.
@@ -32,9 +32,9 @@ const READ_AGAIN: Duration = Duration::from_secs(1);
 /// The turns of this process, and what is known of those of others.
 pub(crate) struct Turns {
     /// Name of this process in its notes.
-    id: String,
+    pub(super) id: String,
     /// Units of which this process has left a note.
-    held: Mutex<HashSet<Digest>>,
+    pub(super) held: Mutex<BTreeSet<Digest>>,
     others: Mutex<HashMap<String, Heartbeat>>,
     /// Set when this process makes no more units.
     is_over: Arc<AtomicBool>,
@@ -61,16 +61,16 @@ impl Default for Turns {
     }
 }
 
-fn note_key(fingerprint: &Digest) -> String {
+pub(super) fn note_key(fingerprint: &Digest) -> String {
     keys::message(&format!("making/{fingerprint}"))
 }
 
-fn heartbeat_key(id: &str) -> String {
+pub(super) fn heartbeat_key(id: &str) -> String {
     keys::message(&format!("makers/{id}"))
 }
 
 /// The machine in the name of a process.
-fn machine_of(id: &str) -> String {
+pub(super) fn machine_of(id: &str) -> String {
     id.splitn(3, '-').nth(2).unwrap_or(id).to_owned()
 }
 
@@ -80,8 +80,13 @@ impl Turns {
         lock(&self.held).remove(fingerprint)
     }
 
+    /// Ends the heartbeats; returns whether there were any.
+    pub(super) fn end(&self) -> bool {
+        self.beating.get().is_some() && !self.is_over.swap(true, Ordering::Relaxed)
+    }
+
     /// Leaves heartbeats from now on, the first at once.
-    fn beat(&self, heartbeats: &Arc<Remote>) {
+    pub(super) fn beat(&self, heartbeats: &Arc<Remote>) {
         self.beating.get_or_init(|| {
             let key = heartbeat_key(&self.id);
             let leave = move |heartbeats: &Remote, n: u64| {
@@ -104,7 +109,7 @@ impl Turns {
     }
 
     /// Whether a process that left a note is alive, as far as its heartbeats tell; of this machine it is known.
-    fn is_alive(&self, remote: &Remote, id: &str) -> Result<bool, DepotError> {
+    pub(super) fn is_alive(&self, remote: &Remote, id: &str) -> Result<bool, DepotError> {
         let process = id.split('-').next().unwrap_or_default();
         let is_here = machine_of(id) == machine_of(&self.id);
         if is_here && !Path::new("/proc").join(process).exists() {
@@ -128,68 +133,6 @@ impl Turns {
         }
         let known = others.get(id);
         Ok(known.is_some_and(|it| it.bytes.is_some() && now - it.since < TIMEOUT))
-    }
-}
-
-impl Shared {
-    /// Asks for the turn to make a unit, and leaves a note of it; a depot that does not answer is done without.
-    pub(crate) fn turn(&self, fingerprint: &Digest, is_sure: bool) -> Turn {
-        if self.is_offline() {
-            return Turn::Own;
-        }
-        let asked = self.ask_for_turn(fingerprint, is_sure);
-        asked.unwrap_or(Turn::Own)
-    }
-
-    fn ask_for_turn(&self, fingerprint: &Digest, is_sure: bool) -> Result<Turn, DepotError> {
-        let link = self.casual.to_write()?;
-        self.turns.beat(&self.heartbeats);
-        let (key, id) = (note_key(fingerprint), self.turns.id.as_bytes());
-        let mode = if is_sure {
-            PutMode::Always
-        } else {
-            PutMode::IfAbsent
-        };
-        let put = link.put_bytes(&key, id, mode)?;
-        if self.index.expect(&self.casual, fingerprint)? {
-            if put == Put::New {
-                link.remove(&key)?;
-            }
-            return Ok(Turn::Made);
-        }
-        if put == Put::There {
-            let note = link.read(&key)?.unwrap_or_default();
-            let other = String::from_utf8_lossy(&note);
-            if note != id && !note.is_empty() && self.turns.is_alive(&self.casual, &other)? {
-                return Ok(Turn::Others(machine_of(&other)));
-            }
-            link.put_bytes(&key, id, PutMode::Always)?;
-        }
-        lock(&self.turns.held).insert(*fingerprint);
-        Ok(Turn::Own)
-    }
-
-    /// Gives the turn back of a unit that was not made.
-    pub(crate) fn end_turn(&self, fingerprint: &Digest) {
-        if self.turns.give_back(fingerprint) {
-            // Without heartbeats it means nothing.
-            let _gone = self.casual.idle().remove(&note_key(fingerprint));
-        }
-    }
-
-    /// Removes the notes of this process; what of them stays means nothing without heartbeats.
-    pub(crate) fn end_turns(&self) {
-        if self.turns.beating.get().is_none() || self.turns.is_over.swap(true, Ordering::Relaxed) {
-            return;
-        }
-        let link = self.casual.idle();
-        let held = std::mem::take(&mut *lock(&self.turns.held));
-        for fingerprint in held {
-            if link.remove(&note_key(&fingerprint)).is_err() {
-                return;
-            }
-        }
-        let _gone = link.remove(&heartbeat_key(&self.turns.id));
     }
 }
 
