@@ -159,7 +159,7 @@ impl Server {
                         Fault::Reset => Vec::new(),
                         Fault::Refused => refusal("403 Forbidden"),
                         Fault::Busy => refusal("503 Slow Down"),
-                        Fault::Cut | Fault::Short => half(answered(), fault),
+                        Fault::Cut | Fault::Short => half(&answered(), fault),
                     };
                     let _sent = client.write_all(&answered);
                 });
@@ -177,7 +177,7 @@ fn refusal(status: &str) -> Vec<u8> {
 }
 
 /// The first half of an answer's body.
-fn half(answered: Vec<u8>, fault: Fault) -> Vec<u8> {
+fn half(answered: &[u8], fault: Fault) -> Vec<u8> {
     let end = answered.windows(4).position(|bytes| bytes == b"\r\n\r\n");
     let (head, body) = answered.split_at(end.map_or(answered.len(), |at| at + 4));
     let body = &body[..body.len() / 2];
