@@ -101,6 +101,11 @@ impl<'a> Attempts<'a> {
         }
     }
 
+    /// Whether units are begun after another has failed.
+    pub(crate) fn keeps_going(&self) -> bool {
+        self.executor.is_some_and(Executor::keeps_going)
+    }
+
     /// Outputs of which a damaged partition was rebuilt.
     pub(crate) fn repaired(&self) -> MutexGuard<'_, BTreeSet<NodeName>> {
         self.repaired.lock().unwrap_or_else(PoisonError::into_inner)
@@ -116,7 +121,7 @@ impl<'a> Attempts<'a> {
     ) -> Vec<Result<UnitReport, Failure>> {
         let mut settled = Vec::with_capacity(units.len());
         let took_s = self.executor.and_then(|_| self.took_s(state, node));
-        let keeps_going = self.executor.is_some_and(Executor::keeps_going);
+        let keeps_going = self.keeps_going();
         let mut open = units.to_vec();
         // Tries of each unit, and all its losses.
         let mut losses: BTreeMap<&PartitionKey, (usize, usize)> = BTreeMap::new();

@@ -181,6 +181,10 @@ impl Runner<'_> {
                     Err(err) => failures.push(err),
                 }
             }
+            if !self.attempts.keeps_going() {
+                // Those that were in flight beside the first say the same.
+                failures.truncate(1);
+            }
             failure = Failure::of_units(&node.name, missing.len(), failures);
             made.sort_by(|a, b| a.partition.cmp(&b.partition));
         }
