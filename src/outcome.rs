@@ -52,6 +52,7 @@ impl From<Failure> for CommandError {
     fn from(err: Failure) -> Self {
         let hint = err.hint();
         match err {
+            Failure::Files(err) => Self::File(err),
             Failure::NoStage { .. } | Failure::NoNode { .. } | Failure::NoPartition { .. } => {
                 Self::Usage {
                     message: err.to_string(),

@@ -3,6 +3,7 @@
 
 mod files;
 mod limits;
+mod named;
 
 use std::{fs, sync::Arc};
 

@@ -87,6 +87,9 @@ pub enum Failure {
         /// The stage's own error.
         source: Advised,
     },
+    /// Files that options name cannot be used.
+    #[error(transparent)]
+    Files(FileError),
     /// A stage panicked.
     #[error("stage `{}` panicked while making `{}`: {message}", unit.node.stage, unit.partition)]
     Panic {
@@ -363,6 +366,15 @@ impl fmt::Display for LeftOut {
 }
 
 impl Failure {
+    /// Fails if there is any such problem.
+    pub(crate) fn of_files(problems: Vec<Problem>) -> Result<(), Self> {
+        if problems.is_empty() {
+            Ok(())
+        } else {
+            Err(Self::Files(FileError { problems }))
+        }
+    }
+
     /// Attaches the failed run, so that hints show the items that this run left out, not a later
     /// one.
     pub(crate) fn of_run(mut self, number: u64) -> Self {
@@ -545,6 +557,7 @@ impl Advise for Failure {
                  stage to the run with `--until` and no `--on`"
                     .to_owned(),
             ),
+            Self::Files(err) => err.problems.iter().find_map(|it| it.hint.clone()),
             Self::Lost { .. }
             | Self::Physical { .. }
             | Self::NotAKey { .. }

@@ -12,7 +12,7 @@ use crate::{
     context::{Context, Inputs},
     metrics::MissingMetric,
     name::NodeName,
-    option_faults::OptionFault,
+    option_faults::{FileFault, OptionFault},
     outcome::Outcome,
     output::OutputInfo,
     record::RecordOutcome,
@@ -70,6 +70,9 @@ pub(crate) trait Configured: Send + Sync {
     fn config(&self) -> Value;
     fn check(&self) -> Vec<OptionFault>;
     fn check_wired(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault>;
+    /// The options whose files [`Self::check_files`] checks.
+    fn files(&self) -> &'static [&'static str];
+    fn check_files(&self) -> Vec<FileFault>;
     /// The outputs, whose names may follow from the options.
     fn outputs(&self) -> Vec<OutputInfo>;
     fn prepare(&self) -> Result<(), Advised>;
@@ -171,6 +174,14 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
 
     fn check_wired(&self, inputs: &BTreeMap<String, NodeName>) -> Vec<OptionFault> {
         S::check_wired(&self.options, inputs)
+    }
+
+    fn files(&self) -> &'static [&'static str] {
+        S::FILES
+    }
+
+    fn check_files(&self) -> Vec<FileFault> {
+        S::check_files(&self.options)
     }
 
     fn outputs(&self) -> Vec<OutputInfo> {

@@ -87,7 +87,7 @@ pub use name::{
     ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,
     StageName, UnitName, text_of,
 };
-pub use option_faults::{OptionFault, OptionFaults};
+pub use option_faults::{FileFault, OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use order::{Forced, Order};
 pub use outcome::{Labels, Outcome};

@@ -12,13 +12,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::{
     advice::Advised,
     digest::Fields,
-    error::Failure,
+    error::{Failure, Problem},
     graph::Node,
     kind::{Configured, Kind},
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
     resources::Resources,
     scope::{RunFacts, Scope},
+    source::Location,
     stage::Stage,
     store::{Origin, RunRecord},
     unit::Unit,
@@ -53,6 +54,8 @@ pub struct StageEntry {
     /// Its options as TOML, merged from all files and values given.
     pub(crate) text: String,
     pub(crate) configured: Box<dyn Configured>,
+    /// Where the file says what [`Stage::FILES`] name.
+    pub(crate) places: BTreeMap<String, Location>,
 }
 
 impl StageEntry {
@@ -60,6 +63,21 @@ impl StageEntry {
     pub(crate) fn prepare(&self) -> Result<(), Failure> {
         let prepared = self.configured.prepare();
         prepared.map_err(|source| self.failure(None, source))
+    }
+
+    /// Lists every file that its options name and that cannot be used, each with its place.
+    pub(crate) fn unusable_files(&self) -> Vec<Problem> {
+        let faults = self.configured.check_files().into_iter();
+        let problems = faults.map(|fault| {
+            let place = [fault.place(), fault.key.clone()]
+                .iter()
+                .find_map(|place| self.places.get(place))
+                .cloned();
+            Problem::new(format!("stage `{}`: {fault}", self.name))
+                .at(place)
+                .hint(fault.hint)
+        });
+        problems.collect()
     }
 
     /// Lists the units of one of its outputs.
@@ -135,14 +153,16 @@ impl Pipeline {
         nodes.filter(|node| wanted.contains(&node.name)).collect()
     }
 
-    /// Has each stage of these nodes prepare its resources outside the lake.
+    /// Has each stage of these nodes prepare its resources outside the lake, and checks the files that they
+    /// name: of all stages, since a later one fails only when those before it have worked.
     pub(crate) fn prepare(&self, nodes: &[&Node]) -> Result<(), Failure> {
-        for stage in &self.stages {
-            if nodes.iter().any(|node| node.name.stage == stage.name) {
-                stage.prepare()?;
-            }
+        let is_used = |stage: &&StageEntry| nodes.iter().any(|node| node.name.stage == stage.name);
+        let used = || self.stages.iter().filter(is_used);
+        for stage in used() {
+            stage.prepare()?;
         }
-        Ok(())
+        let problems: Vec<Problem> = used().flat_map(StageEntry::unusable_files).collect();
+        Failure::of_files(problems)
     }
 
     /// Returns the facts of the pipeline that stages may report.

@@ -24,6 +24,7 @@ pub struct Readiness {
 /// Fails if the stage cannot begin.
 pub fn outside(stage: &StageEntry) -> Result<Readiness, Failure> {
     stage.prepare()?;
+    Failure::of_files(stage.unusable_files())?;
     if !stage.kind.all_inputs().is_empty() {
         return Ok(Readiness {
             units: None,

@@ -1,5 +1,7 @@
 //! Making one unit by its name, or by its order.
 
+use std::collections::BTreeMap;
+
 use toml_edit::{Document, Value};
 
 use crate::{
@@ -138,6 +140,7 @@ fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failur
         resources: Resources::default(),
         text: order.options.clone(),
         configured,
+        places: BTreeMap::new(),
     };
     let mut outputs = stage.kind.outputs.iter().enumerate();
     let (idx, output) = outputs

@@ -15,7 +15,7 @@ use crate::{
     context::{Context, Inputs},
     metrics::{Metrics, MissingMetric},
     name::NodeName,
-    option_faults::OptionFault,
+    option_faults::{FileFault, OptionFault},
     outcome::Outcome,
     output::{Execution, OptionsUsed, OutputInfo},
     record::RecordOutcome,
@@ -49,6 +49,8 @@ pub trait Stage: Sized + 'static {
     /// Further artifacts that it reads where they are wired. One that is wired to a stage that the pipeline
     /// file leaves out (`without`) counts as not wired.
     const OPTIONAL_INPUTS: &'static [&'static str] = &[];
+    /// The options that name files or folders outside the lake and are checked by [`Stage::check_files`].
+    const FILES: &'static [&'static str] = &[];
     /// Whether its inputs are those of [`Stage::INPUTS`], or those that the pipeline file names.
     const WIRING: Wiring = Wiring::Declared;
     /// Text at the end of its page of options, e.g. a whole example.
@@ -70,6 +72,12 @@ pub trait Stage: Sized + 'static {
         _config: &Self::Config,
         _inputs: &BTreeMap<String, NodeName>,
     ) -> Vec<OptionFault> {
+        Vec::new()
+    }
+
+    /// Returns every file that an option of [`Stage::FILES`] names and that cannot be used; called after all
+    /// stages are prepared, before anything is planned.
+    fn check_files(_config: &Self::Config) -> Vec<FileFault> {
         Vec::new()
     }
 

@@ -5,7 +5,9 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Advise, Failure, Pipeline, Readiness, StageEntry, outside};
+use dataflow::{
+    Advise, Failure, Pipeline, Problem, Readiness, Source, StageEntry, StageName, outside,
+};
 use stage_dispatch::{Dispatch, DispatchConfig};
 
 use super::{Check, State};
@@ -35,14 +37,33 @@ pub(super) fn compute() -> Check {
 
 /// Checks the resources of every stage outside the lake.
 pub(super) fn stages(pipeline: &Pipeline) -> Vec<Check> {
-    let stages = pipeline.stages.iter().map(|stage| match outside(stage) {
-        Ok(outside) => Check::new(State::Ok, &stage.name, found(outside)),
-        Err(failure) => {
-            let hint = failure.hint();
-            Check::new(State::Missing, &stage.name, cause(failure)).with_hint(hint)
-        }
-    });
+    let stages = pipeline
+        .stages
+        .iter()
+        .flat_map(|stage| match outside(stage) {
+            Ok(outside) => vec![Check::new(State::Ok, &stage.name, found(outside))],
+            Err(Failure::Files(err)) => err
+                .problems
+                .into_iter()
+                .map(|problem| file(&stage.name, problem))
+                .collect(),
+            Err(failure) => {
+                let hint = failure.hint();
+                vec![Check::new(State::Missing, &stage.name, cause(failure)).with_hint(hint)]
+            }
+        });
     stages.collect()
+}
+
+/// A file that a stage names and that cannot be used, with the line that names it.
+fn file(stage: &StageName, problem: Problem) -> Check {
+    let repeated = format!("stage `{stage}`: ");
+    let message = problem.message.trim_start_matches(&repeated);
+    let line = match problem.location.map(|location| location.source) {
+        Some(Source::File { path, line }) => format!(", {}:{line}", path.display()),
+        Some(Source::Argument) | None => String::new(),
+    };
+    Check::new(State::Missing, stage, format!("{message}{line}")).with_hint(problem.hint)
 }
 
 fn found(outside: Readiness) -> String {

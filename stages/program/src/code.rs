@@ -2,11 +2,11 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
 };
 
-use dataflow::SourceFile;
+use dataflow::{Advise, FileFault, SourceFile};
 
 use crate::{config::ProgramConfig, error::ProgramError};
 
@@ -15,51 +15,168 @@ pub(crate) const FILES: &str = "files.";
 
 /// Lists every file outside the lake on which the program depends, once each, in the order of the names.
 pub(crate) fn sources(config: &ProgramConfig) -> Result<Vec<SourceFile>, ProgramError> {
-    let mut found: BTreeMap<String, PathBuf> = BTreeMap::new();
-    for element in &config.command {
-        let path = Path::new(element);
-        // Interpreters from PATH are the environment, which the lock file stands for.
-        if path.is_file() && names_a_file(element) {
-            found.insert(element.clone(), path.to_owned());
-        }
-    }
-    for pattern in &config.code {
-        let unreadable = |reason: String| ProgramError::Pattern {
-            pattern: pattern.clone(),
-            reason,
-        };
-        let paths = glob::glob(pattern).map_err(|err| unreadable(err.to_string()))?;
-        let mut n_files = 0;
-        for path in paths {
-            let path = path.map_err(|err| unreadable(err.to_string()))?;
-            if path.is_file() && !is_cache(&path) {
-                found.insert(path.display().to_string(), path);
-                n_files += 1;
-            }
-        }
-        if n_files == 0 {
-            return Err(ProgramError::NoCode {
-                pattern: pattern.clone(),
-            });
-        }
-    }
-    if let Some(lock) = &config.lock {
-        check_file("lock", lock)?;
-        found.insert(lock.display().to_string(), lock.clone());
-    }
-    for (name, path) in &config.files {
-        let root = format!("{FILES}{name}");
-        if path.is_dir() {
-            collect(path, &root, &mut found)?;
-        } else {
-            check_file(&root, path)?;
-            found.insert(root, path.clone());
-        }
+    let Named { found, faults } = named(config);
+    if let Some(fault) = faults.into_iter().next() {
+        return Err(fault.error);
     }
     let sources = found.into_iter();
     Ok(sources
         .map(|(name, path)| SourceFile { name, path })
         .collect())
+}
+
+/// Returns everything that the options name and that cannot be used.
+pub(crate) fn file_faults(config: &ProgramConfig) -> Vec<FileFault> {
+    let faults = named(config).faults.into_iter();
+    let faults = faults.map(|fault| FileFault {
+        problem: fault.error.after_option(),
+        hint: fault.error.hint(),
+        key: fault.key,
+        element: fault.element,
+    });
+    faults.collect()
+}
+
+/// The files that the options name.
+#[derive(Default)]
+struct Named {
+    /// By the name under which each counts.
+    found: BTreeMap<String, PathBuf>,
+    faults: Vec<Fault>,
+}
+
+/// What an option names and cannot be used.
+struct Fault {
+    key: String,
+    /// Position in a list.
+    element: Option<usize>,
+    error: ProgramError,
+}
+
+fn named(config: &ProgramConfig) -> Named {
+    let mut all = Named::default();
+    for element in &config.command {
+        let path = Path::new(element);
+        // Interpreters from PATH are the environment, which the lock file stands for.
+        if path.is_file() && names_a_file(element) {
+            all.found.insert(element.clone(), path.to_owned());
+        }
+    }
+    for (idx, pattern) in config.code.iter().enumerate() {
+        match matching(pattern) {
+            Ok(paths) => {
+                let paths = paths.into_iter();
+                all.found
+                    .extend(paths.map(|path| (path.display().to_string(), path)));
+            }
+            Err(error) => all.faults.push(Fault {
+                key: "code".to_owned(),
+                element: Some(idx),
+                error,
+            }),
+        }
+    }
+    if let Some(lock) = &config.lock {
+        all.take("lock", lock.display().to_string(), lock);
+    }
+    for (name, path) in &config.files {
+        let root = format!("{FILES}{name}");
+        if path.is_dir() {
+            all.collect(&root, path, &root, &[]);
+        } else {
+            all.take(&root, root.clone(), path);
+        }
+    }
+    all
+}
+
+/// Returns the files that a pattern of `code` matches: at least one.
+fn matching(pattern: &str) -> Result<Vec<PathBuf>, ProgramError> {
+    let unreadable = |reason: String| ProgramError::Pattern {
+        pattern: pattern.to_owned(),
+        reason,
+    };
+    let paths = glob::glob(pattern).map_err(|err| unreadable(err.to_string()))?;
+    let mut found = Vec::new();
+    for path in paths {
+        let path = path.map_err(|err| unreadable(err.to_string()))?;
+        if path.is_file() && !is_cache(&path) {
+            found.push(path);
+        }
+    }
+    if found.is_empty() {
+        return Err(ProgramError::NoCode {
+            pattern: pattern.to_owned(),
+        });
+    }
+    Ok(found)
+}
+
+impl Named {
+    fn refuse(&mut self, key: &str, error: ProgramError) {
+        self.faults.push(Fault {
+            key: key.to_owned(),
+            element: None,
+            error,
+        });
+    }
+
+    /// Takes a file under a name, or says why it cannot be read. A pipe would be waited for without end.
+    fn take(&mut self, key: &str, name: String, path: &Path) {
+        let path = path.to_owned();
+        let option = key.to_owned();
+        match fs::metadata(&path) {
+            Err(err) if err.kind() == io::ErrorKind::NotFound => {
+                self.refuse(key, ProgramError::NoFile { option, path });
+            }
+            Ok(found) if !found.is_file() => {
+                self.refuse(key, ProgramError::NotAFile { option, path });
+            }
+            Ok(_) => match fs::File::open(&path) {
+                Ok(_) => drop(self.found.insert(name, path)),
+                Err(source) => self.unreadable(key, &path, source),
+            },
+            Err(source) => self.unreadable(key, &path, source),
+        }
+    }
+
+    fn unreadable(&mut self, key: &str, path: &Path, source: io::Error) {
+        let error = ProgramError::Unopened {
+            option: key.to_owned(),
+            path: path.to_owned(),
+            source,
+        };
+        self.refuse(key, error);
+    }
+
+    /// Takes the files below a folder; `above` are the folders that led to it.
+    fn collect(&mut self, key: &str, folder: &Path, name: &str, above: &[PathBuf]) {
+        let listed = fs::canonicalize(folder).and_then(|real| {
+            let entries = fs::read_dir(folder)?.collect::<Result<Vec<_>, _>>()?;
+            Ok((real, entries))
+        });
+        let (real, entries) = match listed {
+            Ok(listed) => listed,
+            Err(source) => return self.unreadable(key, folder, source),
+        };
+        if above.contains(&real) {
+            let error = ProgramError::LinkCircle {
+                option: key.to_owned(),
+                path: folder.to_owned(),
+            };
+            return self.refuse(key, error);
+        }
+        let above = [above, &[real]].concat();
+        for entry in entries {
+            let path = entry.path();
+            let name = format!("{name}/{}", entry.file_name().to_string_lossy());
+            if path.is_dir() {
+                self.collect(key, &path, &name, &above);
+            } else {
+                self.take(key, name, &path);
+            }
+        }
+    }
 }
 
 /// Returns the command with the elements that name files as absolute paths.
@@ -97,36 +214,6 @@ fn names_a_file(element: &str) -> bool {
 fn is_cache(path: &Path) -> bool {
     path.components()
         .any(|part| part.as_os_str() == "__pycache__")
-}
-
-fn check_file(option: &str, path: &Path) -> Result<(), ProgramError> {
-    if path.is_file() {
-        return Ok(());
-    }
-    Err(ProgramError::NoFile {
-        option: option.to_owned(),
-        path: path.to_owned(),
-    })
-}
-
-fn collect(
-    folder: &Path,
-    name: &str,
-    found: &mut BTreeMap<String, PathBuf>,
-) -> Result<(), ProgramError> {
-    for entry in fs::read_dir(folder).map_err(ProgramError::at(folder))? {
-        let path = entry.map_err(ProgramError::at(folder))?.path();
-        let name = format!(
-            "{name}/{}",
-            path.file_name().unwrap_or_default().to_string_lossy()
-        );
-        if path.is_dir() {
-            collect(&path, &name, found)?;
-        } else {
-            found.insert(name, path);
-        }
-    }
-    Ok(())
 }
 
 #[cfg(test)]

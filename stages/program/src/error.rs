@@ -1,6 +1,6 @@
 //! Why a unit's program did not make its artifact.
 
-use std::{io, path::PathBuf};
+use std::{error::Error, io, path::PathBuf};
 
 use dataflow::Advise;
 use lake::LakeError;
@@ -33,6 +33,33 @@ pub enum ProgramError {
         option: String,
         /// The path.
         path: PathBuf,
+    },
+    /// What an option names is there, and is no file.
+    #[error("`{option}` names `{}`, which is neither a file nor a folder", path.display())]
+    NotAFile {
+        /// The option.
+        option: String,
+        /// The path.
+        path: PathBuf,
+    },
+    /// A link in a folder that an option names leads back to a folder around it.
+    #[error("`{option}` names a folder in which `{}` leads back to a folder around it", path.display())]
+    LinkCircle {
+        /// The option.
+        option: String,
+        /// The link.
+        path: PathBuf,
+    },
+    /// A file that an option names cannot be opened.
+    #[error("`{option}` names `{}`, which cannot be read", path.display())]
+    Unopened {
+        /// The option.
+        option: String,
+        /// The path.
+        path: PathBuf,
+        /// Why.
+        #[source]
+        source: io::Error,
     },
     /// An input has no partitions.
     #[error("its input `{input}` has no partitions")]
@@ -324,6 +351,20 @@ impl From<Broken> for ProgramError {
 }
 
 impl ProgramError {
+    /// Returns the message of a fault in what an option names, with its cause and without the option at
+    /// its start.
+    pub(crate) fn after_option(&self) -> String {
+        let text = self.to_string();
+        let rest = text
+            .strip_prefix('`')
+            .and_then(|rest| rest.split_once("` "));
+        let rest = rest.map_or(text.as_str(), |(_, rest)| rest);
+        match self.source() {
+            Some(cause) => format!("{rest}: {cause}"),
+            None => rest.to_owned(),
+        }
+    }
+
     /// Returns a function that says which file or folder an error is about.
     pub(crate) fn at(path: &std::path::Path) -> impl FnOnce(io::Error) -> Self + use<> {
         let path = path.to_owned();
@@ -341,6 +382,9 @@ impl Advise for ProgramError {
                     .to_owned(),
             ),
             Self::NoFile { path, .. } => Some(dataflow::missing(path)),
+            Self::NotAFile { .. } => Some("name a file or a folder of files".to_owned()),
+            Self::LinkCircle { path, .. } => Some(format!("remove the link: `rm {}`", path.display())),
+            Self::Unopened { path, .. } => Some(format!("let yourself read it: `chmod u+r {}`", path.display())),
             Self::NoPartitions { input } => {
                 Some(format!("look at its skipped items with `pipeline inspect`, at the artifact that `{input}` names"))
             }

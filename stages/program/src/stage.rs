@@ -11,8 +11,8 @@ use std::{
 
 use arrow_schema::Schema;
 use dataflow::{
-    Code, Context, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output, OutputNames,
-    Outputs, Scope, Stage, Sum, Unit, Wiring,
+    Code, Context, FileFault, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output,
+    OutputNames, Outputs, Scope, Stage, Sum, Unit, Wiring,
 };
 
 use crate::{
@@ -65,6 +65,7 @@ impl<A: Artifacts> Stage for Program<A> {
     const INPUTS: &'static [&'static str] = &[];
     const WIRING: Wiring = Wiring::Free;
     const EXAMPLE: Option<&'static str> = Some(include_str!("../page.md"));
+    const FILES: &'static [&'static str] = &["code", "lock", "files"];
     const OUTPUTS: Outputs<Self> = &[&Self::OUTPUT];
 
     fn check(config: &ProgramConfig) -> Vec<OptionFault> {
@@ -76,6 +77,10 @@ impl<A: Artifacts> Stage for Program<A> {
         inputs: &BTreeMap<String, NodeName>,
     ) -> Vec<OptionFault> {
         config.wired_faults(inputs)
+    }
+
+    fn check_files(config: &ProgramConfig) -> Vec<FileFault> {
+        code::file_faults(config)
     }
 }
 

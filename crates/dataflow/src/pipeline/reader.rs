@@ -19,6 +19,7 @@ use crate::{
     inheritance::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
     name::{ArtifactName, NodeName, PipelineName, StageName},
+    option_faults::place_of,
     overrides::Override,
     resources::Resources,
     shared::{SHARED, SharedUse},
@@ -355,8 +356,10 @@ impl FileReader<'_> {
                     let message = format!("stage `{name}`: {fault}");
                     self.problem_at(message, Some(place), Some(list));
                 }
+                let places = self.places(name, &table, configured.files());
                 Some(StageEntry {
                     name: stage_name,
+                    places,
                     kind,
                     inputs: inputs?,
                     max_skipped_fraction: max_skipped_fraction?,
@@ -382,6 +385,41 @@ impl FileReader<'_> {
                 None
             }
         }
+    }
+
+    /// Returns where these options of a stage stand: the values of tables and lists, each, and the whole.
+    fn places(
+        &self,
+        stage: &str,
+        table: &InlineTable,
+        options: &[&str],
+    ) -> BTreeMap<String, Location> {
+        let mut places = BTreeMap::new();
+        for &option in options {
+            let Some(value) = table.get(option) else {
+                continue;
+            };
+            let mut note = |key: &str, element: Option<usize>, value: &Value| {
+                let path: Vec<String> = key.split('.').map(str::to_owned).collect();
+                let place = self.place(stage, &path, Part::Value, value.span());
+                places.extend(place.map(|place| (place_of(key, element), place)));
+            };
+            note(option, None, value);
+            match value {
+                Value::InlineTable(below) => {
+                    for (key, value) in below {
+                        note(&format!("{option}.{key}"), None, value);
+                    }
+                }
+                Value::Array(elements) => {
+                    for (idx, value) in elements.iter().enumerate() {
+                        note(option, Some(idx), value);
+                    }
+                }
+                _ => {}
+            }
+        }
+        places
     }
 
     fn kind(
