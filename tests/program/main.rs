@@ -21,6 +21,7 @@ mod history;
 mod imports;
 mod incremental;
 mod interpolation;
+mod located;
 mod messages;
 mod misbehavior;
 mod mujoco_judge;

@@ -32,7 +32,7 @@ pub struct Problem {
 impl Problem {
     pub(crate) fn new(message: impl Into<String>) -> Self {
         Self {
-            message: message.into(),
+            message: shortened(&message.into()),
             location: None,
             hint: None,
         }
@@ -44,9 +44,24 @@ impl Problem {
     }
 
     pub(crate) fn hint(mut self, hint: impl Into<Option<String>>) -> Self {
-        self.hint = hint.into();
+        self.hint = hint.into().map(|hint| shortened(&hint));
         self
     }
+}
+
+/// Cuts what a message quotes from the file where it is too long to be read.
+fn shortened(message: &str) -> String {
+    const LONGEST: usize = 300;
+    const KEPT: usize = 280;
+    let parts = message.split_inclusive(['`', '"']).map(|part| {
+        if part.chars().count() <= LONGEST {
+            return part.to_owned();
+        }
+        let end = part.chars().last().filter(|c| matches!(c, '`' | '"'));
+        let start: String = part.chars().take(KEPT).collect();
+        format!("{start}…{}", end.map_or_else(String::new, String::from))
+    });
+    parts.collect()
 }
 
 impl From<Problem> for FileError {

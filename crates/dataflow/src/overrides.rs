@@ -1,8 +1,10 @@
 //! Values given on the command line: `--set stage.key=value`, or several to sweep over.
 
-use std::{fmt, str::FromStr};
+use std::{fmt, ops::Range, str::FromStr};
 
 use toml_edit::Value;
+
+use crate::source::Location;
 
 /// One value that overrides the pipeline file.
 #[derive(Debug, Clone)]
@@ -46,6 +48,23 @@ impl Override {
         };
         (format!("{keys}={value}"), keys.len() + 1)
     }
+
+    /// Returns the location of a part of it as it is written after `--set`: on the command line, or in the file
+    /// that says it.
+    pub(crate) fn place(&self, part: Range<usize>) -> Location {
+        match &self.path.written {
+            Some(key) => key.narrowed(&self.path.to_string(), part),
+            None => Location::in_set(&self.argument().0, part),
+        }
+    }
+
+    /// What gives the value, in words.
+    pub(crate) fn giver(&self) -> &'static str {
+        match self.path.written {
+            Some(_) => "`[[sweep]]`",
+            None => "`--set`",
+        }
+    }
 }
 
 impl fmt::Display for Override {
@@ -55,12 +74,21 @@ impl fmt::Display for Override {
 }
 
 /// The target of a value.
-#[derive(Debug, Clone, PartialEq, Eq)]
+#[derive(Debug, Clone)]
 pub(crate) struct KeyPath {
     /// The stage, or `None` for a key at the top of the file, e.g. `seed`.
     pub(crate) stage: Option<String>,
     /// Path of keys inside the stage's table.
     pub(crate) keys: Vec<String>,
+    /// Where a file says it; `None` on the command line.
+    pub(crate) written: Option<Location>,
+}
+
+/// The same target, wherever it is written.
+impl PartialEq for KeyPath {
+    fn eq(&self, other: &Self) -> bool {
+        (&self.stage, &self.keys) == (&other.stage, &other.keys)
+    }
 }
 
 impl fmt::Display for KeyPath {
@@ -84,7 +112,12 @@ pub(crate) fn split(text: &str) -> Result<(KeyPath, &str), OverrideError> {
         return Err(malformed());
     }
     let stage = (keys.len() > 1).then(|| keys.remove(0));
-    Ok((KeyPath { stage, keys }, value.trim()))
+    let path = KeyPath {
+        stage,
+        keys,
+        written: None,
+    };
+    Ok((path, value.trim()))
 }
 
 /// Reads a value of TOML.

@@ -29,6 +29,9 @@ pub enum Source {
     Argument,
 }
 
+/// Most columns of a displayed line.
+const COLUMNS: usize = 100;
+
 impl Location {
     /// Finds the line and column of a byte range.
     pub(crate) fn of(path: &std::path::Path, source: &str, span: Range<usize>) -> Self {
@@ -52,6 +55,27 @@ impl Location {
             column,
             text: text.to_owned(),
             width: length.clamp(1, in_line),
+        }
+    }
+
+    /// Narrows the location of a dotted key to a byte range of it; the whole key if the range is not in it.
+    pub(crate) fn narrowed(&self, key: &str, part: Range<usize>) -> Self {
+        let start = self.column - 1;
+        let written: String = self.text.chars().skip(start).take(self.width).collect();
+        let count = |text: &str| text.chars().count();
+        let found = written.split_once(key).and_then(|(before, _)| {
+            Some((
+                count(before) + count(key.get(..part.start)?),
+                count(key.get(part)?),
+            ))
+        });
+        match found {
+            Some((offset, width)) => Self {
+                column: self.column + offset,
+                width,
+                ..self.clone()
+            },
+            None => self.clone(),
         }
     }
 
@@ -80,16 +104,41 @@ impl fmt::Display for Location {
             Source::Argument => (" ".to_owned(), "the command line".to_owned()),
         };
         let blank = " ".repeat(gutter.len());
+        let excerpt = self.excerpt(COLUMNS.saturating_sub(gutter.len() + 3));
         writeln!(f, "{blank} --> {place}")?;
         writeln!(f, "{blank} |")?;
-        writeln!(f, "{gutter} | {}", self.text)?;
-        let indent: String = self
+        writeln!(f, "{gutter} | {}", excerpt.text)?;
+        let indent: String = excerpt
             .text
             .chars()
-            .take(self.column - 1)
+            .take(excerpt.column - 1)
             .map(|c| if c == '\t' { '\t' } else { ' ' })
             .collect();
-        write!(f, "{blank} | {indent}{}", "^".repeat(self.width))
+        write!(f, "{blank} | {indent}{}", "^".repeat(excerpt.width))
+    }
+}
+
+impl Location {
+    /// Returns the part of the line around the carets that has at most so many characters, with `…` where it is
+    /// cut.
+    fn excerpt(&self, most: usize) -> Self {
+        let n = self.text.chars().count();
+        if n <= most {
+            return self.clone();
+        }
+        let (start, width) = (self.column - 1, self.width.min(most / 2));
+        let first = start.saturating_sub((most - width) / 2).min(n - most);
+        let kept = self.text.chars().enumerate().skip(first).take(most);
+        let text = kept.map(|(idx, c)| {
+            let is_cut = (idx == first && idx > 0) || (idx + 1 == first + most && idx + 1 < n);
+            if is_cut { '…' } else { c }
+        });
+        Self {
+            text: text.collect(),
+            column: start - first + 1,
+            width,
+            ..self.clone()
+        }
     }
 }
 
@@ -108,6 +157,41 @@ mod tests {
             "{shown}"
         );
         assert!(shown.starts_with("  --> a.toml:2:1\n"), "{shown}");
+    }
+
+    #[test]
+    fn a_long_line_is_cut_around_the_carets() {
+        let words = |n: usize| "abcdefghi ".repeat(n);
+        for before in [0, 3, 40, 100_000] {
+            for after in [0, 3, 40, 100_000] {
+                for width in [1, 4, 90, 100_000] {
+                    let text = format!("{}{}{}", words(before), "X".repeat(width), words(after));
+                    let start = before * 10;
+                    let location = Location::of("a.toml".as_ref(), &text, start..start + width);
+                    let shown = location.to_string();
+                    let lines: Vec<&str> = shown.lines().collect();
+                    let columns = |line: &str| line.chars().count();
+                    assert!(lines.iter().all(|line| columns(line) <= 100), "{shown}");
+                    let carets = lines[3].chars().filter(|c| *c == '^').count();
+                    assert!(carets > 0 && carets <= width, "{shown}");
+                    let at = lines[3].chars().position(|c| c == '^').unwrap();
+                    let marked: Vec<char> = lines[2].chars().skip(at).take(carets).collect();
+                    assert!(marked.iter().all(|c| "X…".contains(*c)), "{shown}");
+                    let is_whole = columns(&text) <= 96;
+                    assert_eq!(!shown.contains('…'), is_whole, "{shown}");
+                    assert!(shown.contains(&format!("a.toml:1:{}", start + 1)));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_part_of_a_key_is_found_in_its_quotes() {
+        let source = "\"train.epohcs\" = [1]";
+        let location = Location::of("a.toml".as_ref(), source, 0..14);
+        let part = location.narrowed("train.epohcs", 6..12);
+        assert_eq!((part.column, part.width), (8, 6));
+        assert_eq!(location.narrowed("other", 0..2), location);
     }
 
     #[test]

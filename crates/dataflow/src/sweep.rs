@@ -2,7 +2,7 @@
 
 use std::{ops::Range, path::Path, str::FromStr};
 
-use toml_edit::{Key, Value};
+use toml_edit::{InlineTable, Key, Value};
 
 use crate::{
     error::{FileError, Problem},
@@ -83,8 +83,15 @@ impl Sweep {
         let Some(item) = file.root.get(TABLES) else {
             return Ok(Vec::new());
         };
+        // A table has no span of its own.
+        let key_span = |table: &InlineTable, key: &str| table.key(key).and_then(Key::span);
+        let header = key_span(&file.root, TABLES);
+        let place = |span: Option<Range<usize>>| {
+            let span = span.or_else(|| header.clone());
+            span.map(|span| file.texts.location(span))
+        };
         let problem = |message: String, span: Option<Range<usize>>| {
-            let location = span.map(|span| file.texts.location(span));
+            let location = place(span);
             Problem::new(message).at(location).hint(HINT.to_owned())
         };
         let tables = item.as_array().into_iter().flatten();
@@ -101,14 +108,22 @@ impl Sweep {
             for (key, item) in table {
                 let values: Vec<Value> = item.as_array().into_iter().flatten().cloned().collect();
                 let expected = keys.first().map_or(values.len(), |(_, first)| first.len());
+                let span = key_span(table, key);
                 let Ok((path, _)) = split(&format!("{key}=")) else {
-                    let span = table.key(key).and_then(Key::span);
                     problems.push(problem(format!("`{key}` names no value"), span));
                     continue;
                 };
-                if values.is_empty() {
+                let path = KeyPath {
+                    written: place(span.clone()),
+                    ..path
+                };
+                if let Some((inner, span)) = unquoted(key, item) {
+                    let message =
+                        format!("`{inner}` has dots, which make tables of it: write `\"{inner}\"`");
+                    problems.push(problem(message, span));
+                } else if values.is_empty() {
                     let message = format!("`{key}` has no list of values to go through");
-                    problems.push(problem(message, item.span()));
+                    problems.push(problem(message, item.span().or(span)));
                 } else if values.len() != expected {
                     let n = values.len();
                     let message = format!(
@@ -153,6 +168,15 @@ impl Sweep {
         }
         variants
     }
+}
+
+/// Returns the whole path of keys that are written without quotes, and the span of the last.
+fn unquoted(key: &str, item: &Value) -> Option<(String, Option<Range<usize>>)> {
+    let table = item.as_inline_table().filter(|_| item.span().is_none())?;
+    let (below, value) = table.iter().next()?;
+    let path = format!("{key}.{below}");
+    let span = || (path.clone(), table.key(below).and_then(Key::span));
+    Some(unquoted(&path, value).unwrap_or_else(span))
 }
 
 /// Adds the values of this number to a variant.

@@ -113,7 +113,8 @@ impl Reader<'_> {
         };
         let near = near
             .or_else(|| same.map(|option| option.key.as_str()))
-            .or_else(elsewhere);
+            .or_else(elsewhere)
+            .filter(|near| *near != key);
         let list = self.list();
         self.faults.push(Fault {
             path,

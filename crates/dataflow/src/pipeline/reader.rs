@@ -154,7 +154,7 @@ impl FileReader<'_> {
             }
             _ => value..argument.len(),
         };
-        Some(Location::in_set(&argument, part))
+        Some(given.place(part))
     }
 
     /// Reads the whole file; `None` if it has any fault, even in a profile that is not selected.
@@ -229,7 +229,10 @@ impl FileReader<'_> {
             self.problem(err.to_string(), None, Some(hint.to_owned()));
             return None;
         }
-        match order(&stages) {
+        let place = |stage: &StageEntry, input: &ArtifactName| {
+            self.wire(tables, &stage.name, input.as_str())
+        };
+        match order(&stages, place) {
             Ok(nodes) => Some(Pipeline {
                 name,
                 seed: seed?,
@@ -241,8 +244,8 @@ impl FileReader<'_> {
                     overrides: overrides.iter().map(ToString::to_string).collect(),
                 },
             }),
-            Err(problem) => {
-                self.problems.push(problem);
+            Err(circles) => {
+                self.problems.extend(circles);
                 None
             }
         }
@@ -259,10 +262,9 @@ impl FileReader<'_> {
             };
             let near = did_you_mean(stage, names.iter().copied().chain([SHARED]));
             let hint = near.unwrap_or_else(|| format!("its stages are: {}", names.join(", ")));
-            let (argument, _) = given.argument();
-            let location = Location::in_set(&argument, 0..stage.len());
+            let location = given.place(0..stage.len());
             self.problem_at(
-                format!("`--set` names an unknown stage `{stage}`"),
+                format!("{} names an unknown stage `{stage}`", given.giver()),
                 Some(location),
                 Some(hint),
             );
@@ -280,7 +282,8 @@ impl FileReader<'_> {
         if let Some(given) = at_top().find(|given| given.path.keys != ["seed"]) {
             self.problem_at(
                 format!(
-                    "`--set` names an unknown key `{}`",
+                    "{} names an unknown key `{}`",
+                    given.giver(),
                     given.path.keys.join(".")
                 ),
                 self.in_set(None, &given.path.keys, Part::Key),

@@ -3,7 +3,7 @@
 use toml_edit::{InlineTable, Key, Value};
 
 use super::{StageEntry, faults::Part, reader::FileReader};
-use crate::{stage::Wiring, suggestions::nearest};
+use crate::{name::StageName, source::Location, stage::Wiring, suggestions::nearest};
 
 impl FileReader<'_> {
     /// Checks that every input is wired to an output that exists and holds the right artifact.
@@ -32,15 +32,7 @@ impl FileReader<'_> {
                     );
                     continue;
                 };
-                let in_file = tables
-                    .get(stage.name.as_str())
-                    .and_then(|table| table.as_inline_table()?.get("inputs"))
-                    .and_then(|inputs| inputs.as_inline_table()?.get(input))
-                    .and_then(Value::span)
-                    .or_else(|| span.clone());
-                let path = ["inputs".to_owned(), input.to_owned()];
-                let given = self.in_set(Some(stage.name.as_str()), &path, Part::Value);
-                let written = given.or_else(|| in_file.map(|span| self.location(span)));
+                let written = self.wire(tables, &stage.name, input);
                 if !tables.contains_key(node.stage.as_str()) {
                     let hint = nearest(node.stage.as_str(), tables.iter().map(|(name, _)| name))
                         .map(|near| format!("did you mean `{near}.{}`?", node.artifact));
@@ -78,5 +70,24 @@ impl FileReader<'_> {
                 }
             }
         }
+    }
+
+    /// The location of the wire of a stage's input, or else of the stage.
+    pub(super) fn wire(
+        &self,
+        tables: &InlineTable,
+        stage: &StageName,
+        input: &str,
+    ) -> Option<Location> {
+        let stage = stage.as_str();
+        let in_file = tables
+            .get(stage)
+            .and_then(|table| table.as_inline_table()?.get("inputs"))
+            .and_then(|inputs| inputs.as_inline_table()?.get(input))
+            .and_then(Value::span)
+            .or_else(|| tables.key(stage).and_then(Key::span));
+        let path = ["inputs".to_owned(), input.to_owned()];
+        let given = self.in_set(Some(stage), &path, Part::Value);
+        given.or_else(|| in_file.map(|span| self.location(span)))
     }
 }
