@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use cell::{CellError, ServiceConfig, SimulatedCell};
+use cell::{Access, CellError, ServiceConfig, SimulatedCell};
 use dataflow::{Advise, missing};
 use lake::{Lake, table};
 use robot::{RobotError, RobotModel};
@@ -27,7 +27,10 @@ use stage_dispatch::{Dispatch, simulated_cell};
 use crate::{
     arguments::CellArgs,
     command_line::Program,
-    commands::pipeline_file,
+    commands::{
+        pipeline_file,
+        router::{warn_of_nameless, warn_of_stale},
+    },
     outcome::{CommandError, CommandOutcome},
     progress::Quiet,
     report,
@@ -113,8 +116,16 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
         if args.fast { "" } else { " in real time" },
         journal.display()
     ));
-    if args.access.is_none() {
-        program.say(UNGUARDED);
+    match &args.access {
+        None => program.say(UNGUARDED),
+        Some(access) => {
+            let access = Access::read(access).map_err(CommandError::with_hint(CellError::hint))?;
+            if args.connect.is_none() {
+                warn_of_stale(&access);
+            } else {
+                warn_of_nameless(&access);
+            }
+        }
     }
     let ended = AtomicBool::new(false);
     let router = args

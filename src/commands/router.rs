@@ -27,7 +27,9 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<CommandOutc
         "router at `{}`; Ctrl-C ends it",
         router.endpoint()
     ));
-    if access.is_none() {
+    if let Some(access) = &access {
+        warn_of_stale(access);
+    } else {
         program.say(
             "without TLS there is no authentication: any program on this machine can drive the robots \
              whose cells connect to it",
@@ -35,4 +37,23 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<CommandOutc
     }
     signals.forever().next();
     Ok(CommandOutcome::Done)
+}
+
+/// Warns of a certificate that every client refuses now.
+pub(crate) fn warn_of_stale(access: &Access) {
+    warn(access.stale_listener(), "whoever connects refuses it");
+}
+
+/// Warns of a certificate without a name.
+pub(crate) fn warn_of_nameless(access: &Access) {
+    warn(access.nameless_client(), "what it says may reach nobody");
+}
+
+fn warn(found: Option<CellError>, effect: &str) {
+    if let Some(found) = found {
+        report::line(&format!("warn   {found}: {effect}"));
+        if let Some(hint) = found.hint() {
+            report::line(&format!("hint: {hint}"));
+        }
+    }
 }

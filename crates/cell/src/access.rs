@@ -2,13 +2,18 @@
 
 use std::{
     fmt, fs,
+    net::SocketAddr,
     path::{Path, PathBuf},
 };
 
 use serde_json::Value;
 use zenoh::Config;
 
-use crate::{CellError, error::Cause};
+use crate::{
+    CellError,
+    error::Cause,
+    tls::{Tls, TlsFault},
+};
 
 /// Settings that an access file may contain, as paths into zenoh's configuration; this program sets
 /// all others.
@@ -40,6 +45,7 @@ const FILES: [&str; 6] = [
 pub struct Access {
     path: PathBuf,
     config: Config,
+    tls: Tls,
 }
 
 impl fmt::Debug for Access {
@@ -55,7 +61,8 @@ impl Access {
     /// # Errors
     ///
     /// Fails if the file or one that it names cannot be read, is not part of a zenoh configuration,
-    /// or contains other settings than the four above.
+    /// or contains other settings than the four above; if a certificate or key in a file that it names cannot be
+    /// used, or a key is not that of its certificate.
     pub fn read(path: &Path) -> Result<Self, CellError> {
         let wrong = |problem: String| CellError::Access {
             path: path.to_owned(),
@@ -86,10 +93,44 @@ impl Access {
                 return Err(wrong(format!("`{}` in it: {err}", file.display())));
             }
         }
+        let tls = Tls::of(&config);
+        tls.check()
+            .map_err(|(file, fault)| CellError::Credentials {
+                path: path.to_owned(),
+                file,
+                fault,
+            })?;
         Ok(Self {
             path: path.to_owned(),
             config,
+            tls,
         })
+    }
+
+    /// Returns why clients refuse whoever listens with this file now, if its certificate is out of date.
+    pub fn stale_listener(&self) -> Option<CellError> {
+        let (file, fault) = self.tls.stale_listener()?;
+        Some(CellError::Credentials {
+            path: self.path.clone(),
+            file,
+            fault,
+        })
+    }
+
+    /// Returns why a router may forbid everything to who connects with this file, if its certificate has no common
+    /// name.
+    pub fn nameless_client(&self) -> Option<CellError> {
+        let (file, fault) = self.tls.nameless_client()?;
+        Some(CellError::Credentials {
+            path: self.path.clone(),
+            file,
+            fault,
+        })
+    }
+
+    /// Returns why a connection under TLS is not made, if something answers.
+    pub(crate) fn handshake_fault(&self, host: &str, address: SocketAddr) -> Option<TlsFault> {
+        self.tls.handshake_fault(host, address)
     }
 
     /// Returns the file's path.

@@ -2,7 +2,7 @@
 
 use std::{error::Error, path::PathBuf, time::Duration};
 
-use crate::wire::WireError;
+use crate::{tls::TlsFault, wire::WireError};
 
 /// zenoh's error message, without its source location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -86,6 +86,24 @@ pub enum CellError {
         path: PathBuf,
         /// The problem.
         problem: String,
+    },
+    /// A certificate or key that an access file names cannot be used.
+    #[error("`{}`, which the access file `{}` names, {fault}", file.display(), path.display())]
+    Credentials {
+        /// The access file.
+        path: PathBuf,
+        /// The certificate or key.
+        file: PathBuf,
+        /// What is wrong with it.
+        fault: TlsFault,
+    },
+    /// Something answers at the endpoint, and no connection under TLS is made.
+    #[error("no connection to `{endpoint}`: {fault}")]
+    Tls {
+        /// The endpoint.
+        endpoint: String,
+        /// Why.
+        fault: TlsFault,
     },
     /// Nothing answers at the endpoint.
     #[error(
@@ -387,6 +405,9 @@ impl CellError {
                 "`data/access` holds files that can be copied, and says what goes into them"
                     .to_owned(),
             ),
+            Self::Credentials { fault, .. } | Self::Tls { fault, .. } => {
+                Some(fault.advice().to_owned())
+            }
             Self::Connect { access: None, .. } => Some(unreached().to_owned()),
             Self::Connect {
                 access: Some(path), ..

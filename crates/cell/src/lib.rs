@@ -50,6 +50,7 @@ mod simulated;
 mod state;
 mod terms;
 mod text;
+mod tls;
 mod watch;
 mod wire;
 
@@ -84,6 +85,7 @@ pub use simulated::{
 pub use state::State;
 pub use terms::Terms;
 pub use text::escaped;
+pub use tls::TlsFault;
 pub use watch::{Counts, WatchEvent, Watcher};
 pub use wire::{StateHeader, WireError, robot_digest};
 

@@ -171,14 +171,19 @@ pub(crate) fn connect(
             ("connect/retry", RETRY.to_owned()),
         ],
     )?;
-    zenoh::open(config)
-        .wait()
-        .map_err(|source| CellError::Connect {
-            endpoint: endpoint.to_owned(),
-            access: access.map(|access| access.path().to_owned()),
-            waited: timeout,
-            source: source.into(),
-        })
+    zenoh::open(config).wait().map_err(|source| {
+        let secured = access.filter(|_| to.protection == Protection::Tls);
+        let endpoint = endpoint.to_owned();
+        match secured.and_then(|access| access.handshake_fault(to.host, to.address)) {
+            Some(fault) => CellError::Tls { endpoint, fault },
+            None => CellError::Connect {
+                endpoint,
+                access: access.map(|access| access.path().to_owned()),
+                waited: timeout,
+                source: source.into(),
+            },
+        }
+    })
 }
 
 /// Opens a session that accepts clients and forwards between them; returns it with the endpoint,

@@ -14,4 +14,5 @@ mod restart;
 mod ros2;
 mod serving;
 mod signing;
+mod tls;
 mod watching;

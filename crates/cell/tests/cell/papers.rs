@@ -2,12 +2,13 @@
 
 use std::{
     fs,
+    ops::Range,
     path::{Path, PathBuf},
 };
 
 use rcgen::{
-    BasicConstraints, CertificateParams, DnType, ExtendedKeyUsagePurpose, IsCa, Issuer, KeyPair,
-    KeyUsagePurpose, date_time_ymd,
+    BasicConstraints, CertificateParams, DistinguishedName, DnType, ExtendedKeyUsagePurpose, IsCa,
+    Issuer, KeyPair, KeyUsagePurpose, date_time_ymd,
 };
 use tempfile::TempDir;
 
@@ -51,9 +52,19 @@ impl Papers {
 
     /// Issues a certificate that is valid until the end of a year.
     pub(crate) fn certify(&self, name: &str, year: i32) {
-        let mut person = CertificateParams::new(vec!["localhost".to_owned()]).unwrap();
-        person.distinguished_name.push(DnType::CommonName, name);
-        person.not_after = date_time_ymd(year, 12, 31);
+        self.certify_for(name, &["localhost"], 1975..year);
+    }
+
+    /// Issues a certificate for these hosts that is valid from one year to the end of another.
+    pub(crate) fn certify_for(&self, name: &str, hosts: &[&str], years: Range<i32>) {
+        let hosts: Vec<String> = hosts.iter().map(|&host| host.to_owned()).collect();
+        let mut person = CertificateParams::new(hosts).unwrap();
+        person.distinguished_name = DistinguishedName::new();
+        if !name.is_empty() {
+            person.distinguished_name.push(DnType::CommonName, name);
+        }
+        person.not_before = date_time_ymd(years.start, 1, 1);
+        person.not_after = date_time_ymd(years.end, 12, 31);
         person.extended_key_usages = vec![if name == "router" {
             ExtendedKeyUsagePurpose::ServerAuth
         } else {
