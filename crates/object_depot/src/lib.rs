@@ -10,6 +10,7 @@
 
 mod causes;
 mod parts;
+mod settings;
 mod store;
 
 pub use store::{InvalidUrl, ObjectDepot};

@@ -14,7 +14,7 @@ use object_store::{
 };
 use tokio::runtime::{Builder, Runtime};
 
-use crate::{causes::Cause, parts};
+use crate::{causes::Cause, parts, settings};
 
 /// Retries of a request, and the time for all of them: whoever asks goes on with longer pauses (`depot::Link`).
 const RETRIES: usize = 2;
@@ -49,6 +49,7 @@ impl ObjectDepot {
         let rest = url.strip_prefix("s3://").filter(|rest| !rest.is_empty());
         let rest = rest.ok_or_else(|| Boxed::from("it is not of the form `s3://BUCKET/PREFIX`"))?;
         let (bucket, prefix) = rest.split_once('/').unwrap_or((rest, ""));
+        check_names()?;
         check_endpoints(|name| std::env::var(name).ok())?;
         // A large file may take long: whoever asks gives up on silence (`depot::Link`).
         let client = ClientOptions::new()
@@ -88,6 +89,22 @@ impl ObjectDepot {
             source: Box::new(cause),
         }
     }
+}
+
+/// Refuses misspelt settings: the client would do without them, and ask another store or as somebody else.
+fn check_names() -> Result<(), Boxed> {
+    let names: Vec<String> = std::env::vars_os()
+        .filter_map(|(name, _)| name.into_string().ok())
+        .collect();
+    let misspelt = settings::misspelt(names.iter().map(String::as_str));
+    let said: Vec<String> = misspelt
+        .iter()
+        .map(|(name, meant)| format!("`{name}` in the environment is not read, `{meant}` is meant"))
+        .collect();
+    if said.is_empty() {
+        return Ok(());
+    }
+    Err(said.join("; ").into())
 }
 
 /// Variables that name the endpoint of a store that is not Amazon's.
