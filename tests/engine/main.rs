@@ -23,6 +23,7 @@ mod faults;
 mod full_disk;
 mod garbage;
 mod hiccups;
+mod in_the_way;
 mod interrupt;
 mod logged;
 mod meanwhile;

@@ -1,7 +1,7 @@
 //! Why something in the lake could not be read or written.
 
 use std::{
-    io,
+    fs, io,
     path::{Path, PathBuf},
 };
 
@@ -239,21 +239,56 @@ impl LakeError {
     }
 }
 
-/// Names the command that moves away what is in the place of a folder, or of a file.
+/// Names the command that moves away what is in the place of a folder, or of a file: out of the lake, in which
+/// nothing else may lie.
 fn move_away(path: &Path) -> String {
     let above = path.ancestors();
     let mut in_place = above.filter(|above| above.symlink_metadata().is_ok() && !above.is_dir());
-    let place = in_place.next().unwrap_or(path).display();
+    let place = in_place.next().unwrap_or(path);
+    let aside = aside(place).unwrap_or_else(|| place.display().to_string());
     format!(
-        "something else is in its place: `mv '{place}' '{place}.aside'`, then run the same command again; \
-         what is missing is made again"
+        "something else is in its place: `mv '{}' '{aside}.aside'`, then run the same command again; \
+         what is missing is made again",
+        place.display()
     )
+}
+
+/// Returns a name beside the lake for something in it.
+fn aside(place: &Path) -> Option<String> {
+    let lake = lake_around(place)?;
+    let name = lake.file_name()?.to_string_lossy();
+    let below = place.strip_prefix(lake).ok()?;
+    let below = below.to_string_lossy().replace('/', ".");
+    let aside = lake.with_file_name(format!("{name}.{below}"));
+    Some(aside.display().to_string())
+}
+
+/// Returns the lake in which a path is, as its folders show.
+fn lake_around(path: &Path) -> Option<&Path> {
+    let is_lake = |above: &&Path| {
+        let folders = ["blobs", "units", "runs", "recipes", "manifests", "copies"];
+        let there = folders.map(|name| above.join(name).symlink_metadata().is_ok());
+        there.into_iter().filter(|there| *there).count() > 2
+    };
+    path.ancestors().skip(1).find(is_lake)
+}
+
+/// Whether a link that leads nowhere, a pipe, a socket or a device is on the way to a file.
+fn is_in_the_way(path: &Path) -> bool {
+    path.ancestors().any(|above| {
+        above.symlink_metadata().is_ok()
+            && !fs::metadata(above).is_ok_and(|found| found.is_file() || found.is_dir())
+    })
 }
 
 impl Advise for LakeError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Io { source, path, .. } => match source.kind() {
+                io::ErrorKind::PermissionDenied if path.symlink_metadata().is_ok() => Some(format!(
+                    "let yourself read and write it: `chmod u+rwX '{}'`, or choose another lake with `--lake DIR`",
+                    path.display()
+                )),
                 io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
                     Some("choose a lake that can be written with `--lake DIR`".to_owned())
                 }
@@ -266,9 +301,15 @@ impl Advise for LakeError {
                 ),
                 io::ErrorKind::NotADirectory
                 | io::ErrorKind::IsADirectory
+                | io::ErrorKind::DirectoryNotEmpty
                 | io::ErrorKind::AlreadyExists => Some(move_away(path)),
                 io::ErrorKind::Unsupported => Some(
                     "the file system has no locks: put the lake on another with `--lake DIR`"
+                        .to_owned(),
+                ),
+                _ if is_in_the_way(path) => Some(move_away(path)),
+                io::ErrorKind::NotFound if lake_around(path).is_some() => Some(
+                    "a run that needs it makes it again; `pipeline verify` lists all that is missing"
                         .to_owned(),
                 ),
                 _ => None,

@@ -147,7 +147,8 @@ impl Lake {
                 .filter(|fault| fault.can_drop)
                 .map(|fault| self.root().join(&fault.path))
                 .collect();
-            droppable.retain(|path| path.exists());
+            // A link that leads nowhere is there by itself.
+            droppable.retain(|path| path.symlink_metadata().is_ok());
             for path in &droppable {
                 atomic::remove_if_there(path)?;
             }
