@@ -7,7 +7,7 @@ use dataflow::Kind;
 
 use crate::{
     arguments::{Cli, Command},
-    commands,
+    commands, memory,
     outcome::CommandOutcome,
     progress::Quiet,
     report,
@@ -54,7 +54,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         lake: cli.lake,
         quiet: if cli.quiet { Quiet::Yes } else { Quiet::No },
     };
-    let result = match &cli.command {
+    let result = memory::check(&cli.command).and_then(|()| match &cli.command {
         Command::New(args) => commands::new(&program, args),
         Command::Run(args) => commands::run(&program, args),
         Command::Attach(args) => commands::attach(&program, args),
@@ -79,7 +79,7 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Pull(args) => commands::pull(&program, args),
         Command::Unit(args) => commands::unit(&program, args),
         Command::Completions(args) => commands::completions(args),
-    };
+    });
     let code = result.map_or_else(|trouble| report::trouble(&trouble), CommandOutcome::code);
     let left = cli
         .detached_in

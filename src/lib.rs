@@ -17,6 +17,7 @@ mod heartbeats;
 mod interrupt;
 mod jobs;
 mod kinds;
+mod memory;
 mod numbers;
 mod outages;
 mod outcome;
@@ -30,3 +31,4 @@ mod timestamps;
 
 pub use command_line::command_line;
 pub use kinds::kinds;
+pub use memory::{out_of_memory, threads};

@@ -1,13 +1,56 @@
 //! The program `pipeline`.
 
-use std::{env, process::ExitCode, thread};
+use std::{
+    alloc::{GlobalAlloc, Layout},
+    env,
+    process::ExitCode,
+};
 
 use mimalloc::MiMalloc;
 
+#[global_allocator]
+static ALLOCATOR: Allocator = Allocator;
+
 /// Training and physics allocate and free large blocks in every step; the system's allocator
 /// returns each to the kernel, which zeroes its pages at the next allocation: a tenth of a step.
-#[global_allocator]
-static ALLOCATOR: MiMalloc = MiMalloc;
+/// Where it has no more memory, the program says so and ends.
+struct Allocator;
+
+#[expect(
+    unsafe_code,
+    reason = "an allocator is one by such functions; these only pass on"
+)]
+// SAFETY: every block is that of `MiMalloc`, which keeps the contract.
+unsafe impl GlobalAlloc for Allocator {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as of the caller.
+        had(unsafe { MiMalloc.alloc(layout) }, layout.size())
+    }
+
+    unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
+        // SAFETY: as of the caller.
+        had(unsafe { MiMalloc.alloc_zeroed(layout) }, layout.size())
+    }
+
+    unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
+        // SAFETY: as of the caller.
+        had(unsafe { MiMalloc.realloc(block, layout, size) }, size)
+    }
+
+    unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
+        // SAFETY: as of the caller.
+        unsafe { MiMalloc.dealloc(block, layout) }
+    }
+}
+
+/// Passes a block on, if there is one.
+#[inline]
+fn had(block: *mut u8, bytes: usize) -> *mut u8 {
+    if block.is_null() {
+        pipeline::out_of_memory(bytes);
+    }
+    block
+}
 
 /// Variable for the number of candle's threads for elementwise operations. They wait by spinning: beside another
 /// program, training took twice as long with them as without, and on two free cores no less time. Matrix products
@@ -16,14 +59,14 @@ const CANDLE_THREADS: &str = "CANDLE_NUM_THREADS";
 /// Variable for the number of all other threads. Without it candle counts the processors anew at every matrix
 /// product, by reading `/proc/cpuinfo`: with 128 entries there, training took four times as long.
 const THREADS: &str = "RAYON_NUM_THREADS";
+/// Variable for the number of threads that answer a question.
+const POLARS_THREADS: &str = "POLARS_MAX_THREADS";
 
 fn main() -> ExitCode {
     set_where_unset(CANDLE_THREADS, 1);
-    // As many as without the variable.
-    set_where_unset(
-        THREADS,
-        thread::available_parallelism().map_or(1, Into::into),
-    );
+    // As many as without the variable, where there is memory for them.
+    set_where_unset(THREADS, pipeline::threads());
+    set_where_unset(POLARS_THREADS, pipeline::threads());
     pipeline::command_line(&pipeline::kinds())
 }
 

@@ -22,6 +22,7 @@ mod imports;
 mod incremental;
 mod interpolation;
 mod located;
+mod memory;
 mod messages;
 mod misbehavior;
 mod mujoco_judge;
