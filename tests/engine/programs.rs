@@ -143,12 +143,12 @@ fn a_good_program_is_run_once_for_each_part() {
     for part in ["break.sh` changed", "`options.asked` changed from 1 to 2"] {
         assert!(plan.contains(part), "{plan}");
     }
-    // The limits decide nothing.
+    // The limits decide nothing, nor does a default that is written out.
     put(&place.path("break.sh"), script.as_bytes());
-    let plan = stdout(&well(
-        place.command("plan", &["--set", "lines.timeout_s=9"]),
-    ));
-    assert!(!plan.contains("run "), "{plan}");
+    for same in ["lines.timeout_s=9", "lines.read.parts=\"same\""] {
+        let plan = stdout(&well(place.command("plan", &["--set", same])));
+        assert!(!plan.contains("run "), "{same}: {plan}");
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use dataflow::{
 };
 use lake::Lake;
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Serialize, Serializer};
 
 use crate::artifacts::KnownArtifact;
 
@@ -17,6 +17,8 @@ const MAX_TIMEOUT_S: f64 = 604_800.0;
 const MAX_MEMORY_MB: u64 = 10_000_000;
 /// Most partitions that one is fanned out to.
 const MAX_FAN_OUT: usize = 10_000;
+/// Word in `read` for the partition of the same key, the default.
+const SAME: &str = "same";
 /// Prefix of a word in `read` that names a label of the partition.
 pub(crate) const LABEL: &str = "label:";
 /// Prefix of a word in `read` that names a label of the partitions that are read.
@@ -62,7 +64,7 @@ pub struct ProgramConfig {
     /// Partitions of the other inputs that it reads, by name, with `each`: the partition of the `same` key (the
     /// default), `all`, as `label:NAME` the one whose key is this label of the partition, or as `where:NAME` every one
     /// whose label of this name is the key of the partition.
-    #[serde(default)]
+    #[serde(default, serialize_with = "but_the_default")]
     pub read: BTreeMap<String, String>,
     /// Names of several partitions that are made of one: each has a run of its own, which gets its name.
     #[serde(default)]
@@ -78,6 +80,15 @@ pub struct ProgramConfig {
     /// on Linux.
     #[serde(default = "defaults::memory_mb")]
     pub memory_mb: u64,
+}
+
+/// Writes which partitions are read, without what is read in any case: written out, it reruns nothing.
+fn but_the_default<S: Serializer>(
+    read: &BTreeMap<String, String>,
+    serializer: S,
+) -> Result<S::Ok, S::Error> {
+    let chosen = read.iter().filter(|(_, word)| *word != SAME);
+    serializer.collect_map(chosen)
 }
 
 /// A column of a table.
@@ -342,7 +353,7 @@ impl ProgramConfig {
 
 fn word_of(word: &str) -> Option<Read<'_>> {
     match word {
-        "same" => Some(Read::Same),
+        SAME => Some(Read::Same),
         "all" => Some(Read::All),
         word => {
             let name = |prefix| word.strip_prefix(prefix).filter(|label| is_word(label));
