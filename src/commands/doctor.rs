@@ -114,7 +114,8 @@ fn all(program: &Program, pipeline: &Pipeline) -> Result<Vec<Check>, CommandErro
     found.extend(
         physics::differences(pipeline)
             .into_iter()
-            .map(|it| Check::new(State::Doubtful, it.dispatch, it.text).with_hint(it.hint)),
+            .chain(physics::foreign_drives(pipeline))
+            .map(|it| Check::new(State::Doubtful, it.stage, it.text).with_hint(it.hint)),
     );
     Ok(found)
 }

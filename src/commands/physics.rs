@@ -1,6 +1,9 @@
-//! Whether the simulated cell has the physics of the screen whose motions it executes.
+//! Whether the simulated cell has the physics of the screen whose motions it executes, and a hand drives of its own.
+
+use std::fs;
 
 use dataflow::{Pipeline, StageEntry};
+use robot::RobotModel;
 use schemas::{Table, rollouts::Rollouts};
 use serde_json::Value;
 use simulation::SceneConfig;
@@ -19,10 +22,10 @@ const PHYSICS: [&str; 7] = [
     "drive",
 ];
 
-/// A value in which a simulated cell differs from the screen.
+/// A value in which a simulated cell differs from the screen, or a screen from the hand.
 pub(crate) struct Difference {
-    /// The stage of the cell.
-    pub(crate) dispatch: String,
+    /// The stage of the cell, or the screen.
+    pub(crate) stage: String,
     /// Both values, each with its key.
     pub(crate) text: String,
     /// A way to have the same value in both.
@@ -36,6 +39,55 @@ pub(crate) fn differences(pipeline: &Pipeline) -> Vec<Difference> {
         .filter_map(|dispatch| of_stage(pipeline, dispatch))
         .flatten()
         .collect()
+}
+
+/// Largest effort of a joint that is a finger's, in newton meters: published files have 100 or 1000 where nobody
+/// knew it.
+const MAX_FINGER_NM: f64 = 20.0;
+/// Relative difference of torque limits that are meant to be the same.
+const SAME: f64 = 0.01;
+
+/// Returns the screens whose drives are not as strong as the hand's own description says: the limits may be those of
+/// another hand.
+pub(crate) fn foreign_drives(pipeline: &Pipeline) -> Vec<Difference> {
+    pipeline.stages.iter().filter_map(foreign_drive).collect()
+}
+
+/// As [`foreign_drives`], of one stage; `None` too if the description cannot be read, which is told elsewhere, or
+/// says nothing of its drives.
+fn foreign_drive(stage: &StageEntry) -> Option<Difference> {
+    // A published protocol has the drives of its paper.
+    let options = stage.options::<Screen>();
+    let options = options.filter(|options| options.protocol.name.is_table_lift())?;
+    let hand = RobotModel::from_urdf_bytes(&fs::read(&options.hand).ok()?).ok()?;
+    let limit = options.scene.drive.torque_limit;
+    let efforts = hand.joints().iter().map(|joint| joint.effort);
+    let mut efforts: Vec<f64> = efforts
+        .filter(|effort| *effort > 0.0 && *effort <= MAX_FINGER_NM)
+        .collect();
+    efforts.sort_by(f64::total_cmp);
+    let (least, most) = (*efforts.first()?, *efforts.last()?);
+    let is_own = |effort: &f64| (effort - limit).abs() <= SAME * effort;
+    if efforts.iter().any(is_own) {
+        return None;
+    }
+    let own = if least < most {
+        format!("{least} to {most} Nm")
+    } else {
+        format!("{most} Nm")
+    };
+    Some(Difference {
+        stage: stage.name.to_string(),
+        text: format!(
+            "`{}` drives the fingers of `{}` with at most {limit} Nm, and its URDF says {own}: the drive may be \
+             another hand's",
+            stage.name,
+            hand.name()
+        ),
+        hint: "give the hand its own torque limit, stiffness and damping, e.g. with \
+               `--set shared.drive.torque_limit=…`"
+            .to_owned(),
+    })
 }
 
 /// As [`differences`], of one stage; `None` if it serves no simulated cell for a screen.
@@ -52,7 +104,7 @@ fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference
         .iter()
         .flat_map(|key| inner(key, &screened[*key], &executed[*key]));
     let difference = |(key, screened, executed): (String, Value, Value)| Difference {
-        dispatch: dispatch.name.to_string(),
+        stage: dispatch.name.to_string(),
         text: format!(
             "`{}.scene.{key}` is {screened}, `{}.simulated.scene.{key}` is {executed}: the simulated cell \
              executes motions in other physics than they were screened in",

@@ -77,7 +77,8 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         report::text(&plan::text(&plan, Page::of_stdout().width))?;
         return Ok(Done::without_words(CommandOutcome::Done));
     }
-    for difference in physics::differences(&pipeline) {
+    let foreign = physics::foreign_drives(&pipeline);
+    for difference in physics::differences(&pipeline).iter().chain(&foreign) {
         program.say(&format!("warn   {}", difference.text));
         program.say(&format!("hint: {}", difference.hint));
     }

@@ -331,3 +331,62 @@ fn doctor_and_run_say_where_the_simulated_cell_differs_from_the_screen() {
         stderr(&ran)
     );
 }
+
+#[test]
+fn doctor_finds_a_device_and_tips_that_training_would_lack() {
+    let (report, hints) = missing(&[
+        "--set",
+        "train.training.tips=[\"link_3.0_tip\",\"link_99\"]",
+    ]);
+    assert!(report.contains("missing  train"), "{report}");
+    assert!(
+        report.contains("the hand has no link `link_99`"),
+        "{report}"
+    );
+    assert!(hints.contains("`training.tips`"), "{hints}");
+    if cfg!(feature = "cuda") {
+        return;
+    }
+    let cuda = ["--set", "train.training.device=\"cuda\""];
+    let (report, hints) = missing(&cuda);
+    assert!(
+        report.contains("built without the feature `cuda`"),
+        "{report}"
+    );
+    assert!(hints.contains("--features cuda"), "{hints}");
+    // As a run finds it, before anything is made.
+    let bench = Bench::new();
+    let ran = bench.command("run", &cuda).output().unwrap();
+    assert_eq!(ran.status.code(), Some(1), "{}", stderr(&ran));
+    assert!(!bench.lake().join("units").exists());
+}
+
+#[test]
+fn a_hand_with_the_drives_of_another_is_told() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let allegro = include_str!("../../data/robots/allegro_right.urdf");
+    assert!(allegro.contains("effort=\"0.7\""));
+    let path = folder.path().join("other.urdf");
+    let hand = format!("shared.hand={}", path.display());
+    let told = |efforts: [&str; 2]| {
+        let (first, others) = allegro.split_once("effort=\"0.7\"").unwrap();
+        let others = others.replace("effort=\"0.7\"", &format!("effort=\"{}\"", efforts[1]));
+        put(&path, &format!("{first}effort=\"{}\"{others}", efforts[0]));
+        let report = done(&Bench::new(), "doctor", &["--set", &hand]);
+        let row = report
+            .lines()
+            .find(|row| row.starts_with("doubtful  screen"));
+        row.map(str::to_owned)
+    };
+    let row = told(["0.95", "0.95"]).unwrap();
+    assert!(
+        row.contains("with at most 0.7 Nm, and its URDF says 0.95 Nm"),
+        "{row}"
+    );
+    let row = told(["0.3", "0.95"]).unwrap();
+    assert!(row.contains("0.3 to 0.95 Nm"), "{row}");
+    // Its own, or nothing that is known of them.
+    for efforts in [["0.7", "0.7"], ["0.7", "0.95"], ["0", "0"], ["100", "1000"]] {
+        assert_eq!(told(efforts), None, "{efforts:?}");
+    }
+}

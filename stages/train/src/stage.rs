@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
-use cgf::{HandDistance, Trained, Trainer, TrainingSet};
+use cgf::{CgfError, HandDistance, Trained, Trainer, TrainingDevice, TrainingSet};
 use dataflow::{
     Code, Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit,
@@ -68,9 +68,23 @@ impl Stage for Train {
         config.faults()
     }
 
-    /// Checks the hand's description.
+    /// Checks the hand's description, that it has the links that are named as tips, and that this program can
+    /// compute on the device.
     fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
-        Ok(robot_meshes::load(&config.hand).map(drop)?)
+        let hand = robot_meshes::load(&config.hand)?.model;
+        let mut tips = config.training.tips.iter();
+        if let Some(link) = tips.find(|tip| hand.link(tip).is_none()) {
+            return Err(CgfError::UnknownLink { link: link.clone() }.into());
+        }
+        let lacking = match config.training.device {
+            TrainingDevice::Cuda if !cfg!(feature = "cuda") => Some("cuda"),
+            TrainingDevice::Metal if !cfg!(feature = "metal") => Some("metal"),
+            TrainingDevice::Cpu | TrainingDevice::Cuda | TrainingDevice::Metal => None,
+        };
+        match lacking {
+            Some(feature) => Err(CgfError::NotBuiltFor { feature }.into()),
+            None => Ok(()),
+        }
     }
 }
 
