@@ -62,6 +62,18 @@ pub enum RobotError {
         /// Its line, from 1.
         line: usize,
     },
+    /// An attribute has an expression that `xacro` fills in.
+    #[error("`{attribute}` of `<{element}>` on line {line} is `{text}`, which xacro fills in")]
+    XacroValue {
+        /// The element.
+        element: String,
+        /// The attribute.
+        attribute: String,
+        /// Its value.
+        text: String,
+        /// The element's line, from 1.
+        line: usize,
+    },
     /// An attribute that cannot be left out is not there.
     #[error("`<{element}>` on line {line} has no `{attribute}`")]
     MissingAttribute {
@@ -277,12 +289,7 @@ impl RobotError {
                 fault: MimicFault::Unknown { near },
                 ..
             } => return did_you_mean(near),
-            Self::BadTriple { text, .. } | Self::BadNumber { text, .. }
-                if text.contains("${") || text.contains("$(") =>
-            {
-                EXPAND
-            }
-            Self::Xacro { .. } => EXPAND,
+            Self::Xacro { .. } | Self::XacroValue { .. } => EXPAND,
             Self::NotText { encoding, .. } => {
                 return Some(format!(
                     "convert it, e.g. `iconv -f {encoding} -t UTF-8 robot.urdf`, and declare UTF-8 in its first line; \

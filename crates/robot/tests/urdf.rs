@@ -112,9 +112,30 @@ fn templates_are_sent_to_xacro() {
     let xml = robot(&joint("j", "fixed", ["palm", "a"], "")).replace("0 0 0.1", "0 0 ${height}");
     check_refused(
         &xml,
-        "`xyz` of `<origin>` on line 1 is `0 0 ${height}`, not three usable numbers",
+        "`xyz` of `<origin>` on line 1 is `0 0 ${height}`, which xacro fills in",
         "xacro robot.urdf.xacro",
     );
+    // In names and paths, too, which are no numbers.
+    for (before, after, part) in [
+        (
+            "name=\"palm\"",
+            "name=\"${prefix}palm\"",
+            "`name` of `<link>` on line 1 is `${prefix}palm`, which xacro fills in",
+        ),
+        (
+            "<link name=\"palm\"/>",
+            "<link name=\"palm\"><collision><geometry><mesh filename=\"$(find hand)/p.stl\"/></geometry></collision></link>",
+            "`filename` of `<mesh>` on line 1 is `$(find hand)/p.stl`, which xacro fills in",
+        ),
+    ] {
+        let xml = robot(&joint("j", "fixed", ["palm", "a"], ""));
+        assert!(xml.contains(before), "{xml}");
+        check_refused(
+            &xml.replacen(before, after, 1),
+            part,
+            "xacro robot.urdf.xacro",
+        );
+    }
 }
 
 /// Returns so many texts in one.

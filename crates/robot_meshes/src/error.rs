@@ -5,6 +5,8 @@ use std::{io, path::PathBuf};
 use geometry::GeometryError;
 use robot::RobotError;
 
+use crate::place;
+
 /// Reason why a robot cannot be loaded from its URDF and meshes.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -75,11 +77,11 @@ impl LoadError {
             )),
             Self::Read { .. } => None,
             Self::Urdf { source, .. } => source.hint(),
-            Self::Missing { .. } => Some(
+            Self::Missing { file, .. } => Some(place::advice(file).unwrap_or_else(|| {
                 "put it where the URDF says, relative to it or to a folder above it that has the \
                  package's name, or give its link `<collision>` shapes that are not meshes"
-                    .to_owned(),
-            ),
+                    .to_owned()
+            })),
             Self::Kind { path, .. } => {
                 let stl = path.with_extension("stl");
                 Some(format!(

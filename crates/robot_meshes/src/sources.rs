@@ -4,7 +4,7 @@ use std::{collections::BTreeMap, path::Path};
 
 use dataflow::{Form, SourceFile};
 
-use crate::{LoadError, load::without_meshes, shapes};
+use crate::{LoadError, load::without_meshes, place, shapes};
 
 /// The form of a URDF of which only the robot is read.
 pub const MODEL_FORM: Form = Form {
@@ -49,7 +49,7 @@ pub fn sources(urdf: &Path) -> Result<Vec<SourceFile>, LoadError> {
 
 /// Returns a mesh's name without a place on a machine.
 fn name(file: &str) -> String {
-    let path = file.strip_prefix("file://").unwrap_or(file);
+    let path = place::plain(file);
     if Path::new(path).is_absolute() {
         let last = Path::new(path).file_name();
         return last.map_or_else(String::new, |last| last.to_string_lossy().into_owned());

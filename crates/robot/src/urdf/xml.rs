@@ -152,10 +152,16 @@ fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, RobotError> {
         let value = attribute
             .unescape_value()
             .map_err(|source| RobotError::NotXml { line, source })?;
-        attributes.push((
-            String::from_utf8_lossy(attribute.key.as_ref()).into_owned(),
-            value.into_owned(),
-        ));
+        let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
+        if value.contains("${") || value.contains("$(") {
+            return Err(RobotError::XacroValue {
+                element: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
+                attribute: key,
+                text: value.into_owned(),
+                line,
+            });
+        }
+        attributes.push((key, value.into_owned()));
     }
     Ok(Element {
         name: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
