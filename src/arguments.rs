@@ -447,6 +447,11 @@ pub(crate) struct QueryArgs {
     /// Only the tables that the query names are fetched. A run is named `MACHINE:NUMBER-DIGITS`.
     #[arg(long, conflicts_with = "run")]
     pub(crate) depot: bool,
+    /// Let the query read this file, or what is below this folder [default: the lake alone]
+    ///
+    /// `read_parquet('PATH')` and `read_csv('PATH')` are tables in a query. May be given more than once.
+    #[arg(long, value_name = "PATH")]
+    pub(crate) allow_files: Vec<PathBuf>,
 }
 
 #[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]

@@ -1,17 +1,32 @@
 //! `pipeline query`
 
+mod answer;
+mod arithmetic;
 mod artifacts;
 mod cells;
+mod engine;
 mod faults;
+mod files;
+mod meaning;
+mod membership;
 pub(super) mod page;
+mod precedence;
 mod print;
+mod quantile;
 mod question;
+mod scan;
 mod source;
 mod tables;
+mod texts;
+mod truths;
+mod unknown;
+mod values;
+
+use std::{panic, thread};
 
 use lake::Lake;
 
-use self::{page::Page, source::Source, tables::Tables};
+use self::{page::Page, question::Question, source::Source, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
@@ -19,15 +34,31 @@ use crate::{
     report,
 };
 
+/// Stack of the thread that answers: each link of a chain of operators lies within the next.
+const STACK_BYTES: usize = 256 << 20;
+
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
-    question::check(&args.sql)?;
+    // The engine gives up some questions where it stands.
+    panic::set_hook(Box::new(|_| {}));
+    thread::scope(|scope| {
+        let asked = thread::Builder::new()
+            .name("query".to_owned())
+            .stack_size(STACK_BYTES)
+            .spawn_scoped(scope, || ask(program, args))
+            .map_err(|err| CommandError::failed(err, None))?;
+        asked.join().unwrap_or_else(|_| Err(faults::too_much()))
+    })
+}
+
+fn ask(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
+    let question = Question::read(&args.sql)?;
     let lake = if args.depot {
         program.open_shared_lake()?
     } else {
         Lake::open(&program.lake)
     };
-    let answered = answer(program, args, &lake);
+    let answered = answer(program, args, question, &lake);
     lake.leave();
     answered
 }
@@ -35,6 +66,7 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcom
 fn answer(
     program: &Program,
     args: &QueryArgs,
+    question: Question,
     lake: &Lake,
 ) -> Result<CommandOutcome, CommandError> {
     // What is found here is not collected before it is read.
@@ -49,7 +81,8 @@ fn answer(
             run: run.map(Box::new),
         }
     };
-    let tables = Tables::open(source, &args.sql)?;
+    let mut tables = Tables::open(source, &question)?;
+    files::open(&question.files, lake.root(), &args.allow_files, &mut tables)?;
     if args.depot {
         program.say_shared(lake)?;
     }
@@ -58,7 +91,7 @@ fn answer(
             "note   {n} partitions of `{table}` were collected"
         ));
     }
-    let mut answer = tables.answer(&args.sql)?;
+    let answer = tables.answer(question)?;
     let bytes = match args.format {
         QueryFormat::Table => {
             let printed = print::table(&answer, Page::of_stdout());
@@ -70,7 +103,7 @@ fn answer(
         }
         QueryFormat::Csv => print::csv(&answer),
         QueryFormat::Json => print::json_lines(&answer),
-        QueryFormat::Parquet => print::parquet(&mut answer),
+        QueryFormat::Parquet => print::parquet(&answer),
     };
     report::data(&bytes.map_err(|err| CommandError::failed(err, None))?)?;
     Ok(CommandOutcome::Done)

@@ -33,6 +33,7 @@ mod plan_equals_run;
 mod precision;
 mod program_maps;
 mod programs;
+mod questions;
 mod remote;
 mod reports;
 mod resume;

@@ -1,46 +1,40 @@
 //! The tables of artifacts, from the files in the records.
 
 use std::{
-    collections::{BTreeMap, BTreeSet},
+    collections::BTreeMap,
     ffi::OsStr,
     path::{Path, PathBuf},
 };
 
+use datafusion::{
+    arrow::array::{AsArray, RecordBatch},
+    scalar::ScalarValue,
+};
 use lake::{StageTable, TableFiles};
-use polars::prelude::*;
 
-use super::tables::{FINGERPRINT, PIPELINE, RUN, STAGE, scan};
+use super::{
+    scan::{FileTable, Values},
+    tables::{FINGERPRINT, PIPELINE, RUN, STAGE},
+};
 
 /// Opens a table as one run, or the newest, had it; `None` if none of its partitions is there.
-pub(super) fn table(files: &TableFiles) -> PolarsResult<Option<LazyFrame>> {
-    let frames = by_column(files).into_iter().map(|(column, stages)| {
-        let made = scan(stages.iter().flat_map(|stage| stage.files.values()))?;
-        let named = match stages.as_slice() {
-            [stage] => made.with_columns([
-                lit(stage.pipeline.as_str()).alias(PIPELINE),
-                lit(stage.stage.as_str()).alias(STAGE),
-            ]),
-            // One scan for all of them: polars cannot count the rows of concatenated frames.
-            stages => made.join(
-                makers(stages)?.lazy(),
-                [col(FINGERPRINT)],
-                [col(FINGERPRINT)],
-                JoinArgs {
-                    maintain_order: MaintainOrderJoin::Left,
-                    ..JoinArgs::new(JoinType::Left)
-                },
-            ),
-        };
-        Ok(named.select([
-            all()
-                .exclude_cols([column, FINGERPRINT, PIPELINE, STAGE])
-                .as_expr(),
-            col(PIPELINE),
-            col(STAGE),
-            col(column),
-        ]))
-    });
-    one_below_the_other(frames.collect::<PolarsResult<_>>()?)
+pub(super) fn table(files: &TableFiles) -> anyhow::Result<Option<FileTable>> {
+    let (mut paths, mut parts) = (Vec::new(), Vec::new());
+    for stage in &files.stages {
+        for (key, path) in &stage.files {
+            let values = vec![
+                value(PIPELINE, &stage.pipeline),
+                value(STAGE, stage.stage.as_str()),
+                value(&stage.column, key.as_str()),
+            ];
+            parts.push((paths.len(), values));
+            paths.push(path.clone());
+        }
+    }
+    if paths.is_empty() {
+        return Ok(None);
+    }
+    FileTable::open(paths, parts, &[]).map(Some)
 }
 
 /// Opens the rows of a table from all runs, with a column `run`: the units' rows, joined to the
@@ -48,55 +42,59 @@ pub(super) fn table(files: &TableFiles) -> PolarsResult<Option<LazyFrame>> {
 pub(super) fn of_all_runs(
     files: &TableFiles,
     table: &str,
-    units: LazyFrame,
-) -> PolarsResult<Option<LazyFrame>> {
-    let units = units.filter(col("artifact").eq(lit(table))).select([
-        col(RUN),
-        col(PIPELINE),
-        col(STAGE),
-        col(FINGERPRINT),
-    ]);
-    let frames = by_column(files).into_values().map(|stages| {
-        // Many runs may have had the same unit.
-        let paths: BTreeSet<&PathBuf> = stages
-            .into_iter()
-            .flat_map(|stage| stage.files.values())
-            .collect();
-        scan(paths)
-    });
-    let made = one_below_the_other(frames.collect::<PolarsResult<_>>()?)?;
-    Ok(made.map(|made| {
-        units.join(
-            made,
-            [col(FINGERPRINT)],
-            [col(FINGERPRINT)],
-            JoinArgs::new(JoinType::Inner),
-        )
-    }))
-}
-
-/// The stages of a table by the column of their partitions' keys.
-fn by_column(files: &TableFiles) -> BTreeMap<&str, Vec<&StageTable>> {
-    let mut stages: BTreeMap<&str, Vec<&StageTable>> = BTreeMap::new();
+    units: &RecordBatch,
+) -> anyhow::Result<Option<FileTable>> {
+    let mut known: BTreeMap<String, (usize, &StageTable, &str)> = BTreeMap::new();
+    let mut paths = Vec::new();
     for stage in &files.stages {
-        stages.entry(&stage.column).or_default().push(stage);
+        for (key, path) in &stage.files {
+            // Many runs may have had the same unit.
+            known.entry(unit_of(path)).or_insert_with(|| {
+                paths.push(path.clone());
+                (paths.len() - 1, stage, key.as_str())
+            });
+        }
     }
-    stages
+    if paths.is_empty() {
+        return Ok(None);
+    }
+    let text = |name: &str| {
+        units
+            .column_by_name(name)
+            .map(|column| column.as_string::<i32>())
+    };
+    let (Some(artifacts), Some(pipelines), Some(stages), Some(fingerprints), Some(runs)) = (
+        text("artifact"),
+        text(PIPELINE),
+        text(STAGE),
+        text(FINGERPRINT),
+        units.column_by_name(RUN),
+    ) else {
+        anyhow::bail!("the table `units` lacks a column");
+    };
+    let mut parts = Vec::new();
+    for row in 0..units.num_rows() {
+        let fingerprint = fingerprints.value(row);
+        if artifacts.value(row) != table {
+            continue;
+        }
+        if let Some((file, stage, key)) = known.get(fingerprint) {
+            let values: Values = vec![
+                (RUN.to_owned(), ScalarValue::try_from_array(runs, row)?),
+                value(PIPELINE, pipelines.value(row)),
+                value(STAGE, stages.value(row)),
+                value(FINGERPRINT, fingerprint),
+                value(&stage.column, key),
+            ];
+            parts.push((*file, values));
+        }
+    }
+    let first = [RUN, PIPELINE, STAGE, FINGERPRINT];
+    FileTable::open(paths, parts, &first).map(Some)
 }
 
-/// The pipeline and stage of each unit.
-fn makers(stages: &[&StageTable]) -> PolarsResult<DataFrame> {
-    let units = stages
-        .iter()
-        .flat_map(|stage| stage.files.values().map(move |file| (stage, unit_of(file))));
-    let units: Vec<_> = units.collect();
-    let texts =
-        |of: fn(&(&&StageTable, String)) -> String| units.iter().map(of).collect::<Vec<_>>();
-    df!(
-        FINGERPRINT => texts(|(_, unit)| unit.clone()),
-        PIPELINE => texts(|(stage, _)| stage.pipeline.clone()),
-        STAGE => texts(|(stage, _)| stage.stage.to_string()),
-    )
+fn value(name: &str, text: &str) -> (String, ScalarValue) {
+    (name.to_owned(), ScalarValue::from(text))
 }
 
 /// The digits of the unit that made a file: its folder is named for them.
@@ -109,12 +107,16 @@ fn unit_of(file: &Path) -> String {
     digits.map_or_else(String::new, |(_, digits)| digits.to_owned())
 }
 
-/// Concatenates frames; a single one is returned as it is, which is faster.
-fn one_below_the_other(mut frames: Vec<LazyFrame>) -> PolarsResult<Option<LazyFrame>> {
-    let last = frames.pop();
-    if frames.is_empty() {
-        return Ok(last);
+/// Opens a table of runs: in the lake each file is of one run, by its number.
+pub(super) fn history(files: Vec<(Option<u64>, PathBuf)>) -> anyhow::Result<FileTable> {
+    let (mut paths, mut parts) = (Vec::new(), Vec::new());
+    for (run, path) in files {
+        let number = run.map(|run| {
+            let run = i64::try_from(run).unwrap_or(i64::MAX);
+            (RUN.to_owned(), ScalarValue::from(run))
+        });
+        parts.push((paths.len(), number.into_iter().collect()));
+        paths.push(path);
     }
-    frames.extend(last);
-    concat(frames, UnionArgs::default()).map(Some)
+    FileTable::open(paths, parts, &[])
 }

@@ -1,6 +1,8 @@
 //! Answers as bytes.
 
-use polars::prelude::*;
+use std::fs;
+
+use datafusion::arrow::array::{Array, ArrayRef, RecordBatch};
 
 use super::{
     cells,
@@ -16,8 +18,8 @@ pub(super) struct Printed {
 }
 
 /// Aligned columns that fit the page, numbers to the right.
-pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
-    let n_rows = answer.height();
+pub(super) fn table(answer: &RecordBatch, page: Page) -> Printed {
+    let n_rows = answer.num_rows();
     let (first, last) = page.rows_of(n_rows);
     let n_hidden = n_rows - first - last;
     let mut left_out = Vec::new();
@@ -26,23 +28,20 @@ pub(super) fn table(answer: &DataFrame, page: Page) -> Printed {
             "{n_hidden} of {n_rows} rows left out; `--format csv` prints all"
         ));
     }
-    let mut columns: Vec<(Vec<String>, bool)> = answer
-        .columns()
-        .iter()
-        .map(|column| {
+    let mut columns: Vec<(Vec<String>, bool)> = named(answer)
+        .map(|(name, column)| {
             let shown = (0..first).chain(n_rows - last..n_rows);
-            let value = |row| column.get(row).unwrap_or(AnyValue::Null);
             let mut cells: Vec<String> = shown
-                .map(|row| cells::cell(&value(row), page.elements()))
+                .map(|row| cells::cell(column, row, page.elements()))
                 .collect();
             if n_hidden > 0 {
                 cells.insert(first, LEFT_OUT.to_owned());
             }
-            if column.dtype().is_float() {
+            if column.data_type().is_floating() {
                 align_points(&mut cells);
             }
-            cells.insert(0, column.name().to_string());
-            (cells, column.dtype().is_primitive_numeric())
+            cells.insert(0, name.to_owned());
+            (cells, column.data_type().is_numeric())
         })
         .collect();
     if let Some(width) = page.width {
@@ -115,18 +114,21 @@ fn fit_columns(columns: &mut Vec<(Vec<String>, bool)>, width: usize) -> Vec<Stri
     names.collect()
 }
 
+/// The columns with their names.
+fn named(answer: &RecordBatch) -> impl Iterator<Item = (&str, &ArrayRef)> {
+    let fields = answer.schema_ref().fields().iter();
+    fields
+        .map(|field| field.name().as_str())
+        .zip(answer.columns())
+}
+
 /// Comma-separated values with a header; lists as JSON in one cell.
-pub(super) fn csv(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
+pub(super) fn csv(answer: &RecordBatch) -> anyhow::Result<Vec<u8>> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    writer.write_record(
-        answer
-            .columns()
-            .iter()
-            .map(|column| column.name().as_bytes()),
-    )?;
-    for row in 0..answer.height() {
+    writer.write_record(named(answer).map(|(name, _)| name))?;
+    for row in 0..answer.num_rows() {
         for column in answer.columns() {
-            writer.write_field(cells::text(&column.get(row)?))?;
+            writer.write_field(cells::text(column, row))?;
         }
         writer.write_record(None::<&[u8]>)?;
     }
@@ -134,16 +136,16 @@ pub(super) fn csv(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
 }
 
 /// One JSON object per line.
-pub(super) fn json_lines(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
+pub(super) fn json_lines(answer: &RecordBatch) -> anyhow::Result<Vec<u8>> {
     let mut bytes = Vec::new();
-    for row in 0..answer.height() {
+    for row in 0..answer.num_rows() {
         let mut separator = b'{';
-        for column in answer.columns() {
+        for (name, column) in named(answer) {
             bytes.push(separator);
             separator = b',';
-            serde_json::to_writer(&mut bytes, column.name().as_str())?;
+            serde_json::to_writer(&mut bytes, name)?;
             bytes.push(b':');
-            serde_json::to_writer(&mut bytes, &cells::json(&column.get(row)?))?;
+            serde_json::to_writer(&mut bytes, &cells::json(column, row))?;
         }
         bytes.extend_from_slice(b"}\n");
     }
@@ -151,22 +153,39 @@ pub(super) fn json_lines(answer: &DataFrame) -> anyhow::Result<Vec<u8>> {
 }
 
 /// A Parquet file.
-pub(super) fn parquet(answer: &mut DataFrame) -> anyhow::Result<Vec<u8>> {
-    let mut bytes = Vec::new();
-    ParquetWriter::new(&mut bytes).finish(answer)?;
-    Ok(bytes)
+pub(super) fn parquet(answer: &RecordBatch) -> anyhow::Result<Vec<u8>> {
+    let folder = tempfile::tempdir()?;
+    lake::table::write_batch(folder.path(), answer)?;
+    Ok(fs::read(folder.path().join(lake::table::FILE))?)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use datafusion::arrow::{
+        array::{Float64Array, ListArray, StringArray},
+        datatypes::Float64Type,
+    };
+
     use super::*;
 
-    fn answer() -> DataFrame {
+    fn answer() -> RecordBatch {
         let names: Vec<String> = (0..100)
             .map(|i| format!("a_rather_long_name_{i}"))
             .collect();
-        let numbers: Vec<f64> = (0..100).map(|i| f64::from(i) / 8.0).collect();
-        df!("name" => names.clone(), "number" => numbers, "again" => names).unwrap()
+        let names: ArrayRef = Arc::new(StringArray::from(names));
+        let numbers: Float64Array = (0..100).map(|i| Some(f64::from(i) / 8.0)).collect();
+        let columns = [
+            ("name", names.clone()),
+            ("number", Arc::new(numbers)),
+            ("again", names),
+        ];
+        RecordBatch::try_from_iter(columns).unwrap()
+    }
+
+    fn one(name: &str, column: ArrayRef) -> RecordBatch {
+        RecordBatch::try_from_iter([(name, column)]).unwrap()
     }
 
     #[test]
@@ -200,15 +219,17 @@ mod tests {
 
     #[test]
     fn decimal_points_stand_below_each_other() {
-        let answer = df!("rate" => [0.75, 0.703_125, 12.0, 1.5e-6]).unwrap();
+        let rates = Float64Array::from(vec![0.75, 0.703_125, 12.0, 1.5e-6]);
+        let answer = one("rate", Arc::new(rates));
         let text = table(&answer, Page::default()).text;
         assert_eq!(text, "     rate\n 0.75\n 0.703125\n12\n 1.5e-6\n", "{text}");
     }
 
     #[test]
     fn lists_in_csv_are_json() {
-        let list = Series::new("list".into(), [Series::new("".into(), [0.1, 0.2])]);
-        let answer = df!("list" => list).unwrap();
+        let list = [Some([Some(0.1), Some(0.2)])];
+        let list = ListArray::from_iter_primitive::<Float64Type, _, _>(list);
+        let answer = one("list", Arc::new(list));
         let text = String::from_utf8(csv(&answer).unwrap()).unwrap();
         assert_eq!(text, "list\n\"[0.1,0.2]\"\n");
     }

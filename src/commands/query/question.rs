@@ -1,72 +1,240 @@
-//! Checks of a query: one read-only, unambiguous statement.
+//! A question: one statement that reads, without what would be answered by chance.
 
-use std::ops::ControlFlow;
+use std::{collections::BTreeSet, ops::ControlFlow};
 
-use sqlparser::{
-    ast::{Expr, Function, GroupByExpr, Query, Select, SelectItem, Statement, Visit, Visitor},
+use datafusion::sql::sqlparser::{
+    ast::{
+        Expr, Function, GroupByExpr, Ident, ObjectName, OrderByExpr, OrderByKind, Query, Select,
+        SelectItem, SetExpr, Statement, Value, Visit, VisitMut, Visitor, VisitorMut,
+    },
     dialect::GenericDialect,
+    keywords::Keyword,
     parser::{Parser, ParserError, ParserOptions},
+    tokenizer::{Token, Tokenizer},
 };
 
-use super::faults;
+use super::{
+    engine, faults,
+    files::{NamedFile, NamedFiles},
+    precedence::Precedence,
+    unknown,
+};
 use crate::outcome::CommandError;
 
-/// The aggregate functions.
-const AGGREGATES: [&str; 26] = [
-    "array_agg",
-    "avg",
-    "corr",
-    "count",
-    "covar",
-    "covar_pop",
-    "covar_samp",
-    "first",
-    "group_concat",
-    "last",
-    "listagg",
-    "max",
-    "median",
-    "min",
-    "quantile_cont",
-    "quantile_disc",
-    "stddev",
-    "stddev_samp",
-    "stdev",
-    "stdev_samp",
-    "string_agg",
-    "sum",
-    "total",
-    "var",
-    "var_samp",
-    "variance",
-];
+/// Parentheses and subqueries within each other.
+const DEPTH: usize = 128;
 
-/// Checks that a query is a single read-only statement without ungrouped columns.
-pub(super) fn check(sql: &str) -> Result<(), CommandError> {
-    let statements = parse(sql).map_err(|err| faults::unreadable(&err.to_string()))?;
-    match statements.as_slice() {
-        [] => Err(faults::unreadable("it is empty")),
-        [statement] => match statement.visit(&mut QueryVisitor) {
-            ControlFlow::Break(trouble) => Err(trouble),
-            ControlFlow::Continue(()) => Ok(()),
-        },
-        several => Err(CommandError::usage(
-            format!("there are {} questions in one", several.len()),
-            "ask one after the other",
-        )),
+/// Operators in a question: each link of a chain lies within the next.
+const OPERATORS: usize = 1000;
+
+/// A question that can be asked.
+pub(super) struct Question {
+    /// The statement, in which each named file is a table.
+    pub(super) statement: Statement,
+    /// Names of the tables in it.
+    pub(super) tables: BTreeSet<String>,
+    /// The files that it names.
+    pub(super) files: Vec<NamedFile>,
+    /// The columns as the question writes them; `None` where `*` stands for several.
+    pub(super) columns: Vec<Option<String>>,
+    /// It is `show tables`.
+    pub(super) lists_tables: bool,
+}
+
+impl Question {
+    /// Reads a question: a single statement that changes nothing, without ungrouped columns.
+    pub(super) fn read(sql: &str) -> Result<Self, CommandError> {
+        let mut statements = parse(sql).map_err(|err| faults::unreadable(&err))?;
+        let (Some(mut statement), n_others) = (statements.pop(), statements.len()) else {
+            return Err(faults::not_read("it is empty"));
+        };
+        if n_others > 0 {
+            return Err(CommandError::usage(
+                format!("there are {} questions in one", n_others + 1),
+                "ask one after the other",
+            ));
+        }
+        let _never_breaks = VisitMut::visit(&mut statement, &mut Precedence);
+        for check in [
+            Visit::visit(&statement, &mut QueryVisitor),
+            Visit::visit(&statement, &mut unknown::Syntax::default()),
+        ] {
+            if let ControlFlow::Break(trouble) = check {
+                return Err(trouble);
+            }
+        }
+        let columns = columns(&statement);
+        let mut files = NamedFiles::default();
+        if let ControlFlow::Break(trouble) = VisitMut::visit(&mut statement, &mut files) {
+            return Err(trouble);
+        }
+        let _never_breaks = VisitMut::visit(&mut statement, &mut Names);
+        let mut tables = Relations::default();
+        let _never_breaks = Visit::visit(&statement, &mut tables);
+        Ok(Self {
+            tables: tables.0,
+            files: files.found,
+            columns,
+            lists_tables: matches!(statement, Statement::ShowTables { .. }),
+            statement,
+        })
     }
 }
 
-/// Reads it as polars does.
+/// Reads statements.
 fn parse(sql: &str) -> Result<Vec<Statement>, ParserError> {
     let options = ParserOptions {
         trailing_commas: true,
         ..ParserOptions::default()
     };
+    let tokens = Tokenizer::new(&GenericDialect, sql).tokenize_with_location()?;
+    let n_operators = tokens
+        .iter()
+        .filter(|token| is_operator(&token.token))
+        .count();
+    if n_operators > OPERATORS {
+        return Err(ParserError::RecursionLimitExceeded);
+    }
     Parser::new(&GenericDialect)
+        .with_recursion_limit(DEPTH)
         .with_options(options)
-        .try_with_sql(sql)?
+        .with_tokens_with_locations(tokens)
         .parse_statements()
+}
+
+/// Whether a word or sign may stand in a chain, each link of which lies within the next.
+fn is_operator(token: &Token) -> bool {
+    match token {
+        Token::Word(word) => matches!(
+            word.keyword,
+            Keyword::AND
+                | Keyword::OR
+                | Keyword::UNION
+                | Keyword::EXCEPT
+                | Keyword::INTERSECT
+                | Keyword::JOIN
+        ),
+        Token::Whitespace(_)
+        | Token::Comma
+        | Token::LParen
+        | Token::RParen
+        | Token::Number(..)
+        | Token::SingleQuotedString(_)
+        | Token::Period
+        | Token::SemiColon
+        | Token::EOF => false,
+        _ => true,
+    }
+}
+
+/// Names the columns that are computed as they are written: the engine has names of its own, the same for some
+/// that differ.
+struct Names;
+
+impl VisitorMut for Names {
+    type Break = ();
+
+    fn pre_visit_query(&mut self, query: &mut Query) -> ControlFlow<()> {
+        let n_columns = columns_of(query).iter().flatten().count();
+        let Some(order) = &mut query.order_by else {
+            return ControlFlow::Continue(());
+        };
+        if let OrderByKind::Expressions(keys) = &mut order.kind
+            && let [key] = keys.as_slice()
+            && matches!(&key.expr, Expr::Identifier(name) if is_all(name))
+        {
+            let places = (1..=n_columns).map(|place| OrderByExpr {
+                expr: Expr::value(Value::Number(place.to_string(), false)),
+                ..key.clone()
+            });
+            *keys = places.collect();
+        }
+        ControlFlow::Continue(())
+    }
+
+    fn pre_visit_select(&mut self, select: &mut Select) -> ControlFlow<()> {
+        for item in &mut select.projection {
+            if let SelectItem::UnnamedExpr(expr) = item
+                && !matches!(expr, Expr::Identifier(_) | Expr::CompoundIdentifier(_))
+            {
+                let alias = Ident::with_quote('"', expr.to_string());
+                let expr = expr.clone();
+                *item = SelectItem::ExprWithAlias { expr, alias };
+            }
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// Refuses `order by all` where `*` stands for columns that are not known yet.
+pub(super) fn check_order(query: &Query) -> ControlFlow<CommandError> {
+    if let Some(order) = &query.order_by
+        && let OrderByKind::Expressions(keys) = &order.kind
+        && let [key] = keys.as_slice()
+        && matches!(&key.expr, Expr::Identifier(name) if is_all(name))
+    {
+        let columns = columns_of(query);
+        if columns.is_empty() || columns.iter().any(Option::is_none) {
+            return ControlFlow::Break(CommandError::usage(
+                "`order by all` needs the names of the columns, not `*`",
+                "name them after `select`, or after `order by`",
+            ));
+        }
+    }
+    ControlFlow::Continue(())
+}
+
+/// Whether a name is `all` of `order by all`: every column in its order.
+fn is_all(name: &Ident) -> bool {
+    name.quote_style.is_none() && name.value.eq_ignore_ascii_case("all")
+}
+
+/// Names of the tables in a statement.
+#[derive(Default)]
+struct Relations(BTreeSet<String>);
+
+impl Visitor for Relations {
+    type Break = ();
+
+    fn pre_visit_relation(&mut self, name: &ObjectName) -> ControlFlow<()> {
+        if let [part] = name.0.as_slice()
+            && let Some(name) = part.as_ident()
+        {
+            self.0.insert(name.value.clone());
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// The columns of the answer as the statement writes them.
+fn columns(statement: &Statement) -> Vec<Option<String>> {
+    match statement {
+        Statement::Query(query) => columns_of(query),
+        _ => Vec::new(),
+    }
+}
+
+/// The columns of a query as it writes them; `None` where `*` stands for several.
+fn columns_of(query: &Query) -> Vec<Option<String>> {
+    let mut body = &query.body;
+    let select = loop {
+        match body.as_ref() {
+            SetExpr::Select(select) => break select,
+            SetExpr::Query(query) => body = &query.body,
+            SetExpr::SetOperation { left, .. } => body = left,
+            _ => return Vec::new(),
+        }
+    };
+    let items = select.projection.iter().map(|item| match item {
+        SelectItem::UnnamedExpr(Expr::Identifier(name)) => Some(name.value.clone()),
+        SelectItem::UnnamedExpr(Expr::CompoundIdentifier(names)) => {
+            names.last().map(|name| name.value.clone())
+        }
+        SelectItem::UnnamedExpr(expr) => Some(expr.to_string()),
+        SelectItem::ExprWithAlias { alias, .. } => Some(alias.value.clone()),
+        _ => None,
+    });
+    items.collect()
 }
 
 /// Visits every statement and selection of a query.
@@ -124,7 +292,7 @@ fn ungrouped(select: &Select) -> Option<CommandError> {
                 columns.add(item.to_string());
             }
             item => {
-                let _never_breaks = item.visit(&mut columns);
+                let _never_breaks = Visit::visit(item, &mut columns);
             }
         }
     }
@@ -207,7 +375,7 @@ impl Visitor for Columns {
 /// Whether a function is an aggregate or a window function.
 fn is_over_rows(function: &Function) -> bool {
     let name = function.name.to_string().to_lowercase();
-    function.over.is_some() || AGGREGATES.contains(&name.as_str())
+    function.over.is_some() || engine::is_aggregate(&name)
 }
 
 #[cfg(test)]
@@ -216,8 +384,8 @@ mod tests {
 
     /// The message and the hint about a query.
     fn said(sql: &str) -> Option<(String, String)> {
-        match check(sql) {
-            Ok(()) => None,
+        match Question::read(sql) {
+            Ok(_) => None,
             Err(CommandError::Usage { message, hint }) => Some((message, hint.unwrap())),
             Err(other) => panic!("{other:?}"),
         }

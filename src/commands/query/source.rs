@@ -71,12 +71,21 @@ impl Source<'_> {
         }
     }
 
-    /// The files of a table of runs.
-    pub(super) fn history(&mut self, table: &str) -> Result<Vec<PathBuf>, LakeError> {
-        match self {
-            Self::Lake { lake, .. } => Ok(lake.history_table(table)?.into_values().collect()),
-            Self::Depot(tables) => tables.history(table),
-        }
+    /// The files of a table of runs, in a lake with the numbers of the runs.
+    pub(super) fn history(
+        &mut self,
+        table: &str,
+    ) -> Result<Vec<(Option<u64>, PathBuf)>, LakeError> {
+        Ok(match self {
+            Self::Lake { lake, .. } => {
+                let files = lake.history_table(table)?.into_iter();
+                files.map(|(run, file)| (Some(run), file)).collect()
+            }
+            Self::Depot(tables) => {
+                let files = tables.history(table)?.into_iter();
+                files.map(|file| (None, file)).collect()
+            }
+        })
     }
 
     /// Names of the tables, for people; those that cannot be listed are left out.

@@ -3,12 +3,12 @@
 use std::{fs, path::Path};
 
 use dataflow::{Override, Sweep};
-use serde_json::Value;
-use sqlparser::{
+use datafusion::sql::sqlparser::{
     ast::{Expr, FunctionArguments, SelectItem, SetExpr, Statement},
     dialect::GenericDialect,
     parser::Parser,
 };
+use serde_json::Value;
 
 /// Start of a command, in the comments above a query.
 const COMMAND: &str = "pipeline run ";

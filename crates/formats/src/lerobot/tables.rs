@@ -182,7 +182,8 @@ pub(super) fn tasks(tasks: &BTreeMap<String, usize>) -> Result<Vec<u8>, FormatEr
         Field::new("task_index", DataType::Int64, false),
         Field::new("task", DataType::Utf8, false),
     ];
-    let schema = Schema::new(fields).with_metadata([("pandas".to_owned(), pandas.to_string())]);
+    let schema =
+        Schema::new(fields).with_metadata([("pandas".to_owned(), pandas.to_string())].into());
     let batch = RecordBatch::try_new(Arc::new(schema), columns.to_vec());
     parquet(FILE, &[batch.map_err(FormatError::encode(FILE))?])
 }
