@@ -1,19 +1,25 @@
 //! SQL queries: every format, fitting to the screen, and errors.
 
-use std::{process::Output, sync::OnceLock};
+use std::{env, fs, process::Output, sync::OnceLock};
 
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::{
+    bench::{Bench, stderr, stdout},
+    python::{program_at, python},
+};
 
-/// Asks a lake with demonstrations; the tests share it.
-fn ask(arguments: &[&str], columns: Option<&str>) -> Output {
+/// A lake with demonstrations; the tests share it.
+fn bench() -> &'static Bench {
     static LAKE: OnceLock<Bench> = OnceLock::new();
-    let bench = LAKE.get_or_init(|| {
+    LAKE.get_or_init(|| {
         let bench = Bench::new();
         bench.run_well(&["--until", "ingest"]);
         bench
-    });
+    })
+}
+
+fn ask(arguments: &[&str], columns: Option<&str>) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_pipeline"));
     command.env_remove("COLUMNS");
     if let Some(columns) = columns {
@@ -23,7 +29,7 @@ fn ask(arguments: &[&str], columns: Option<&str>) -> Output {
         .arg("query")
         .args(arguments)
         .arg("--lake")
-        .arg(bench.lake())
+        .arg(bench().lake())
         .output()
         .unwrap()
 }
@@ -121,7 +127,11 @@ fn a_wrong_question_gets_the_near_name() {
         ),
         (
             "select foo(object) from objects",
-            &["cannot answer the question", "foo"],
+            &["cannot answer the question", "no function `foo`"],
+        ),
+        (
+            "select count_(object) from objects",
+            &["no function `count_`", "did you mean `count`?"],
         ),
     ] {
         let output = ask(&[sql], None);
@@ -165,6 +175,31 @@ fn every_query_error_has_one_form() {
         "select mass_kg over from objects limit many",
         "select * from read_parquet('no/such/file.parquet')",
         "select * from objects having count(*) > 1",
+        "select object from objects where count(*) > 1",
+        "select 9223372036854775807 + 1",
+        "select sum(n) from (values (9223372036854775807), (1)) as t(n)",
+        "select -9223372036854775807 - 2",
+        "select 5000000000 * 5000000000",
+        "select 2 ^ 3",
+        "select 7 // 2",
+        "select 5 % 0",
+        "select cast(2.5 as int)",
+        "select cast('x' as double)",
+        "select date 'someday'",
+        "select object from objects tablesample (10 percent)",
+        "select object from objects a full join demonstrations b using (object)",
+        "select object, object as object from objects",
+        "select lag(mass_kg) from objects",
+        "select median(object) from objects",
+        "select * from objects where object in (select mass_kg from objects)",
+        "select * from objects where mass_kg in (1, 'x')",
+        "select * from objects where mass_kg between 'a' and 'b'",
+        "select * from objects where 1 = true",
+        "select (select mass_kg from objects) as mass",
+        "select extract(nothing from date '2024-01-01')",
+        "select * from objects order by 100",
+        "select * from generate_series(1, 3)",
+        "select * from (select * from objects a join objects b on a.object = b.object) as c",
     ] {
         let output = ask(&[sql], None);
         let text = stderr(&output);
@@ -173,6 +208,282 @@ fn every_query_error_has_one_form() {
         assert!(text.contains("\nhint: "), "{sql}: {text}");
         assert_eq!(text.lines().count(), 2, "{sql}: {text}");
         assert_eq!(stdout(&output), "", "{sql}");
+        for word in INSIDE {
+            assert!(!text.contains(word), "{sql}: {text}");
+        }
+    }
+}
+
+/// Words of the engine, which mean nothing to who asks.
+const INSIDE: [&str; 14] = [
+    "Expr",
+    "Plan",
+    "Physical",
+    "Logical",
+    "DataFusion",
+    "Arrow",
+    "Int64",
+    "Utf8",
+    "Float64",
+    "Date32",
+    "Some(",
+    "::",
+    "schema",
+    "UDF",
+];
+
+#[test]
+fn what_engines_answer_differently_has_one_answer() {
+    const ROWS: &str = "(values (1, 1, 'x'), (1, 2, 'y'), (2, 5, null), (3, 5, 'z')) as t(a, n, s)";
+    for (sql, rows) in [
+        // A join with a condition on one side keeps the rows that it does not meet.
+        (
+            "select t.a, u.b from {t} left join (values (1), (2)) as u(b) on t.a = u.b and t.n > 1 order by 1, t.n",
+            "1,\n1,1\n2,2\n3,\n",
+        ),
+        (
+            "select t.a, u.b from {t} right join (values (1), (9)) as u(b) on t.a = u.b and t.n > 1 order by 2",
+            "1,1\n,9\n",
+        ),
+        (
+            "select t.a, u.b from {t} full join (values (1), (9)) as u(b) on t.a = u.b and u.b > 5 order by 1, t.n, 2",
+            "1,\n1,\n2,\n3,\n,1\n,9\n",
+        ),
+        // Aggregates of aggregates, over a window.
+        (
+            "select a, count(*) * 1.0 / sum(count(*)) over () as share from {t} group by a order by a",
+            "1,0.5\n2,0.25\n3,0.25\n",
+        ),
+        ("select sum(n) over () as s from {t} limit 1", "13\n"),
+        // Ties have one value.
+        (
+            "select n, sum(n) over (order by n) as s from {t} order by n",
+            "1,1\n2,3\n5,13\n5,13\n",
+        ),
+        // No row where nothing is true.
+        ("select 1 as a where false", ""),
+        ("select 1 as a where null = null", ""),
+        ("select null = null as a", "\"\"\n"),
+        (
+            "select count(*) as n from {t} where a not in (1, null)",
+            "0\n",
+        ),
+        // Dates.
+        ("select extract(dow from date '2024-01-07') as d", "0\n"),
+        ("select date '2024-03-01' - date '2024-02-01' as d", "29\n"),
+        ("select date '2024-01-31' + 1 as d", "2024-02-01\n"),
+        (
+            "select date_trunc('month', timestamp '2024-05-17 10:11:12') as d",
+            "2024-05-01T00:00:00\n",
+        ),
+        // Groups.
+        (
+            "select a from {t} group by a order by count(*) desc, a",
+            "1\n2\n3\n",
+        ),
+        ("select min(n), max(n) from {t}", "1,5\n"),
+        ("select count(*) as n from {t} having count(*) > 3", "4\n"),
+        ("select count(*) as n from {t} having count(*) > 4", ""),
+        (
+            "select median(a), quantile_cont(a, 0.5) from {t}",
+            "1.5,1.5\n",
+        ),
+        ("select avg(s is null) as share from {t}", "0.25\n"),
+        // Numbers.
+        ("select 1 / 2 as a, 7 % 4 as b, -7 % 4 as c", "0.5,3,-3\n"),
+        (
+            "select 1 / 0 as a, -1 / 0 as b, 0 / 0 as c",
+            "inf,-inf,NaN\n",
+        ),
+        (
+            "select 0.0 = -0.0 as a, count(distinct z) as n from (values (0.0), (-0.0)) as t(z) group by 1",
+            "true,1\n",
+        ),
+        ("select 9 < '10' as a", "true\n"),
+        (
+            "select cast(0.1 as varchar) as a, cast(1e20 as varchar) as b, cast(3e0 as int) as c",
+            "0.1,1e+20,3\n",
+        ),
+        // Missing values come last, whichever way.
+        ("select s from {t} order by s desc", "z\ny\nx\n\"\"\n"),
+    ] {
+        let sql = sql.replace("{t}", ROWS);
+        let said = answer(&[&sql, "--format", "csv"]);
+        let (_, said) = said.split_once('\n').unwrap();
+        assert_eq!(said, rows, "{sql}");
+    }
+    let infinity = answer(&[
+        "select 1 / 0 as a, -1 / 0 as b, 0 / 0 as c",
+        "--format",
+        "json",
+    ]);
+    assert_eq!(
+        infinity,
+        "{\"a\":\"Infinity\",\"b\":\"-Infinity\",\"c\":\"NaN\"}\n"
+    );
+    let names = answer(&[
+        "select min(step), max(step), count(*) from demonstrations",
+        "--format",
+        "csv",
+    ]);
+    assert!(
+        names.starts_with("min(step),max(step),count(*)\n"),
+        "{names}"
+    );
+    let tables = answer(&["show tables", "--format", "csv"]);
+    for table in ["objects", "demonstrations", "runs"] {
+        assert!(tables.lines().any(|line| line == table), "{tables}");
+    }
+}
+
+/// A folder with a file of values, beside no lake.
+fn beside() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    let csv = "name,weight_kg,found\n007,0.5,true\n025,,false\n";
+    fs::write(folder.path().join("measured.csv"), csv).unwrap();
+    folder
+}
+
+#[test]
+fn only_the_lake_and_allowed_files_are_read() {
+    let folder = beside();
+    let file = folder.path().join("measured.csv");
+    let (file, folder_path) = (file.display(), folder.path().display());
+    let parquet = folder.path().join("few objects.parquet");
+    let bytes = ask(
+        &[
+            "select object, mass_kg from objects order by object limit 2",
+            "--format",
+            "parquet",
+        ],
+        None,
+    );
+    fs::write(&parquet, bytes.stdout).unwrap();
+    let parquet = parquet.display();
+    for sql in [
+        format!("select * from read_csv('{file}')"),
+        format!("select * from '{file}'"),
+        format!("select * from read_parquet('{parquet}')"),
+        format!("select * from read_parquet('{folder_path}')"),
+        "select * from read_parquet('/etc/passwd')".to_owned(),
+        "select * from '../../../../etc/passwd'".to_owned(),
+        "select * from read_parquet('https://example.org/a.parquet')".to_owned(),
+        "select * from 's3://bucket/a.parquet'".to_owned(),
+    ] {
+        let output = ask(&[&sql], None);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{sql}: {text}");
+        assert!(text.contains("is not in the lake"), "{sql}: {text}");
+        assert!(text.contains("--allow-files"), "{sql}: {text}");
+    }
+    for (sql, rows) in [
+        (
+            format!("select * from read_csv('{file}') order by name"),
+            "name,weight_kg,found\n007,0.5,true\n025,,false\n",
+        ),
+        (
+            format!("select m.name from '{file}' as m where m.found"),
+            "name\n007\n",
+        ),
+        (
+            format!(
+                "select count(*) as n from '{parquet}' a join objects b on a.object = b.object"
+            ),
+            "n\n2\n",
+        ),
+        (
+            format!("select count(*) as n from read_parquet('{folder_path}')"),
+            "n\n2\n",
+        ),
+    ] {
+        for allowed in [folder.path().to_str().unwrap(), "."] {
+            let arguments = [&sql, "--format", "csv", "--allow-files", allowed];
+            let output = ask(&arguments, None);
+            if allowed == "." {
+                assert_eq!(output.status.code(), Some(2), "{sql}");
+            } else {
+                assert_eq!(stdout(&output), rows, "{sql}: {}", stderr(&output));
+            }
+        }
+    }
+    let missing = format!("select * from '{folder_path}/*.parquet'");
+    let output = ask(
+        &[&missing, "--allow-files", folder.path().to_str().unwrap()],
+        None,
+    );
+    assert!(
+        stderr(&output).contains("name the folder"),
+        "{}",
+        stderr(&output)
+    );
+}
+
+#[test]
+fn long_questions_are_answered_or_refused() {
+    for (sql, n) in [
+        (format!("select 1{}", " + 1".repeat(120)), "121"),
+        (
+            format!(
+                "select count(*) from objects where mass_kg = 0{}",
+                " or mass_kg = 1".repeat(100)
+            ),
+            "0",
+        ),
+        (
+            format!(
+                "select count(*) from objects where mass_kg in (0{})",
+                ", 1".repeat(20_000)
+            ),
+            "0",
+        ),
+        (format!("select {}1{}", "(".repeat(40), ")".repeat(40)), "1"),
+    ] {
+        let said = answer(&[&sql, "--format", "csv"]);
+        assert_eq!(said.lines().last(), Some(n), "{sql:.80}");
+    }
+    for sql in [
+        format!("select 1{}", " + 1".repeat(200)),
+        format!("select {}1{}", "(".repeat(3000), ")".repeat(3000)),
+        format!("select 1{}", " union all select 1".repeat(1100)),
+    ] {
+        let output = ask(&[&sql], None);
+        assert_eq!(output.status.code(), Some(2), "{sql:.80}");
+        assert!(
+            stderr(&output).contains("within each other"),
+            "{}",
+            stderr(&output)
+        );
+    }
+}
+
+/// Statements that are compared, if `PIPELINE_STATEMENTS` does not say.
+const STATEMENTS: &str = "150";
+
+/// What is compared with DuckDB: equal rows or a refusal, never other rows.
+#[test]
+fn random_questions_are_answered_as_by_duckdb() {
+    let Some(python) = python(&["duckdb", "pyarrow"]) else {
+        return;
+    };
+    let count = env::var("PIPELINE_STATEMENTS").unwrap_or_else(|_| STATEMENTS.to_owned());
+    let seed = env::var("PIPELINE_SEED").unwrap_or_else(|_| "1".to_owned());
+    let mut compare = program_at(&python, "tests/program/questions/compare.py");
+    compare
+        .arg(env!("CARGO_BIN_EXE_pipeline"))
+        .arg(bench().lake())
+        .args([&count, &seed]);
+    let ran = compare.output().unwrap();
+    assert!(ran.status.success(), "{}", stderr(&ran));
+    let said = stdout(&ran);
+    println!("{said}");
+    let counts: Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    let number = |name: &str| counts[name].as_f64().unwrap_or(0.0);
+    let asked = number("asked");
+    assert!(asked >= count.parse::<f64>().unwrap() - 16.0, "{said}");
+    assert_eq!((number("wrong"), number("rude")), (0.0, 0.0), "{said}");
+    assert!(number("answered") >= 0.85 * asked, "{said}");
+    for part in ["one-sided", "window", "having", "subquery", "date", "null"] {
+        assert!(number(part) >= 0.1 * asked, "{part}: {said}");
     }
 }
 
