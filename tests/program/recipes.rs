@@ -8,7 +8,7 @@ use std::{
 };
 
 use crate::{
-    bench::{Bench, stderr, stdout},
+    bench::{Bench, copy_folder, stderr, stdout},
     cell_lab::Lab,
     python::python,
 };
@@ -85,6 +85,7 @@ fn every_recipe_does_what_its_page_says() {
         }
         assert!(said.contains("screen"), "{heading}: {said}");
     }
+    tables_of_other_pipelines_are_kept_apart(&lab);
     if let Some(python) = python(&["safetensors", "numpy", "pyarrow"]) {
         let said = run(&python, "The grasping function, in numpy", &lab);
         let words: Vec<&str> = said.split_whitespace().collect();
@@ -108,6 +109,32 @@ fn every_recipe_does_what_its_page_says() {
             said.contains("results ") && said.contains("cgf/cell/simulated/state {"),
             "{said}"
         );
+    }
+}
+
+/// The rows of a table are those of one pipeline.
+fn tables_of_other_pipelines_are_kept_apart(lab: &Lab) {
+    let tables = lab.bench.lake().join("tables/objects");
+    let rows = |said: &str| -> Option<String> {
+        let mut lines = said.lines();
+        lines
+            .find(|line| line.starts_with("objects "))
+            .map(str::to_owned)
+    };
+    let stage = tables.join("pipeline=cgf/stage=ingest");
+    for (heading, module) in [
+        ("Every table, with polars", "polars"),
+        ("Every table, with pandas", "pandas"),
+    ] {
+        let Some(python) = python(&[module, "pyarrow"]) else {
+            continue;
+        };
+        let before = rows(&run(&python, heading, lab));
+        let other = tables.join("pipeline=other");
+        copy_folder(&stage, &other.join("stage=ingest"));
+        let with_other = rows(&run(&python, heading, lab));
+        fs::remove_dir_all(other).unwrap();
+        assert_eq!(with_other, before, "{heading}");
     }
 }
 
