@@ -30,7 +30,9 @@ const NOT_MANO: &str = "Made by a program, not recorded from a person.\n\
     `pose_m` is not MANO: it holds the wrist's orientation (axis-angle) and position, and zeros.\n\
     The hand is in `joint_3d` of the labels.\n";
 
-/// Source and terms of use of the sample.
+/// File that says what the sample is and under which terms it may be used.
+pub(crate) const TERMS_FILE: &str = "TERMS.txt";
+/// Its text.
 const TERMS: &str = "Bundled sample, made by a program, MIT OR Apache-2.0\n";
 
 /// Returns the folder of a person.
@@ -77,7 +79,7 @@ pub(crate) fn write_shared(
     bodies: &[Body],
     subjects: usize,
 ) -> Result<(), DemonstratorError> {
-    write(&root.join("TERMS.txt"), TERMS.as_bytes())?;
+    write(&root.join(TERMS_FILE), TERMS.as_bytes())?;
     let calibration = root.join("calibration");
     let extrinsics = calibration.join(format!("extrinsics_{CALIBRATION}/extrinsics.yml"));
     write(&extrinsics, CameraRig::new().extrinsics_yaml().as_bytes())?;

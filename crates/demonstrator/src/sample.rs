@@ -12,7 +12,7 @@ use rayon::prelude::*;
 use crate::{
     DemonstratorError, Recipe,
     body::Body,
-    files::{subject_folder, write, write_recording, write_shared},
+    files::{TERMS_FILE, subject_folder, write, write_recording, write_shared},
     objects::OBJECT_KINDS,
     scene,
 };
@@ -145,7 +145,7 @@ fn replace(
 /// Says whether a name in a stamp is one that this generator could have given.
 fn is_ours(name: &str) -> bool {
     let subject = (0..10_000).any(|idx| subject_folder(idx) == name);
-    subject || name == "calibration" || name == "models"
+    subject || ["calibration", "models", TERMS_FILE].contains(&name)
 }
 
 fn write_stamp(root: &Path, text: &str) -> Result<(), DemonstratorError> {
@@ -154,10 +154,14 @@ fn write_stamp(root: &Path, text: &str) -> Result<(), DemonstratorError> {
     fs::rename(&beside, root.join(STAMP_FILE)).map_err(failed("move", &beside))
 }
 
-/// Removes a folder, if there is one.
-fn remove(folder: &Path) -> Result<(), DemonstratorError> {
-    match fs::remove_dir_all(folder) {
-        Err(err) if err.kind() != io::ErrorKind::NotFound => Err(failed("remove", folder)(err)),
+/// Removes a folder or a file, if there is one.
+fn remove(path: &Path) -> Result<(), DemonstratorError> {
+    let removed = match fs::remove_dir_all(path) {
+        Err(err) if err.kind() == io::ErrorKind::NotADirectory => fs::remove_file(path),
+        removed => removed,
+    };
+    match removed {
+        Err(err) if err.kind() != io::ErrorKind::NotFound => Err(failed("remove", path)(err)),
         _ => Ok(()),
     }
 }
