@@ -20,6 +20,8 @@ const READING: u64 = 20 * MB;
 const BEGUN: u64 = 6 * MB;
 /// Address space of a thread that computes: its stack, and the memory that the allocator keeps for it.
 const THREAD: u64 = 64 * MB;
+/// Address space of the thread that answers a query, with its stack.
+const QUERY: u64 = 300 * MB;
 /// What libraries panic with where no thread can be started.
 const NO_THREAD: [&str; 4] = [
     "Resource temporarily unavailable",
@@ -53,7 +55,7 @@ pub(crate) fn check(command: &Command) -> Result<(), CommandError> {
             Command::Run(_) | Command::Unit(_) | Command::Cell(_) | Command::Router(_) => {
                 COMPUTING + THREAD
             }
-            Command::Query(_) => COMPUTING + 3 * THREAD,
+            Command::Query(_) => COMPUTING + 3 * THREAD + QUERY,
             _ => READING,
         };
     if needed > limit {
@@ -68,13 +70,25 @@ pub(crate) fn check(command: &Command) -> Result<(), CommandError> {
     }
     let before = panic::take_hook();
     panic::set_hook(Box::new(move |panicked| {
-        let text = panicked.to_string();
-        if NO_THREAD.iter().any(|part| text.contains(part)) {
+        if lacks_thread(&panicked.to_string()) {
             end(format_args!("a thread"));
         }
         before(panicked);
     }));
     Ok(())
+}
+
+/// Says whether a panic or an error is of a thread that could not be started.
+pub(crate) fn lacks_thread(text: &str) -> bool {
+    let text = text.to_lowercase();
+    NO_THREAD
+        .iter()
+        .any(|part| text.contains(&part.to_lowercase()))
+}
+
+/// Ends the program because a thread could not be started.
+pub(crate) fn end_without_thread() -> ! {
+    end(format_args!("a thread"))
 }
 
 /// Ends the program if an ordinary allocation has failed. Nothing is allocated here.

@@ -30,6 +30,7 @@ use self::{page::Page, question::Question, source::Source, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
+    memory,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -40,13 +41,17 @@ const STACK_BYTES: usize = 256 << 20;
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
     // The engine gives up some questions where it stands.
-    panic::set_hook(Box::new(|_| {}));
+    panic::set_hook(Box::new(|panicked| {
+        if memory::lacks_thread(&panicked.to_string()) {
+            memory::end_without_thread();
+        }
+    }));
     thread::scope(|scope| {
         let asked = thread::Builder::new()
             .name("query".to_owned())
             .stack_size(STACK_BYTES)
             .spawn_scoped(scope, || ask(program, args))
-            .map_err(|err| CommandError::failed(err, None))?;
+            .unwrap_or_else(|_| memory::end_without_thread());
         asked.join().unwrap_or_else(|_| Err(faults::too_much()))
     })
 }

@@ -142,6 +142,9 @@ mod tests {
     fn what_is_no_number_in_json_is_text() {
         let values = Float64Array::from(vec![f64::INFINITY, f64::NEG_INFINITY, f64::NAN, 1e300]);
         let texts: Vec<String> = (0..4).map(|row| json(&values, row).to_string()).collect();
-        assert_eq!(texts, ["\"Infinity\"", "\"-Infinity\"", "\"NaN\"", "1e300"]);
+        assert_eq!(
+            texts,
+            ["\"Infinity\"", "\"-Infinity\"", "\"NaN\"", "1e+300"]
+        );
     }
 }
