@@ -58,11 +58,7 @@ pub(super) fn of_all_runs(
     if paths.is_empty() {
         return Ok(None);
     }
-    let text = |name: &str| {
-        units
-            .column_by_name(name)
-            .map(|column| column.as_string::<i32>())
-    };
+    let text = |name: &str| units.column_by_name(name).map(AsArray::as_string::<i32>);
     let (Some(artifacts), Some(pipelines), Some(stages), Some(fingerprints), Some(runs)) = (
         text("artifact"),
         text(PIPELINE),

@@ -67,11 +67,10 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
     }
     // What the program says about its rows, e.g. the joints' names, stays.
     let mut metadata = schema.metadata().clone();
-    for (key, value) in found.metadata() {
-        if key != SCHEMA && key != "pandas" && !key.starts_with("ARROW") {
-            metadata.insert(key.clone(), value.clone());
-        }
-    }
+    let said = found.metadata().iter();
+    let said =
+        said.filter(|(key, _)| *key != SCHEMA && *key != "pandas" && !key.starts_with("ARROW"));
+    metadata.extend(said.map(|(key, value)| (key.clone(), value.clone())));
     let schema: SchemaRef = Arc::new(Schema::new_with_metadata(schema.fields().clone(), metadata));
     RecordBatch::try_new(schema, arrays).map_err(Broken::Arrow)
 }
