@@ -245,16 +245,19 @@ fn scalars() -> Vec<Arc<ScalarUDF>> {
     let known = SessionStateDefaults::default_scalar_functions().into_iter();
     let known = known.filter(|function| SCALARS.contains(&function.name()));
     let named = known.map(|function| {
-        let others = OTHER_NAMES
-            .iter()
-            .filter(|(name, _)| *name == function.name());
-        let others: Vec<&str> = others.map(|(_, other)| *other).collect();
+        let others = others(function.name(), &OTHER_NAMES);
         if others.is_empty() {
             return function;
         }
         Arc::new(Arc::unwrap_or_clone(function).with_aliases(others))
     });
     named.collect()
+}
+
+/// The other names of a function.
+fn others(function: &str, known: &[(&'static str, &'static str)]) -> Vec<&'static str> {
+    let others = known.iter().filter(|(name, _)| *name == function);
+    others.map(|(_, other)| *other).collect()
 }
 
 fn aggregates() -> Vec<Arc<AggregateUDF>> {
@@ -265,10 +268,7 @@ fn aggregates() -> Vec<Arc<AggregateUDF>> {
             let function = OfTruths::new(Arc::unwrap_or_clone(function));
             return Arc::new(AggregateUDF::new_from_impl(function));
         }
-        let others = OTHER_AGGREGATES
-            .iter()
-            .filter(|(name, _)| *name == function.name());
-        let others: Vec<&str> = others.map(|(_, other)| *other).collect();
+        let others = others(function.name(), &OTHER_AGGREGATES);
         if others.is_empty() {
             return function;
         }
