@@ -70,20 +70,18 @@ pub(crate) fn check(command: &Command) -> Result<(), CommandError> {
     }
     let before = panic::take_hook();
     panic::set_hook(Box::new(move |panicked| {
-        if lacks_thread(&panicked.to_string()) {
-            end(format_args!("a thread"));
-        }
+        end_if_without_thread(panicked);
         before(panicked);
     }));
     Ok(())
 }
 
-/// Says whether a panic or an error is of a thread that could not be started.
-pub(crate) fn lacks_thread(text: &str) -> bool {
-    let text = text.to_lowercase();
-    NO_THREAD
-        .iter()
-        .any(|part| text.contains(&part.to_lowercase()))
+/// Ends the program if a panic is of a thread that could not be started.
+pub(crate) fn end_if_without_thread(panicked: &panic::PanicHookInfo<'_>) {
+    let text = panicked.to_string();
+    if NO_THREAD.iter().any(|part| text.contains(part)) {
+        end_without_thread();
+    }
 }
 
 /// Ends the program because a thread could not be started.

@@ -22,7 +22,12 @@ mod truths;
 mod unknown;
 mod values;
 
-use std::{panic, thread};
+use std::{
+    panic,
+    path::Path,
+    sync::atomic::{AtomicBool, Ordering},
+    thread,
+};
 
 use lake::Lake;
 
@@ -37,13 +42,22 @@ use crate::{
 
 /// Stack of the thread that answers: each link of a chain of operators lies within the next.
 const STACK_BYTES: usize = 256 << 20;
+/// Whether the last panic was one of this program, not of the engine.
+static IS_OWN_PANIC: AtomicBool = AtomicBool::new(false);
 
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
-    // The engine gives up some questions where it stands.
-    panic::set_hook(Box::new(|panicked| {
-        if memory::lacks_thread(&panicked.to_string()) {
-            memory::end_without_thread();
+    // The engine panics at some questions: they are refused. A panic of this program is a fault.
+    let before = panic::take_hook();
+    panic::set_hook(Box::new(move |panicked| {
+        memory::end_if_without_thread(panicked);
+        // Paths of the workspace are relative.
+        let is_own = panicked
+            .location()
+            .is_some_and(|place| Path::new(place.file()).is_relative());
+        IS_OWN_PANIC.store(is_own, Ordering::Relaxed);
+        if is_own {
+            before(panicked);
         }
     }));
     thread::scope(|scope| {
@@ -52,7 +66,12 @@ pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcom
             .stack_size(STACK_BYTES)
             .spawn_scoped(scope, || ask(program, args))
             .unwrap_or_else(|_| memory::end_without_thread());
-        asked.join().unwrap_or_else(|_| Err(faults::too_much()))
+        asked.join().unwrap_or_else(|panicked| {
+            if IS_OWN_PANIC.load(Ordering::Relaxed) {
+                panic::resume_unwind(panicked);
+            }
+            Err(faults::too_much())
+        })
     })
 }
 
