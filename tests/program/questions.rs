@@ -248,6 +248,18 @@ fn what_engines_answer_differently_has_one_answer() {
             "select t.a, u.b from {t} full join (values (1), (9)) as u(b) on t.a = u.b and u.b > 5 order by 1, t.n, 2",
             "1,\n1,\n2,\n3,\n,1\n,9\n",
         ),
+        // A condition on columns of one name on both sides of a join.
+        (
+            "with a(k, g) as (values (1, 'a'), (2, 'b'), (3, 'c')), b(k, g) as (values (1, 'zz'), (5, 'q'), (6, 'q'), \
+             (7, 'q'), (8, 'q'), (9, 'q')) select a.k from b right join a on a.k = b.k \
+             where case when a.k < 3 then b.g || a.g else a.g end < 'd' and a.k > 0",
+            "3\n",
+        ),
+        // A condition without columns on a total, which has a row where there is none below.
+        (
+            "select n from (select count(*) as n from {t}) u where 1 = 0",
+            "",
+        ),
         // Aggregates of aggregates, over a window.
         (
             "select a, count(*) * 1.0 / sum(count(*)) over () as share from {t} group by a order by a",
@@ -271,6 +283,10 @@ fn what_engines_answer_differently_has_one_answer() {
         ("select extract(dow from date '2024-01-07') as d", "0\n"),
         ("select date '2024-03-01' - date '2024-02-01' as d", "29\n"),
         ("select date '2024-01-31' + 1 as d", "2024-02-01\n"),
+        (
+            "select date '2024-03-01' - interval '2 hours' as t",
+            "2024-02-29T22:00:00\n",
+        ),
         (
             "select date_trunc('month', timestamp '2024-05-17 10:11:12') as d",
             "2024-05-01T00:00:00\n",

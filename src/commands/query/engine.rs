@@ -10,6 +10,7 @@ use datafusion::{
     execution::{SessionStateBuilder, SessionStateDefaults, session_state::SessionState},
     logical_expr::{AggregateUDF, ScalarUDF},
     optimizer::Analyzer,
+    physical_optimizer::optimizer::PhysicalOptimizer,
     physical_plan::collect,
     prelude::{SessionConfig, SessionContext},
     sql::{parser::Statement, sqlparser::ast},
@@ -174,6 +175,9 @@ impl Engine {
         let mut rules = Analyzer::new().rules;
         rules.insert(0, Arc::new(Meaning));
         rules.push(Arc::new(Texts));
+        // This one takes conditions below joins by the names of columns, which both sides may have.
+        let mut steps = PhysicalOptimizer::new().rules;
+        steps.retain(|rule| !rule.name().starts_with("FilterPushdown"));
         let state = SessionStateBuilder::new()
             .with_config(config)
             .with_expr_planners(SessionStateDefaults::default_expr_planners())
@@ -181,6 +185,7 @@ impl Engine {
             .with_aggregate_functions(aggregates())
             .with_window_functions(SessionStateDefaults::default_window_functions())
             .with_analyzer_rules(rules)
+            .with_physical_optimizer_rules(steps)
             .build();
         Self {
             context: SessionContext::new_with_state(state),
