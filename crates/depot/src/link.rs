@@ -92,7 +92,8 @@ pub type PieceSink<'a> = dyn FnMut(Piece) -> io::Result<()> + 'a;
 /// Opens the content of a file to store, for each try anew.
 pub type Opened<'a> = dyn Fn() -> io::Result<Content> + 'a;
 
-/// One try of a request.
+/// One try of a request, with the time that its answer may take beyond that of a small one.
+type Try<T, R> = (Duration, Work<T, R>);
 type Work<T, R> = Box<dyn FnOnce(&dyn Depot, &mut Pass<T>) -> Result<R, DepotError> + Send>;
 
 /// Part of an answer.
@@ -192,10 +193,10 @@ impl Link {
                     is_wanted.then_some(()).ok_or_else(not_wanted)
                 })
             });
-            Ok(work)
+            Ok((Duration::ZERO, work))
         };
         let mut taken = Ok(());
-        let got = self.ask("get", key, Duration::ZERO, work, |part| {
+        let got = self.ask("get", key, work, |part| {
             taken = match part {
                 Part::Begin => sink(Piece::Begin),
                 Part::Next(bytes) => {
@@ -254,13 +255,9 @@ impl Link {
                 }
                 put
             });
-            Ok(work)
+            Ok((Duration::from_secs(size / SLOWEST), work))
         };
-        let longest = open().map_err(DepotError::io("put", key))?.size / SLOWEST;
-        let longest = Duration::from_secs(longest);
-        let put = self.ask("put", key, longest, work, |part| {
-            matches!(part, Part::Begin)
-        })?;
+        let put = self.ask("put", key, work, |part| matches!(part, Part::Begin))?;
         self.bytes_put.fetch_add(size, Ordering::Relaxed);
         Ok(put)
     }
@@ -296,10 +293,10 @@ impl Link {
                     let _is_wanted = pass(entry);
                 })
             });
-            Ok(work)
+            Ok((Duration::ZERO, work))
         };
         let mut entries = Vec::new();
-        self.ask("list", prefix, Duration::ZERO, work, |part| {
+        self.ask("list", prefix, work, |part| {
             match part {
                 Part::Begin => entries.clear(),
                 Part::Next(entry) => entries.push(entry),
@@ -328,9 +325,9 @@ impl Link {
         let work = || {
             let asked = key.to_owned();
             let work: Work<(), R> = Box::new(move |depot, _| ask(depot, &asked));
-            Ok(work)
+            Ok((Duration::ZERO, work))
         };
-        self.ask(action, key, Duration::ZERO, work, |_| true)
+        self.ask(action, key, work, |_| true)
     }
 
     /// Makes a request, and again while it fails and this link is patient. `work` gives each try; `each` takes the
@@ -339,8 +336,7 @@ impl Link {
         &self,
         action: &'static str,
         key: &str,
-        longer: Duration,
-        mut work: impl FnMut() -> Result<Work<T, R>, DepotError>,
+        mut work: impl FnMut() -> Result<Try<T, R>, DepotError>,
         mut each: impl FnMut(Part<T>) -> bool,
     ) -> Result<R, DepotError> {
         self.check()?;
@@ -349,9 +345,9 @@ impl Link {
         let mut n_failed = 0;
         loop {
             self.n_requests.fetch_add(1, Ordering::Relaxed);
+            let (longer, work) = work()?;
             let patience = self.patience.left(began);
             let waited = longer + patience.map_or(ANSWER_TIMEOUT, |left| timeout(n_failed, left));
-            let work = work()?;
             let depot = Arc::clone(&self.depot);
             let mut is_refused = !each(Part::Begin);
             let answer = watched(
