@@ -3,7 +3,7 @@
 
 use std::{
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     process::Command,
     thread,
     time::{Duration, Instant},
@@ -39,6 +39,17 @@ fn held(cluster: &Cluster, place: &Place, arguments: &[&str]) -> Running {
     run
 }
 
+/// Takes the depot away from a run by jobs until its patience is over; returns the place of the depot, where it is
+/// now, and what the run said.
+fn without_patience(cluster: &Cluster, place: &Place) -> (PathBuf, PathBuf, String) {
+    let run = held(cluster, place, &["--depot-patience-min", "0.05"]);
+    let (depot, away) = (cluster.path("depot"), cluster.path("away"));
+    fs::rename(&depot, &away).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(1), "{said}");
+    (depot, away, said)
+}
+
 fn let_go(place: &Place) {
     for partition in ["p000", "p001"] {
         place.let_go(partition);
@@ -72,11 +83,7 @@ fn a_folder_that_is_away_while_units_end_loses_no_result_and_ends_no_run() {
 fn a_depot_that_stays_away_leaves_the_jobs_and_the_same_command_takes_them_over() {
     let cluster = Cluster::new();
     let place = machine();
-    let run = held(&cluster, &place, &["--depot-patience-min", "0.05"]);
-    let (depot, away) = (cluster.path("depot"), cluster.path("away"));
-    fs::rename(&depot, &away).unwrap();
-    let (code, said) = run.finish();
-    assert_eq!(code, Some(1), "{said}");
+    let (depot, away, said) = without_patience(&cluster, &place);
     for part in [
         "error: the depot was down for ",
         "mounted",
@@ -103,11 +110,7 @@ fn a_depot_that_stays_away_leaves_the_jobs_and_the_same_command_takes_them_over(
 fn a_job_that_must_end_before_the_depot_is_back_says_where_its_result_lies_and_push_sends_it() {
     let cluster = Cluster::new();
     let place = machine();
-    let run = held(&cluster, &place, &["--depot-patience-min", "0.05"]);
-    let (depot, away) = (cluster.path("depot"), cluster.path("away"));
-    fs::rename(&depot, &away).unwrap();
-    let (code, said) = run.finish();
-    assert_eq!(code, Some(1), "{said}");
+    let (depot, away, _) = without_patience(&cluster, &place);
     let_go(&place);
     thread::sleep(Duration::from_secs(2));
     // As a scheduler does at the end of a job's time.
