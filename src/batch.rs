@@ -167,19 +167,18 @@ impl Batch<'_> {
         let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
         rest.sort_unstable();
         let submitted = self.submit(wave, driver, &rest, &mut arrays);
-        let mut watched = match submitted {
+        let watched = match submitted {
             Ok(()) if arrays.is_empty() => Ok(false),
             Ok(()) => self.watch(wave, &arrays, open, events, ended),
             Err(err) => Err(err),
         };
-        if let Err(err) = watched {
-            if self.lake.is_depot_offline() {
-                for array in &arrays {
-                    out(|out| out.remove(&array.name));
-                }
-                return Err(self.left_alone(&err, &arrays));
+        if let Err(err) = &watched
+            && self.lake.is_depot_offline()
+        {
+            for array in &arrays {
+                out(|out| out.remove(&array.name));
             }
-            watched = Err(err);
+            return Err(self.left_alone(err, &arrays));
         }
         let is_left = watched.is_err() || !open.is_empty();
         for array in &arrays {
@@ -361,7 +360,7 @@ fn unique_name() -> io::Result<String> {
 /// A word as a shell reads it; plain words, and `~`, stay as they are.
 pub(crate) fn for_shell(word: &str) -> String {
     let is_plain = |c: char| c.is_ascii_alphanumeric() || "_./~:=@%+,-".contains(c);
-    if word.chars().all(is_plain) {
+    if !word.is_empty() && word.chars().all(is_plain) {
         word.to_owned()
     } else {
         quoted(word)
@@ -381,5 +380,8 @@ mod tests {
     fn names_are_never_given_twice_and_words_survive_a_shell() {
         assert_ne!(unique_name().unwrap(), unique_name().unwrap());
         assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(for_shell("~/lake"), "~/lake");
+        assert_eq!(for_shell(""), "''");
+        assert_eq!(for_shell("a b"), "'a b'");
     }
 }
