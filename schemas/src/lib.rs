@@ -42,4 +42,4 @@ pub mod trials;
 
 pub use columns::JOINTS;
 pub use error::SchemaError;
-pub use table::Table;
+pub use table::{TABLE_FILE, Table};

@@ -15,6 +15,27 @@ use crate::{
 /// readers that do not depend on the object's resting poses.
 pub const MESH: &str = "mesh.obj";
 
+/// An object's surface and how it rests: what training reads, whatever the object's mass.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Surface {
+    /// Its name in the dataset.
+    pub name: String,
+    /// Points on the surface, object frame, in meters.
+    pub points_m: Vec<[f64; 3]>,
+    /// Its resting orientations on a table, as [`Object::rests`].
+    pub rests: Vec<RestingOrientation>,
+}
+
+impl From<&Object> for Surface {
+    fn from(object: &Object) -> Self {
+        Self {
+            name: object.name.clone(),
+            points_m: object.points_m.clone(),
+            rests: object.rests.clone(),
+        }
+    }
+}
+
 /// One object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Object {
@@ -85,6 +106,13 @@ columns! {
         part_points_m: Vec<[f64; 3]> ["m"]
             => "vertices of the convex parts, one part after another",
         part_sizes: Vec<i64> => "number of vertices of each convex part",
+        rests: Rests,
+    }
+}
+
+columns! {
+    /// The resting orientations of an object, as lists of equal length.
+    struct Rests {
         rest_up: Vec<[f64; 3]> ["1"]
             => "resting orientations: unit vector against gravity, object frame",
         rest_height_m: Vec<f64> ["m"] => "height of the object's origin above the table",
@@ -93,9 +121,50 @@ columns! {
     }
 }
 
+columns! {
+    /// An object's surface.
+    struct SurfaceRow {
+        points_m: Vec<[f64; 3]> ["m"] => "points on the surface, object frame",
+        rests: Rests,
+    }
+}
+
+impl Rests {
+    fn of(rests: &[RestingOrientation]) -> Self {
+        Self {
+            rest_up: rests
+                .iter()
+                .map(|r| r.rest.up_in_object.into_inner().into())
+                .collect(),
+            rest_height_m: rests.iter().map(|r| r.rest.height_m).collect(),
+            rest_seen_n: rests.iter().map(|r| r.seen_n.into()).collect(),
+            rest_probability: rests.iter().map(|r| r.probability).collect(),
+        }
+    }
+
+    fn orientations(&self) -> Result<Vec<RestingOrientation>, SchemaError> {
+        let n = self.rest_up.len();
+        SchemaError::check_length("rest_height_m", "orientations", &self.rest_height_m, n)?;
+        SchemaError::check_length("rest_seen_n", "orientations", &self.rest_seen_n, n)?;
+        let probabilities = &self.rest_probability;
+        SchemaError::check_length("rest_probability", "orientations", probabilities, n)?;
+        let rest = |idx: usize| {
+            Ok(RestingOrientation {
+                rest: RestingPose {
+                    up_in_object: SchemaError::check_direction("rest_up", self.rest_up[idx])?,
+                    height_m: self.rest_height_m[idx],
+                },
+                seen_n: count("rest_seen_n", self.rest_seen_n[idx])?,
+                probability: self.rest_probability[idx],
+            })
+        };
+        (0..n).map(rest).collect()
+    }
+}
+
 impl From<&Object> for Row {
     fn from(object: &Object) -> Self {
-        let (mirror, rests) = (|| object.mirror.iter(), || object.rests.iter());
+        let mirror = || object.mirror.iter();
         let part_sizes = object.parts_m.iter();
         Self {
             mass_kg: object.mass_kg,
@@ -119,12 +188,7 @@ impl From<&Object> for Row {
             part_sizes: part_sizes
                 .map(|part| i64::try_from(part.len()).unwrap_or(i64::MAX))
                 .collect(),
-            rest_up: rests()
-                .map(|r| r.rest.up_in_object.into_inner().into())
-                .collect(),
-            rest_height_m: rests().map(|r| r.rest.height_m).collect(),
-            rest_seen_n: rests().map(|r| r.seen_n.into()).collect(),
-            rest_probability: rests().map(|r| r.probability).collect(),
+            rests: Rests::of(&object.rests),
         }
     }
 }
@@ -176,29 +240,6 @@ impl Row {
             )),
         }
     }
-
-    fn rests(&self) -> Result<Vec<RestingOrientation>, SchemaError> {
-        let n = self.rest_up.len();
-        SchemaError::check_length("rest_height_m", "orientations", &self.rest_height_m, n)?;
-        SchemaError::check_length("rest_seen_n", "orientations", &self.rest_seen_n, n)?;
-        SchemaError::check_length(
-            "rest_probability",
-            "orientations",
-            &self.rest_probability,
-            n,
-        )?;
-        let rest = |idx: usize| {
-            Ok(RestingOrientation {
-                rest: RestingPose {
-                    up_in_object: SchemaError::check_direction("rest_up", self.rest_up[idx])?,
-                    height_m: self.rest_height_m[idx],
-                },
-                seen_n: count("rest_seen_n", self.rest_seen_n[idx])?,
-                probability: self.rest_probability[idx],
-            })
-        };
-        (0..n).map(rest).collect()
-    }
 }
 
 /// Converts a stored count.
@@ -226,7 +267,7 @@ impl Table for Object {
             mirror: row.mirror()?,
             triangles: row.triangles()?,
             parts_m: row.parts_m()?,
-            rests: row.rests()?,
+            rests: row.rests.orientations()?,
             mass_kg: row.mass_kg,
             center_of_mass_m: row.center_of_mass_m,
             inertia_kg_m2: row.inertia_kg_m2,
@@ -234,6 +275,34 @@ impl Table for Object {
             normals: row.normals,
             watertight: row.watertight,
             vertices_m: row.vertices_m,
+        })
+    }
+}
+
+impl Table for Surface {
+    const NAME: &'static str = Object::NAME;
+    const PARTITION: &'static str = Object::PARTITION;
+    const VERSION: &'static str = "surfaces/1";
+    const FILE: &'static str = "surface.parquet";
+
+    fn schema() -> Schema {
+        Writer::of::<SurfaceRow>(Self::VERSION, &[]).schema()
+    }
+
+    fn to_batch(&self) -> Result<RecordBatch, SchemaError> {
+        let row = SurfaceRow {
+            points_m: self.points_m.clone(),
+            rests: Rests::of(&self.rests),
+        };
+        Writer::of(Self::VERSION, &[row]).into_batch()
+    }
+
+    fn from_batch(name: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
+        let row: SurfaceRow = Reader::new(batch, Self::VERSION)?.row()?;
+        Ok(Self {
+            name: name.to_owned(),
+            rests: row.rests.orientations()?,
+            points_m: row.points_m,
         })
     }
 }

@@ -5,6 +5,9 @@ use arrow_schema::Schema;
 
 use crate::SchemaError;
 
+/// Name of an artifact's table in its folder.
+pub const TABLE_FILE: &str = "part.parquet";
+
 /// One partition of an artifact that is a table.
 ///
 /// `lake` writes it as Parquet and reads it back; the partition's key is in its file's path, not a
@@ -16,6 +19,8 @@ pub trait Table: Sized {
     const PARTITION: &'static str;
     /// Name and version of its columns, e.g. `candidates/3`; readers refuse every other version.
     const VERSION: &'static str;
+    /// Name of its file in the artifact.
+    const FILE: &'static str = TABLE_FILE;
 
     /// Returns the columns with their types, units and meanings.
     fn schema() -> Schema;

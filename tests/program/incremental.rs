@@ -129,6 +129,16 @@ fn one_changed_recording_reruns_its_units_and_their_gathers() {
 }
 
 #[test]
+fn a_mass_reruns_neither_retargeting_nor_training() {
+    let bench = Bench::new();
+    bench.run_well(&["--until", "train"]);
+    let heavier = "ingest.masses_kg={\"025_mug\" = 0.3}";
+    bench.run_well(&["--until", "train", "--set", heavier]);
+    let expected = counts(&[("ingest.objects", 1), ("ingest.shapes", 1)]);
+    assert_eq!(bench.made_by_newest_run(), expected);
+}
+
+#[test]
 fn an_option_reruns_only_what_it_decides() {
     let bench = Bench::new();
     let only = ["--until", "ingest", "--set"];

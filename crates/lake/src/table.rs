@@ -13,15 +13,13 @@ use parquet::{
         properties::WriterProperties,
     },
 };
+pub use schemas::TABLE_FILE as FILE;
 use schemas::Table;
 
 use crate::{
     LakeError, ReadArtifact,
     atomic::{self, io_error},
 };
-
-/// Name of the table's file in an artifact.
-pub const FILE: &str = "part.parquet";
 
 /// Rows per row group: memory of a reader grows with this, not with the file.
 const ROW_GROUP_ROWS: usize = 131_072;
@@ -40,7 +38,7 @@ pub fn write<T: Table>(folder: &Path, table: &T) -> Result<(), LakeError> {
         table: T::NAME,
         source,
     })?;
-    write_batch(folder, &batch)
+    write_file(&folder.join(T::FILE), &batch)
 }
 
 /// Writes columns without a schema as the table of the artifact in `folder`.
@@ -49,8 +47,11 @@ pub fn write<T: Table>(folder: &Path, table: &T) -> Result<(), LakeError> {
 ///
 /// Fails if the file cannot be written.
 pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
-    let path = folder.join(FILE);
-    let file = File::create(&path).map_err(io_error("write", &path))?;
+    write_file(&folder.join(FILE), batch)
+}
+
+fn write_file(path: &Path, batch: &RecordBatch) -> Result<(), LakeError> {
+    let file = File::create(path).map_err(io_error("write", path))?;
     let properties = WriterProperties::builder()
         .set_compression(if is_small(batch) {
             Compression::UNCOMPRESSED
@@ -66,9 +67,7 @@ pub fn write_batch(folder: &Path, batch: &RecordBatch) -> Result<(), LakeError> 
         writer.write(batch)?;
         writer.close()
     });
-    written
-        .map(drop)
-        .map_err(LakeError::parquet("write", &path))
+    written.map(drop).map_err(LakeError::parquet("write", path))
 }
 
 /// Returns whether a table is small, from its content alone.
@@ -89,7 +88,7 @@ fn is_small(batch: &RecordBatch) -> bool {
 ///
 /// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
 pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
-    let batch = read_batch(artifact)?;
+    let batch = read_file(artifact, T::FILE)?;
     T::from_batch(artifact.key.as_str(), &batch).map_err(|source| LakeError::Schema {
         table: T::NAME,
         key: artifact.key.clone(),
@@ -103,7 +102,11 @@ pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
 ///
 /// Fails if the artifact has no table or it is not valid Parquet.
 pub fn read_batch(artifact: &Artifact) -> Result<RecordBatch, LakeError> {
-    let path = artifact.path(FILE)?;
+    read_file(artifact, FILE)
+}
+
+fn read_file(artifact: &Artifact, file: &str) -> Result<RecordBatch, LakeError> {
+    let path = artifact.path(file)?;
     let reader = open(path)?;
     let schema = reader.schema().clone();
     let groups = reader.metadata().row_groups().iter();

@@ -11,7 +11,7 @@ use nalgebra::Point3;
 use schemas::{
     Table,
     distance_fields::{self, FieldInfo},
-    objects::Object,
+    objects::Surface,
     training::Split,
     trajectories::Trajectory,
 };
@@ -28,8 +28,8 @@ const HELD_OUT: u64 = 3;
 ///
 /// Fails if an artifact cannot be read, or a trajectory is of another hand or of no object.
 pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainError> {
-    let objects = inputs.all::<Object>()?.into_iter();
-    let known: BTreeMap<String, Object> = objects
+    let objects = inputs.all::<Surface>()?.into_iter();
+    let known: BTreeMap<String, Surface> = objects
         .map(|object| (object.name.clone(), object))
         .collect();
     let mut set = TrainingSet {
@@ -108,7 +108,7 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
     }
 }
 
-fn scene(object: &Object, rest: RestingPose) -> RestingObject {
+fn scene(object: &Surface, rest: RestingPose) -> RestingObject {
     RestingObject {
         object: object.name.clone(),
         rest,

@@ -11,7 +11,7 @@ use lake::ReadInputs;
 use robot::RobotModel;
 use schemas::{
     Table, candidates::Candidates, checkpoint, demonstrations::TERMS, distance_fields::FieldInfo,
-    objects::Object, rollouts::Rollouts, trajectories::Trajectory,
+    objects::Surface, rollouts::Rollouts, trajectories::Trajectory,
 };
 
 use crate::{
@@ -60,7 +60,7 @@ impl Stage for Train {
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const CODE: Code = dataflow::code!();
-    const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME, FieldInfo::NAME];
+    const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Surface::NAME, FieldInfo::NAME];
     const OPTIONAL_INPUTS: &'static [&'static str] = &[Candidates::NAME, Rollouts::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
@@ -100,7 +100,7 @@ impl Output for Train {
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
         for names in [&config.objects, &config.unseen_objects] {
             scope
-                .chosen(Object::NAME, names)
+                .chosen(Surface::NAME, names)
                 .map_err(TrainError::UnknownObject)?;
         }
         let trajectories = scope.partitions(Trajectory::NAME);
@@ -141,7 +141,8 @@ impl Output for Train {
             .with_fact(TERMS, Vec::from_iter(terms).join("\n"))
             .reading(Trajectory::NAME, keys)
             .only_files(Trajectory::NAME, [lake::table::FILE])
-            .reading(Object::NAME, objects)
+            .reading(Surface::NAME, objects)
+            .only_files(Surface::NAME, [Surface::FILE])
             .reading(FieldInfo::NAME, fields)
             .with_file_of_form(
                 SourceFile::named("hand", &config.hand),

@@ -5,7 +5,10 @@ use std::mem;
 use dataflow::{Context, Inputs, Outcome, Output, SourceFile};
 use geometry::{Repairs, TriMesh};
 use lake::{LakeError, WriteArtifact};
-use schemas::{demonstrations::Demonstration, objects::Object};
+use schemas::{
+    demonstrations::Demonstration,
+    objects::{Object, Surface},
+};
 
 use super::{
     Agreement, DemonstrationMetrics, Demonstrations, LEFT_OUT, MASS, MESHES, ShapeMetrics, Shapes,
@@ -190,7 +193,7 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetri
     Ok(write_object(cx, &object, &mesh, Repairs::default())?)
 }
 
-/// Writes an object's table and its mesh.
+/// Writes an object's table, its mesh and its surface.
 fn write_object(
     cx: &Context,
     object: &Object,
@@ -198,6 +201,7 @@ fn write_object(
     repairs: Repairs,
 ) -> Result<Outcome<ShapeMetrics>, LakeError> {
     cx.write(object)?;
+    cx.write(&Surface::from(object))?;
     cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;
     let mended = |n: usize| (n > 0).then_some(n as f64);
     let metrics = ShapeMetrics {

@@ -17,7 +17,7 @@ use schemas::{
     Table, checkpoint,
     demonstrations::TERMS,
     distance_fields,
-    objects::{Object, RestingOrientation},
+    objects::{RestingOrientation, Surface},
     training::Split,
     trajectories::{Tracking, Trajectory, TrajectoryRates},
 };
@@ -90,29 +90,15 @@ fn rest(up: Vector3<f64>) -> RestingPose {
 }
 
 /// A can that stands or lies.
-fn object(name: &str) -> Object {
-    let points_m: Vec<[f64; 3]> = (0..100)
-        .map(|k| {
-            let angle = f64::from(k) * 0.7;
-            [
-                0.03 * angle.cos(),
-                0.03 * angle.sin(),
-                f64::from(k) / 1000.0 - 0.05,
-            ]
-        })
-        .collect();
-    Object {
+fn surface(name: &str) -> Surface {
+    let point = |k: u32| {
+        let angle = f64::from(k) * 0.7;
+        let height = f64::from(k) / 1000.0 - 0.05;
+        [0.03 * angle.cos(), 0.03 * angle.sin(), height]
+    };
+    Surface {
         name: name.to_owned(),
-        mass_kg: 0.3,
-        center_of_mass_m: [0.0; 3],
-        inertia_kg_m2: [1e-4, 1e-4, 1e-4, 0.0, 0.0, 0.0],
-        normals: vec![[0.0, 0.0, 1.0]; points_m.len()],
-        watertight: true,
-        mirror: None,
-        vertices_m: points_m[..3].to_vec(),
-        triangles: vec![[0, 1, 2]],
-        parts_m: vec![points_m[..4].to_vec()],
-        points_m,
+        points_m: (0..100).map(point).collect(),
         rests: [Vector3::z(), Vector3::x()]
             .map(|up| RestingOrientation {
                 rest: rest(up),
@@ -150,12 +136,12 @@ fn artifact<T: Table>(folder: &Path, key: &str, object: &str, table: &T) -> Arti
     Artifact {
         key: key.parse().unwrap(),
         labels: BTreeMap::from([("object".to_owned(), object.to_owned())]),
-        files: BTreeMap::from([(lake::table::FILE.to_owned(), folder.join(lake::table::FILE))]),
+        files: BTreeMap::from([(T::FILE.to_owned(), folder.join(T::FILE))]),
     }
 }
 
 fn inputs(folder: &Path) -> Inputs {
-    let objects = ["can", "tin"].map(|name| artifact(folder, name, name, &object(name)));
+    let objects = ["can", "tin"].map(|name| artifact(folder, name, name, &surface(name)));
     // The second lies a little askew in its recording.
     let up = [Vector3::z(), Vector3::new(1.0, 0.1, 0.0), Vector3::x()];
     let trajectories = [("a", "can"), ("b", "can"), ("c", "tin")];
@@ -242,7 +228,7 @@ fn a_damaged_distance_field_is_named() {
     let (lake, out) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
     let path = lake.path().join(distance_fields::FIELD);
     std::fs::write(&path, b"sdfield1 and no more").unwrap();
-    let mut field = artifact(lake.path(), "field", "tin", &object("tin"));
+    let mut field = artifact(lake.path(), "field", "tin", &surface("tin"));
     field.key = "tin".parse().unwrap();
     let inputs = Inputs::new(
         BTreeMap::from([("distance_fields".to_owned(), vec![field.clone()])]),
