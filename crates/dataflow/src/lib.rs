@@ -61,6 +61,7 @@ mod source;
 mod source_file;
 mod source_map;
 mod stage;
+mod stamp;
 mod state;
 mod store;
 mod suggestions;
@@ -107,6 +108,7 @@ pub use single_unit::{make_one, make_ordered};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};
+pub use stamp::Stamp;
 pub use store::{
     NewestUnit, NodeRecord, Origin, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
     Store, Turn, UnitRef, UnitTransaction,

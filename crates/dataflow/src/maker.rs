@@ -143,7 +143,8 @@ impl<'a> Maker<'a> {
     pub(crate) fn check_files(&self, order: &Order) -> Result<(), Failure> {
         let is_other = |bytes: std::io::Result<_>, expected| !bytes.is_ok_and(|it| it == expected);
         let mut files = order.files.iter();
-        let other = files.find(|file| is_other(self.store.source_digest(&file.path), file.bytes));
+        let other =
+            files.find(|file| is_other(self.store.source_digest(&file.path, None), file.bytes));
         other.map_or(Ok(()), |file| {
             Err(Failure::ChangedMeanwhile {
                 stage: order.unit.node.stage.clone(),
@@ -188,10 +189,8 @@ impl<'a> Maker<'a> {
         if !lacking.is_empty() {
             return Ok(Err(lacking));
         }
-        let files = order.files.iter().map(|file| SourceFile {
-            name: file.name.clone(),
-            path: file.path.clone(),
-        });
+        let files = order.files.iter();
+        let files = files.map(|file| SourceFile::new(file.name.clone(), file.path.clone()));
         let inputs = Inputs::new(artifacts, files.collect());
         Ok(Ok(inputs.with_facts(order.facts.clone())))
     }

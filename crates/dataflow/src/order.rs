@@ -203,9 +203,10 @@ fn ordered_files(
             None => digest,
             Some(form) => {
                 let store = state.store();
-                let bytes = store.source_digest(&file.path).map_err(unreadable)?;
+                let bytes = store.source_digest(&file.path, None).map_err(unreadable)?;
                 // The bytes are those of which the form was digested before.
-                let now = digest_source(store, &file.path, Some(*form)).map_err(unreadable)?;
+                let now =
+                    digest_source(store, &file.path, None, Some(*form)).map_err(unreadable)?;
                 if now != digest {
                     return Err(changed());
                 }

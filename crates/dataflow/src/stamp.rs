@@ -1,4 +1,4 @@
-//! File metadata, read without the file's content.
+//! Stamps of files: metadata that is read without the content.
 
 use std::{
     fs::{self, Metadata},
@@ -12,9 +12,9 @@ use serde::{Deserialize, Serialize};
 
 /// Size, times and inode of a file. While they are unchanged, nothing has written to it through
 /// this file system: `ctime` moves even when `mtime` is set back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(from = "[i64; 6]", into = "[i64; 6]")]
-pub(crate) struct Stamp([i64; 6]);
+pub struct Stamp([i64; 6]);
 
 /// Tick of the file system's clock: two writes within one leave the same times.
 const TICK: Duration = Duration::from_millis(20);
@@ -23,7 +23,8 @@ const TICK: Duration = Duration::from_millis(20);
 const COARSE_TICK: Duration = Duration::from_secs(2);
 
 impl Stamp {
-    pub(crate) fn of(metadata: &Metadata) -> Self {
+    /// Returns the stamp that a file's metadata holds.
+    pub fn of(metadata: &Metadata) -> Self {
         #[expect(
             clippy::cast_possible_wrap,
             reason = "only compared, never computed with"
@@ -39,21 +40,27 @@ impl Stamp {
         ])
     }
 
-    pub(crate) fn read(path: &Path) -> io::Result<Self> {
+    /// Reads the stamp of a file; of a link, that of its target.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no such file or its folder may not be looked into.
+    pub fn read(path: &Path) -> io::Result<Self> {
         fs::metadata(path).map(|metadata| Self::of(&metadata))
     }
 
-    pub(crate) fn size(self) -> u64 {
+    /// Size of the file in bytes.
+    pub fn size(self) -> u64 {
         self.0[0].cast_unsigned()
     }
 
     /// Whether only `ctime` differs, as after the file was linked or unlinked.
-    pub(crate) fn differs_by_links_alone(self, other: Self) -> bool {
+    pub fn differs_by_links_alone(self, other: Self) -> bool {
         self.0[..4] == other.0[..4]
     }
 
     /// Whether a later write would change the stamp: the last one is longer ago than a tick.
-    pub(crate) fn is_settled(self, now: SystemTime) -> bool {
+    pub fn is_settled(self, now: SystemTime) -> bool {
         let [_, _, modified, modified_ns, changed, changed_ns] = self.0;
         let is_fine = modified_ns != 0 || changed_ns != 0;
         let tick = if is_fine { TICK } else { COARSE_TICK };

@@ -23,6 +23,8 @@ use crate::{
     pipeline::Pipeline,
     record::RecordOutcome,
     scope::{Partition, RunFacts, Scope, SkippedItem},
+    source_file::SourceFile,
+    stamp::Stamp,
     store::Store,
     unit::{ListedUnit, Unit},
 };
@@ -442,7 +444,7 @@ impl<'a> State<'a> {
         let stage = self.pipeline.stage(node);
         let mut files = BTreeMap::new();
         for file in &unit.files {
-            let digest = self.source_digest(&file.path, unit.forms.get(&file.name).copied())?;
+            let digest = self.source_digest(file, unit.forms.get(&file.name).copied())?;
             if files.insert(file.name.clone(), digest).is_some() {
                 return Err(Failure::Twice {
                     stage: stage.name.clone(),
@@ -466,18 +468,19 @@ impl<'a> State<'a> {
         Ok(Some((fingerprint, recipe_digest)))
     }
 
-    fn source_digest(&self, path: &Path, form: Option<Form>) -> Result<Digest, Failure> {
+    fn source_digest(&self, file: &SourceFile, form: Option<Form>) -> Result<Digest, Failure> {
         // A poisoned lock only means that another unit failed; the digests in it are whole.
         let lock = || self.sources.lock().unwrap_or_else(PoisonError::into_inner);
-        let key = (path.to_owned(), form.map(|form| form.name));
+        let key = (file.path.clone(), form.map(|form| form.name));
         if let Some(digest) = lock().get(&key) {
             return Ok(*digest);
         }
-        let digest =
-            digest_source(self.store, path, form).map_err(|source| Failure::SourceFile {
-                path: path.to_owned(),
+        let digest = digest_source(self.store, &file.path, file.stamp, form).map_err(|source| {
+            Failure::SourceFile {
+                path: file.path.clone(),
                 source,
-            })?;
+            }
+        })?;
         lock().insert(key, digest);
         Ok(digest)
     }
@@ -487,10 +490,11 @@ impl<'a> State<'a> {
 pub(crate) fn digest_source(
     store: &dyn Store,
     path: &Path,
+    stamp: Option<Stamp>,
     form: Option<Form>,
 ) -> Result<Digest, io::Error> {
     match form {
-        None => store.source_digest(path),
+        None => store.source_digest(path, stamp),
         Some(form) => fs::read(path).map(|bytes| form.digest(&bytes)),
     }
 }

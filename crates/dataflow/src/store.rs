@@ -19,6 +19,7 @@ use crate::{
         UnitName,
     },
     record::{FileRef, Record, RecordOutcome},
+    stamp::Stamp,
 };
 
 /// A unit in progress: locked, with an empty folder.
@@ -304,12 +305,12 @@ pub trait Store: Sync {
     /// Fails if the store cannot be read.
     fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised>;
 
-    /// Returns the digest of a file outside the store.
+    /// Returns the digest of a file outside the store, with its stamp where that was just read.
     ///
     /// # Errors
     ///
     /// Fails if the file cannot be read.
-    fn source_digest(&self, path: &Path) -> Result<Digest, std::io::Error>;
+    fn source_digest(&self, path: &Path, stamp: Option<Stamp>) -> Result<Digest, std::io::Error>;
 
     /// Starts to make a unit. If another process is making it, calls `waiting` once with the lock's
     /// holder, then waits.

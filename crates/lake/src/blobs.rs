@@ -8,7 +8,7 @@ use std::{
     sync::Mutex,
 };
 
-use dataflow::{Digest, FileRef};
+use dataflow::{Digest, FileRef, Stamp};
 
 use crate::{
     LakeError,
@@ -17,7 +17,6 @@ use crate::{
     digests::digest_file,
     folder::Folder,
     mutex::lock,
-    stamp::Stamp,
     stamps::Stamps,
 };
 

@@ -5,7 +5,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
-use dataflow::{Digest, RecordOutcome, UnitRef};
+use dataflow::{Digest, RecordOutcome, Stamp, UnitRef};
 
 use crate::{
     LakeError,
@@ -15,7 +15,6 @@ use crate::{
     mutex::lock,
     newest::{self, Newest},
     records::Records,
-    stamp::Stamp,
     stamps::Stamps,
 };
 

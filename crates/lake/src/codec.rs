@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use dataflow::Digest;
+use dataflow::{Digest, Stamp};
 
-use crate::{LakeError, folder::Folder, sealed::LINE, stamp::Stamp};
+use crate::{LakeError, folder::Folder, sealed::LINE};
 
 const DIGEST: usize = 32;
 

@@ -87,7 +87,6 @@ mod shared;
 mod snapshot;
 mod sources;
 mod staging;
-mod stamp;
 mod stamps;
 mod store;
 pub mod table;

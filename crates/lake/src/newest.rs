@@ -11,9 +11,9 @@ use std::{
     sync::Arc,
 };
 
-use dataflow::{Digest, NewestUnit, NodeName, PartitionKey, RecordOutcome, UnitRef};
+use dataflow::{Digest, NewestUnit, NodeName, PartitionKey, RecordOutcome, Stamp, UnitRef};
 
-use crate::{folder::Folder, stamp::Stamp};
+use crate::folder::Folder;
 
 /// Extension of the files in it.
 const ENDING: &str = ".cache";

@@ -8,7 +8,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, FileRef, Node, NodeName, PartitionKey, PublishedUnit};
+use dataflow::{Digest, FileRef, Node, NodeName, PartitionKey, PublishedUnit, Stamp};
 
 use crate::{
     LakeError,
@@ -16,7 +16,6 @@ use crate::{
     folder::{FILES, PublishedFolders, REPORTS, files_below, names_in},
     lake::Lake,
     newest::{PublishedFile, PublishedFiles},
-    stamp::Stamp,
     table,
 };
 

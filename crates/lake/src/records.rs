@@ -10,7 +10,7 @@ use std::{
 
 use dataflow::{
     ArtifactName, Digest, Fingerprint, OutputFingerprint, PartitionKey, Record, RecordOutcome,
-    StageName,
+    StageName, Stamp,
 };
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +20,6 @@ use crate::{
     folder::{Folder, digest_named, files_below},
     mutex::lock,
     replicas, sealed,
-    stamp::Stamp,
     stamps::Stamps,
 };
 

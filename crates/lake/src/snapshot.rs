@@ -7,11 +7,12 @@ use std::{
     path::{Path, PathBuf},
 };
 
+use dataflow::Stamp;
+
 use crate::{
     LakeError, atomic, clock,
     codec::{Reader, Writer},
     folder::{Folder, HISTORY, entries},
-    stamp::Stamp,
 };
 
 /// Format version of the file.

@@ -7,12 +7,11 @@ use std::{
     sync::{Mutex, MutexGuard, OnceLock},
 };
 
-use dataflow::Digest;
+use dataflow::{Digest, Stamp};
 use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, mutex::lock, sealed,
-    stamp::Stamp,
 };
 
 /// The cached digests.
@@ -59,8 +58,10 @@ impl Sources {
         lock(known)
     }
 
-    pub(crate) fn digest(&self, path: &Path) -> io::Result<Digest> {
-        let stamp = Stamp::read(path)?;
+    /// Returns the digest of a file's content, from the cache while the stamp is that of the cached one. The stamp
+    /// is read unless somebody has just done so.
+    pub(crate) fn digest(&self, path: &Path, stamp: Option<Stamp>) -> io::Result<Digest> {
+        let stamp = stamp.map_or_else(|| Stamp::read(path), Ok)?;
         let key = self.key(path);
         if let Some(key) = &key
             && let Some(entry) = self.known().entries.get(key)
@@ -156,12 +157,12 @@ mod tests {
         let sources = Sources::new(lake.clone());
         settle(&path);
         let empty = Digest::of_bytes(b"");
-        assert_eq!(sources.digest(&path).unwrap(), empty);
+        assert_eq!(sources.digest(&path, None).unwrap(), empty);
 
         let long_ago = now() - Duration::from_secs(1000);
         File::open(&path).unwrap().set_modified(long_ago).unwrap();
         settle(&path);
-        assert_eq!(sources.digest(&path).unwrap(), empty);
+        assert_eq!(sources.digest(&path, None).unwrap(), empty);
         // The cached digest is trusted without reading the bytes, also by the next process.
         let key = path.to_str().unwrap();
         let stamp = Stamp::read(&path).unwrap();
@@ -177,7 +178,7 @@ mod tests {
             .digest = sentinel;
         sources.save(&locks).unwrap();
         let next = Sources::new(lake);
-        assert_eq!(next.digest(&path).unwrap(), sentinel);
+        assert_eq!(next.digest(&path, None).unwrap(), sentinel);
     }
 
     #[test]
@@ -190,8 +191,8 @@ mod tests {
             File::create(path).unwrap();
             settle(path);
         }
-        one.digest(&paths[0]).unwrap();
-        other.digest(&paths[1]).unwrap();
+        one.digest(&paths[0], None).unwrap();
+        other.digest(&paths[1], None).unwrap();
         one.save(&locks).unwrap();
         other.save(&locks).unwrap();
         assert_eq!(Sources::new(lake).known().entries.len(), 2);

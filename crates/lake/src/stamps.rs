@@ -2,9 +2,9 @@
 
 use std::{collections::HashMap, sync::Mutex};
 
-use dataflow::Digest;
+use dataflow::{Digest, Stamp};
 
-use crate::{mutex::lock, stamp::Stamp};
+use crate::mutex::lock;
 
 /// The stamps of files when their bytes were last verified, by digest.
 #[derive(Default)]

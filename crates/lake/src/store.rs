@@ -9,7 +9,8 @@ use std::{
 
 use dataflow::{
     Advised, Digest, FileName, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit,
-    Record, RecordOutcome, RunRecord, RunStatus, Store, Turn, UnitName, UnitRef, UnitTransaction,
+    Record, RecordOutcome, RunRecord, RunStatus, Stamp, Store, Turn, UnitName, UnitRef,
+    UnitTransaction,
 };
 
 use crate::{
@@ -256,8 +257,8 @@ impl Store for Lake {
         Ok(self.cache.with(pipeline, |newest| newest.list()))
     }
 
-    fn source_digest(&self, path: &Path) -> Result<Digest, io::Error> {
-        self.sources.digest(path)
+    fn source_digest(&self, path: &Path, stamp: Option<Stamp>) -> Result<Digest, io::Error> {
+        self.sources.digest(path, stamp)
     }
 
     fn begin(

@@ -9,7 +9,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Digest, RecordOutcome};
+use dataflow::{Digest, RecordOutcome, Stamp};
 use serde::{Deserialize, Serialize, de::IgnoredAny};
 
 use crate::{
@@ -22,7 +22,6 @@ use crate::{
     newest::Newest,
     records::Stored,
     repair, sealed, snapshot,
-    stamp::Stamp,
 };
 
 /// What is said of a pipe, a folder or a broken link.
@@ -390,13 +389,13 @@ mod tests {
         };
         let key = input.to_str().unwrap().to_owned();
         lake.sources.known().entries.insert(key, remembered);
-        assert_eq!(lake.source_digest(&input).unwrap(), remembered.digest);
+        assert_eq!(lake.source_digest(&input, None).unwrap(), remembered.digest);
 
         let verified = lake.verify_inputs(&|_, _| {}).unwrap();
         let paths: Vec<&Path> = verified.faults.iter().map(|fault| &*fault.path).collect();
         assert_eq!(paths, [input.as_path()]);
         let now = Digest::of_bytes(b"new bytes");
-        assert_eq!(lake.source_digest(&input).unwrap(), now);
+        assert_eq!(lake.source_digest(&input, None).unwrap(), now);
         let again = lake.verify_inputs(&|_, _| {}).unwrap();
         assert_eq!(again.faults, []);
     }

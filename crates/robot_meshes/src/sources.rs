@@ -40,7 +40,7 @@ pub fn sources(urdf: &Path) -> Result<Vec<SourceFile>, LoadError> {
             });
             let free = |name: &String| files.get(name).is_none_or(|file| file.path == path);
             if let Some(name) = tried.find(free) {
-                files.insert(name.clone(), SourceFile { name, path });
+                files.insert(name.clone(), SourceFile::new(name, path));
             }
         }
     }

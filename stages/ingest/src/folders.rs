@@ -201,16 +201,8 @@ fn subfolders(path: &Path) -> Result<Vec<OsString>, IngestError> {
     Ok(found)
 }
 
-/// Lists the names in a folder in order; hidden ones are left out, and a folder that does not exist is
-/// empty.
-pub(crate) fn names(path: &Path) -> io::Result<Vec<OsString>> {
-    let mut names: Vec<OsString> = entries(path)?.iter().map(DirEntry::file_name).collect();
-    names.sort_unstable();
-    Ok(names)
-}
-
 /// Lists what is in a folder and not hidden; a folder that does not exist is empty.
-fn entries(path: &Path) -> io::Result<Vec<DirEntry>> {
+pub(crate) fn entries(path: &Path) -> io::Result<Vec<DirEntry>> {
     let entries = match fs::read_dir(path) {
         Ok(entries) => entries,
         Err(err) if err.kind() == io::ErrorKind::NotFound => return Ok(Vec::new()),

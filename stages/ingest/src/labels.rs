@@ -16,8 +16,9 @@ use spatial::{Camera, Object, Pose};
 
 use crate::{
     error::RecordingError,
-    folders::{names, plain},
+    folders::{entries, plain},
     npz::{self, Arrays, NpzError, Unpacker},
+    place,
     reader::{ListedRecording, those_there},
     recording::Keypoints,
     selection::Cameras,
@@ -75,27 +76,36 @@ impl LabelNames {
             if plain(serial) != *serial || !taken.insert(serial) {
                 continue;
             }
-            files.extend(those_there(self.of_camera(listed, serial)?)?);
+            files.extend(self.of_camera(listed, serial)?);
         }
         Ok(files)
     }
 
-    /// Lists what has the name of a label in a camera's folder.
+    /// Lists the labels in a camera's folder, ordered by name.
     fn of_camera(
         self,
         listed: &ListedRecording,
         serial: &str,
-    ) -> Result<Vec<(SourceFile, u64)>, RecordingError> {
+    ) -> Result<Vec<SourceFile>, RecordingError> {
         let folder = listed.file(serial);
-        let names = names(&folder.path).map_err(|source| RecordingError::Unreadable {
+        let unreadable = |source| RecordingError::Unreadable {
             file: folder.name.clone(),
             source,
-        })?;
-        let mut labels = Vec::with_capacity(names.len());
-        for name in names {
+        };
+        let mut labels = Vec::new();
+        for entry in entries(&folder.path).map_err(unreadable)? {
+            let name = entry.file_name();
             match name.to_str() {
                 Some(label) if self.image(label).is_some() => {
-                    labels.push((listed.file(&format!("{serial}/{label}")), MAX_LABEL_BYTES));
+                    let label = listed.file(&format!("{serial}/{label}"));
+                    // Of a file, asking within its folder is half as expensive as asking by its path.
+                    let label = match entry.metadata() {
+                        Ok(metadata) if !metadata.is_symlink() => {
+                            Some(place::accept(label, &metadata, MAX_LABEL_BYTES)?)
+                        }
+                        Ok(_) | Err(_) => place::find(label, MAX_LABEL_BYTES)?,
+                    };
+                    labels.extend(label);
                 }
                 None if self.is_like(name.as_encoded_bytes()) => {
                     return Err(RecordingError::NotUtf8 {
@@ -106,6 +116,7 @@ impl LabelNames {
                 Some(_) | None => {}
             }
         }
+        labels.sort_unstable_by(|a, b| a.name.cmp(&b.name));
         Ok(labels)
     }
 }

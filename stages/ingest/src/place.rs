@@ -4,57 +4,77 @@
 //! too large or an unreadable one is reported at once, before it is digested.
 
 use std::{
-    fs::{self, File, FileType},
-    io::ErrorKind,
+    fs::{self, File, FileType, Metadata},
+    io::{self, ErrorKind},
     os::unix::fs::{FileTypeExt as _, PermissionsExt as _},
 };
 
-use dataflow::SourceFile;
+use dataflow::{SourceFile, Stamp};
 
 use crate::error::RecordingError;
 
 /// The right to read of owner, group and others.
 const READABLE: u32 = 0o444;
 
-/// Says whether a readable file exists at a path; `false` if the path does not exist.
+/// Looks for a readable file and returns it with its stamp; `None` if nothing is at its path.
 ///
 /// # Errors
 ///
 /// Fails if it is not a regular file, has more than `limit` bytes or is not readable.
-pub(crate) fn is_there(file: &SourceFile, limit: u64) -> Result<bool, RecordingError> {
-    let unreadable = |source| RecordingError::Unreadable {
-        file: file.name.clone(),
-        source,
-    };
-    let other = |found| RecordingError::NotAFile {
-        file: file.name.clone(),
-        found,
-    };
-    let metadata = match fs::metadata(&file.path) {
-        Ok(metadata) => metadata,
-        Err(err) if err.kind() == ErrorKind::NotFound => {
-            return match fs::symlink_metadata(&file.path) {
-                Ok(_) => Err(other("a link to nothing")),
-                Err(_) => Ok(false),
-            };
-        }
-        Err(source) => return Err(unreadable(source)),
-    };
+pub(crate) fn find(file: SourceFile, limit: u64) -> Result<Option<SourceFile>, RecordingError> {
+    match fs::metadata(&file.path) {
+        Ok(metadata) => accept(file, &metadata, limit).map(Some),
+        Err(err) if err.kind() == ErrorKind::NotFound => match fs::symlink_metadata(&file.path) {
+            Ok(_) => Err(RecordingError::NotAFile {
+                file: file.name,
+                found: "a link to nothing",
+            }),
+            Err(_) => Ok(None),
+        },
+        Err(source) => Err(unreadable(file, source)),
+    }
+}
+
+/// Returns a readable file that has this metadata with its stamp.
+///
+/// # Errors
+///
+/// As [`find`].
+pub(crate) fn accept(
+    file: SourceFile,
+    metadata: &Metadata,
+    limit: u64,
+) -> Result<SourceFile, RecordingError> {
     if !metadata.is_file() {
-        return Err(other(kind(metadata.file_type())));
+        return Err(RecordingError::NotAFile {
+            file: file.name,
+            found: kind(metadata.file_type()),
+        });
     }
     if metadata.len() > limit {
         return Err(RecordingError::TooLarge {
-            file: file.name.clone(),
+            file: file.name,
             found: metadata.len(),
             limit,
         });
     }
     // Opening costs as much as all of the above; of a file that everybody may read it tells nothing.
-    if metadata.permissions().mode() & READABLE != READABLE {
-        File::open(&file.path).map_err(unreadable)?;
+    if metadata.permissions().mode() & READABLE != READABLE
+        && let Err(source) = File::open(&file.path)
+    {
+        return Err(unreadable(file, source));
     }
-    Ok(true)
+    Ok(SourceFile {
+        stamp: Some(Stamp::of(metadata)),
+        ..file
+    })
+}
+
+fn unreadable(file: SourceFile, source: io::Error) -> RecordingError {
+    RecordingError::Unreadable {
+        file: file.name,
+        source,
+    }
 }
 
 /// Names the type of a path that is not a regular file.

@@ -113,10 +113,7 @@ impl ListedRecording {
 
     /// Names a file of its folder.
     pub(crate) fn file(&self, name: &str) -> SourceFile {
-        SourceFile {
-            name: format!("{}/{name}", self.name),
-            path: self.path.join(name),
-        }
+        SourceFile::new(format!("{}/{name}", self.name), self.path.join(name))
     }
 }
 
@@ -141,13 +138,10 @@ pub(crate) struct About {
 pub(crate) fn those_there(
     files: impl IntoIterator<Item = (SourceFile, u64)>,
 ) -> Result<Vec<SourceFile>, RecordingError> {
-    let mut there = Vec::new();
-    for (file, limit) in files {
-        if place::is_there(&file, limit)? {
-            there.push(file);
-        }
-    }
-    Ok(there)
+    let found = files.into_iter();
+    found
+        .filter_map(|(file, limit)| place::find(file, limit).transpose())
+        .collect()
 }
 
 /// Largest accepted YAML file: real ones have less than 2 kB.
@@ -169,10 +163,7 @@ pub(crate) fn mesh_name(format: Format, object: &str) -> String {
 /// Returns what a listing looks at of a small file: its bytes, none where it cannot be read or has more
 /// than `limit` of them, which is reported when the recording is read.
 pub(crate) fn glance(path: &Path, limit: u64) -> Vec<u8> {
-    let file = SourceFile {
-        name: String::new(),
-        path: path.to_owned(),
-    };
+    let file = SourceFile::new(String::new(), path.to_owned());
     // Opening a pipe would wait for somebody to write into it.
     if path.is_file() {
         read(&file, limit).unwrap_or_default()

@@ -20,13 +20,10 @@ const MAX_CHARS: usize = 200;
 /// Fails if it is not a readable file of text, or if its first line is empty or longer than 200
 /// characters.
 pub(crate) fn of_dataset(root: &Path) -> Result<Option<String>, RecordingError> {
-    let file = SourceFile {
-        name: FILE.to_owned(),
-        path: root.join(FILE),
-    };
-    if !place::is_there(&file, MAX_BYTES)? {
+    let file = SourceFile::new(FILE.to_owned(), root.join(FILE));
+    let Some(file) = place::find(file, MAX_BYTES)? else {
         return Ok(None);
-    }
+    };
     let text = fs::read_to_string(&file.path).map_err(|source| RecordingError::Unreadable {
         file: file.name.clone(),
         source,

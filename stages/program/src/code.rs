@@ -21,7 +21,7 @@ pub(crate) fn sources(config: &ProgramConfig) -> Result<Vec<SourceFile>, Program
     }
     let sources = found.into_iter();
     Ok(sources
-        .map(|(name, path)| SourceFile { name, path })
+        .map(|(name, path)| SourceFile::new(name, path))
         .collect())
 }
 

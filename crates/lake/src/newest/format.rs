@@ -2,14 +2,13 @@
 
 use std::{collections::BTreeMap, path::Path, sync::Arc};
 
-use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
+use dataflow::{Digest, FileRef, NodeName, RecordOutcome, Stamp};
 
 use super::{Newest, NewestOf, PublishedFile, pipeline_of};
 use crate::{
     LakeError, atomic,
     codec::{Reader, Writer},
     folder::Folder,
-    stamp::Stamp,
 };
 
 /// Format version, so that a program does not misread the file of another one.

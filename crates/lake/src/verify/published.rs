@@ -10,14 +10,13 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Digest, RunStatus};
+use dataflow::{Digest, RunStatus, Stamp};
 
 use super::{Fault, NO_FILE, Verifier};
 use crate::{
     LakeError, atomic,
     digests::digest_file,
     folder::{FILES, HISTORY, REPORTS, TABLES, digest_named, files_below, run_of, unit_of},
-    stamp::Stamp,
     table, views,
 };
 

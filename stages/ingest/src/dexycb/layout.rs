@@ -76,7 +76,7 @@ impl DexYcb<'_> {
     fn beside(&self, folder: &RecordingFolder, meta: &Meta) -> Vec<(SourceFile, u64)> {
         let of_dataset = |name: String| {
             let path = self.root.join(&name);
-            (SourceFile { name, path }, MAX_YAML_BYTES)
+            (SourceFile::new(name, path), MAX_YAML_BYTES)
         };
         let mut files = Vec::new();
         // An id is part of a folder's name; one that leads elsewhere is not an id.
@@ -88,10 +88,7 @@ impl DexYcb<'_> {
             && !folder.path.join(NOT_MANO).exists()
         {
             let file = hand_model::model_file(hand);
-            let file = SourceFile {
-                name: format!("mano/{file}"),
-                path: models.join(file),
-            };
+            let file = SourceFile::new(format!("mano/{file}"), models.join(file));
             files.push((file, hand_model::MAX_MODEL_BYTES));
             let id = meta.mano_calib.first().filter(|id| plain(id) == **id);
             files.extend(id.map(|id| of_dataset(hand_model::shape_name(id))));

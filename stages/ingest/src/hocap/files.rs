@@ -162,7 +162,7 @@ pub(super) fn listed(
             let name = meta.extrinsics_name();
             let path = root.join(&name);
             let beside = meta.names_a_calibration();
-            let beside = beside.then_some((SourceFile { name, path }, MAX_YAML_BYTES));
+            let beside = beside.then_some((SourceFile::new(name, path), MAX_YAML_BYTES));
             ListedRecording {
                 cameras: meta.realsense.serials,
                 beside: beside.into_iter().collect(),

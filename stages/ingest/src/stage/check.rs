@@ -84,16 +84,15 @@ pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {
                 name: object.clone(),
             });
         }
-        let is_there = place::is_there(&outside(&mesh.file), MAX_MESH_BYTES);
-        if !is_there.map_err(|source| IngestError::Mesh {
+        let found = place::find(outside(&mesh.file), MAX_MESH_BYTES);
+        let found = found.map_err(|source| IngestError::Mesh {
             object: object.clone(),
             source,
-        })? {
-            return Err(IngestError::NoMesh {
-                object: object.clone(),
-                path: mesh.file.clone(),
-            });
-        }
+        })?;
+        found.ok_or_else(|| IngestError::NoMesh {
+            object: object.clone(),
+            path: mesh.file.clone(),
+        })?;
     }
     Ok(())
 }
@@ -118,20 +117,16 @@ fn check_hand_models(config: &IngestConfig) -> Result<(), IngestError> {
     };
     for hand in hands {
         let path = folder.join(dexycb::model_file(hand));
-        let is_there = place::is_there(&outside(&path), dexycb::MAX_MODEL_BYTES);
-        if !is_there.map_err(IngestError::HandModel)? {
-            return Err(IngestError::NoHandModel { path });
-        }
+        let found = place::find(outside(&path), dexycb::MAX_MODEL_BYTES);
+        let found = found.map_err(IngestError::HandModel)?;
+        found.ok_or(IngestError::NoHandModel { path })?;
     }
     Ok(())
 }
 
 /// Returns a file that is none of the dataset's and is told by its path.
 fn outside(path: &Path) -> SourceFile {
-    SourceFile {
-        name: path.display().to_string(),
-        path: path.to_owned(),
-    }
+    SourceFile::new(path.display().to_string(), path.to_owned())
 }
 
 /// Refuses to begin where the options leave out every recording, or none can be told what it is about.

@@ -99,15 +99,12 @@ fn mesh_file(config: &IngestConfig, object: &str) -> Result<Option<SourceFile>, 
     if let Some(added) = config.meshes.get(object) {
         // It was looked at before anything was planned.
         let format = MeshFormat::of(&added.file).unwrap_or(MeshFormat::Obj);
-        return Ok(Some(SourceFile {
-            name: format!("{MESHES}{object}.{}", format.extension()),
-            path: added.file.clone(),
-        }));
+        let name = format!("{MESHES}{object}.{}", format.extension());
+        return Ok(Some(SourceFile::new(name, added.file.clone())));
     }
     let name = reader::mesh_name(config.format, object);
     let path = config.root.join(&name);
-    let file = SourceFile { name, path };
-    Ok(place::is_there(&file, MAX_MESH_BYTES)?.then_some(file))
+    place::find(SourceFile::new(name, path), MAX_MESH_BYTES)
 }
 
 fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {

@@ -24,10 +24,7 @@ fn write(path: &Path, joints: &[f32; 63], poses: &[f32; 24]) -> SourceFile {
 }
 
 fn source(path: &Path) -> SourceFile {
-    SourceFile {
-        name: "a/b/c/labels_000000.npz".to_owned(),
-        path: path.to_owned(),
-    }
+    SourceFile::new("a/b/c/labels_000000.npz".to_owned(), path.to_owned())
 }
 
 fn read(file: &SourceFile, grasped: usize) -> Result<Labels, RecordingError> {
