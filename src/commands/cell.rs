@@ -62,6 +62,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     config.service = ServiceConfig {
         journal: Some(journal.clone()),
         real_time: !args.fast,
+        silence: None,
         ros2_domain: args.ros2_domain,
         router: args.connect.clone(),
         access: args.access.clone(),

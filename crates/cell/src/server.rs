@@ -57,6 +57,8 @@ pub struct ServiceConfig {
     /// Whether motions run in real time and are aborted on a heartbeat timeout; else they are
     /// simulated as fast as possible.
     pub real_time: bool,
+    /// Heartbeat timeout of a simulated cell in real time; a quarter of a second if `None`.
+    pub silence: Option<Duration>,
     /// ROS 2 domain in which it publishes its joints, if any: `/joint_states` while it moves, and
     /// `/joint_trajectory` of each goal, under the keys and types of `rmw_zenoh`.
     pub ros2_domain: Option<u32>,

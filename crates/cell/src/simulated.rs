@@ -43,7 +43,7 @@ pub struct SimulatedCellConfig {
     pub service: ServiceConfig,
 }
 
-/// Heartbeat timeout before a motion in real time is aborted.
+/// Heartbeat timeout before a motion in real time is aborted, unless another is configured.
 const HEARTBEAT_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// A running simulated cell; it stops when dropped.
@@ -185,7 +185,8 @@ impl Machine for Simulated {
             palm: self.robot.arm.is_none().then_some(PALM),
             table_from_base: self.robot.table_from_base(),
             gap: self.config.mismatch.description(scene),
-            silence: self.config.service.real_time.then_some(HEARTBEAT_TIMEOUT),
+            silence: (self.config.service.real_time)
+                .then(|| self.config.service.silence.unwrap_or(HEARTBEAT_TIMEOUT)),
         }
     }
 

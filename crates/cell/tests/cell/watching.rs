@@ -59,6 +59,7 @@ fn follow_each_other(states: &[State]) {
 fn late_subscriber_sees_past_outcomes() {
     let cell = start_with(ServiceConfig {
         real_time: true,
+        silence: Some(SOON),
         ..ServiceConfig::default()
     });
     let mut first = watch(cell.endpoint());
@@ -219,6 +220,7 @@ fn router_outage_loses_no_message() {
         mismatch: ModelMismatch::default(),
         service: ServiceConfig {
             real_time: true,
+            silence: Some(SOON),
             router: Some(endpoint.clone()),
             ..ServiceConfig::default()
         },

@@ -10,8 +10,14 @@ use crate::{
     lab::{Lab, SOUND, execute, goal},
 };
 
+/// Age of a measurement that a motion outlasts after its controllers died, in seconds.
+const SHORT_S: f64 = 0.5;
+
 fn execute_by(behaviors: [Behavior; 2]) -> Report {
-    let lab = Lab::new();
+    let mut lab = Lab::new();
+    if behaviors.contains(&Behavior::Dying) {
+        lab.config.max_age_s = SHORT_S;
+    }
     let _emulated = lab.emulate(behaviors);
     let _cell = lab.serve();
     execute(&lab.connect(), &goal(&lab, 1))
@@ -86,12 +92,14 @@ fn a_cancel_is_not_answered_while_a_joint_moves() {
 
 #[test]
 fn controllers_that_come_back_are_driven_again() {
-    let lab = Lab::new();
+    let mut lab = Lab::new();
+    let patient_s = std::mem::replace(&mut lab.config.max_age_s, SHORT_S);
     let dying = lab.emulate([Behavior::Dying; 2]);
     let cell = lab.serve();
     let client = lab.connect();
     assert_eq!(execute(&client, &goal(&lab, 1)).outcome, Outcome::Unknown);
     drop((dying, cell));
+    lab.config.max_age_s = patient_s;
     let _sound = lab.emulate(SOUND);
     let _cell = lab.serve();
     let report = execute(&lab.connect(), &goal(&lab, 2));

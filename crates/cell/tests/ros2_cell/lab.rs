@@ -66,8 +66,9 @@ impl Lab {
         config.hand_urdf = robots.join("allegro_right.urdf");
         config.start_tolerance_rad = 7.0;
         config.approach_rad_per_s = 3.0;
-        // A busy machine delays messages.
-        config.max_age_s = 0.5;
+        // A busy machine delays messages and heartbeats.
+        config.max_age_s = 2.0;
+        config.silence_s = 2.0;
         config.arm.deceleration_rad_per_s2 = 200.0;
         config.hand.deceleration_rad_per_s2 = 200.0;
         Self {
@@ -138,6 +139,7 @@ impl Lab {
         file["start_tolerance_rad"] = toml_edit::value(config.start_tolerance_rad);
         file["approach_rad_per_s"] = toml_edit::value(config.approach_rad_per_s);
         file["max_age_s"] = toml_edit::value(config.max_age_s);
+        file["silence_s"] = toml_edit::value(config.silence_s);
         for part in ["arm", "hand"] {
             file[part]["deceleration_rad_per_s2"] = toml_edit::value(200.0);
         }
