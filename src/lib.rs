@@ -4,7 +4,7 @@
 //!
 //! ```no_run
 //! let kinds = pipeline::kinds();
-//! // kinds.push(dataflow::Kind::of::<MyStage>());
+//! // kinds.push(dataflow::Kind::of::<MyStage>(dataflow::code!("my-stage")));
 //! pipeline::command_line(&kinds);
 //! ```
 

@@ -26,7 +26,7 @@ pub(crate) fn generate(config: &IngestConfig) -> Result<(), SampleError> {
     if !config.root.join(demonstrator::RECIPE_FILE).is_file() {
         return Ok(());
     }
-    let made = demonstrator::ensure_sample(&config.root);
+    let made = demonstrator::ensure_sample(&config.root, dataflow::code!("demonstrator").parts);
     made.map(drop).map_err(|source| SampleError {
         root: config.root.clone(),
         source,

@@ -10,6 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::{own_stages::OwnError, place::Place};
 
+/// The code, which does not change.
+const CODE: Code = Code { parts: "number=1" };
+
 /// A stage in the version in which its option has this default.
 struct Number<const DEFAULT: u8>;
 
@@ -31,7 +34,6 @@ impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
 
     const KIND: &'static str = "number";
     const ABOUT: &'static str = "Writes a number";
-    const CODE: Code = Code { parts: "number=1" };
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
@@ -84,7 +86,7 @@ fn read(place: &Place, kind: &Kind, table: &str) -> Pipeline {
 #[test]
 fn a_default_that_changes_in_the_code_is_a_changed_value() {
     let place = Place::new("");
-    let [three, four] = [&Kind::of::<Number<3>>(), &Kind::of::<Number<4>>()];
+    let [three, four] = [&Kind::of::<Number<3>>(CODE), &Kind::of::<Number<4>>(CODE)];
     let options = RunOptions::default();
     let lake = Lake::open(&place.lake());
     run(&read(&place, three, ""), &lake, &options, None, &|_| {}).unwrap();

@@ -1,12 +1,10 @@
 //! `act`: what must not be done twice, as moving a robot.
 
-use dataflow::{
-    Code, Context, Execution, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
-};
+use dataflow::{Context, Execution, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, code, hooks};
+use super::{OwnError, hooks};
 
 /// Acts once for each partition.
 pub(crate) struct Act;
@@ -22,7 +20,6 @@ impl Stage for Act {
 
     const KIND: &'static str = "act";
     const ABOUT: &'static str = "Acts once for each partition";
-    const CODE: Code = code(1);
     const INPUTS: &'static [&'static str] = &["parts"];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

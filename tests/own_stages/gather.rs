@@ -1,10 +1,10 @@
 //! `gather`: all partitions become one table.
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, bytes, code, hooks};
+use super::{OwnError, bytes, hooks};
 
 /// Counts the bytes of all partitions.
 pub(crate) struct Gather<const VERSION: u8>;
@@ -24,7 +24,6 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
 
     const KIND: &'static str = "gather";
     const ABOUT: &'static str = "Counts the bytes of all partitions";
-    const CODE: Code = code(VERSION);
     const INPUTS: &'static [&'static str] = &["parts"];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -2,13 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Code, Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage, Unit,
-};
+use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, bytes, code, hooks};
+use super::{OwnError, bytes, hooks};
 
 /// Counts the bytes of each group of partitions.
 pub(crate) struct Group<const VERSION: u8>;
@@ -28,7 +26,6 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
 
     const KIND: &'static str = "group";
     const ABOUT: &'static str = "Counts the bytes of the partitions of each group";
-    const CODE: Code = code(VERSION);
     const INPUTS: &'static [&'static str] = &["parts"];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -1,9 +1,9 @@
 //! `logged`: a whole stage in one file, as a lab would add it: hand-logged trials become the table
-//! `trials`, one row per object. A crate writes `dataflow::code!()` where this names a version.
+//! `trials`, one row per object.
 
 use std::collections::BTreeMap;
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::{LakeError, WriteArtifact};
 use schemars::JsonSchema;
 use schemas::executions::Outcome::{Failed, Succeeded};
@@ -35,7 +35,6 @@ impl Stage for Logged {
 
     const KIND: &'static str = "logged";
     const ABOUT: &'static str = "Takes trials that a person wrote down";
-    const CODE: Code = super::code(1);
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -1,6 +1,6 @@
 //! `map`: each partition becomes one.
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     OwnError,
     bytes::{self, Bytes, Change},
-    code, hooks,
+    hooks,
 };
 
 /// Changes the bytes of each partition.
@@ -38,7 +38,6 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
 
     const KIND: &'static str = "map";
     const ABOUT: &'static str = "Changes the bytes of each partition";
-    const CODE: Code = code(VERSION);
     const INPUTS: &'static [&'static str] = &["parts"];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -3,7 +3,7 @@
 use std::{fs, path::PathBuf};
 
 use dataflow::{
-    Code, Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
+    Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
 };
 use lake::LakeError;
 use schemars::JsonSchema;
@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use super::{
     OwnError,
     bytes::{self, Bytes, Change},
-    code, hooks,
+    hooks,
 };
 
 /// Reads the files of a folder.
@@ -49,7 +49,6 @@ impl<const VERSION: u8> Stage for Split<VERSION> {
 
     const KIND: &'static str = "split";
     const ABOUT: &'static str = "Reads the files of a folder";
-    const CODE: Code = code(VERSION);
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -70,8 +70,8 @@ impl Advise for OwnError {
     }
 }
 
-/// The code part of a kind's fingerprint. A crate of stages writes `dataflow::code!()` instead, which
-/// its build script fills with digests of the sources; here a test chooses among two versions.
+/// The code part of a kind's fingerprint. A program writes `dataflow::code!` instead, which its build
+/// script fills with digests of the sources; here a test chooses among two versions.
 const fn code(version: u8) -> Code {
     Code {
         parts: if version == 1 {
@@ -97,19 +97,22 @@ impl Artifacts for Own {
 /// Returns the kinds, each in the version that `version` says: 1 or 2.
 pub(crate) fn kinds_with(version: impl Fn(&str) -> u8) -> Vec<Kind> {
     let versions = [
-        [Kind::of::<Split<1>>(), Kind::of::<Split<2>>()],
-        [Kind::of::<Map<1>>(), Kind::of::<Map<2>>()],
-        [Kind::of::<Gather<1>>(), Kind::of::<Gather<2>>()],
-        [Kind::of::<Group<1>>(), Kind::of::<Group<2>>()],
-        [Kind::of::<Steps<1>>(), Kind::of::<Steps<2>>()],
+        [Kind::of::<Split<1>>(code(1)), Kind::of::<Split<2>>(code(2))],
+        [Kind::of::<Map<1>>(code(1)), Kind::of::<Map<2>>(code(2))],
+        [
+            Kind::of::<Gather<1>>(code(1)),
+            Kind::of::<Gather<2>>(code(2)),
+        ],
+        [Kind::of::<Group<1>>(code(1)), Kind::of::<Group<2>>(code(2))],
+        [Kind::of::<Steps<1>>(code(1)), Kind::of::<Steps<2>>(code(2))],
     ];
     let choose = |[first, second]: [Kind; 2]| match version(first.name) {
         1 => first,
         _ => second,
     };
     let mut kinds = Vec::from(versions.map(choose));
-    kinds.push(Kind::of::<Act>());
-    kinds.push(Kind::of::<Logged>());
-    kinds.push(Kind::of::<Program<Own>>());
+    kinds.push(Kind::of::<Act>(code(1)));
+    kinds.push(Kind::of::<Logged>(code(1)));
+    kinds.push(Kind::of::<Program<Own>>(dataflow::code!("stage-program")));
     kinds
 }

@@ -2,14 +2,14 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
     OwnError,
     bytes::{self, Tally},
-    code, hooks,
+    hooks,
 };
 
 /// Adds up the numbers of steps.
@@ -48,7 +48,6 @@ impl<const VERSION: u8> Stage for Steps<VERSION> {
 
     const KIND: &'static str = "steps";
     const ABOUT: &'static str = "Adds up the numbers of steps";
-    const CODE: Code = code(VERSION);
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -5,14 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use blake3::Hasher;
 use toml_edit::{DocumentMut, Item};
 
-use crate::workspace::short;
+use crate::member::short;
 
 /// The packages of a `Cargo.lock`.
+#[derive(Debug)]
 pub(crate) struct Lock {
     /// `name version checksum` and the dependencies' keys, by `name version`.
     packages: BTreeMap<(String, String), Package>,
 }
 
+#[derive(Debug)]
 struct Package {
     checksum: String,
     dependencies: Vec<String>,

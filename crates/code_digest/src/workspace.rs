@@ -1,243 +1,223 @@
-//! The workspace crates that a crate links, and their sources.
+//! The crates of a workspace that a crate links.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
-    fs, io,
     path::{Path, PathBuf},
 };
 
 use blake3::Hasher;
 use toml_edit::{DocumentMut, Item, TableLike};
 
-use crate::locked::Lock;
-
-/// Error in making the digests.
-#[derive(Debug)]
-pub enum CodeError {
-    /// A source could not be read.
-    Read(PathBuf, io::Error),
-    /// A manifest or the lock file is not TOML.
-    Parse(PathBuf, toml_edit::TomlError),
-    /// No folder above the crate holds a workspace.
-    NoWorkspace(PathBuf),
-}
-
-impl std::fmt::Display for CodeError {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self {
-            Self::Read(path, err) => write!(f, "cannot read `{}`: {err}", path.display()),
-            Self::Parse(path, err) => write!(f, "cannot parse `{}`: {err}", path.display()),
-            Self::NoWorkspace(path) => {
-                write!(f, "no workspace above the crate `{}`", path.display())
-            }
-        }
-    }
-}
-
-impl std::error::Error for CodeError {}
+use crate::{
+    Result,
+    locked::Lock,
+    member::{Member, short, values},
+    read_toml,
+    source::add,
+};
 
 /// The digest of one part of the code.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Part {
-    /// The workspace crate's name, or `dependencies` for everything locked.
+    /// The workspace crate's name, `report-STAGE` for the reports of the crate `stage-STAGE`, or
+    /// `dependencies` for everything locked.
     pub name: String,
     /// 16 hexadecimal digits of BLAKE3.
     pub digest: String,
-    /// Files and folders that it covers.
-    pub watched: Vec<PathBuf>,
 }
 
-/// Returns the parts of the code of the crate in `folder`, ordered by name.
-///
-/// # Errors
-///
-/// Fails if a manifest or a source cannot be read, or the crate is in no workspace.
-pub fn parts(folder: &Path) -> Result<Vec<Part>, CodeError> {
-    let root = workspace_root(folder)?;
-    let members = Members::read(&root)?;
-    let mut open = vec![folder.to_owned()];
-    let mut seen = BTreeSet::new();
-    let mut external = BTreeSet::new();
-    let mut parts = Vec::new();
-    while let Some(folder) = open.pop() {
-        if !seen.insert(folder.clone()) {
-            continue;
-        }
-        let manifest = read_toml(&folder.join("Cargo.toml"))?;
-        for table in dependency_tables(&manifest) {
-            for (name, item) in table.iter() {
-                match members.folder(&folder, name, item) {
-                    Some(path) => open.push(path),
-                    None => {
-                        external.insert(package_name(name, item).to_owned());
-                    }
-                }
-            }
-        }
-        parts.push(source_part(&folder, &manifest)?);
-    }
-    let lock_path = root.join("Cargo.lock");
-    let lock = Lock::parse(&read_toml(&lock_path)?);
-    let mut hasher = Hasher::new();
-    hasher.update(lock.digest(&external).as_bytes());
-    hasher.update(members.settings(&external).as_bytes());
-    parts.push(Part {
-        name: "dependencies".to_owned(),
-        digest: short(&hasher),
-        watched: vec![lock_path, root.join("Cargo.toml")],
-    });
-    parts.sort_by(|a, b| a.name.cmp(&b.name));
-    Ok(parts)
+/// The code of a crate: its parts, ordered by name.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Code {
+    /// The name of the crate, or of its reports.
+    pub name: String,
+    /// The digests of what it depends on, itself included.
+    pub parts: Vec<Part>,
 }
 
-/// Folders of the workspace's crates, by dependency name.
-struct Members {
+/// A workspace, of which each crate is read once.
+#[derive(Debug)]
+pub struct Workspace {
+    manifest: DocumentMut,
+    lock: Lock,
+    /// Folders of its crates, by the name of the dependency.
     folders: BTreeMap<String, PathBuf>,
-    root: DocumentMut,
+    members: BTreeMap<PathBuf, Member>,
+    watched: BTreeSet<PathBuf>,
 }
 
-impl Members {
-    fn read(root: &Path) -> Result<Self, CodeError> {
-        let manifest = read_toml(&root.join("Cargo.toml"))?;
-        let shared = manifest
-            .get("workspace")
-            .and_then(|workspace| workspace.get("dependencies"))
-            .and_then(Item::as_table_like);
-        let folders = shared
-            .into_iter()
-            .flat_map(TableLike::iter)
-            .filter_map(|(name, item)| {
-                let path = item.get("path")?.as_str()?;
-                Some((name.to_owned(), root.join(path)))
-            })
-            .collect();
+impl Workspace {
+    /// Reads the workspace of the crate in `folder`.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the crate is in no workspace, or one of its files cannot be read.
+    pub fn of(folder: &Path) -> Result<Self> {
+        let (root, manifest) = root_of(folder)?;
+        let lock_path = root.join("Cargo.lock");
+        let shared = manifest.get("workspace");
+        let shared = shared.and_then(|workspace| workspace.get("dependencies")?.as_table_like());
+        let folders = shared.into_iter().flat_map(TableLike::iter);
+        let folders = folders.filter_map(|(name, item)| {
+            let path = item.get("path")?.as_str()?;
+            Some((name.to_owned(), root.join(path)))
+        });
         Ok(Self {
-            folders,
-            root: manifest,
+            folders: folders.collect(),
+            lock: Lock::parse(&read_toml(&lock_path)?),
+            watched: [lock_path, root.join("Cargo.toml")].into(),
+            members: BTreeMap::new(),
+            manifest,
         })
     }
 
-    /// Returns the build settings of dependencies: the features of the named ones, and the release
+    /// The files and folders that were read until now.
+    pub fn watched(&self) -> impl Iterator<Item = &Path> {
+        let of_members = self.members.values().flat_map(|member| &member.watched);
+        self.watched.iter().chain(of_members).map(PathBuf::as_path)
+    }
+
+    /// Returns the code of the crate in `folder`, and that of its reports if it has any.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a manifest or a source cannot be read, or a result could depend on a report.
+    pub fn code(&mut self, folder: &Path) -> Result<Vec<Code>> {
+        let folder = real(folder);
+        let member = self.member(&folder)?;
+        let name = member.name.clone();
+        let reports = member.reports.is_some().then(|| {
+            let stage = name.strip_prefix("stage-").unwrap_or(&name);
+            format!("report-{stage}")
+        });
+        let parts = self.parts(&folder, None)?;
+        let mut codes = vec![Code { name, parts }];
+        if let Some(name) = reports {
+            let parts = self.parts(&folder, Some(&name))?;
+            codes.push(Code { name, parts });
+        }
+        Ok(codes)
+    }
+
+    /// Returns the code of every crate of this workspace that the crate in `folder` links itself.
+    ///
+    /// # Errors
+    ///
+    /// Fails as [`Self::code`] does.
+    pub fn linked(&mut self, folder: &Path) -> Result<Vec<Code>> {
+        let manifest = read_toml(&folder.join("Cargo.toml"))?;
+        let table = manifest.get("dependencies").and_then(Item::as_table_like);
+        let entries = table.into_iter().flat_map(TableLike::iter);
+        let folders = entries.filter_map(|(name, item)| self.folder(folder, name, item));
+        let folders: Vec<PathBuf> = folders.collect();
+        let mut codes = Vec::new();
+        for folder in folders {
+            codes.extend(self.code(&folder)?);
+        }
+        Ok(codes)
+    }
+
+    /// Digests the crate in `start`, with its reports if they have a name, and what these name.
+    fn parts(&mut self, start: &Path, reports: Option<&str>) -> Result<Vec<Part>> {
+        let mut open = vec![start.to_owned()];
+        let mut seen = BTreeSet::new();
+        let mut external = BTreeSet::new();
+        let mut parts = Vec::new();
+        while let Some(folder) = open.pop() {
+            if !seen.insert(folder.clone()) {
+                continue;
+            }
+            self.member(&folder)?;
+            let member = &self.members[&folder];
+            let of_reports = member.reports.as_ref().filter(|_| folder == start);
+            let of_reports = reports.zip(of_reports);
+            let part = |name: &str, digest: &str| Part {
+                name: name.to_owned(),
+                digest: digest.to_owned(),
+            };
+            parts.push(part(&member.name, &member.results.digest));
+            parts.extend(of_reports.map(|(name, code)| part(name, &code.digest)));
+            let is_named = |name: &str| {
+                let name = name.replace('-', "_");
+                let in_reports = of_reports.is_some_and(|(_, code)| code.words.contains(&name));
+                in_reports || member.results.words.contains(&name)
+            };
+            for (name, item) in member.dependencies() {
+                if let Some(linked) = self.folder(&folder, name, item) {
+                    open.extend(is_named(name).then_some(linked));
+                } else {
+                    let package = item.get("package").and_then(Item::as_str);
+                    external.insert(package.unwrap_or(name).to_owned());
+                }
+            }
+        }
+        let mut linking = Hasher::new();
+        for text in [self.lock.digest(&external), self.settings(&external)] {
+            add(&mut linking, 's', &text);
+        }
+        parts.push(Part {
+            name: "dependencies".to_owned(),
+            digest: short(&linking),
+        });
+        parts.sort_by(|a, b| a.name.cmp(&b.name));
+        Ok(parts)
+    }
+
+    fn member(&mut self, folder: &Path) -> Result<&Member> {
+        if !self.members.contains_key(folder) {
+            let member = Member::read(folder)?;
+            self.members.insert(folder.to_owned(), member);
+        }
+        Ok(&self.members[folder])
+    }
+
+    /// Returns the build settings: the edition, the features of these dependencies, and the release
     /// profile.
     fn settings(&self, names: &BTreeSet<String>) -> String {
-        let workspace = self.root.get("workspace");
+        let workspace = self.manifest.get("workspace");
         let shared = workspace.and_then(|workspace| workspace.get("dependencies"));
         let chosen = names.iter().filter_map(|name| {
             let entry = shared?.get(name)?;
-            Some(format!("{name} = {entry}\n"))
+            Some(format!("{name} = {}\n", values(Some(entry))))
         });
-        let profile = self.root.get("profile").and_then(|all| all.get("release"));
-        let profile = profile.map(ToString::to_string).unwrap_or_default();
-        chosen.chain([profile]).collect()
+        let package = workspace.and_then(|workspace| workspace.get("package"));
+        let profile = self.manifest.get("profile");
+        let others = [
+            package.and_then(|package| package.get("edition")),
+            profile.and_then(|profile| profile.get("release")),
+        ];
+        chosen.chain(others.map(values)).collect()
     }
 
-    /// The folder of a dependency of the crate in `dependent`, if it is a path dependency.
+    /// The folder of a dependency of the crate in `dependent`, if it is a crate of the workspace.
     fn folder(&self, dependent: &Path, name: &str, item: &Item) -> Option<PathBuf> {
-        let folder = match item.get("path").and_then(Item::as_str) {
-            Some(path) => dependent.join(path),
+        match item.get("path").and_then(Item::as_str) {
+            Some(path) => Some(real(&dependent.join(path))),
             None if item.get("workspace").and_then(Item::as_bool) == Some(true) => {
-                self.folders.get(name).cloned()?
+                self.folders.get(name).map(|folder| real(folder))
             }
-            None => return None,
-        };
-        // One crate is one part, however its path is written.
-        Some(folder.canonicalize().unwrap_or(folder))
+            None => None,
+        }
     }
 }
 
-fn workspace_root(folder: &Path) -> Result<PathBuf, CodeError> {
+/// One crate is one part, however its path is written.
+fn real(folder: &Path) -> PathBuf {
+    folder.canonicalize().unwrap_or_else(|_| folder.to_owned())
+}
+
+fn root_of(folder: &Path) -> Result<(PathBuf, DocumentMut)> {
     for candidate in folder.ancestors() {
         let path = candidate.join("Cargo.toml");
-        if path.is_file() && read_toml(&path)?.contains_key("workspace") {
-            return Ok(candidate.to_owned());
+        if path.is_file() {
+            let manifest = read_toml(&path)?;
+            if manifest.contains_key("workspace") {
+                return Ok((candidate.to_owned(), manifest));
+            }
         }
     }
-    Err(CodeError::NoWorkspace(folder.to_owned()))
-}
-
-fn read_toml(path: &Path) -> Result<DocumentMut, CodeError> {
-    let text = fs::read_to_string(path).map_err(|err| CodeError::Read(path.to_owned(), err))?;
-    text.parse()
-        .map_err(|err| CodeError::Parse(path.to_owned(), err))
-}
-
-/// The tables of dependencies that are linked into the program; `[target.….dependencies]` included.
-fn dependency_tables(manifest: &DocumentMut) -> Vec<&dyn TableLike> {
-    let own = manifest.get("dependencies");
-    let per_target = manifest
-        .get("target")
-        .and_then(Item::as_table_like)
-        .into_iter()
-        .flat_map(TableLike::iter)
-        .filter_map(|(_, target)| target.get("dependencies"));
-    own.into_iter()
-        .chain(per_target)
-        .filter_map(Item::as_table_like)
-        .collect()
-}
-
-fn package_name<'a>(name: &'a str, item: &'a Item) -> &'a str {
-    item.get("package").and_then(Item::as_str).unwrap_or(name)
-}
-
-fn source_part(folder: &Path, manifest: &DocumentMut) -> Result<Part, CodeError> {
-    let name = manifest
-        .get("package")
-        .and_then(|package| package.get("name"))
-        .and_then(Item::as_str)
-        .unwrap_or_default();
-    let mut files = vec![folder.join("Cargo.toml")];
-    match deciding_files(manifest) {
-        None => list_files(&folder.join("src"), &mut files)?,
-        Some(named) => files.extend(named.iter().map(|name| folder.join(name))),
-    }
-    files.sort();
-    let mut hasher = Hasher::new();
-    for path in &files {
-        let bytes = fs::read(path).map_err(|err| CodeError::Read(path.clone(), err))?;
-        let name = path.strip_prefix(folder).unwrap_or(path);
-        hasher.update(name.to_string_lossy().replace('\\', "/").as_bytes());
-        hasher.update(&(bytes.len() as u64).to_le_bytes());
-        hasher.update(&bytes);
-    }
-    Ok(Part {
-        name: name.to_owned(),
-        digest: short(&hasher),
-        // The folder stands for files that are added or removed.
-        watched: vec![folder.join("Cargo.toml"), folder.join("src")],
-    })
-}
-
-/// The files of a crate that affect results, if its manifest names them in
-/// `package.metadata.code.decides`; else every file below `src/`.
-fn deciding_files(manifest: &DocumentMut) -> Option<Vec<&str>> {
-    let mut table = manifest.as_item();
-    for key in ["package", "metadata", "code", "decides"] {
-        table = table.get(key)?;
-    }
-    Some(
-        table
-            .as_array()?
-            .iter()
-            .filter_map(|name| name.as_str())
-            .collect(),
-    )
-}
-
-fn list_files(folder: &Path, files: &mut Vec<PathBuf>) -> Result<(), CodeError> {
-    let read = |err| CodeError::Read(folder.to_owned(), err);
-    for entry in fs::read_dir(folder).map_err(read)? {
-        let path = entry.map_err(read)?.path();
-        if path.is_dir() {
-            list_files(&path, files)?;
-        } else {
-            files.push(path);
-        }
-    }
-    Ok(())
-}
-
-/// The first 16 hexadecimal digits of a digest: enough to distinguish versions.
-pub(crate) fn short(hasher: &Hasher) -> String {
-    hasher.finalize().to_hex()[..16].to_owned()
+    Err(format!(
+        "no workspace above the crate `{}`",
+        folder.display()
+    ))
 }

@@ -16,12 +16,13 @@ impl Code {
     }
 }
 
-/// The [`Code`] of the crate in which it is written; its build script calls `code_digest::emit()`.
+/// The [`Code`] of a crate that the program depends on (`"stage-train"`), or of its reports
+/// (`"report-train"`); the program's build script calls `code_digest::emit()`.
 #[macro_export]
 macro_rules! code {
-    () => {
+    ($name:literal) => {
         $crate::Code {
-            parts: env!("PIPELINE_CODE"),
+            parts: env!(concat!("PIPELINE_CODE_", $name)),
         }
     };
 }

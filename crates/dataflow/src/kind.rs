@@ -230,23 +230,24 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
 }
 
 impl Kind {
-    /// Returns the kind of a stage without a report: its outputs have their own lines.
+    /// Returns the kind of a stage with this [`code!`](crate::code) and without a report: its outputs
+    /// have their own lines.
     ///
     /// # Panics
     ///
     /// Panics if an output of the stage or its report has no line or two, or
     /// [`Output::OPTIONS`](crate::Output::OPTIONS) names an unknown option.
-    pub fn of<S: Stage>() -> Self {
-        Self::new::<S>(&[], S::CODE, Lines::new(), None)
+    pub fn of<S: Stage>(code: Code) -> Self {
+        Self::new::<S>([code; 2], &[], Lines::new(), None)
     }
 
-    /// Returns the kind of a stage with its report.
+    /// Returns the kind of a stage with its report, by the code of each.
     ///
     /// # Panics
     ///
     /// Panics as [`Kind::of`] does.
-    pub fn reported<R: Report>() -> Self {
-        Self::with_report::<R>(None)
+    pub fn reported<R: Report>(codes: [Code; 2]) -> Self {
+        Self::with_report::<R>(codes, None)
     }
 
     /// Returns the kind of a stage with its report, of which datasets may be generated: `generate`
@@ -259,25 +260,27 @@ impl Kind {
     ///
     /// Panics as [`Kind::of`] does.
     pub fn generated<R: Report, E: Advise>(
+        codes: [Code; 2],
         generate: fn(&<R::Stage as Stage>::Config) -> Result<(), E>,
     ) -> Self {
-        Self::with_report::<R>(Some(Box::new(move |options| Ok(generate(options)?))))
+        let generate: Generate<R::Stage> = Box::new(move |options| Ok(generate(options)?));
+        Self::with_report::<R>(codes, Some(generate))
     }
 
-    fn with_report<R: Report>(generate: Option<Generate<R::Stage>>) -> Self {
+    fn with_report<R: Report>(codes: [Code; 2], generate: Option<Generate<R::Stage>>) -> Self {
         let mut lines = Lines::new();
         R::lines(&mut lines);
-        Self::new(R::OUTPUTS, R::CODE, lines, generate)
+        Self::new(codes, R::OUTPUTS, lines, generate)
     }
 
     /// Lists the outputs of a stage, then those of its report, each with its line.
     fn new<S: Stage>(
+        [code, report_code]: [Code; 2],
         reports: Outputs<S>,
-        report_code: Code,
         mut lines: Lines<S>,
         generate: Option<Generate<S>>,
     ) -> Self {
-        let results = S::OUTPUTS.iter().map(|output| (output, S::CODE));
+        let results = S::OUTPUTS.iter().map(|output| (output, code));
         let reports = reports.iter().map(|output| (output, report_code));
         let listed = results.chain(reports).map(|(output, code)| {
             output.add_line(&mut lines);
@@ -445,6 +448,8 @@ mod tests {
         serializer.collect_seq(weights)
     }
 
+    const CODE: Code = Code { parts: "" };
+
     #[derive(Debug, thiserror::Error)]
     #[error("it makes nothing")]
     struct Nothing;
@@ -461,7 +466,6 @@ mod tests {
 
         const KIND: &'static str = "fixture";
         const ABOUT: &'static str = "Makes nothing";
-        const CODE: Code = Code { parts: "" };
         const INPUTS: &'static [&'static str] = &[];
         const OUTPUTS: Outputs<Self> = &[];
     }
@@ -475,7 +479,6 @@ mod tests {
 
         const KIND: &'static str = "declared";
         const ABOUT: &'static str = "Makes nothing";
-        const CODE: Code = Code { parts: "" };
         const INPUTS: &'static [&'static str] = &[];
         const OUTPUTS: Outputs<Self> = &[&Self];
     }
@@ -511,9 +514,9 @@ mod tests {
     #[test]
     fn an_output_names_options_that_there_are_and_has_a_line() {
         let is_sound = |kind: fn() -> Kind| std::panic::catch_unwind(kind).is_ok();
-        assert!(is_sound(Kind::of::<Declared<0>>));
-        assert!(!is_sound(Kind::of::<Declared<1>>));
-        assert!(!is_sound(Kind::of::<Declared<2>>));
+        assert!(is_sound(|| Kind::of::<Declared<0>>(CODE)));
+        assert!(!is_sound(|| Kind::of::<Declared<1>>(CODE)));
+        assert!(!is_sound(|| Kind::of::<Declared<2>>(CODE)));
     }
 
     #[test]
@@ -521,7 +524,7 @@ mod tests {
         let read = |table: &str| {
             let table = table.parse::<toml_edit::Value>().unwrap();
             let table = table.as_inline_table().unwrap().clone();
-            let configured = Kind::of::<Fixture>().configure(table);
+            let configured = Kind::of::<Fixture>(CODE).configure(table);
             configured.map(|it| it.config()).map_err(|err| err.message)
         };
         assert_eq!(

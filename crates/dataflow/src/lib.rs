@@ -9,7 +9,7 @@
 //! A [`Stage`] is a list of [`Output`]s, each a type that declares its inputs, the options it
 //! depends on, how it is made and how it is summarized. The metrics of its partitions are a type
 //! too, whose fields say how they aggregate ([`metrics!`]). A stage makes results; its [`Report`],
-//! in a separate crate, has outputs that show them and lines that summarize them, so that
+//! in a module of its own, has outputs that show them and lines that summarize them, so that
 //! presentation is not part of a result's fingerprint. Neither is what generates the files that a
 //! stage reads ([`Kind::generated`]).
 //!

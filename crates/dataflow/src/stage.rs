@@ -41,8 +41,6 @@ pub trait Stage: Sized + 'static {
     const KIND: &'static str;
     /// Description in one sentence, for the list of stages.
     const ABOUT: &'static str;
-    /// The sources that the outputs depend on, digested at build time by `dataflow::code!()`.
-    const CODE: Code;
     /// The artifacts it reads: keys under `inputs`, at each of which an artifact of this name must be
     /// wired.
     const INPUTS: &'static [&'static str];

@@ -4,7 +4,7 @@
 //! use demonstrator::{SampleOutcome, ensure_sample};
 //!
 //! // Makes what `data/sample/recipe.toml` says, once.
-//! match ensure_sample("data/sample".as_ref())? {
+//! match ensure_sample("data/sample".as_ref(), "version 1")? {
 //!     SampleOutcome::Written { sequences, frames } => assert!(sequences > 0 && frames > sequences),
 //!     SampleOutcome::Kept | SampleOutcome::NoRecipe => {}
 //! }

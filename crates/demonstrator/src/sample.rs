@@ -17,9 +17,6 @@ use crate::{
     scene,
 };
 
-/// Digests of the sources that decide what a recipe gives: recordings that others made are made again.
-const CODE: &str = env!("PIPELINE_CODE");
-
 /// The recipe's file in a folder of made-up recordings.
 pub const RECIPE_FILE: &str = "recipe.toml";
 /// Names the recipe and code that made the recordings; written last.
@@ -48,6 +45,7 @@ pub enum SampleOutcome {
 /// Makes the recordings of the folder's `recipe.toml` where they are missing or were made by another
 /// recipe or other code; equal recipes give equal bytes on any number of threads.
 ///
+/// `code` stands for the sources of this crate and of what it links: recordings of another are made again.
 /// Recordings that this recipe made are left alone, edited or not. A folder without a recipe, such
 /// as the real dataset, is not touched. Work in progress lies in `.making` and moves into place at
 /// the end; what an interrupted call leaves is made again by the next.
@@ -55,7 +53,7 @@ pub enum SampleOutcome {
 /// # Errors
 ///
 /// Fails if the recipe makes no sense, an object cannot be grasped, or files cannot be written.
-pub fn ensure_sample(root: &Path) -> Result<SampleOutcome, DemonstratorError> {
+pub fn ensure_sample(root: &Path, code: &str) -> Result<SampleOutcome, DemonstratorError> {
     let recipe_path = root.join(RECIPE_FILE);
     if !recipe_path.is_file() {
         return Ok(SampleOutcome::NoRecipe);
@@ -67,7 +65,7 @@ pub fn ensure_sample(root: &Path) -> Result<SampleOutcome, DemonstratorError> {
     lock.lock().map_err(failed("lock", &lock_path))?;
 
     let [recipe_digest, code_digest] =
-        [&*text, CODE].map(|text| blake3::hash(text.as_bytes()).to_hex());
+        [&*text, code].map(|text| blake3::hash(text.as_bytes()).to_hex());
     let made_by = format!("recipe {recipe_digest}\ncode {code_digest}\n");
     let stamp_path = root.join(STAMP_FILE);
     let stamp = fs::read_to_string(&stamp_path).unwrap_or_default();

@@ -13,6 +13,8 @@ use npyz::npz::NpzArchive;
 
 const RECIPE: &str = include_str!("../../../data/sample/recipe.toml");
 const CAMERA: &str = "836212060125";
+/// Stands for the sources.
+const CODE: &str = "demonstrator=1";
 
 /// The committed recipe with one recording of each object.
 fn small_recipe() -> String {
@@ -120,7 +122,7 @@ fn the_sample_is_consistent_and_of_the_datasets_layout() {
     let SampleOutcome::Written {
         sequences: made,
         frames,
-    } = ensure_sample(root).unwrap()
+    } = ensure_sample(root, CODE).unwrap()
     else {
         panic!()
     };
@@ -271,7 +273,7 @@ fn equal_recipes_give_equal_bytes_on_one_and_on_three_threads() {
             .num_threads(threads)
             .build()
             .unwrap();
-        pool.install(|| ensure_sample(folder.path())).unwrap();
+        pool.install(|| ensure_sample(folder.path(), CODE)).unwrap();
         contents(folder.path())
     });
     assert!(made[0].keys().eq(made[1].keys()));
@@ -285,7 +287,7 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
     let folder = folder_with(&small_recipe());
     let root = folder.path();
     assert!(matches!(
-        ensure_sample(root).unwrap(),
+        ensure_sample(root, CODE).unwrap(),
         SampleOutcome::Written { .. }
     ));
     let whole = contents(root);
@@ -293,7 +295,7 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
     // An edit is the user's.
     let edited = sequences(root).remove(0).join("meta.yml");
     fs::write(&edited, "edited").unwrap();
-    assert_eq!(ensure_sample(root).unwrap(), SampleOutcome::Kept);
+    assert_eq!(ensure_sample(root, CODE).unwrap(), SampleOutcome::Kept);
     assert_eq!(fs::read(&edited).unwrap(), b"edited");
 
     // An interrupted making: no stamp, half of the files, and work in progress.
@@ -301,7 +303,7 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
     fs::remove_dir_all(root.join("models")).unwrap();
     fs::create_dir_all(root.join(".making/models")).unwrap();
     assert!(matches!(
-        ensure_sample(root).unwrap(),
+        ensure_sample(root, CODE).unwrap(),
         SampleOutcome::Written { .. }
     ));
     assert_eq!(contents(root), whole);
@@ -314,7 +316,7 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
     )
     .unwrap();
     assert!(matches!(
-        ensure_sample(root).unwrap(),
+        ensure_sample(root, CODE).unwrap(),
         SampleOutcome::Written { .. }
     ));
     let people = fs::read_dir(root).unwrap().filter(|entry| {
@@ -333,7 +335,7 @@ fn valid_recordings_are_kept_and_others_are_regenerated() {
 fn a_folder_without_a_recipe_is_not_touched() {
     let folder = tempfile::tempdir().unwrap();
     assert_eq!(
-        ensure_sample(folder.path()).unwrap(),
+        ensure_sample(folder.path(), CODE).unwrap(),
         SampleOutcome::NoRecipe
     );
     assert!(contents(folder.path()).is_empty());

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use dataflow::{
-    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use hand_files::{HandFileError, HandFiles};
 use lake::{ReadInputs, WriteArtifact};
@@ -65,7 +65,6 @@ impl Stage for CemMpc {
 
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

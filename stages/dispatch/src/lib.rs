@@ -11,8 +11,8 @@
 //! ```
 //!
 //! The protocol and the simulated cell are in crate `cell`; this stage selects the motions, sends
-//! them to the cell, and writes the table `executions` and one recording per executed motion. Crate
-//! `report-dispatch` computes success rates. Crate `planning` turns motions into goals; an
+//! them to the cell, and writes the table `executions` and one recording per executed motion. Its
+//! [`report`] computes success rates. Crate `planning` turns motions into goals; an
 //! infeasible motion is refused, and its row in `executions` says why. No hardware moves without
 //! `execute = true`. A goal without an answer, or with one that fails its checks, ends the run: the
 //! next run queries its outcome before it sends another, and never sends the motion under another
@@ -29,6 +29,7 @@ mod names;
 mod order;
 mod recording;
 mod refusal;
+pub mod report;
 mod robots;
 mod rows;
 mod sender;

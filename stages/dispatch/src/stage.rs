@@ -7,8 +7,7 @@ use std::{
 
 use cell::{Goal, with_causes};
 use dataflow::{
-    Code, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
-    Unit,
+    Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -74,7 +73,6 @@ impl Stage for Dispatch {
 
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and records their outcomes";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[
         Rollouts::NAME,
         Robustnesses::NAME,

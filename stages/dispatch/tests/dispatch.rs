@@ -5,7 +5,6 @@ use std::{collections::BTreeMap, fs, path::Path};
 use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
-use report_dispatch::DispatchReport;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource},
@@ -19,6 +18,7 @@ use schemas::{
     },
 };
 use spatial::{Pose, RestingPose};
+use stage_dispatch::report::DispatchReport;
 use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics, Order};
 
 const OBJECT: &str = "cube";

@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use approach::{Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts};
 use dataflow::{
-    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -71,7 +71,6 @@ impl Stage for Eigengrasp {
 
     const KIND: &'static str = "eigengrasp";
     const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

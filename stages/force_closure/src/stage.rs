@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
-    Code, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -65,7 +65,6 @@ impl Stage for ForceClosure {
 
     const KIND: &'static str = "force_closure";
     const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

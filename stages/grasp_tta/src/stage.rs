@@ -1,7 +1,7 @@
 //! The stage and its outputs: the networks, and candidates from them.
 
 use approach::HandBody;
-use dataflow::{Code, OptionFault, Outputs, Stage};
+use dataflow::{OptionFault, Outputs, Stage};
 use schemas::{Table, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory};
 
 use crate::{
@@ -17,7 +17,6 @@ impl Stage for GraspTta {
 
     const KIND: &'static str = "grasp_tta";
     const ABOUT: &'static str = "Samples grasps from learned networks, adapts each to its object";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&LearnedNetworks, &AdaptedCandidates];
 

@@ -38,6 +38,7 @@ mod reach;
 pub mod read;
 mod reader;
 mod recording;
+pub mod report;
 mod rests;
 mod selection;
 mod stage;

@@ -6,7 +6,7 @@ mod metrics;
 mod units;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
+    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
 };
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
@@ -33,7 +33,6 @@ impl Stage for Ingest {
 
     const KIND: &'static str = "ingest";
     const ABOUT: &'static str = "Reads recordings of people grasping objects";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Shapes, &Demonstrations, &Objects];
 

@@ -1,7 +1,7 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Code, Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
@@ -25,7 +25,6 @@ impl Stage for Interpolate {
 
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

@@ -11,7 +11,7 @@ use std::{
 
 use arrow_schema::Schema;
 use dataflow::{
-    Code, Context, FileFault, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output,
+    Context, FileFault, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output,
     OutputNames, Outputs, Scope, Stage, Sum, Unit, Wiring,
 };
 
@@ -61,7 +61,6 @@ impl<A: Artifacts> Stage for Program<A> {
 
     const KIND: &'static str = "program";
     const ABOUT: &'static str = "Runs a program of your own for each partition";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[];
     const WIRING: Wiring = Wiring::Free;
     const EXAMPLE: Option<&'static str> = Some(include_str!("../page.md"));

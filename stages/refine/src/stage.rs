@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Code, Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
-    Scope, Stage, Sum, Unit,
+    Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -55,7 +55,6 @@ impl Stage for Refine {
 
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

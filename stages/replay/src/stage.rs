@@ -3,8 +3,7 @@
 use std::collections::BTreeSet;
 
 use dataflow::{
-    Code, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-    UnknownPartition,
+    Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, UnknownPartition,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, MotionError, palm_acceleration};
@@ -39,7 +38,6 @@ impl Stage for Replay {
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

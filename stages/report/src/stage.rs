@@ -1,8 +1,8 @@
 //! The stage: one unit, of everything that is wired to it.
 
 use dataflow::{
-    Code, Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    SourceFile, Stage, Sum, Unit, counted,
+    Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit, counted,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -63,7 +63,6 @@ impl Stage for Report {
 
     const KIND: &'static str = "report";
     const ABOUT: &'static str = "Makes one page of a run's results, with motions to look at";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[];
     const OPTIONAL_INPUTS: &'static [&'static str] = INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];

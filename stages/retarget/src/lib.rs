@@ -23,6 +23,7 @@ mod goal;
 #[cfg(test)]
 mod other_hands;
 mod recording;
+pub mod report;
 mod settle;
 mod smoothing;
 mod stage;

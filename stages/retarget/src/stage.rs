@@ -6,8 +6,8 @@ mod retargeted;
 use std::path::Path;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Unit,
+    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage,
+    Unit,
 };
 use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
@@ -31,7 +31,6 @@ impl Stage for Retarget {
 
     const KIND: &'static str = "retarget";
     const ABOUT: &'static str = "Retargets human demonstrations to a robot hand";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Demonstration::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];
 

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Code, Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -62,7 +62,6 @@ impl Stage for Rrt {
 
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

@@ -5,7 +5,7 @@
 //! they are decoded at equal time steps from far to the grasp, with exact rates, and transformed to
 //! the object's own frame. Joint positions are clamped to the hand's limits. With `draws`
 //! above 1, a motion whose hand is too deep in object or table is drawn again; every draw is a row of
-//! `candidates`, a refused one with its reason and without its motion. Crate `report-sample` measures
+//! `candidates`, a refused one with its reason and without its motion. Its [`report`] measures
 //! the motions' plausibility and diversity.
 
 mod config;
@@ -15,6 +15,7 @@ pub mod inputs;
 mod motions;
 pub mod penetration;
 mod recording;
+pub mod report;
 mod stage;
 
 pub use config::{CheckpointWeights, RestingPoses, SampleConfig, SeenShape};

@@ -3,8 +3,7 @@
 mod candidates;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit,
+    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
@@ -32,7 +31,6 @@ impl Stage for Sample {
 
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Samples motions for each object from a grasping function";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[
         checkpoint::NAME,
         Object::NAME,

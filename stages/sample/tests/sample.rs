@@ -22,7 +22,6 @@ use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, S
 use geometry::{DistanceField, TriMesh};
 use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
-use report_sample::{SamplingMetrics, SamplingReport};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
@@ -36,6 +35,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 use spatial::{Object as InObject, Pose, RestingPose};
+use stage_sample::report::{SamplingMetrics, SamplingReport};
 use stage_sample::{
     CheckpointWeights, RestingPoses, Sample, SampleConfig, SampleError, SampleMetrics, SeenShape,
 };

@@ -8,7 +8,7 @@
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun
 //! alone with the same verdict. This stage does not depend on the generator.
 //!
-//! Crate `report-screen` has success rates, failure reasons and the diversity of grasps.
+//! Its [`report`] has success rates, failure reasons and the diversity of grasps.
 
 mod alone;
 mod by_verdict;
@@ -16,6 +16,7 @@ mod config;
 mod error;
 mod pose_noise;
 mod recording;
+pub mod report;
 mod robustness;
 mod screened;
 mod smoothness;

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 
 use dataflow::{
-    Code, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit,
+    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::WriteArtifact;
 use schemas::{
@@ -49,7 +48,6 @@ impl Stage for Screen {
 
     const KIND: &'static str = "screen";
     const ABOUT: &'static str = "Judges candidate motions in physics";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self, &RobustnessTrials];
 

@@ -8,7 +8,6 @@ use dataflow::{
 };
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
-use report_screen::{RatesReport, SuccessReport};
 use robot::RobotModel;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
@@ -23,6 +22,7 @@ use simulation::{
     SceneRandomization, Shortcuts, StrictConfig, Support, Trial,
 };
 use spatial::{Pose, RestingPose};
+use stage_screen::report::{RatesReport, SuccessReport};
 use stage_screen::{
     RobustnessConfig, RobustnessTrials, Screen, ScreenConfig, ScreenError, ScreenMetrics,
 };

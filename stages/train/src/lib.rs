@@ -3,12 +3,13 @@
 //! All trajectories of the selected objects form one training set: each is expressed in the table
 //! frame, in the object's resting orientation nearest to the recorded one. The network and its losses
 //! are those of crate `cgf`; the checkpoint is two files, weights as safetensors and metadata as JSON.
-//! Crate `report-train` reports on the training.
+//! Its [`report`] shows how a training went.
 
 mod accepted;
 mod by_split;
 mod config;
 mod error;
+pub mod report;
 mod resume;
 pub mod set;
 mod stage;

@@ -4,8 +4,8 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{CgfError, HandDistance, Trained, Trainer, TrainingDevice, TrainingSet};
 use dataflow::{
-    Code, Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Sum, Unit,
+    Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
+    Sum, Unit,
 };
 use lake::ReadInputs;
 use robot::RobotModel;
@@ -59,7 +59,6 @@ impl Stage for Train {
 
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Surface::NAME, FieldInfo::NAME];
     const OPTIONAL_INPUTS: &'static [&'static str] = &[Candidates::NAME, Rollouts::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Code, Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit, UnknownPartition,
+    Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit, UnknownPartition,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::Motion;
@@ -47,7 +47,6 @@ impl Stage for Transfer {
 
     const KIND: &'static str = "transfer";
     const ABOUT: &'static str = "Applies demonstrations to other objects, without learning";
-    const CODE: Code = dataflow::code!();
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 

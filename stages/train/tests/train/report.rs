@@ -4,13 +4,13 @@ use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::Description;
 use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
-use report_train::{LatentsReport, ReconstructionReport, TrainReport, TrainingReport};
 use schemas::{
     Table, checkpoint,
     latents::Latents,
     reconstruction::Reconstruction,
     training::{Split, Training},
 };
+use stage_train::report::{LatentsReport, ReconstructionReport, TrainReport, TrainingReport};
 use stage_train::{Train, TrainConfig, TrainError};
 use tempfile::TempDir;
 

@@ -1,5 +1,0 @@
-//! Makes the digests of the sources that decide the recordings.
-
-fn main() {
-    code_digest::emit();
-}

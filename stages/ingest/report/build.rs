@@ -1,5 +1,0 @@
-//! Makes the digests of the sources that decide this stage's reports.
-
-fn main() {
-    code_digest::emit();
-}

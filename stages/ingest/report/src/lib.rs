@@ -1,7 +1,0 @@
-//! Sums up what the stage `ingest` made, in a line of `run` each.
-//!
-//! This crate links the stage and not the other way around: editing it makes no result again.
-
-mod report;
-
-pub use report::IngestReport;

@@ -1,0 +1,183 @@
+//! Plausibility and diversity of one object's motions.
+
+use dataflow::{
+    Artifact, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+};
+use diversity::{ComparedMotion, Diversity};
+use geometry::DistanceField;
+use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use motion::MotionError;
+use schemas::{
+    Table,
+    candidates::Candidates,
+    distance_fields::{self, FieldInfo},
+    sampling::{Sampled, Sampling},
+    trajectories::Trajectory,
+};
+
+use super::{charts, measure::Measure};
+use crate::{
+    Sample, SampleConfig, SampleError,
+    inputs::{hand_file, order},
+    penetration::{CollisionModel, PenetrationProbe},
+};
+
+/// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
+const CLEAR_M: f64 = 0.005;
+
+dataflow::metrics! {
+    /// Metrics of the motions of an object.
+    pub struct SamplingMetrics {
+        /// Number of candidates.
+        candidates_n: Sum,
+        /// Number of those drawn within the joint limits.
+        within_limits_n: Sum,
+        /// Number of those clear of the object before the grasp.
+        clear_n: Sum,
+        /// Spread of the palm at the grasp, in meters.
+        grasp_spread_m: Mean,
+        /// Spread of the palm at the grasp, in radians.
+        grasp_spread_rad: Mean,
+        /// Spread of the joints at the grasp, in radians (meters if prismatic).
+        grasp_q_spread_rad: Mean,
+        /// Spread of the palm over the motion, in meters.
+        motion_spread_m: Mean,
+        /// Spread of the palm over the motion, in radians.
+        motion_spread_rad: Mean,
+        /// Spread of the joints over the motion, in radians (meters if prismatic).
+        motion_q_spread_rad: Mean,
+        /// Number of objects all of whose motions are one.
+        collapsed_n: Sum,
+    }
+}
+
+/// The report `sampling`: how plausible and different an object's motions are.
+pub struct SamplingReport;
+
+impl Output for SamplingReport {
+    type Stage = Sample;
+    type Metrics = SamplingMetrics;
+    type Error = SampleError;
+
+    const ARTIFACT: &'static str = Sampling::NAME;
+    const SCHEMA: &'static str = Sampling::VERSION;
+    const PARTITION: &'static str = Sampling::PARTITION;
+    const OPTIONS: OptionsUsed = OptionsUsed::NONE;
+    const LINE: Option<Line<SamplingMetrics>> = Some(line);
+
+    /// One unit per object that has candidates.
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+        let meshes = robot_meshes::sources(&config.hand)?;
+        let trajectories = scope.partitions(Trajectory::NAME);
+        let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
+            let object = candidates.key.as_str();
+            // An object without a field is planned without, and skipped.
+            let shown = trajectories
+                .iter()
+                .filter(|trajectory| trajectory.label("object") == Some(object));
+            let unit = Unit::new(object)
+                .with_label("object", object)
+                .reading(Candidates::NAME, [object])
+                .only_files(Candidates::NAME, [lake::table::FILE])
+                .reading_own(FieldInfo::NAME, scope)
+                .reading(
+                    Trajectory::NAME,
+                    shown.map(|trajectory| trajectory.key.as_str()),
+                )
+                .only_files(Trajectory::NAME, [lake::table::FILE])
+                .with_file_of_form(hand_file(config), robot_meshes::MODEL_FORM);
+            meshes.iter().cloned().fold(unit, Unit::with_file)
+        });
+        Ok(units.collect())
+    }
+
+    /// Measures the motions of one object.
+    fn make(
+        _config: &SampleConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<SamplingMetrics>, SampleError> {
+        let drawn: Candidates = inputs.one()?;
+        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
+            return Ok(Outcome::skipped("object has no distance field"));
+        };
+        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
+        let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
+        let shown = inputs
+            .artifacts(Trajectory::NAME)
+            .iter()
+            .map(|artifact| read_shown(artifact, &drawn.joints))
+            .collect::<Result<Vec<_>, _>>()?;
+        let measure = Measure {
+            probe: PenetrationProbe {
+                collision_model: &CollisionModel::new(&hand)?,
+                field: &field,
+                order: &order(&hand, &drawn.joints, "set of candidates")?,
+            },
+            shown: &shown,
+        };
+        let motions: Vec<ComparedMotion> =
+            drawn.candidates.iter().map(ComparedMotion::from).collect();
+        let diversity = Diversity::of(&motions);
+        let sampled = measure.all(&drawn.candidates, &diversity)?;
+        cx.write(&sampled)?;
+        charts::Charts {
+            joints: &drawn.joints,
+            sampled: &sampled,
+            drawn: &diversity,
+            shown: &charts::of_shown(&shown, &motions),
+        }
+        .put(cx)?;
+        Ok(Outcome::Made(SamplingMetrics::of(&sampled, &diversity)))
+    }
+}
+
+impl SamplingMetrics {
+    fn of(sampled: &[Sampled], diversity: &Diversity) -> Self {
+        let count =
+            |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
+        let (at_grasp, over_time) = (diversity.at_grasp, diversity.over_time);
+        Self {
+            candidates_n: sampled.len() as f64,
+            within_limits_n: count(Sampled::within_limits),
+            clear_n: count(|s| s.approach_depth_m <= CLEAR_M),
+            grasp_spread_m: at_grasp.palm_m,
+            grasp_spread_rad: at_grasp.palm_rad,
+            grasp_q_spread_rad: at_grasp.q_rad,
+            motion_spread_m: over_time.palm_m,
+            motion_spread_rad: over_time.palm_rad,
+            motion_q_spread_rad: over_time.q_rad,
+            collapsed_n: f64::from(u8::from(diversity.is_collapsed())),
+        }
+    }
+}
+
+/// Says what became of all objects' candidates.
+fn line(summary: &Summary<SamplingMetrics>) -> String {
+    let all = &summary.metrics;
+    let percent = |n: f64| 100.0 * n / all.candidates_n.max(1.0);
+    let line = format!(
+        "{:.0} % within limits, {:.0} % collision-free; palm spread {:.0} mm, {:.0}°",
+        percent(all.within_limits_n),
+        percent(all.clear_n),
+        1e3 * all.grasp_spread_m,
+        all.grasp_spread_rad.to_degrees(),
+    );
+    match all.collapsed_n {
+        0.0 => line,
+        collapsed => format!("COLLAPSED for {collapsed} objects, all motions one; {line}"),
+    }
+}
+
+/// Reads a demonstration with its joints in this order.
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleError> {
+    let shown: Trajectory = lake::table::read(artifact)?;
+    let motion = shown.motion.reordered(joints).map_err(|err| match err {
+        MotionError::Joints(source) => SampleError::AnotherHand {
+            what: format!("trajectory `{}`", artifact.key),
+            source,
+        },
+        other => SampleError::Motion(other),
+    })?;
+    Ok(Trajectory { motion, ..shown })
+}

@@ -1,0 +1,46 @@
+//! Shows how often candidates hold, with what confidence, and why the others fail.
+//!
+//! Two tables and their charts for all objects: `success`, a row for each object, generator and
+//! origin of the motions, and `rates`, means over the objects with their intervals.
+
+mod rates;
+mod success;
+
+use dataflow::{Lines, Outputs, Report, counted};
+
+use crate::{RobustnessTrials, Screen};
+
+pub use rates::{RatesMetrics, RatesReport};
+pub use success::{SuccessMetrics, SuccessReport};
+
+/// Shows how often candidates hold.
+pub enum ScreenReport {}
+
+impl Report for ScreenReport {
+    type Stage = Screen;
+
+    const OUTPUTS: Outputs<Screen> = &[&SuccessReport, &RatesReport];
+
+    fn lines(lines: &mut Lines<Screen>) {
+        lines.add::<Screen>(|summary| {
+            let all = &summary.metrics;
+            format!(
+                "{} → {:.0} accepted",
+                counted(all.candidates_n, "candidate"),
+                all.accepted_n
+            )
+        });
+        lines.add::<RobustnessTrials>(|summary| {
+            let all = &summary.metrics;
+            if all.trials_n == 0.0 {
+                return "no accepted motion tried with sampled errors".to_owned();
+            }
+            format!(
+                "{} × {:.0} trials with errors → {:.1} % succeed",
+                counted(all.motions_n, "accepted motion"),
+                all.trials_n / all.motions_n,
+                100.0 * all.held_n / all.trials_n
+            )
+        });
+    }
+}
