@@ -3,11 +3,23 @@
 use std::path::PathBuf;
 
 use cell::{PlannedFault, PublicKey};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use clap_complete::Shell;
 use dataflow::{PartitionKey, Sweep};
 
 use crate::outages::DepotDown;
+
+/// Commands of every day, in the order of their use.
+const DAILY: [&str; 8] = [
+    "new", "run", "plan", "query", "inspect", "report", "export", "doctor",
+];
+/// The other commands, by what they are about.
+const GROUPS: [(&str, &[&str]); 4] = [
+    ("Runs", &["runs", "diff", "lineage", "tag", "attach"]),
+    ("Stages", &["stages", "graph"]),
+    ("Robot cell", &["cell", "router"]),
+    ("Lake", &["verify", "gc", "push", "pull"]),
+];
 
 /// End of the help: options of every command, and a first command.
 const LONG: &str = "
@@ -27,8 +39,7 @@ Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml
 #[command(
     version,
     override_usage = "pipeline [-q] [--lake DIR] COMMAND …; `pipeline COMMAND -h` says more",
-    help_template = "{about}\nUsage: {usage}\nCommands:\n{subcommands}{after-help}",
-    after_long_help = LONG
+    help_template = "{about}\nUsage: {usage}\n{after-help}"
 )]
 pub(crate) struct Cli {
     /// Print only errors
@@ -42,6 +53,29 @@ pub(crate) struct Cli {
     pub(crate) detached_in: Option<PathBuf>,
     #[command(subcommand)]
     pub(crate) command: Command,
+}
+
+impl Cli {
+    /// Returns the command line with its help: the commands of every day, then the others by group, in `-h` by name.
+    pub(crate) fn described() -> clap::Command {
+        let command = Self::command();
+        let describe = |names: &[&str]| {
+            let lines = names.iter().map(|name| {
+                let about = command
+                    .find_subcommand(name)
+                    .and_then(clap::Command::get_about);
+                format!("  {name:<8} {}\n", about.cloned().unwrap_or_default())
+            });
+            lines.collect::<String>()
+        };
+        let daily = format!("Commands:\n{}", describe(&DAILY));
+        let (mut short, mut long) = (format!("{daily}\n"), daily);
+        for (group, names) in GROUPS {
+            short += &format!("{group:<10} {}\n", names.join(", "));
+            long += &format!("\n{group}:\n{}", describe(names));
+        }
+        command.after_help(short).after_long_help(long + LONG)
+    }
 }
 
 #[derive(Subcommand)]

@@ -2,7 +2,7 @@
 
 use std::{env, path::PathBuf, process::ExitCode};
 
-use clap::{CommandFactory, FromArgMatches};
+use clap::FromArgMatches;
 use dataflow::Kind;
 
 use crate::{
@@ -34,7 +34,7 @@ impl Program<'_> {
 
 /// Reads the process's arguments.
 fn arguments() -> Result<Cli, clap::Error> {
-    let mut command = Cli::command();
+    let mut command = Cli::described();
     command.build();
     // It works, but its line would not fit on one screen.
     let mut command = command.mut_subcommand("help", |help| help.hide(true));

@@ -14,7 +14,7 @@ use toml_edit::{DocumentMut, Item};
 fn dependencies() -> BTreeMap<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut manifests = vec![root.join("Cargo.toml"), root.join("schemas/Cargo.toml")];
-    for folder in ["crates", "stages"] {
+    for folder in ["crates", "stages", "stages/baselines"] {
         for entry in fs::read_dir(root.join(folder)).unwrap() {
             let manifest = entry.unwrap().path().join("Cargo.toml");
             manifests.extend(Some(manifest).filter(|manifest| manifest.is_file()));

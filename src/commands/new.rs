@@ -52,30 +52,30 @@ const FILES: [(&str, &str); 48] = files![
     "pipelines/arm.toml",
     "pipelines/baseline.toml",
     "pipelines/cgf.toml",
-    "pipelines/contribution.toml",
-    "pipelines/contribution_generators.toml",
-    "pipelines/expert.toml",
+    "pipelines/studies/contribution.toml",
+    "pipelines/studies/contribution_generators.toml",
+    "pipelines/studies/expert.toml",
     "pipelines/grasps.toml",
     "pipelines/interpolation.toml",
     "pipelines/paper.toml",
-    "pipelines/paper_cell.toml",
-    "pipelines/paper_generators.toml",
-    "pipelines/paper_planners.toml",
-    "pipelines/paper_tables.toml",
+    "pipelines/studies/paper_cell.toml",
+    "pipelines/studies/paper_generators.toml",
+    "pipelines/studies/paper_planners.toml",
+    "pipelines/studies/paper_tables.toml",
     "pipelines/planners.toml",
-    "pipelines/refinement.toml",
-    "pipelines/refinement_parts.toml",
+    "pipelines/studies/refinement.toml",
+    "pipelines/studies/refinement_parts.toml",
     "pipelines/released.toml",
     "pipelines/replay.toml",
-    "pipelines/protocols.toml",
+    "pipelines/studies/protocols.toml",
     "pipelines/rivals.toml",
-    "pipelines/robustness.toml",
-    "pipelines/script.toml",
-    "pipelines/strict.toml",
-    "pipelines/training_parts.toml",
+    "pipelines/studies/robustness.toml",
+    "pipelines/studies/script.toml",
+    "pipelines/studies/strict.toml",
+    "pipelines/studies/training_parts.toml",
     "pipelines/unseen.toml",
-    "pipelines/waterfall.toml",
-    "pipelines/waterfall_functions.toml",
+    "pipelines/studies/waterfall.toml",
+    "pipelines/studies/waterfall_functions.toml",
     ".gitignore",
 ];
 
@@ -197,11 +197,12 @@ mod tests {
         }
         // They document this repository, not a project.
         there.remove("pipelines/README.md");
+        there.remove("pipelines/studies/README.md");
         there.remove("pipelines/profiles.md");
-        there.remove("pipelines/paper_tables.md");
-        there.retain(|path| !path.starts_with("pipelines/tables/"));
+        there.remove("pipelines/studies/paper_tables.md");
+        there.retain(|path| !path.starts_with("pipelines/studies/tables/"));
         // Their programs are examples of this repository.
-        there.remove("pipelines/agreement.toml");
+        there.remove("pipelines/studies/agreement.toml");
         there.remove("pipelines/generator.toml");
         let written = FILES.iter().map(|(path, _)| (*path).to_owned());
         assert_eq!(written.collect::<BTreeSet<_>>(), there);

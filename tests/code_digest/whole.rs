@@ -207,8 +207,8 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 
 /// Crates that compute, each linked by a stage.
 const COMPUTING: &str = "crates/cgf crates/geometry crates/motion crates/planning crates/posture crates/robot \
-    crates/simulation crates/spatial stages/cem_mpc stages/force_closure stages/ingest stages/refine \
-    stages/retarget stages/rrt stages/sample stages/screen stages/train";
+    crates/simulation crates/spatial stages/baselines/cem_mpc stages/baselines/force_closure stages/ingest stages/refine \
+    stages/retarget stages/baselines/rrt stages/sample stages/screen stages/train";
 
 /// The digest of a crate itself in its own code: the part that those have who link it.
 fn own_digest(folder: &Path) -> String {

@@ -228,6 +228,19 @@ pub(crate) fn labels(recording: &Path) -> Vec<PathBuf> {
     paths
 }
 
+/// Lists the shipped pipeline files, those of studies too, in order.
+pub(crate) fn pipeline_files() -> Vec<PathBuf> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut files: Vec<PathBuf> = ["pipelines", "pipelines/studies"]
+        .iter()
+        .flat_map(|folder| fs::read_dir(root.join(folder)).unwrap())
+        .map(|entry| entry.unwrap().path())
+        .filter(|path| path.extension().is_some_and(|ending| ending == "toml"))
+        .collect();
+    files.sort();
+    files
+}
+
 pub(crate) fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }

@@ -298,14 +298,33 @@ fn completions_are_scripts_that_know_commands_and_options() {
 pub(crate) fn subcommands() -> Vec<String> {
     let help = stdout(&pipeline(&["--help"]));
     let (_, commands) = help.split_once("Commands:\n").unwrap();
-    let lines = commands.lines().take_while(|line| !line.is_empty());
+    let (commands, _) = commands.split_once("Options of every command").unwrap();
     // A long description goes on in a line that begins further to the right.
-    let lines = lines.filter(|line| !line.starts_with("   "));
+    let lines = commands
+        .lines()
+        .filter(|line| line.starts_with("  ") && !line.starts_with("   "));
     let words = lines.filter_map(|line| line.split_whitespace().next());
-    words
-        .filter(|word| *word != "help")
+    words.map(str::to_owned).collect()
+}
+
+#[test]
+fn help_names_every_command_once() {
+    let mut named = subcommands();
+    named.sort();
+    let short = stdout(&pipeline(&["-h"]));
+    for command in &named {
+        assert!(short.contains(command.as_str()), "{command}");
+    }
+    let hidden = ["completions", "unit", "untag", "worker"];
+    let known = stdout(&pipeline(&["completions", "bash"]));
+    let (_, known) = known.split_once("opts=\"").unwrap();
+    let words = known.split('"').next().unwrap().split_whitespace();
+    let mut known: Vec<String> = words
+        .filter(|word| !word.starts_with('-') && *word != "help" && !hidden.contains(word))
         .map(str::to_owned)
-        .collect()
+        .collect();
+    known.sort();
+    assert_eq!(named, known);
 }
 
 #[test]

@@ -40,12 +40,11 @@ fn table(folder: &Path) -> (Vec<String>, Vec<Vec<String>>) {
 fn every_artifact_with_motions_is_exported_and_says_what_is_lost() {
     let bench = finished();
     let lab = tempfile::tempdir().unwrap();
-    // What is executed at a cell is commanded at its controllers' own times.
     for (artifact, is_executed, has_commands) in [
         ("retarget.trajectories", false, false),
         ("refine.candidates", false, false),
         ("screen.rollouts", true, true),
-        ("dispatch.executions", true, false),
+        ("dispatch.executions", true, true),
     ] {
         let out = lab.path().join(artifact);
         let ran = export(bench, &["csv", artifact], &out);

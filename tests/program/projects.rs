@@ -67,15 +67,20 @@ fn new_project_contains_every_file_its_pipelines_name() {
     let folder = project();
     let lab = folder.path().join("my_lab");
     put(&lab.join("data/sample/recipe.toml"), &small_recipe());
-    for name in names(&lab.join("pipelines")) {
-        let path = format!("pipelines/{name}");
-        let ready = pipeline(&lab, &["doctor", &path]);
+    let of = |folder: &str| {
+        let files = names(&lab.join(folder)).into_iter();
+        let files: Vec<String> = files.map(|name| format!("{folder}/{name}")).collect();
+        files
+    };
+    let files = [of("pipelines"), of("pipelines/studies")].concat();
+    for path in files.iter().filter(|path| path.ends_with(".toml")) {
+        let ready = pipeline(&lab, &["doctor", path]);
         let text = stderr(&ready);
         // Studies with several values have no single one to check.
         let is_study = text.contains("variants here");
         let known = ready.status.code() == Some(0) || text.contains("unknown stage `dispatch`");
         assert!(known || is_study, "{path}: {text}");
-        let planned = pipeline(&lab, &["plan", &path]);
+        let planned = pipeline(&lab, &["plan", path]);
         assert_eq!(
             planned.status.code(),
             Some(0),

@@ -1,4 +1,4 @@
-//! Claims of `pipelines/refinement_parts.toml`: the same motions as drawn and refined, through the same physics.
+//! Claims of `pipelines/studies/refinement_parts.toml`: the same motions as drawn and refined, through the same physics.
 
 use std::{
     collections::{BTreeMap, BTreeSet},
@@ -11,7 +11,7 @@ use serde_json::Value;
 use crate::bench::{Bench, stderr};
 
 /// The pipeline file, from the root of the project.
-const FILE: &str = "pipelines/refinement_parts.toml";
+const FILE: &str = "pipelines/studies/refinement_parts.toml";
 const OBJECTS: [&str; 2] = ["003_cracker_box", "006_mustard_bottle"];
 const PER_OBJECT: usize = 12;
 

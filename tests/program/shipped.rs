@@ -10,7 +10,7 @@ use std::{
 use dataflow::Pipeline;
 
 use crate::{
-    bench::{Bench, stderr},
+    bench::{Bench, pipeline_files, stderr},
     cell_lab::Served,
 };
 
@@ -22,13 +22,8 @@ struct Shipped {
 }
 
 fn shipped() -> Vec<Shipped> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines");
     let mut all = Vec::new();
-    for entry in fs::read_dir(folder).unwrap() {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|ending| ending != "toml") {
-            continue;
-        }
+    for path in pipeline_files() {
         let text = fs::read_to_string(&path).unwrap();
         let read = Pipeline::parse(&path, &text, &pipeline::kinds(), None, &[]).unwrap();
         all.push(Shipped {

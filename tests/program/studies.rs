@@ -1,4 +1,4 @@
-//! Claims of `pipelines/paper_tables.toml`: every variant is screened over shared stages, and the query of each of the
+//! Claims of `pipelines/studies/paper_tables.toml`: every variant is screened over shared stages, and the query of each of the
 //! paper's tables makes it.
 
 use std::{path::Path, process::Command};
@@ -23,7 +23,7 @@ fn studied() -> Bench {
     let mut program = Command::new(env!("CARGO_BIN_EXE_pipeline"));
     program
         .current_dir(env!("CARGO_MANIFEST_DIR"))
-        .args(["run", "pipelines/paper_tables.toml", "--lake"])
+        .args(["run", "pipelines/studies/paper_tables.toml", "--lake"])
         .arg(bench.lake());
     let root = format!("ingest.root={}", bench.root().display());
     let mut values = vec![
@@ -79,7 +79,7 @@ fn studied() -> Bench {
 
 /// Returns the rows of one of the paper's tables.
 fn table(bench: &Bench, number: u32) -> Vec<Value> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/tables");
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/studies/tables");
     let query = Query::read(&folder.join(format!("paper_{number}.sql"))).unwrap();
     ask(bench, &query.sql)
 }

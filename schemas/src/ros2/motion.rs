@@ -30,6 +30,8 @@ pub const OBJECT: &str = "object";
 
 /// Topic of the measured or planned [`joint_state`].
 pub const JOINT_STATES: &str = "/joint_states";
+/// Topic of the [`joint_state`] that was commanded at the times of the measured one.
+pub const JOINT_COMMANDS: &str = "/joint_commands";
 /// Topic of the commanded [`joint_trajectory`].
 pub const JOINT_TRAJECTORY: &str = "/joint_trajectory";
 /// Topic of the commanded [`joint_trajectory`] of the arm that carries the hand.

@@ -12,8 +12,8 @@ use schemas::{
     ros2::{
         JointTrajectory,
         motion::{
-            self, ARM_TRAJECTORY, GRASP_POSE, JOINT_TRAJECTORY, OBJECT, RecordingScene, START_NS,
-            SceneStep, TrajectoryPoint,
+            self, ARM_TRAJECTORY, GRASP_POSE, JOINT_COMMANDS, JOINT_TRAJECTORY, OBJECT,
+            RecordingScene, START_NS, SceneStep, TrajectoryPoint,
         },
     },
 };
@@ -98,6 +98,9 @@ pub(crate) fn record(
                 q_velocity_rad_per_s: &[],
             },
         )?;
+        let time_ns = motion::stamp_ns(sample.time_s);
+        let commanded = motion::joint_state(time_ns, &joints, &sample.q_command_rad, &[]);
+        recording.write(JOINT_COMMANDS, time_ns, &commanded)?;
     }
     recording.finish()?;
     Ok(())

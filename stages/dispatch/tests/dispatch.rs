@@ -14,7 +14,7 @@ use schemas::{
     rollouts::{Rollout, Verdict},
     ros2::{
         JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
-        motion::{GRASP_POSE, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
+        motion::{GRASP_POSE, JOINT_COMMANDS, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, TF},
     },
 };
 use spatial::{Pose, RestingPose};
@@ -228,6 +228,18 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         .map(|m| m.decode().unwrap().unwrap())
         .collect();
     assert_eq!(states[0].name, joints());
+    let commanded: Vec<JointState> = recording
+        .topic(JOINT_COMMANDS)
+        .map(|m| m.decode().unwrap().unwrap())
+        .collect();
+    assert_eq!(commanded.len(), states.len());
+    for (command, state) in commanded.iter().zip(&states) {
+        assert_eq!(
+            (&command.header, &command.name),
+            (&state.header, &state.name)
+        );
+        assert_eq!(command.position.len(), state.position.len());
+    }
     let commands: JointTrajectory = recording
         .topic(JOINT_TRAJECTORY)
         .next()

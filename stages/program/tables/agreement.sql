@@ -1,7 +1,7 @@
 -- How well the screen and MuJoCo agree on single samples of the prior, 40 for each object of DexYCB, accepted or not, by
 -- friction and by how MuJoCo computes contacts.
 --
--- pipeline run pipelines/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
+-- pipeline run pipelines/studies/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
 with
     variants as (
         select run as variant,

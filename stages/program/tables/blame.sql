@@ -1,6 +1,6 @@
 -- The objects on which the screen and MuJoCo differ, the most first; friction 1, contacts about as soft.
 --
--- pipeline run pipelines/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
+-- pipeline run pipelines/studies/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
 with
     first_variant as (select min(run) as variant from settings where run in (select run from runs))
 select

@@ -2,7 +2,7 @@
 -- retargeted demonstrations: root mean square distances from their mean (`success`), over the objects weighted by grasps.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
 --   --set sample.per_object=20 --set refine.draws=1
 with
     of_objects as (

@@ -2,7 +2,7 @@
 -- `rollouts`: means over the motions, of velocity and acceleration their logarithm to base 10.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
 --   --set sample.per_object=20 --set refine.draws=1
 with
     motions as (

@@ -78,7 +78,7 @@ pub(crate) fn section(gathered: &PageData) -> Section {
     section.tables.push(cost(gathered));
     section.tables.push(real(gathered));
     section.say(
-        "`pipeline run pipelines/paper_tables.toml` makes all five tables of the paper, also IV (feedforward control) and \
+        "`pipeline run pipelines/studies/paper_tables.toml` makes all five tables of the paper, also IV (feedforward control) and \
          V (noise), beside planners.",
     );
     section

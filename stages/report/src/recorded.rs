@@ -11,8 +11,8 @@ use schemas::{
     ros2::{
         JointState, JointTrajectory, Marker, MarkerArray, Message, TfMessage, Transform,
         motion::{
-            CONTACTS, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, METERS_PER_NEWTON, OBJECT, START_NS,
-            TABLE, TF,
+            CONTACTS, JOINT_COMMANDS, JOINT_STATES, JOINT_TRAJECTORY, MARKERS, METERS_PER_NEWTON,
+            OBJECT, START_NS, TABLE, TF,
         },
     },
 };
@@ -61,6 +61,8 @@ impl RecordedMotion {
         };
         let poses = messages::<TfMessage>(contents, TF).map_err(|err| problem(&err))?;
         let states = messages::<JointState>(contents, JOINT_STATES).map_err(|err| problem(&err))?;
+        let commanded = messages::<JointState>(contents, JOINT_COMMANDS);
+        let commanded = commanded.map_err(|err| problem(&err))?;
         let base = robot.links().first().map(|link| link.name.clone());
         let base = base.unwrap_or_default();
         let commands = commands(contents, &robot).map_err(|err| problem(&err))?;
@@ -78,17 +80,19 @@ impl RecordedMotion {
                 of.and_then(|one| numbers(&one.transform))
                     .ok_or_else(|| problem(&format!("a step has no pose of `{child}`")))
             };
-            let order = JointOrder::new(&state.name, &robot.joint_names());
-            let order = order.map_err(|err| problem(&err.to_string()))?;
-            let q = order
-                .apply(&state.position)
-                .map_err(|err| problem(&err.to_string()))?;
+            let in_order = |state: &JointState| {
+                let order = JointOrder::new(&state.name, &robot.joint_names());
+                let order = order.map_err(|err| problem(&err.to_string()))?;
+                let q = order.apply(&state.position);
+                q.map_err(|err| problem(&err.to_string()))
+            };
+            let q = in_order(state)?;
             let moment = Moment {
                 time_s: (time_ns - START_NS) as f64 / 1e9,
                 table_from_root: pose(&base)?.reinterpret(),
                 table_from_object: pose(OBJECT)?.reinterpret(),
                 q,
-                q_command: None,
+                q_command: commanded.get(time_ns).map(in_order).transpose()?,
                 contacts: contacts.get(time_ns).cloned().unwrap_or_default(),
             };
             moments.push(moment);

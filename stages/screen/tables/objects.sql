@@ -3,7 +3,7 @@
 -- of the object's demonstrations that succeed.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run, max(number) as best_of

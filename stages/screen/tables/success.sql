@@ -4,7 +4,7 @@
 -- over its cost (Ye et al., RA-L 2023, table V).
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run, max(number) as best_of

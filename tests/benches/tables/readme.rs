@@ -25,6 +25,19 @@ pub(crate) struct Table {
     pub(crate) query: Option<PathBuf>,
 }
 
+/// Adds the READMEs of a folder and of those below it, in order.
+fn below(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
+    let readme = folder.join("README.md");
+    found.extend(readme.is_file().then_some(readme));
+    let entries: io::Result<Vec<PathBuf>> = fs::read_dir(folder)?
+        .map(|entry| Ok(entry?.path()))
+        .collect();
+    let mut folders = entries?;
+    folders.retain(|path| path.is_dir());
+    folders.sort();
+    folders.iter().try_for_each(|folder| below(folder, found))
+}
+
 impl Readme {
     /// Lists the READMEs of the repository, that of the top level first.
     ///
@@ -35,15 +48,7 @@ impl Readme {
         let root = Path::new(env!("CARGO_MANIFEST_DIR"));
         let mut paths = vec![root.join("README.md")];
         for name in ["crates", "data", "pipelines", "schemas", "stages", "tests"] {
-            let folder = root.join(name);
-            paths.push(folder.join("README.md"));
-            let below: io::Result<Vec<PathBuf>> = fs::read_dir(&folder)?
-                .map(|entry| Ok(entry?.path().join("README.md")))
-                .collect();
-            let mut below = below?;
-            below.retain(|path| path.is_file());
-            below.sort();
-            paths.extend(below);
+            below(&root.join(name), &mut paths)?;
         }
         paths.into_iter().map(Self::read).collect()
     }
