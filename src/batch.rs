@@ -8,17 +8,16 @@
 
 mod adopt;
 mod drivers;
-mod queue;
+pub(crate) mod queue;
 mod submit;
 mod table;
 mod watch;
 
 use std::{
     collections::{BTreeMap, BTreeSet, HashMap},
-    env, fs, io,
+    env, io,
     path::PathBuf,
     sync::{Mutex, PoisonError},
-    thread,
     time::Duration,
 };
 
@@ -28,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use self::table::{Table, yes};
 use self::{
-    queue::{Queue, ask},
+    queue::{Ask, Queue},
     submit::{described, limit_s},
     table::Values,
 };
@@ -68,6 +67,8 @@ pub(crate) struct Batch<'a> {
     pub(crate) depot: String,
     /// Folder of the logs of jobs.
     pub(crate) logs: PathBuf,
+    /// Runs its commands.
+    pub(crate) ask: &'a Ask<'a>,
 }
 
 /// An array of jobs that is out.
@@ -110,7 +111,7 @@ impl Executor for Batch<'_> {
                 }
             }
         }
-        let driver = unique_name().map_err(|err| self.refused(&err))?;
+        let driver = unique_name();
         self.alive_during(&driver, || {
             self.make(wave, &driver, &mut open, events, ended)
         })
@@ -121,7 +122,7 @@ impl Executor for Batch<'_> {
 pub(crate) fn cancel_all() -> Vec<String> {
     let arrays = out(std::mem::take);
     for words in arrays.values() {
-        let _gone = ask(words, "");
+        let _gone = queue::ask(words, "");
     }
     arrays.into_keys().collect()
 }
@@ -184,7 +185,7 @@ impl Batch<'_> {
         for array in &arrays {
             // A job that is stuck, or whose result is no longer needed.
             if is_left || watched.as_ref().is_ok_and(|stuck| *stuck) {
-                let _gone = ask(&self.cancellation(array), "");
+                let _gone = (self.ask)(&self.cancellation(array), "");
             }
             out(|out| out.remove(&array.name));
             // Files left in a depot that is down are removed by its garbage collection.
@@ -217,7 +218,7 @@ impl Batch<'_> {
     pub(crate) fn try_out(&self) -> Result<String, Failure> {
         let refused = |err: io::Error| self.refused(&err);
         let array = Array {
-            name: unique_name().map_err(refused)?,
+            name: unique_name(),
             id: None,
             on: self.name.clone(),
             driver: String::new(),
@@ -235,12 +236,12 @@ impl Batch<'_> {
         let submitted = self.submit_array(&array, &Resources::default(), 1);
         let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };
         while answer.is_none() && n_looks > 0 {
-            thread::sleep(POLL_PERIOD);
+            clock::sleep(POLL_PERIOD);
             n_looks -= 1;
             answer = self.lake.message(&here_key(&job)).map_err(failed)?;
         }
         if answer.is_none() {
-            let _gone = ask(&self.cancellation(&array), "");
+            let _gone = (self.ask)(&self.cancellation(&array), "");
         }
         for key in [orders_key(&job), here_key(&job)] {
             self.lake.remove_message(&key).map_err(failed)?;
@@ -284,7 +285,7 @@ impl Batch<'_> {
             .with("ids", &ids.join(" "));
         Ok(queue::read(
             &self.table,
-            &ask(&values.words(&self.table.query), "")?,
+            &(self.ask)(&values.words(&self.table.query), "")?,
         ))
     }
 
@@ -305,13 +306,13 @@ impl Batch<'_> {
                 Err(_) => {}
             }
             n_looks += 1;
-            thread::sleep(POLL_PERIOD);
+            clock::sleep(POLL_PERIOD);
         }
     }
 
     /// Number of jobs that one array may have.
     fn limit(&self) -> usize {
-        let said = ask(&self.table.limit, "").ok();
+        let said = (self.ask)(&self.table.limit, "").ok();
         let limit = said.and_then(|said| self.table.limit_in(&said));
         // The number is that of the first index that is too large.
         limit.map_or(DEFAULT_ARRAY_JOBS, |limit| limit.max(1))
@@ -347,14 +348,8 @@ impl Batch<'_> {
 }
 
 /// A name that no other array has.
-fn unique_name() -> io::Result<String> {
-    let random = fs::read_to_string("/proc/sys/kernel/random/uuid")?;
-    let digits: String = random
-        .chars()
-        .filter(char::is_ascii_hexdigit)
-        .take(12)
-        .collect();
-    Ok(format!("pl{digits}"))
+fn unique_name() -> String {
+    format!("pl{:016x}", clock::random())
 }
 
 /// A word as a shell reads it; plain words, and `~`, stay as they are.
@@ -378,7 +373,7 @@ mod tests {
 
     #[test]
     fn names_are_never_given_twice_and_words_survive_a_shell() {
-        assert_ne!(unique_name().unwrap(), unique_name().unwrap());
+        assert_ne!(unique_name(), unique_name());
         assert_eq!(quoted("it's"), "'it'\\''s'");
         assert_eq!(for_shell("~/lake"), "~/lake");
         assert_eq!(for_shell(""), "''");

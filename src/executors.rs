@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
-    batch::{Batch, Table, for_shell, yes},
+    batch::{Batch, Table, for_shell, queue, yes},
     outcome::CommandError,
     processes::{Processes, Reach},
     sharing::{self, DepotName},
@@ -157,6 +157,7 @@ impl<'a> RemoteExecutor<'a> {
             lake,
             depot: depot.to_string(),
             logs,
+            ask: &queue::ask,
         })))
     }
 }

@@ -1,10 +1,12 @@
 //! Heartbeats: what a process leaves now and then, by which others know that it is alive.
 
 use std::{
-    sync::mpsc::{self, RecvTimeoutError},
-    thread,
+    panic::{AssertUnwindSafe, catch_unwind, resume_unwind},
+    sync::Mutex,
     time::Duration,
 };
+
+use clock::Condvar;
 
 /// Calls `beat` once in each period while `work` lasts, however it ends.
 pub(crate) fn during<R>(
@@ -12,24 +14,32 @@ pub(crate) fn during<R>(
     mut beat: impl FnMut() + Send,
     work: impl FnOnce() -> R,
 ) -> R {
-    let (over, beating) = mpsc::channel::<()>();
-    thread::scope(|scope| {
-        // Moved into this closure, so that it is dropped before the scope waits for the thread.
-        let over = over;
-        scope.spawn(move || {
-            while beating.recv_timeout(period) == Err(RecvTimeoutError::Timeout) {
+    let (is_over, changed) = (Mutex::new(false), Condvar::default());
+    let beats = || {
+        let mut next = clock::now() + period;
+        while !*clock::lock(&is_over) {
+            let left = next.saturating_duration_since(clock::now());
+            if left.is_zero() {
                 beat();
+                next = clock::now() + period;
+            } else {
+                let over = clock::lock(&is_over);
+                drop(changed.wait_timeout(over, &is_over, left));
             }
-        });
-        let done = work();
-        drop(over);
+        }
+    };
+    let done = clock::beside(beats, || {
+        let done = catch_unwind(AssertUnwindSafe(work));
+        *clock::lock(&is_over) = true;
+        changed.notify_all();
         done
-    })
+    });
+    done.unwrap_or_else(|panic| resume_unwind(panic))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::panic::{AssertUnwindSafe, catch_unwind};
+    use std::sync::mpsc;
 
     use super::*;
 

@@ -62,6 +62,10 @@ pub(crate) fn answer<T: Serialize>(
 
 /// Writes a line for people to stderr. A failure cannot be reported anywhere.
 pub(crate) fn line(text: &str) {
+    if clock::process().is_some() {
+        // A simulated process has no terminal.
+        return;
+    }
     let mut stderr = AutoStream::auto(io::stderr().lock());
     let _gone = writeln!(stderr, "{}", painted(&in_words(text)));
 }

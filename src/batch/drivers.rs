@@ -2,7 +2,7 @@
 //! them is waited for by the other, which takes the jobs over if the first has died.
 
 use std::{
-    fs, thread,
+    fs,
     time::{Duration, Instant},
 };
 
@@ -122,7 +122,7 @@ impl Batch<'_> {
                     // While the depot is down nobody is heard.
                     let untroubled = self.lake.untroubled_for();
                     let is_heard = untroubled.is_some_and(|since| since <= TIMEOUT);
-                    if at.elapsed() > TIMEOUT && !is_heard {
+                    if clock::since(*at) > TIMEOUT && !is_heard {
                         break;
                     }
                 }
@@ -131,10 +131,10 @@ impl Batch<'_> {
                     if let Some(waiting) = waiting.take() {
                         waiting(&heartbeat);
                     }
-                    *known = Some((heartbeat, Instant::now()));
+                    *known = Some((heartbeat, clock::now()));
                 }
             }
-            thread::sleep(POLL_PERIOD);
+            clock::sleep(POLL_PERIOD);
         }
         self.lake.remove_message(&key).map_err(failed)?;
         Ok(has_waited)

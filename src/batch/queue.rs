@@ -65,6 +65,9 @@ pub(crate) fn read(table: &Table, said: &str) -> Queue {
     lines.collect()
 }
 
+/// Runs a command of a scheduler with a text on its stdin; returns its stdout.
+pub(crate) type Ask<'a> = dyn Fn(&[String], &str) -> io::Result<String> + Sync + 'a;
+
 /// Runs a command of a scheduler with this on its stdin; returns its stdout.
 pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {
     let mut rest = words.iter();

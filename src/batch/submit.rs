@@ -1,12 +1,10 @@
 //! Submitting arrays of jobs, and asking whether they could be.
 
-use std::{env, io, slice, thread};
+use std::{env, io, slice};
 
 use dataflow::{Failure, Order, Resources, Wave};
 
-use super::{
-    Array, Batch, POLL_PERIOD, key, out, queue::ask, quoted, table::Values, unique_name, values_of,
-};
+use super::{Array, Batch, POLL_PERIOD, key, out, quoted, table::Values, unique_name, values_of};
 use crate::jobs::{JobOrders, orders_key};
 
 /// Times that an array is submitted before it counts as refused: a scheduler's message does not distinguish a
@@ -48,7 +46,7 @@ impl Batch<'_> {
         let jobs: Vec<&[usize]> = rest.chunks(n_in_job).collect();
         for jobs in jobs.chunks(self.limit()) {
             let mut array = Array {
-                name: unique_name().map_err(|err| self.refused(&err))?,
+                name: unique_name(),
                 id: None,
                 on: self.name.clone(),
                 driver: driver.to_owned(),
@@ -139,7 +137,7 @@ impl Batch<'_> {
             return Ok(());
         }
         let array = Array {
-            name: unique_name().map_err(|err| self.refused(&err))?,
+            name: unique_name(),
             id: None,
             on: self.name.clone(),
             driver: String::new(),
@@ -148,7 +146,7 @@ impl Batch<'_> {
         let values = self.values(&array, resources, 1)?;
         let mut words = self.table.submission(&values);
         words.splice(1..1, self.table.test.iter().cloned());
-        let asked = ask(&words, &values.lines(&self.table.script));
+        let asked = (self.ask)(&words, &values.lines(&self.table.script));
         asked.map(drop).map_err(|err| Failure::Executor {
             message: format!(
                 "`{}` refuses jobs with {}: {err}",
@@ -176,7 +174,7 @@ impl Batch<'_> {
         );
         let mut n_failed = 0;
         loop {
-            let err = match ask(&words, &script) {
+            let err = match (self.ask)(&words, &script) {
                 Ok(said) => return Ok(self.table.id_in(&said)),
                 Err(err) => err,
             };
@@ -186,7 +184,7 @@ impl Batch<'_> {
             }
             // Its answer may have been lost, or it may have gone in the middle of it.
             for _ in 0..SUBMITTED_LOOKS {
-                thread::sleep(POLL_PERIOD);
+                clock::sleep(POLL_PERIOD);
                 let queue = self.look_patiently(slice::from_ref(array))?;
                 if queue.keys().any(|(name, _)| *name == array.name) {
                     return Ok(None);

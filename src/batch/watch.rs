@@ -5,7 +5,6 @@ use std::{
     fs::File,
     io::{self, Read, Seek, SeekFrom},
     path::Path,
-    thread,
     time::{Duration, Instant},
 };
 
@@ -93,7 +92,7 @@ impl Batch<'_> {
                 Err(_) => {}
             }
             if !open.is_empty() {
-                thread::sleep(POLL_PERIOD);
+                clock::sleep(POLL_PERIOD);
             }
         }
     }
@@ -277,7 +276,7 @@ impl Batch<'_> {
         seen: &mut JobObservations,
     ) -> Result<Option<String>, Failure> {
         let (begin_s, timeout_s) = (self.table.begin_s, self.table.heartbeat_timeout_s);
-        let now = Instant::now();
+        let now = clock::now();
         let last = seen.workers.entry(job.clone()).or_insert(WorkerHeartbeat {
             heartbeat: None,
             at: now,
@@ -287,7 +286,7 @@ impl Batch<'_> {
         let longest = Duration::from_secs(longest_s);
         // A request for each job at every look would be many.
         let pause = Duration::from_secs(begin_s.min(timeout_s) / 4);
-        if last.at.elapsed() > longest || last.looked.elapsed() > pause {
+        if clock::since(last.at) > longest || clock::since(last.looked) > pause {
             last.looked = now;
             let key = here_key(&format!("{}/{}", job.0, job.1));
             let heartbeat = self.lake.message(&key).map_err(failed)?;
@@ -299,7 +298,7 @@ impl Batch<'_> {
         // While the depot is down nobody is heard.
         let untroubled = self.lake.untroubled_for();
         let is_heard = untroubled.is_some_and(|since| since <= longest);
-        let is_silent = last.at.elapsed() > longest && !is_heard;
+        let is_silent = clock::since(last.at) > longest && !is_heard;
         Ok(is_silent.then(|| match last.heartbeat {
             None => format!("begun for {begin_s} s"),
             Some(_) => format!("been heard for {timeout_s} s"),

@@ -117,7 +117,8 @@ impl<'a> Maker<'a> {
             },
         };
         let pool = self.pool()?;
-        let compute = || pool.install(|| stage.configured.make(output_idx, &inputs, &cx));
+        let make = || stage.configured.make(output_idx, &inputs, &cx);
+        let compute = || pool.install(clock::carry(make));
         let ran = catch_unwind(AssertUnwindSafe(compute));
         let outcome = ran
             .map_err(|payload| Failure::Panic {

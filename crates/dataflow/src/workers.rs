@@ -2,13 +2,12 @@
 
 use std::{
     collections::VecDeque,
-    hash::{BuildHasher, RandomState},
+    hash::{DefaultHasher, Hash, Hasher},
     ops::ControlFlow,
     sync::{
         Mutex, PoisonError,
         atomic::{AtomicBool, AtomicUsize, Ordering},
     },
-    thread,
     time::Duration,
 };
 
@@ -31,11 +30,7 @@ pub(crate) fn each(count: usize, n_workers: usize, work: impl Fn(usize) -> Contr
             }
         }
     };
-    thread::scope(|scope| {
-        for _ in 0..n_workers.min(count) {
-            scope.spawn(go_through);
-        }
-    });
+    clock::all(n_workers.min(count), go_through);
 }
 
 /// Pause before a number that another machine works on is tried again.
@@ -49,8 +44,12 @@ pub(crate) fn each_by_turns(
     work: impl Fn(usize) -> Option<ControlFlow<()>> + Sync,
 ) {
     let mut own: Vec<usize> = (0..count).collect();
-    let order = RandomState::new();
-    own.sort_by_cached_key(|idx| order.hash_one(idx));
+    let own_order = clock::random();
+    own.sort_by_cached_key(|idx| {
+        let mut hasher = DefaultHasher::new();
+        (own_order, idx).hash(&mut hasher);
+        hasher.finish()
+    });
     let (own, others) = (Mutex::new(own), Mutex::new(VecDeque::<usize>::new()));
     let take = || own.lock().unwrap_or_else(PoisonError::into_inner).pop();
     let waiting = || others.lock().unwrap_or_else(PoisonError::into_inner);
@@ -63,7 +62,7 @@ pub(crate) fn each_by_turns(
                 let Some(idx) = waiting().pop_front() else {
                     return;
                 };
-                thread::sleep(PAUSE);
+                clock::sleep(PAUSE);
                 idx
             };
             match work(idx) {
@@ -73,11 +72,7 @@ pub(crate) fn each_by_turns(
             }
         }
     };
-    thread::scope(|scope| {
-        for _ in 0..n_workers.min(count) {
-            scope.spawn(go_through);
-        }
-    });
+    clock::all(n_workers.min(count), go_through);
 }
 
 #[cfg(test)]

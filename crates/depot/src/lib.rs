@@ -28,7 +28,6 @@ mod folder;
 mod interface;
 mod link;
 mod patience;
-mod watch;
 
 pub use error::DepotError;
 pub use folder::{FolderDepot, WRITING};

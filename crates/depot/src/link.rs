@@ -4,17 +4,18 @@
 use std::{
     io::{self, Read},
     sync::{
-        Arc, Condvar, Mutex, MutexGuard, PoisonError,
+        Arc, Mutex, MutexGuard,
         atomic::{AtomicBool, AtomicU64, Ordering},
     },
     time::{Duration, Instant},
 };
 
+use clock::{Condvar, Pass, watched};
+
 use crate::{
     DepotError,
     interface::{Content, Depot, Entry, Put, PutMode},
     patience::{ANSWER_TIMEOUT, Outage, Patience, SAID_AFTER, pause, timeout},
-    watch::{Pass, watched},
 };
 
 /// Bytes per second that any depot takes: the last answer to a large file may come late.
@@ -119,7 +120,7 @@ impl Link {
                 asked_from: None,
                 n_told: 0,
             }),
-            hurried: Condvar::new(),
+            hurried: Condvar::default(),
             n_requests: AtomicU64::new(0),
             bytes_got: AtomicU64::new(0),
             bytes_put: AtomicU64::new(0),
@@ -157,7 +158,7 @@ impl Link {
 
     /// Returns for how long requests have failed without a success.
     pub fn down_for(&self) -> Option<Duration> {
-        self.state().down.map(|since| since.elapsed())
+        self.state().down.map(clock::since)
     }
 
     /// Returns why requests have failed since the last success, if they have, or why the depot is offline.
@@ -175,7 +176,7 @@ impl Link {
     }
 
     fn state(&self) -> MutexGuard<'_, State> {
-        self.state.lock().unwrap_or_else(PoisonError::into_inner)
+        clock::lock(&self.state)
     }
 
     /// Passes the bytes of a file to `sink`; returns whether there is such a file.
@@ -340,7 +341,7 @@ impl Link {
         mut each: impl FnMut(Part<T>) -> bool,
     ) -> Result<R, DepotError> {
         self.check()?;
-        let began = Instant::now();
+        let began = clock::now();
         let mut is_told = false;
         let mut n_failed = 0;
         loop {
@@ -375,11 +376,11 @@ impl Link {
             self.failure(&err);
             let left = self.patience.left(began).filter(|_| !err.is_lasting());
             let Some(left) = left.filter(|left| !left.is_zero()) else {
-                return Err(self.end(err, is_told, began.elapsed()));
+                return Err(self.end(err, is_told, clock::since(began)));
             };
-            if began.elapsed() >= SAID_AFTER && !is_told {
+            if clock::since(began) >= SAID_AFTER && !is_told {
                 is_told = true;
-                self.tell(&err, began.elapsed(), left);
+                self.tell(&err, clock::since(began), left);
             }
             self.pause(pause(n_failed).min(left));
             self.check()?;
@@ -392,7 +393,7 @@ impl Link {
     }
 
     fn pause(&self, time: Duration) {
-        let waited = self.hurried.wait_timeout(self.state(), time);
+        let waited = self.hurried.wait_timeout(self.state(), &self.state, time);
         drop(waited);
     }
 
@@ -403,7 +404,7 @@ impl Link {
             return Err(DepotError::Offline(Arc::clone(err)));
         }
         match state.asked_from {
-            Some(from) if Instant::now() < from => Err(DepotError::Resting),
+            Some(from) if clock::now() < from => Err(DepotError::Resting),
             _ => Ok(()),
         }
     }
@@ -412,13 +413,13 @@ impl Link {
         let mut state = self.state();
         (state.n_failed, state.asked_from) = (0, None);
         (state.down, state.failing) = (None, None);
-        state.succeeded = Some(Instant::now());
+        state.succeeded = Some(clock::now());
         if is_told {
             state.n_told -= 1;
             if state.n_told == 0 {
                 drop(state);
                 self.say(&Outage {
-                    lasted: began.elapsed(),
+                    lasted: clock::since(began),
                     why: None,
                     left: Duration::ZERO,
                 });
@@ -428,7 +429,7 @@ impl Link {
 
     fn failure(&self, err: &DepotError) {
         let mut state = self.state();
-        let now = Instant::now();
+        let now = clock::now();
         state.troubled = Some(now);
         state.down.get_or_insert(now);
         state.failing = Some(err.chain());

@@ -40,7 +40,7 @@ impl Patience {
     pub(crate) fn left(self, began: Instant) -> Option<Duration> {
         match self {
             Self::Once | Self::Casual => None,
-            Self::For(longest) => Some(longest.saturating_sub(began.elapsed())),
+            Self::For(longest) => Some(longest.saturating_sub(clock::since(began))),
         }
     }
 }

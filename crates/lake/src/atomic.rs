@@ -97,7 +97,8 @@ pub(crate) fn unique_name(staging: &Path, ending: &str) -> PathBuf {
 /// A name for this process that is never reused: its number, when it first needed a name, in
 /// nanoseconds since 1970, and its machine, without `-` and `.`.
 pub(crate) fn process_name() -> String {
-    format!("{}-{}-{}", std::process::id(), *STARTED, *MACHINE)
+    let own = || format!("{}-{}-{}", std::process::id(), *STARTED, *MACHINE);
+    ::clock::process().unwrap_or_else(own)
 }
 
 /// The process in a name that begins with a process's.

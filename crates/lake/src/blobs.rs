@@ -8,6 +8,7 @@ use std::{
     sync::Mutex,
 };
 
+use ::clock::lock;
 use dataflow::{Digest, FileRef, Stamp};
 
 use crate::{
@@ -16,7 +17,6 @@ use crate::{
     clock::now,
     digests::digest_file,
     folder::Folder,
-    mutex::lock,
     stamps::Stamps,
 };
 

@@ -5,6 +5,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
+use ::clock::lock;
 use dataflow::{Digest, RecordOutcome, Stamp, UnitRef};
 
 use crate::{
@@ -12,7 +13,6 @@ use crate::{
     blobs::Blobs,
     folder::{Folder, names_in},
     lock::Locks,
-    mutex::lock,
     newest::{self, Newest},
     records::Records,
     stamps::Stamps,

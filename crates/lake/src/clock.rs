@@ -7,12 +7,8 @@ use std::{
 };
 
 /// Returns the time of day.
-#[expect(
-    clippy::disallowed_methods,
-    reason = "the lake notes when things were made, beside the artifacts"
-)]
 pub(crate) fn now() -> SystemTime {
-    SystemTime::now()
+    ::clock::wall()
 }
 
 /// Returns the time until a moment, in seconds since 1970; `None` if it is over.
@@ -39,6 +35,9 @@ pub(crate) fn program() -> String {
 /// The machine's name.
 #[must_use]
 pub fn host() -> String {
+    if let Some(machine) = ::clock::machine() {
+        return machine;
+    }
     let name = fs::read_to_string("/proc/sys/kernel/hostname").unwrap_or_default();
     name.trim().to_owned()
 }

@@ -9,9 +9,10 @@ use std::{
     },
 };
 
+use ::clock::lock;
 use dataflow::Digest;
 
-use crate::{atomic, mutex::lock};
+use crate::atomic;
 
 /// Progress callback: bytes read, bytes in all.
 pub type OnBytes<'a> = dyn Fn(u64, u64) + Sync + 'a;

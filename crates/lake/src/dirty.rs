@@ -9,13 +9,13 @@ use std::{
     sync::Mutex,
 };
 
+use ::clock::lock;
 use dataflow::NodeName;
 
 use crate::{
     LakeError, atomic,
     folder::{Folder, names_in},
     lock::Locks,
-    mutex::lock,
 };
 
 /// The publications of this process, by pipeline, and the marks of all processes.

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::mutex::lock;
+use ::clock::lock;
 
 /// Grace period for pending writes at an interrupt.
 const GRACE: Duration = Duration::from_secs(2);

@@ -72,7 +72,6 @@ mod irreplaceable;
 mod lake;
 mod lock;
 mod mount;
-mod mutex;
 mod newest;
 mod published;
 pub mod recording;

@@ -12,6 +12,7 @@ use std::{
     sync::Mutex,
 };
 
+use ::clock::lock;
 use dataflow::{Digest, UnitName};
 use serde::{Deserialize, Serialize};
 
@@ -20,7 +21,6 @@ use crate::{
     atomic::{self, io_error},
     clock,
     folder::names_in,
-    mutex::lock,
 };
 
 /// A lock, released and removed on drop.

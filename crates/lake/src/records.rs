@@ -8,6 +8,7 @@ use std::{
     sync::{Arc, Mutex},
 };
 
+use ::clock::lock;
 use dataflow::{
     ArtifactName, Digest, Fingerprint, OutputFingerprint, PartitionKey, Record, RecordOutcome,
     StageName, Stamp,
@@ -18,7 +19,6 @@ use crate::{
     LakeError, atomic,
     clock::now,
     folder::{Folder, digest_named, files_below},
-    mutex::lock,
     replicas, sealed,
     stamps::Stamps,
 };

@@ -7,6 +7,7 @@ use std::{
     sync::{Mutex, MutexGuard},
 };
 
+use ::clock::lock;
 use dataflow::{Digest, FileRef, NodeName, RunRecord, RunStatus, UnitRef};
 use serde::{Deserialize, Serialize};
 
@@ -15,7 +16,6 @@ use crate::{
     clock::{host, nanoseconds, now, program},
     folder::{Folder, HISTORY, digest_named, names_in},
     lock::Locks,
-    mutex::lock,
     replicas, sealed,
 };
 

@@ -27,10 +27,11 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use ::clock::lock;
 use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
 use depot::{Depot, Entry, Outage, Patience, Told, Traffic};
 
-use crate::{LakeError, blobs::Blobs, clock::now, folder::Folder, mutex::lock, records::Records};
+use crate::{LakeError, blobs::Blobs, clock::now, folder::Folder, records::Records};
 
 pub(crate) use self::{index::SharedRun, marks::Item, send::key_of};
 use self::{

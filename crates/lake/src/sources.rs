@@ -7,11 +7,12 @@ use std::{
     sync::{Mutex, MutexGuard, OnceLock},
 };
 
+use ::clock::lock;
 use dataflow::{Digest, Stamp};
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, mutex::lock, sealed,
+    LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, sealed,
 };
 
 /// The cached digests.

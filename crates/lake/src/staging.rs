@@ -74,9 +74,8 @@ impl<'a> UnitInProgress<'a> {
         }
         let provenance = Provenance {
             started_ns: nanoseconds(self.started),
-            took_s: self
-                .started
-                .elapsed()
+            took_s: now()
+                .duration_since(self.started)
                 .unwrap_or(Duration::ZERO)
                 .as_secs_f64(),
             program: program(),

@@ -2,9 +2,9 @@
 
 use std::{collections::HashMap, sync::Mutex};
 
+use ::clock::lock;
 use dataflow::{Digest, Stamp};
 
-use crate::mutex::lock;
 
 /// The stamps of files when their bytes were last verified, by digest.
 #[derive(Default)]

@@ -11,6 +11,7 @@ use std::{
     thread,
 };
 
+use ::clock::lock;
 use dataflow::{Digest, RecordOutcome};
 use depot::{DepotError, Link, Piece, Put, PutMode};
 
@@ -18,7 +19,6 @@ use super::{Shared, index::SharedRun, keys};
 use crate::{
     LakeError, atomic,
     digests::OnBytes,
-    mutex::lock,
     records::{Stored, parse_recipe},
     sealed,
 };

@@ -3,12 +3,14 @@
 use std::{
     fs::{self, File},
     io::{self, Seek, Write},
-    panic::resume_unwind,
     path::Path,
-    sync::atomic::{AtomicUsize, Ordering},
-    thread,
+    sync::{
+        Mutex,
+        atomic::{AtomicUsize, Ordering},
+    },
 };
 
+use ::clock::lock;
 use dataflow::{Digest, FileRef};
 use depot::Piece;
 
@@ -17,7 +19,6 @@ use crate::{
     LakeError,
     atomic::{self, io_error},
     blobs::Blobs,
-    mutex::lock,
 };
 
 /// Blobs fetched at once.
@@ -45,19 +46,17 @@ impl Shared {
             .filter(|file| !blobs.path(&file.digest).exists())
             .collect();
         let next = AtomicUsize::new(0);
-        let work = || {
+        let failed = Mutex::new(None);
+        ::clock::all(absent.len().min(AT_ONCE), || {
             while let Some(file) = absent.get(next.fetch_add(1, Ordering::Relaxed)) {
-                self.fetch(blobs, file)?;
+                if let Err(err) = self.fetch(blobs, file) {
+                    lock(&failed).get_or_insert(err);
+                    return;
+                }
             }
-            Ok(())
-        };
-        thread::scope(|scope| {
-            let workers = (0..absent.len().min(AT_ONCE)).map(|_| scope.spawn(work));
-            let workers: Vec<_> = workers.collect();
-            workers
-                .into_iter()
-                .try_for_each(|worker| worker.join().unwrap_or_else(|panic| resume_unwind(panic)))
-        })
+        });
+        let failed = lock(&failed).take();
+        failed.map_or(Ok(()), Err)
     }
 
     /// Fetches a blob; returns whether it is here whole now.

@@ -10,6 +10,7 @@ use std::{
     time::{Duration, Instant},
 };
 
+use ::clock::lock;
 use dataflow::{Digest, OutputFingerprint, PipelineName, text_of};
 use depot::DepotError;
 use serde::{Deserialize, Serialize};
@@ -17,7 +18,6 @@ use serde::{Deserialize, Serialize};
 use super::{keys, remote::Remote};
 use crate::{
     LakeError,
-    mutex::lock,
     records::{Records, Stored, parse_recipe},
     register::Run,
     sealed,
@@ -112,7 +112,7 @@ struct Names {
 
 impl Names {
     fn is_fresh(&self) -> bool {
-        self.listed.elapsed() < FRESH.max(self.took * FRESH_PER_TIME)
+        ::clock::since(self.listed) < FRESH.max(self.took * FRESH_PER_TIME)
     }
 }
 
@@ -279,7 +279,7 @@ fn fetch(remote: &Remote, fingerprint: &Digest) -> Result<Option<Arc<Stored>>, D
 
 /// The names of all records in a depot.
 fn names(remote: &Remote) -> Result<Names, DepotError> {
-    let listed = Instant::now();
+    let listed = ::clock::now();
     let entries = remote.list(keys::UNITS)?;
     let digests = entries
         .iter()
@@ -287,6 +287,6 @@ fn names(remote: &Remote) -> Result<Names, DepotError> {
     Ok(Names {
         digests: digests.collect(),
         listed,
-        took: listed.elapsed(),
+        took: ::clock::since(listed),
     })
 }

@@ -8,13 +8,13 @@ use std::{
     sync::{Mutex, MutexGuard, OnceLock},
 };
 
+use ::clock::lock;
 use dataflow::Digest;
 
 use crate::{
     LakeError,
     atomic::{self, io_error, make_parent},
     folder::{Folder, names_in},
-    mutex::lock,
 };
 
 /// Prefix, before a run's number, of its mark in the outbox.

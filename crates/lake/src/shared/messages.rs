@@ -36,7 +36,7 @@ impl Lake {
     /// still be alive.
     pub fn untroubled_for(&self) -> Option<Duration> {
         let troubled = self.shared.as_ref().and_then(Shared::troubled);
-        troubled.map(|last| last.elapsed())
+        troubled.map(::clock::since)
     }
 
     /// Returns the message under a key, if there is one.

@@ -2,10 +2,10 @@
 
 use std::sync::{Arc, Mutex};
 
+use ::clock::lock;
 use depot::{Depot, DepotError, Entry, Link, Patience, Put, PutMode, Told};
 
 use super::keys;
-use crate::mutex::lock;
 
 /// Tries of a file that came damaged, and of one that is said to be there and is not: what is damaged on its way is
 /// whole the next time.

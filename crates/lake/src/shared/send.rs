@@ -6,13 +6,13 @@ use std::{
     io::{self, Read},
     path::Path,
     sync::{
-        Arc, Condvar, Mutex, PoisonError,
+        Arc, Mutex,
         atomic::{AtomicBool, AtomicUsize, Ordering},
     },
-    thread,
-    time::{Duration, Instant, SystemTime},
+    time::{Duration, SystemTime},
 };
 
+use ::clock::{Condvar, lock};
 use dataflow::{Digest, FileRef};
 use depot::{Content, DepotError, Entry, PutMode};
 
@@ -25,7 +25,6 @@ use crate::{
     clock::now,
     folder::Folder,
     lock::Locks,
-    mutex::lock,
     records::{Records, Stored},
     register::{Register, Run},
     sealed,
@@ -116,7 +115,7 @@ impl Sender {
             turns,
             sent: Mutex::default(),
             passes: Mutex::default(),
-            changed: Condvar::new(),
+            changed: Condvar::default(),
         };
         Self {
             work: Arc::new(work),
@@ -130,14 +129,14 @@ impl Sender {
         if !*is_started {
             *is_started = true;
             let work = Arc::clone(&self.work);
-            thread::spawn(move || work.go_on());
+            ::clock::spawn(move || work.go_on());
         }
     }
 
     /// Waits until everything that is complete is sent, for `patience`, or for `longest_down` where the depot is down.
     pub(crate) fn finish(&self, patience: Duration, longest_down: Duration) {
         self.start();
-        let began = Instant::now();
+        let began = ::clock::now();
         let until = began + patience;
         self.work.remote.idle().hurry();
         let mut passes = lock(&self.work.passes);
@@ -145,18 +144,20 @@ impl Sender {
         let asked = passes.n_asked;
         self.work.changed.notify_all();
         while passes.n_done < asked {
-            let left = until.saturating_duration_since(Instant::now());
+            let left = until.saturating_duration_since(::clock::now());
             let link = self.work.remote.idle();
             let is_down = || {
                 let is_silent = link.succeeded().is_none_or(|last| last < began);
                 let is_long = link.down_for().is_some_and(|down| down > longest_down);
-                (is_silent || is_long) && began.elapsed() > longest_down
+                (is_silent || is_long) && ::clock::since(began) > longest_down
             };
             if left.is_zero() || is_down() {
                 return;
             }
-            let waited = self.work.changed.wait_timeout(passes, left.min(EVERY));
-            passes = waited.unwrap_or_else(PoisonError::into_inner).0;
+            let work = &self.work;
+            passes = work
+                .changed
+                .wait_timeout(passes, &work.passes, left.min(EVERY));
         }
     }
 
@@ -188,7 +189,7 @@ impl Work {
                 return;
             }
             if passes.n_asked == asked {
-                let waited = self.changed.wait_timeout(passes, EVERY);
+                let waited = self.changed.wait_timeout(passes, &self.passes, EVERY);
                 drop(waited);
             }
         }
@@ -212,11 +213,7 @@ impl Work {
                     }
                 }
             };
-            thread::scope(|scope| {
-                for _ in 0..items.len().min(at_once) {
-                    scope.spawn(send);
-                }
-            });
+            ::clock::all(items.len().min(at_once), send);
         }
     }
 

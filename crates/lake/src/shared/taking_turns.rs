@@ -1,5 +1,6 @@
 //! Asking for the turn to make a unit, and giving it back.
 
+use ::clock::lock;
 use dataflow::{Digest, Turn};
 use depot::{DepotError, Put, PutMode};
 
@@ -7,7 +8,6 @@ use super::{
     Shared,
     turns::{heartbeat_key, machine_of, note_key},
 };
-use crate::mutex::lock;
 
 impl Shared {
     /// Asks for the turn to make a unit, and leaves a note of it; a depot that does not answer is done without.

@@ -7,18 +7,18 @@ use std::{
     collections::{BTreeSet, HashMap},
     path::Path,
     sync::{
-        Arc, Mutex, OnceLock,
+        Arc, Mutex,
         atomic::{AtomicBool, Ordering},
     },
-    thread,
     time::{Duration, Instant},
 };
 
+use ::clock::lock;
 use dataflow::Digest;
 use depot::{DepotError, PutMode};
 
 use super::{keys, remote::Remote};
-use crate::{atomic, mutex::lock};
+use crate::atomic;
 
 /// Time between two heartbeats of a process that makes units.
 const PERIOD: Duration = Duration::from_secs(5);
@@ -38,7 +38,8 @@ pub(crate) struct Turns {
     others: Mutex<HashMap<String, Heartbeat>>,
     /// Set when this process makes no more units.
     is_over: Arc<AtomicBool>,
-    beating: OnceLock<()>,
+    /// Whether it leaves heartbeats.
+    is_beating: Mutex<bool>,
 }
 
 /// The last heartbeat of another process.
@@ -56,7 +57,7 @@ impl Default for Turns {
             held: Mutex::default(),
             others: Mutex::default(),
             is_over: Arc::default(),
-            beating: OnceLock::new(),
+            is_beating: Mutex::default(),
         }
     }
 }
@@ -82,29 +83,33 @@ impl Turns {
 
     /// Ends the heartbeats; returns whether there were any.
     pub(super) fn end(&self) -> bool {
-        self.beating.get().is_some() && !self.is_over.swap(true, Ordering::Relaxed)
+        *lock(&self.is_beating) && !self.is_over.swap(true, Ordering::Relaxed)
     }
 
     /// Leaves heartbeats from now on, the first at once.
     pub(super) fn beat(&self, heartbeats: &Arc<Remote>) {
-        self.beating.get_or_init(|| {
-            let key = heartbeat_key(&self.id);
-            let leave = move |heartbeats: &Remote, n: u64| {
-                let link = heartbeats.to_write()?;
-                link.put_bytes(&key, n.to_string().as_bytes(), PutMode::Always)
-            };
-            // One that is missed is followed by others.
-            let _left = leave(heartbeats, 0);
-            let (heartbeats, is_over) = (Arc::clone(heartbeats), Arc::clone(&self.is_over));
-            thread::spawn(move || {
-                for n in 1.. {
-                    thread::sleep(PERIOD);
-                    if is_over.load(Ordering::Relaxed) {
-                        return;
-                    }
-                    let _left = leave(&heartbeats, n);
+        // Other threads wait for the first one: a note without it means nothing.
+        let mut is_beating = lock(&self.is_beating);
+        if *is_beating {
+            return;
+        }
+        *is_beating = true;
+        let key = heartbeat_key(&self.id);
+        let leave = move |heartbeats: &Remote, n: u64| {
+            let link = heartbeats.to_write()?;
+            link.put_bytes(&key, n.to_string().as_bytes(), PutMode::Always)
+        };
+        // One that is missed is followed by others.
+        let _left = leave(heartbeats, 0);
+        let (heartbeats, is_over) = (Arc::clone(heartbeats), Arc::clone(&self.is_over));
+        ::clock::spawn(move || {
+            for n in 1.. {
+                ::clock::sleep(PERIOD);
+                if is_over.load(Ordering::Relaxed) {
+                    return;
                 }
-            });
+                let _left = leave(&heartbeats, n);
+            }
         });
     }
 
@@ -116,7 +121,7 @@ impl Turns {
             return Ok(false);
         }
         let mut others = lock(&self.others);
-        let now = Instant::now();
+        let now = ::clock::now();
         let known = others.get(id);
         if known.is_none_or(|it| now - it.read > READ_AGAIN) {
             let bytes = remote.read(&heartbeat_key(id))?;

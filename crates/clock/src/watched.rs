@@ -11,6 +11,8 @@ use std::{
     time::Duration,
 };
 
+use crate::simulated::here;
+
 /// Messages that the work may be ahead of its receiver.
 const AHEAD: usize = 16;
 
@@ -21,16 +23,26 @@ enum WorkMessage<T, R> {
 }
 
 /// Passes a part of the work on; returns whether there is still a receiver.
-pub(crate) type Pass<'a, T> = dyn FnMut(T) -> bool + 'a;
+pub type Pass<'a, T> = dyn FnMut(T) -> bool + 'a;
 
 /// Runs `work` in a thread and passes its parts to `each`, which says whether it wants more. Returns
 /// the result of the work, or `None` if nothing was heard of it for `patience`: its thread is then
 /// left to itself.
-pub(crate) fn watched<T: Send + 'static, R: Send + 'static>(
+pub fn watched<T: Send + 'static, R: Send + 'static>(
     patience: Duration,
     work: impl FnOnce(&mut Pass<T>) -> R + Send + 'static,
     mut each: impl FnMut(T) -> bool,
 ) -> Option<R> {
+    if let Some(here) = here() {
+        let mut is_wanted = true;
+        here.expect_answer(patience);
+        let result = work(&mut |part| {
+            here.expect_answer(patience);
+            is_wanted = is_wanted && each(part);
+            is_wanted
+        });
+        return here.is_answered().then_some(result);
+    }
     let (sender, heard) = sync_channel(AHEAD);
     let is_wanted = Arc::new(AtomicBool::new(true));
     let is_wanted_there = Arc::clone(&is_wanted);
