@@ -404,7 +404,7 @@ pub(crate) struct RunArgs {
     /// Number of worker threads [default: one per core]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) jobs: Option<u16>,
-    /// Make each unit in a process of its own
+    /// Make units in processes of their own
     ///
     /// Instead of a thread: `pipeline unit`.
     #[arg(long)]

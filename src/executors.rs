@@ -10,7 +10,7 @@ use toml_edit::{DocumentMut, Item, Table as TomlTable};
 use crate::{
     batch::{Batch, Table, for_shell, queue, yes},
     outcome::CommandError,
-    processes::{Processes, Reach},
+    processes::{Idle, Processes, Reach},
     sharing::{self, DepotName},
 };
 
@@ -191,6 +191,7 @@ impl Launcher {
             reach: Reach::DepotAlone,
             at_once: self.at_once.max(1),
             keep_going: self.keep_going,
+            idle: Idle::default(),
         })
     }
 }

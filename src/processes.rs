@@ -1,11 +1,12 @@
-//! Units made in processes of their own: `pipeline unit --order -`, on this machine or, behind a prefix
-//! such as `srun` or `ssh HOST`, on another.
+//! Units made in other processes: `pipeline unit --order -`, on this machine or, behind a prefix such as `srun` or
+//! `ssh HOST`, on another. Each process makes one unit after the other, since its start costs more than a short one.
 
 use std::{
     env,
     ffi::OsString,
-    io::{self, BufRead, BufReader, Read, Write},
-    process::{Child, Command, ExitStatus, Stdio},
+    io::{self, BufRead, BufReader, Write},
+    process::{Child, ChildStdin, ChildStdout, Command, ExitStatus, Stdio},
+    sync::Mutex,
     thread,
 };
 
@@ -14,7 +15,7 @@ use lake::Lake;
 
 use crate::{jobs::JobOrders, outcome::CommandError, sharing};
 
-/// Makes each unit in a process of its own, which reads its order from stdin and writes its events to stdout.
+/// Makes units in processes that read orders from stdin and write events to stdout, a line each.
 pub(crate) struct Processes<'a> {
     /// The lake, whose depot the processes use.
     pub(crate) lake: &'a Lake,
@@ -26,6 +27,18 @@ pub(crate) struct Processes<'a> {
     pub(crate) at_once: usize,
     /// Whether the other units of an output are made when one fails.
     pub(crate) keep_going: bool,
+    /// Those that wait for an order.
+    pub(crate) idle: Idle,
+}
+
+/// Processes that have made their units, and wait for others.
+pub(crate) type Idle = Mutex<Vec<Process>>;
+
+/// A process that makes units. It ends when its stdin closes, at the latest when this process ends.
+pub(crate) struct Process {
+    child: Child,
+    stdin: ChildStdin,
+    lines: BufReader<ChildStdout>,
 }
 
 /// Lake that a worker uses.
@@ -46,6 +59,10 @@ impl Executor for Processes<'_> {
         wave.each(self.at_once, self.keep_going, (events, ended), |order| {
             self.make(order, events)
         });
+        // The next output may have none for them.
+        for process in clock::lock(&self.idle).drain(..) {
+            let _ended = process.end();
+        }
         Ok(())
     }
 }
@@ -64,6 +81,7 @@ impl<'a> Processes<'a> {
             reach: Reach::SameLake,
             at_once: jobs.map_or_else(cores, usize::from),
             keep_going: false,
+            idle: Idle::default(),
         })
     }
 
@@ -76,9 +94,10 @@ impl<'a> Processes<'a> {
         let mut relay = Relay::new(order, events);
         match self.tell(order, &mut relay) {
             Err(end) => end,
-            Ok(status) => relay
-                .end()
-                .unwrap_or_else(|| End::lost(format!("its process ended {}", described(status)))),
+            Ok(status) => relay.end().unwrap_or_else(|| {
+                let how = status.map_or_else(String::new, described);
+                End::lost(format!("its process ended {how}"))
+            }),
         }
     }
 
@@ -96,16 +115,11 @@ impl<'a> Processes<'a> {
         };
         let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
         let tried = || {
-            let mut child = self.start()?;
-            let mut stdin = child.stdin.take();
-            if let Some(stdin) = &mut stdin {
-                stdin.write_all(format!("{nothing}\n").as_bytes())?;
-            }
+            let mut process = self.start()?;
+            process.stdin.write_all(format!("{nothing}\n").as_bytes())?;
             let mut said = String::new();
-            if let Some(mut stdout) = child.stdout.take() {
-                stdout.read_to_string(&mut said)?;
-            }
-            Ok((child.wait()?, said))
+            process.lines.read_line(&mut said)?;
+            Ok((process.end()?, said))
         };
         let (status, said) = tried().map_err(|err: io::Error| failed(err.to_string()))?;
         if status.success() {
@@ -115,8 +129,8 @@ impl<'a> Processes<'a> {
         }
     }
 
-    /// Starts a worker, passes its events on, and waits for its end.
-    fn tell(&self, order: &Order, relay: &mut Relay) -> Result<ExitStatus, End> {
+    /// Has a process make a unit, and passes its events on; returns how it ended, if it has.
+    fn tell(&self, order: &Order, relay: &mut Relay) -> Result<Option<ExitStatus>, End> {
         let lost = |err: io::Error| End::lost(format!("its process cannot be run: {err}"));
         let job = JobOrders {
             folder: env::current_dir().map_err(lost)?,
@@ -125,30 +139,31 @@ impl<'a> Processes<'a> {
             orders: vec![order.clone()],
         };
         let order = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
-        let mut child = self.start().map_err(lost)?;
-        // Its stdin closes when this process ends, however it ends.
-        let mut stdin = child.stdin.take();
-        if let Some(stdin) = &mut stdin {
-            // One that ends before it has read everything says why, or is lost.
-            let _read = stdin.write_all(format!("{order}\n").as_bytes());
-        }
-        let lines = child.stdout.take().map(BufReader::new);
-        for line in lines.into_iter().flat_map(BufRead::lines) {
-            let relayed = line.map_err(lost).and_then(|line| {
-                let relayed = relay.line(&line);
-                relayed.map_err(End::Failed)
-            });
+        let idle = clock::lock(&self.idle).pop();
+        let mut process = idle.map_or_else(|| self.start(), Ok).map_err(lost)?;
+        // One that ends before it has read everything says why, or is lost.
+        let _read = process.stdin.write_all(format!("{order}\n").as_bytes());
+        let mut line = String::new();
+        while !relay.is_over() {
+            line.clear();
+            let read = process.lines.read_line(&mut line).map_err(lost);
+            let relayed = match read {
+                Ok(0) => return process.end().map(Some).map_err(lost),
+                Ok(_) => relay.line(line.trim_end()).map_err(End::Failed),
+                Err(end) => Err(end),
+            };
             if let Err(end) = relayed {
                 // It has no listener any more; if it cannot be killed, it ends by itself.
-                let _killed = child.kill();
-                let _ended = child.wait();
+                let _killed = process.child.kill();
+                let _ended = process.end();
                 return Err(end);
             }
         }
-        child.wait().map_err(lost)
+        clock::lock(&self.idle).push(process);
+        Ok(None)
     }
 
-    fn start(&self) -> io::Result<Child> {
+    fn start(&self) -> io::Result<Process> {
         let mut words = self.worker.iter();
         let program = words.next().ok_or(io::ErrorKind::InvalidInput)?;
         let mut command = Command::new(program);
@@ -157,7 +172,26 @@ impl<'a> Processes<'a> {
             // So that not every process waits for it.
             command.env_remove(sharing::VARIABLE);
         }
-        command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn()
+        let spawned = command.stdin(Stdio::piped()).stdout(Stdio::piped()).spawn();
+        let mut child = spawned?;
+        let (stdin, stdout) = (child.stdin.take(), child.stdout.take());
+        let (stdin, stdout) = stdin.zip(stdout).ok_or(io::ErrorKind::BrokenPipe)?;
+        Ok(Process {
+            child,
+            stdin,
+            lines: BufReader::new(stdout),
+        })
+    }
+}
+
+impl Process {
+    /// Lets it end, and waits for that.
+    fn end(self) -> io::Result<ExitStatus> {
+        let Self {
+            mut child, stdin, ..
+        } = self;
+        drop(stdin);
+        child.wait()
     }
 }
 

@@ -2,14 +2,14 @@
 
 use std::{
     env, fs,
-    io::{self, BufRead, Read},
+    io::{self, BufRead},
     path::{Path, PathBuf},
-    sync::{Arc, Mutex, OnceLock, PoisonError},
+    sync::{Arc, Mutex, OnceLock, PoisonError, mpsc},
     thread,
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, End, Event, Failure, Order, make_ordered};
+use dataflow::{Digest, End, Event, Events, Failure, Order, OrderMaker};
 use lake::{Lake, Sharing};
 use tempfile::TempDir;
 
@@ -37,7 +37,7 @@ const LONGEST_LAST: Duration = Duration::from_secs(30);
 /// The folder of this worker's lake, if it has one of its own.
 static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 
-/// Makes the order on stdin, or those of a job in the depot.
+/// Makes the orders on stdin, or those of a job in the depot.
 pub(crate) fn work(
     program: &Program,
     args: &UnitArgs,
@@ -47,7 +47,7 @@ pub(crate) fn work(
     // Relative to the folder in which it was started, not to that of the run.
     let root = own.as_deref().unwrap_or(&program.lake);
     let root = std::path::absolute(root).map_err(|err| CommandError::failed(err, None))?;
-    let began = Instant::now();
+    let began = clock::now();
     let lake = Lake::open(&root);
     let lake = Arc::new(match (sharing::depot()?, &own) {
         (Some(depot), Some(_)) => {
@@ -61,11 +61,12 @@ pub(crate) fn work(
         SCRATCH.get_or_init(|| own);
     }
     interrupt::drop_on_signal(&lake)?;
+    let lines = Lines::default();
+    let jobs = args.jobs.map_or(0, usize::from);
     let worker = Worker {
-        program,
+        maker: OrderMaker::new(program.kinds, lake.as_ref(), jobs),
         lake: &lake,
-        jobs: args.jobs.map_or(0, usize::from),
-        lines: Lines::default(),
+        events: &|event: &Event| lines.write(event),
         sends: SCRATCH.get().is_some(),
         began,
         limit: OnceLock::new(),
@@ -77,7 +78,7 @@ pub(crate) fn work(
     };
     lake.leave();
     leave_scratch(&lake);
-    outcome.and_then(|()| worker.lines.finish().map(|()| CommandOutcome::Done))
+    outcome.and_then(|()| lines.finish().map(|()| CommandOutcome::Done))
 }
 
 /// Removes the folder of this worker's lake, if it has one of its own; results that are not in the depot stay, and
@@ -110,40 +111,56 @@ fn time_left() -> Option<Duration> {
     lake::time_until(env::var(JOB_END).ok()?.parse().ok()?)
 }
 
-struct Worker<'a> {
-    program: &'a Program<'a>,
-    lake: &'a Arc<Lake>,
-    jobs: usize,
-    lines: Lines,
+/// What makes orders.
+pub(crate) struct Worker<'a> {
+    pub(crate) maker: OrderMaker<'a>,
+    pub(crate) lake: &'a Arc<Lake>,
+    /// Receives events.
+    pub(crate) events: &'a Events<'a>,
     /// Whether a result counts when it is in the depot.
-    sends: bool,
+    pub(crate) sends: bool,
     /// When it began, and the time that its job has, if that is limited.
-    began: Instant,
-    limit: OnceLock<Duration>,
+    pub(crate) began: Instant,
+    pub(crate) limit: OnceLock<Duration>,
 }
 
 impl Worker<'_> {
-    /// Makes the order that is the first line on stdin, and stops when stdin closes: then whoever
-    /// ordered it has ended.
+    /// Makes the orders that are lines on stdin, and ends when stdin closes: at once, since whoever ordered has ended,
+    /// where it closes meanwhile.
     fn stdin_job(&self) -> Result<(), CommandError> {
-        let mut line = String::new();
-        let read = io::stdin().lock().read_line(&mut line);
-        read.map_err(|err| CommandError::failed(err, None))?;
-        let job: JobOrders = serde_json::from_str(&line).map_err(unreadable)?;
-        let lake = Arc::clone(self.lake);
+        let (sender, lines) = mpsc::channel();
+        let is_busy = Arc::new(Mutex::new(false));
+        let (lake, is_idle) = (Arc::clone(self.lake), Arc::clone(&is_busy));
         thread::spawn(move || {
-            let mut nothing = Vec::new();
-            let _closed = io::stdin().lock().read_to_end(&mut nothing);
-            interrupt::stop(&lake);
+            let sent = io::stdin().lock().lines().try_for_each(|line| {
+                *clock::lock(&is_idle) = true;
+                sender.send(line).map_err(|_ended| ())
+            });
+            // Kept, so that no other unit is begun.
+            let is_busy = clock::lock(&is_idle);
+            if *is_busy && sent.is_ok() {
+                interrupt::stop(&lake);
+            }
         });
-        if job.orders.is_empty() {
-            report::data(format!("{}\n", lake::host()).as_bytes())?;
+        for line in lines {
+            let line = line.map_err(|err| CommandError::failed(err, None))?;
+            let job: JobOrders = serde_json::from_str(&line).map_err(unreadable)?;
+            // Whoever ordered may close stdin as soon as the end is told.
+            let be_idle = || *clock::lock(&is_busy) = false;
+            if job.orders.is_empty() {
+                be_idle();
+                report::data(format!("{}\n", lake::host()).as_bytes())?;
+            }
+            self.each(&job, |_, _| {
+                be_idle();
+                Ok(())
+            })?;
         }
-        self.each(&job, |_, _| Ok(()))
+        Ok(())
     }
 
     /// Makes the orders of a job in the depot, one after the other, and leaves the end of each there.
-    fn job(&self, name: &str) -> Result<(), CommandError> {
+    pub(crate) fn job(&self, name: &str) -> Result<(), CommandError> {
         let bytes = self.lake.message(&jobs::orders_key(name))?;
         let bytes = bytes.ok_or_else(|| {
             CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
@@ -184,8 +201,8 @@ impl Worker<'_> {
         let _stays = env::set_current_dir(&job.folder);
         for order in &job.orders {
             let end = self.make(order)?;
-            self.lines.write(&end);
             tell(order, &end)?;
+            (self.events)(&end);
         }
         Ok(())
     }
@@ -203,14 +220,7 @@ impl Worker<'_> {
         if self.sends && !order.is_forced() && self.lake.announce(&order.fingerprint) {
             return Ok(done(false));
         }
-        let events = |event: &Event| self.lines.write(event);
-        let made = make_ordered(
-            self.program.kinds,
-            self.lake.as_ref(),
-            order,
-            self.jobs,
-            &events,
-        );
+        let made = self.maker.make(order, self.events);
         Ok(match made {
             Ok(End::Done { made_now }) => {
                 if self.sends {
@@ -240,7 +250,7 @@ impl Worker<'_> {
     /// Time in which results can be sent: that of the job, but for a last part in which it says where they lie.
     fn sending_time(&self) -> Duration {
         let limit = self.limit.get();
-        let of_orders = limit.map(|limit| limit.saturating_sub(self.began.elapsed()));
+        let of_orders = limit.map(|limit| limit.saturating_sub(clock::since(self.began)));
         let Some(left) = time_left().into_iter().chain(of_orders).min() else {
             return DAY;
         };

@@ -1,5 +1,7 @@
 //! Units made in separate processes that share only the lake and the pipeline file.
 
+use std::{collections::BTreeSet, fs};
+
 use crate::{
     place::{CHAIN, Place, assert_same, published, well},
     program_maps::Maps,
@@ -33,6 +35,20 @@ fn by_processes_and_threads(maps: Maps) {
         assert_eq!(again.status.code(), Some(3));
     }
     assert!(place.take_log().is_empty());
+}
+
+#[test]
+fn a_process_makes_one_unit_after_the_other() {
+    let place = Place::with_inputs(CHAIN, 12);
+    place.run_well(&["--processes", "--jobs", "2", "--until", "first"]);
+    let log = fs::read_to_string(place.log_file()).unwrap();
+    for kind in ["split", "map"] {
+        let lines = log.lines().filter(|line| line.starts_with(kind));
+        let processes: Vec<&str> = lines.filter_map(|line| line.split(' ').nth(3)).collect();
+        assert_eq!(processes.len(), 12, "{log}");
+        let n_processes = processes.iter().collect::<BTreeSet<_>>().len();
+        assert!((1..=2).contains(&n_processes), "{log}");
+    }
 }
 
 #[test]

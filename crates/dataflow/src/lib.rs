@@ -104,7 +104,7 @@ pub use report::Report;
 pub use resources::Resources;
 pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, RunFacts, Scope, SkippedItem, UnknownPartition};
-pub use single_unit::{make_one, make_ordered};
+pub use single_unit::{OrderMaker, make_one};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};

@@ -57,6 +57,11 @@ impl<'a> Relay<'a> {
         Ok(())
     }
 
+    /// Whether the unit's last event has come.
+    pub fn is_over(&self) -> bool {
+        self.end.is_some()
+    }
+
     /// Returns how the unit ended, if its last event has come.
     pub fn end(self) -> Option<End> {
         self.end

@@ -83,31 +83,39 @@ pub fn make_one(
     made.into_iter().next().ok_or_else(lost)?
 }
 
-/// Makes the unit of an order with these kinds of stages and up to `jobs` threads, or one per core if 0.
-/// Of the store it uses what the order names alone.
-///
-/// # Errors
-///
-/// Fails if this program's code is not that of the order, if a file outside the store is not, or if the
-/// stage fails.
-pub fn make_ordered(
-    kinds: &[Kind],
-    store: &dyn Store,
-    order: &Order,
-    jobs: usize,
-    events: &Events,
-) -> Result<End, Failure> {
-    let (stage, output_idx) = stage_of(kinds, order)?;
-    let maker = Maker::new(store, jobs);
-    maker.check_files(order).map_err(|err| match err {
-        Failure::ChangedMeanwhile { path, .. } => Failure::OtherFile {
-            unit: order.unit.clone(),
-            path,
-        },
-        err => err,
-    })?;
-    let made = maker.make(&stage, output_idx, order, events)?;
-    Ok(made.into())
+/// Makes the units of orders, in threads that are started once.
+pub struct OrderMaker<'a> {
+    kinds: &'a [Kind],
+    maker: Maker<'a>,
+}
+
+impl<'a> OrderMaker<'a> {
+    /// Makes units with these kinds of stages and up to `jobs` threads, or one per core if 0.
+    pub fn new(kinds: &'a [Kind], store: &'a dyn Store, jobs: usize) -> Self {
+        Self {
+            kinds,
+            maker: Maker::new(store, jobs),
+        }
+    }
+
+    /// Makes the unit of an order; of the store it uses what the order names alone.
+    ///
+    /// # Errors
+    ///
+    /// Fails if this program's code is not that of the order, if a file outside the store is not, or if the
+    /// stage fails.
+    pub fn make(&self, order: &Order, events: &Events) -> Result<End, Failure> {
+        let (stage, output_idx) = stage_of(self.kinds, order)?;
+        self.maker.check_files(order).map_err(|err| match err {
+            Failure::ChangedMeanwhile { path, .. } => Failure::OtherFile {
+                unit: order.unit.clone(),
+                path,
+            },
+            err => err,
+        })?;
+        let made = self.maker.make(&stage, output_idx, order, events)?;
+        Ok(made.into())
+    }
 }
 
 /// Configures the stage of an order, if this program has its code.

@@ -84,6 +84,8 @@ struct RunningProgram {
     processes: Processes,
     /// Kills the group if this process dies.
     guard: Option<Child>,
+    /// Whether none of them lives any more.
+    is_over: bool,
 }
 
 impl RunningProgram {
@@ -123,6 +125,7 @@ impl RunningProgram {
         let started = Self {
             processes,
             guard: guard.ok(),
+            is_over: false,
         };
         Ok((started, child))
     }
@@ -130,7 +133,9 @@ impl RunningProgram {
 
 impl Drop for RunningProgram {
     fn drop(&mut self) {
-        self.processes.kill();
+        if !self.is_over {
+            self.processes.kill();
+        }
         if let Some(mut guard) = self.guard.take() {
             if let Some(mut input) = guard.stdin.take() {
                 let _ended = input.write_all(b"done\n");
@@ -302,6 +307,7 @@ impl Watch<'_> {
                 Err(mpsc::RecvTimeoutError::Timeout) => {}
             }
         }
+        self.started.is_over = true;
         Ok(())
     }
 }
