@@ -162,12 +162,25 @@ impl Batch<'_> {
         events: &Events,
         ended: &Ended,
     ) -> Result<(), Failure> {
-        let mut arrays = self.adopt(wave, driver, open, ended)?;
-        let adopted: BTreeSet<Digest> = digests(&arrays).collect();
-        let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
-        let mut rest: Vec<usize> = rest.map(|(_, idx)| *idx).collect();
+        let (mut arrays, rest, claim) = loop {
+            let arrays = self.adopt(wave, driver, open, ended)?;
+            let adopted: BTreeSet<Digest> = digests(&arrays).collect();
+            let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
+            let rest: HashMap<Digest, usize> = rest.map(|(unit, idx)| (*unit, *idx)).collect();
+            if rest.is_empty() {
+                break (arrays, rest, None);
+            }
+            if let Some(claim) = self.claim(wave, driver, &rest)? {
+                break (arrays, rest, Some(claim));
+            }
+        };
+        let mut rest: Vec<usize> = rest.into_values().collect();
         rest.sort_unstable();
         let submitted = self.submit(wave, driver, &rest, &mut arrays);
+        if let Some(claim) = claim {
+            // Where the depot is down it means nothing after this run.
+            let _left = self.lake.remove_message(&claim);
+        }
         let watched = match submitted {
             Ok(()) if arrays.is_empty() => Ok(false),
             Ok(()) => self.watch(wave, &arrays, open, events, ended),

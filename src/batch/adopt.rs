@@ -1,11 +1,17 @@
 //! Arrays of jobs that other runs have submitted: waited for, or taken over.
 
-use std::collections::{BTreeSet, HashMap};
+use std::{
+    collections::{BTreeSet, HashMap},
+    time::Duration,
+};
 
 use dataflow::{Digest, End, Ended, Failure, Store, Wave};
 
-use super::{Array, Batch, drivers::TIMEOUT, failed, key, out, queue::JobState};
+use super::{Array, Batch, drivers::TIMEOUT, failed, key, out, queue::JobState, unique_name};
 use crate::report;
+
+/// Longest pause of a run that wanted the same units as another at the same time, in milliseconds.
+const LONGEST_CLAIM_PAUSE_MS: u64 = 4_000;
 
 impl Batch<'_> {
     /// Finds arrays that make units of this output and waits for the runs that look after them; takes over,
@@ -94,6 +100,37 @@ impl Batch<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Notes that units are about to be submitted; returns the note's key. `None` where another run has done the same
+    /// meanwhile: both take their notes back, and begin again after a time of their own.
+    pub(super) fn claim(
+        &self,
+        wave: &Wave,
+        driver: &str,
+        rest: &HashMap<Digest, usize>,
+    ) -> Result<Option<String>, Failure> {
+        let mut units: Vec<Digest> = rest.keys().copied().collect();
+        units.sort_unstable();
+        // An array of which the scheduler knows no job.
+        let claim = Array {
+            name: unique_name(),
+            id: None,
+            on: self.name.clone(),
+            driver: driver.to_owned(),
+            jobs: vec![units],
+        };
+        let key = key(wave, &claim.name);
+        self.leave(&key, &claim)?;
+        let all = self.left(wave, rest)?;
+        if all.iter().all(|array| array.driver == driver) {
+            return Ok(Some(key));
+        }
+        self.lake.remove_message(&key).map_err(failed)?;
+        clock::sleep(Duration::from_millis(
+            clock::random() % LONGEST_CLAIM_PAUSE_MS,
+        ));
+        Ok(None)
     }
 
     /// Whether arrays that make units of this output are in the depot.
