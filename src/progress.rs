@@ -50,21 +50,25 @@ struct State {
     held_back: Vec<String>,
 }
 
-/// Time after which it is said again where units wait, without a terminal.
-const QUEUE_PERIOD: Duration = Duration::from_mins(5);
+/// Time after which it is said again where units are and how long the others take, without a terminal: it doubles from
+/// line to line, up to the longest.
+const QUEUE_PERIOD: Duration = Duration::from_secs(5);
+const LONGEST_QUEUE_PERIOD: Duration = Duration::from_mins(5);
 
 /// A line about units that wait.
 struct SaidQueue {
     output: NodeName,
     reasons: String,
     at: Instant,
+    /// Time for which nothing is said of the same again.
+    pause: Duration,
 }
 
 impl SaidQueue {
     /// Whether nothing has changed that is worth another line.
     fn is_recent(&self, output: &NodeName, reasons: &str) -> bool {
         let is_same = self.output == *output && (self.reasons == reasons || reasons.is_empty());
-        is_same && self.at.elapsed() < QUEUE_PERIOD
+        is_same && clock::since(self.at) < self.pause
     }
 }
 
@@ -196,10 +200,13 @@ impl State {
                     n => format!("{n} of {} units made, ", self.n_units),
                 };
                 report::line(&format!("queue  {output} on {on}: {done}{places}"));
+                let before = self.queued.take().filter(|said| said.output == *output);
+                let pause = before.map_or(QUEUE_PERIOD, |said| said.pause * 2);
                 self.queued = Some(SaidQueue {
                     output: output.clone(),
                     reasons,
-                    at: Instant::now(),
+                    at: clock::now(),
+                    pause: pause.min(LONGEST_QUEUE_PERIOD),
                 });
             }
         }
@@ -211,7 +218,7 @@ impl State {
             return String::new();
         };
         let n_left = self.n_units.saturating_sub(self.n_units_done);
-        let per_unit = started.elapsed().as_secs_f64() / self.n_made_now as f64;
+        let per_unit = clock::since(started).as_secs_f64() / self.n_made_now as f64;
         format!(
             ", about {} left",
             report::duration(per_unit * n_left as f64)
@@ -239,7 +246,7 @@ impl State {
         self.n_units_done = 0;
         self.n_made_now = 0;
         self.n_units = n_units;
-        self.started = Some(Instant::now());
+        self.started = Some(clock::now());
     }
 
     /// Prints the line of an output, or holds it back until something is made.
@@ -314,6 +321,33 @@ fn ticks(units: f64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_others_take_as_long_as_those_made_now_whatever_was_there_before() {
+        clock::World::simulate(1, |_| {
+            let output = NodeName::parse("first.parts").unwrap();
+            let mut state = State::default();
+            let done = |number: usize, made_now| Event::UnitDone {
+                unit: UnitName::new(&output, &format!("p{number}").parse().unwrap()),
+                fingerprint: dataflow::Digest::of_bytes(b"unit"),
+                made_now,
+                skipped: None,
+            };
+            state.show(&Event::OutputStarted {
+                output: output.clone(),
+                n_units: 12,
+            });
+            (0..2).for_each(|number| state.show(&done(number, false)));
+            assert_eq!(state.estimate(), "", "nothing is known yet");
+            clock::sleep(Duration::from_secs(60));
+            (2..6).for_each(|number| state.show(&done(number, true)));
+            // Four in a minute, and six are left.
+            assert_eq!(state.estimate(), ", about 1 min 30 s left");
+            clock::sleep(Duration::from_secs(60));
+            (6..12).for_each(|number| state.show(&done(number, true)));
+            assert_eq!(state.estimate(), ", about 0.0 s left");
+        });
+    }
 
     #[test]
     fn a_stage_line_fits_its_width_and_keeps_its_time() {

@@ -312,7 +312,7 @@ impl Running {
     }
 
     /// Waits until it says a line that is `wanted`.
-    pub(crate) fn wait_for_line(&mut self, about: &str, wanted: impl Fn(&str) -> bool) {
+    pub(crate) fn wait_for_line(&mut self, about: &str, mut wanted: impl FnMut(&str) -> bool) {
         let until = Instant::now() + LONG;
         while let Ok(line) = self.lines.recv_timeout(until - Instant::now()) {
             self.said.push(line.clone());

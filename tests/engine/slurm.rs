@@ -160,6 +160,48 @@ fn a_job_without_enough_time_is_tried_once_and_one_that_is_preempted_again() {
     assert_eq!(said.matches("ended as PREEMPTED").count(), 8, "{said}");
 }
 
+#[test]
+fn a_run_says_where_its_units_are_and_how_long_the_others_take() {
+    let Some(slurm) = Slurm::start() else { return };
+    let depot = TempDir::new().unwrap();
+    let place = Place::with_inputs(CHAIN, 3);
+    let run = place.held(&["--on", "slurm", "--until", "split"]);
+    let began = Instant::now();
+    let mut run = Running::start(slurm.with(depot.path(), run));
+    for partition in ["p000", "p001", "p002"] {
+        run.wait_for(&place, partition);
+    }
+    thread::sleep(Duration::from_secs(6));
+    place.let_go("p000");
+    let mut said = String::new();
+    run.wait_for_line("how long the others take", |line| {
+        said = line.to_owned();
+        line.contains(" left")
+    });
+    let passed_s = began.elapsed().as_secs_f64();
+    assert!(
+        said.starts_with("queue  split.parts on slurm: 1 of 3 units made, "),
+        "{said}"
+    );
+    assert!(said.contains(" on n1") || said.contains(" on n2"), "{said}");
+    // The other two take twice the time of the first.
+    let left_s: f64 = said
+        .rsplit("about ")
+        .next()
+        .unwrap()
+        .trim_end_matches(" s left")
+        .parse()
+        .unwrap();
+    assert!(
+        (12.0..=2.0 * passed_s).contains(&left_s),
+        "{said} after {passed_s} s"
+    );
+    place.let_go("p001");
+    place.let_go("p002");
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+}
+
 /// A process of Slurm, or of a job of it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Part {
