@@ -29,6 +29,10 @@ mod sharing;
 mod system_errors;
 mod timestamps;
 
+#[cfg(test)]
+#[path = "../tests/simulation/histories.rs"]
+mod simulation;
+
 pub use command_line::command_line;
 pub use kinds::kinds;
 pub use memory::{out_of_memory, threads};
