@@ -8,8 +8,8 @@ use super::{Array, Batch, POLL_PERIOD, key, out, quoted, table::Values, unique_n
 use crate::jobs::{JobOrders, orders_key};
 
 /// Times that an array is submitted before it counts as refused: a scheduler's message does not distinguish a
-/// refusal from a shutdown.
-const SUBMISSIONS: usize = 3;
+/// refusal from a shutdown, and a loaded controller loses several in a row.
+const SUBMISSIONS: usize = 5;
 
 /// Looks for the jobs of a submission that failed: they may be shown late.
 const SUBMITTED_LOOKS: usize = 2;

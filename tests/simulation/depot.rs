@@ -103,6 +103,7 @@ impl SimulatedDepot {
         match (fault, done) {
             (Some(Fault::Slow), Some(done)) => {
                 clock::answer_after(Duration::from_millis(below(SLOW_MS)));
+                self.seen.fault("ends");
                 Ok(done)
             }
             (None, Some(done)) => {
@@ -111,6 +112,7 @@ impl SimulatedDepot {
             }
             (Some(Fault::Hangs), _) => {
                 clock::answer_after(Duration::from_hours(1));
+                self.seen.fault("ends");
                 Err(fails("nobody waits for this"))
             }
             _ => Err(fails("as it was to be")),
