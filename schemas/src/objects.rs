@@ -113,11 +113,11 @@ columns! {
 columns! {
     /// The resting orientations of an object, as lists of equal length.
     struct Rests {
-        rest_up: Vec<[f64; 3]> ["1"]
+        up as rest_up: Vec<[f64; 3]> ["1"]
             => "resting orientations: unit vector against gravity, object frame",
-        rest_height_m: Vec<f64> ["m"] => "height of the object's origin above the table",
-        rest_seen_n: Vec<i64> => "demonstrations in which it lay so",
-        rest_probability: Vec<f64> ["1"] => "share of random drops that end so",
+        height_m as rest_height_m: Vec<f64> ["m"] => "height of the object's origin above the table",
+        seen_n as rest_seen_n: Vec<i64> => "demonstrations in which it lay so",
+        probability as rest_probability: Vec<f64> ["1"] => "share of random drops that end so",
     }
 }
 
@@ -132,30 +132,30 @@ columns! {
 impl Rests {
     fn of(rests: &[RestingOrientation]) -> Self {
         Self {
-            rest_up: rests
+            up: rests
                 .iter()
                 .map(|r| r.rest.up_in_object.into_inner().into())
                 .collect(),
-            rest_height_m: rests.iter().map(|r| r.rest.height_m).collect(),
-            rest_seen_n: rests.iter().map(|r| r.seen_n.into()).collect(),
-            rest_probability: rests.iter().map(|r| r.probability).collect(),
+            height_m: rests.iter().map(|r| r.rest.height_m).collect(),
+            seen_n: rests.iter().map(|r| r.seen_n.into()).collect(),
+            probability: rests.iter().map(|r| r.probability).collect(),
         }
     }
 
     fn orientations(&self) -> Result<Vec<RestingOrientation>, SchemaError> {
-        let n = self.rest_up.len();
-        SchemaError::check_length("rest_height_m", "orientations", &self.rest_height_m, n)?;
-        SchemaError::check_length("rest_seen_n", "orientations", &self.rest_seen_n, n)?;
-        let probabilities = &self.rest_probability;
+        let n = self.up.len();
+        SchemaError::check_length("rest_height_m", "orientations", &self.height_m, n)?;
+        SchemaError::check_length("rest_seen_n", "orientations", &self.seen_n, n)?;
+        let probabilities = &self.probability;
         SchemaError::check_length("rest_probability", "orientations", probabilities, n)?;
         let rest = |idx: usize| {
             Ok(RestingOrientation {
                 rest: RestingPose {
-                    up_in_object: SchemaError::check_direction("rest_up", self.rest_up[idx])?,
-                    height_m: self.rest_height_m[idx],
+                    up_in_object: SchemaError::check_direction("rest_up", self.up[idx])?,
+                    height_m: self.height_m[idx],
                 },
-                seen_n: count("rest_seen_n", self.rest_seen_n[idx])?,
-                probability: self.rest_probability[idx],
+                seen_n: count("rest_seen_n", self.seen_n[idx])?,
+                probability: self.probability[idx],
             })
         };
         (0..n).map(rest).collect()
