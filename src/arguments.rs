@@ -411,7 +411,7 @@ pub(crate) struct RunArgs {
     pub(crate) processes: bool,
     /// Make units on other machines [default: on this one]
     ///
-    /// `slurm`, or an executor of the file that `PIPELINE_EXECUTORS` names; `crates/depot` has examples. Short
+    /// `slurm`, or an executor of the file that `PIPELINE_EXECUTORS` names; `crates/engine/depot` has examples. Short
     /// units, and stages that move a robot, stay here.
     #[arg(long, value_name = "NAME", conflicts_with = "processes")]
     pub(crate) on: Option<String>,

@@ -128,7 +128,7 @@ impl<'a> RemoteExecutor<'a> {
                     file.display(),
                     err.message()
                 ),
-                "crates/depot/cluster.md has examples",
+                "crates/engine/depot/cluster.md has examples",
             )
         };
         if text.contains_key("launch") {
@@ -227,7 +227,7 @@ fn configured(name: &str) -> Result<(DocumentMut, PathBuf), CommandError> {
     let unreadable = |err: toml_edit::TomlError| {
         CommandError::usage(
             format!("`{}` is not TOML: {}", file.display(), err.message()),
-            "crates/depot/cluster.md has examples",
+            "crates/engine/depot/cluster.md has examples",
         )
     };
     let own: DocumentMut = text.parse().map_err(unreadable)?;

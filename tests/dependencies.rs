@@ -14,7 +14,16 @@ use toml_edit::{DocumentMut, Item};
 fn dependencies() -> BTreeMap<String, Vec<String>> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut manifests = vec![root.join("Cargo.toml"), root.join("schemas/Cargo.toml")];
-    for folder in ["crates", "stages", "stages/baselines"] {
+    for folder in [
+        "crates",
+        "crates/engine",
+        "crates/learning",
+        "crates/physics",
+        "crates/robotics",
+        "crates/tools",
+        "stages",
+        "stages/baselines",
+    ] {
         for entry in fs::read_dir(root.join(folder)).unwrap() {
             let manifest = entry.unwrap().path().join("Cargo.toml");
             manifests.extend(Some(manifest).filter(|manifest| manifest.is_file()));
@@ -197,7 +206,7 @@ fn module_of(path: &[String], all: &BTreeMap<Module, String>, exports: &[Module]
 fn files_of_engine_and_lake_depend_on_each_other_in_one_direction() {
     for name in ["dataflow", "lake"] {
         let folder = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("crates")
+            .join("crates/engine")
             .join(name);
         let mut all = BTreeMap::new();
         modules(&folder.join("src"), &Vec::new(), &mut all);

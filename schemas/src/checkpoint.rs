@@ -1,7 +1,7 @@
 //! `checkpoint`: the trained grasping function, one partition.
 //!
 //! Two files each of the best and of the last epoch: weights (safetensors, `f32`) and everything
-//! needed to use them (JSON: widths, normalization, hand, joint names, training curve, sources and terms of the data). `crates/cgf`
+//! needed to use them (JSON: widths, normalization, hand, joint names, training curve, sources and terms of the data). `crates/learning/cgf`
 //! reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.

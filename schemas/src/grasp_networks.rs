@@ -1,7 +1,7 @@
 //! `grasp_networks`: trained networks of grasp synthesis with test-time adaptation, one partition.
 //!
 //! Two files: weights (safetensors, `f32`) of the generator of grasps and of the contact network, and everything needed
-//! to use them (JSON: widths, normalization, joint names, training curves). `crates/cgf` reads and writes both.
+//! to use them (JSON: widths, normalization, joint names, training curves). `crates/learning/cgf` reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
 pub const VERSION: &str = "grasp_networks/1";

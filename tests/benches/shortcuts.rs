@@ -9,7 +9,7 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
-#[path = "../../crates/simulation/tests/physics/bodies.rs"]
+#[path = "../../crates/physics/simulation/tests/physics/bodies.rs"]
 mod bodies;
 #[path = "screening/grasps.rs"]
 mod grasps;

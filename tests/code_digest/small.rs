@@ -229,7 +229,7 @@ fn built(folder: &Path) -> String {
 #[test]
 fn a_rebuilt_program_carries_the_digests_of_what_was_edited_and_no_others() {
     let folder = workspace();
-    let digest = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/code_digest");
+    let digest = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/engine/code_digest");
     let build = format!("[build-dependencies]\ncode_digest = {{ path = {digest:?} }}\n");
     append(folder.path(), "program/Cargo.toml", &build);
     let main = "fn main() {\n    print!(\"{}\", env!(\"PIPELINE_CODE_stage-count\"));\n}\n";

@@ -130,7 +130,7 @@ fn a_comment_and_a_test_in_every_source_of_every_crate_change_no_code() {
 fn a_number_changes_the_stages_that_link_it_and_no_others() {
     let mut copy = Copy::new();
     let named = |codes: &[&str]| codes.iter().map(|&code| code.to_owned()).collect();
-    let simulation = "crates/simulation/src/lib.rs";
+    let simulation = "crates/physics/simulation/src/lib.rs";
     let edited = [
         ("stages/refine/src/stage.rs", &["stage-refine"][..]),
         (
@@ -139,11 +139,11 @@ fn a_number_changes_the_stages_that_link_it_and_no_others() {
         ),
         ("stages/screen/src/report/rates.rs", &["report-screen"]),
         ("stages/ingest/src/report.rs", &["report-ingest"]),
-        ("crates/statistics/src/lib.rs", &["report-screen"]),
-        ("crates/glb/src/motion.rs", &["stage-report"]),
-        ("crates/demonstrator/src/hand.rs", &[]),
+        ("crates/tools/statistics/src/lib.rs", &["report-screen"]),
+        ("crates/tools/glb/src/motion.rs", &["stage-report"]),
+        ("crates/tools/demonstrator/src/hand.rs", &[]),
         (
-            "crates/charts/src/style.rs",
+            "crates/tools/charts/src/style.rs",
             &[
                 "report-sample",
                 "report-screen",
@@ -206,13 +206,13 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
 const COMPUTING: [(&str, &str); 15] = [
-    ("cgf", "crates/cgf"),
-    ("geometry", "crates/geometry"),
-    ("motion", "crates/motion"),
-    ("planning", "crates/planning"),
-    ("posture", "crates/posture"),
-    ("robot", "crates/robot"),
-    ("simulation", "crates/simulation"),
+    ("cgf", "crates/learning/cgf"),
+    ("geometry", "crates/robotics/geometry"),
+    ("motion", "crates/robotics/motion"),
+    ("planning", "crates/robotics/planning"),
+    ("posture", "crates/robotics/posture"),
+    ("robot", "crates/robotics/robot"),
+    ("simulation", "crates/physics/simulation"),
     ("stage-cem_mpc", "stages/baselines/cem_mpc"),
     ("stage-ingest", "stages/ingest"),
     ("stage-refine", "stages/refine"),

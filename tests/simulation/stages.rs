@@ -46,9 +46,6 @@ impl<const IS_FIRST: bool> Stage for Makes<IS_FIRST> {
 
     const KIND: &'static str = if IS_FIRST { "first" } else { "second" };
     const ABOUT: &'static str = "Takes time";
-    const CODE: Code = Code {
-        parts: "simulation=1",
-    };
     const INPUTS: &'static [&'static str] = if IS_FIRST { &[] } else { &["parts"] };
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
@@ -86,5 +83,11 @@ impl<const IS_FIRST: bool> Output for Makes<IS_FIRST> {
 }
 
 pub(super) fn kinds() -> Vec<Kind> {
-    vec![Kind::of::<Makes<true>>(), Kind::of::<Makes<false>>()]
+    let code = Code {
+        parts: "simulation=1",
+    };
+    vec![
+        Kind::of::<Makes<true>>(code),
+        Kind::of::<Makes<false>>(code),
+    ]
 }

@@ -1,4 +1,4 @@
-"""The scene, the script and the verdicts of `crates/simulation` in MuJoCo.
+"""The scene, the script and the verdicts of `crates/physics/simulation` in MuJoCo.
 
 A hand as a tree of links with primitives, masses, joint limits and torque limits, one object of convex parts, a
 table. Lengths in meters, quaternions as x y z w.
@@ -250,7 +250,7 @@ class Scene:
         return pose if np.isfinite(pose).all() and place[2] > -0.5 else None
 
     def refusal(self, start, commands, requested, table_from_object):
-        """Why geometry alone refuses a script, as `crates/simulation/src/rejection.rs` has it, or nothing."""
+        """Why geometry alone refuses a script, as `crates/physics/simulation/src/rejection.rs` has it, or nothing."""
         protocol, strict = self.protocol, self.protocol["strict"]
         tolerance = protocol["limit_tolerance_rad"]
         for _, q in requested:
@@ -321,7 +321,7 @@ def angle(one, other):
 
 
 class Judge:
-    """What `crates/simulation/src/judge.rs` judges, but that nothing ends early."""
+    """What `crates/physics/simulation/src/judge.rs` judges, but that nothing ends early."""
 
     def __init__(self, scene, setpoints, control_s):
         self.scene, self.protocol, self.control_s = scene, scene.protocol, control_s

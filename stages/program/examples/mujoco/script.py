@@ -1,4 +1,4 @@
-"""The script of a motion, one command per control step: what `crates/simulation/src/script.rs` commands.
+"""The script of a motion, one command per control step: what `crates/physics/simulation/src/script.rs` commands.
 
 A command is the part of the script, the palm's pose in the frame of the object as it lay, how far it is carried
 from there along the table's axes, and the joints' positions. Poses are seven numbers, the quaternion's w last.

@@ -1,0 +1,144 @@
+//! A robot hand from its files: the URDF, its meshes and the hand table.
+
+mod error;
+
+use std::{fs, path::Path};
+
+use dataflow::{Form, SourceFile, Unit};
+use posture::{Hand, HandTable};
+use robot_meshes::LoadError;
+
+pub use error::HandFileError;
+
+/// The hand table is fingerprinted by its parsed content.
+pub const HAND_TABLE: Form = Form {
+    name: "hand table",
+    of: |bytes| {
+        let text = std::str::from_utf8(bytes).ok()?;
+        let table: HandTable = text.parse().ok()?;
+        Some(table.to_toml().into_bytes())
+    },
+};
+
+/// The files of a hand that a unit reads: `hand`, `hand_table`, unless left out, and the meshes.
+#[derive(Debug, Clone)]
+pub struct HandFiles {
+    urdf: SourceFile,
+    table: Option<SourceFile>,
+    meshes: Vec<SourceFile>,
+}
+
+impl HandFiles {
+    /// Finds the meshes that a URDF names.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the URDF cannot be read or a mesh is missing.
+    pub fn of(urdf: &Path, table: &Path) -> Result<Self, HandFileError> {
+        Ok(Self {
+            table: Some(SourceFile::named("hand_table", table)),
+            ..Self::without_table(urdf)?
+        })
+    }
+
+    /// Finds the meshes that a URDF names; no hand table is read.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the URDF cannot be read or a mesh is missing.
+    pub fn without_table(urdf: &Path) -> Result<Self, LoadError> {
+        Ok(Self {
+            urdf: SourceFile::named("hand", urdf),
+            table: None,
+            meshes: robot_meshes::sources(urdf)?,
+        })
+    }
+
+    /// Returns the unit with these files among its own.
+    #[must_use]
+    pub fn added_to(&self, unit: Unit) -> Unit {
+        let mut unit = unit.with_file_of_form(self.urdf.clone(), robot_meshes::MODEL_FORM);
+        if let Some(table) = &self.table {
+            unit = unit.with_file_of_form(table.clone(), HAND_TABLE);
+        }
+        self.meshes.iter().cloned().fold(unit, Unit::with_file)
+    }
+}
+
+/// Reads a hand and its table, and finds every link that the table names.
+///
+/// # Errors
+///
+/// Fails if a file cannot be read or used, or the hand lacks a link that the table names.
+pub fn load(urdf: &Path, table: &Path) -> Result<Hand, HandFileError> {
+    let of_urdf = |source| HandFileError::Hand {
+        path: urdf.to_owned(),
+        source,
+    };
+    let model = robot_meshes::load(urdf)?.model;
+    Hand::check(&model).map_err(of_urdf)?;
+    Hand::new(model, &load_table(table)?).map_err(of_urdf)
+}
+
+/// Reads a hand table.
+///
+/// # Errors
+///
+/// Fails if the file cannot be read or used.
+pub fn load_table(path: &Path) -> Result<HandTable, HandFileError> {
+    let text = fs::read_to_string(path).map_err(|source| HandFileError::ReadHandTable {
+        path: path.to_owned(),
+        source,
+    })?;
+    text.parse().map_err(|source| HandFileError::HandTable {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use dataflow::Advise;
+
+    use super::*;
+
+    const URDF: &str = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../data/robots/allegro_right.urdf"
+    );
+    const TABLE: &str = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../../../data/hands/allegro_right.toml"
+    );
+
+    #[test]
+    fn a_hand_and_its_table_are_loaded_together() {
+        let hand = load(Path::new(URDF), Path::new(TABLE)).unwrap();
+        assert_eq!(hand.model.dof(), 16);
+        assert!(!hand.points.is_empty());
+    }
+
+    #[test]
+    fn a_table_of_another_hand_is_the_fault_of_the_urdf_and_a_broken_one_its_own() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("table.toml");
+        let table = fs::read_to_string(TABLE).unwrap();
+        fs::write(&path, table.replace("link_15.0_tip", "thumb")).unwrap();
+        let err = load(Path::new(URDF), &path).unwrap_err();
+        assert!(matches!(err, HandFileError::Hand { .. }), "{err}");
+        fs::write(&path, "side = 3").unwrap();
+        let err = load(Path::new(URDF), &path).unwrap_err();
+        assert!(matches!(err, HandFileError::HandTable { .. }), "{err}");
+        let err = load(Path::new(URDF), &folder.path().join("none.toml")).unwrap_err();
+        assert!(err.to_string().contains("none.toml"), "{err}");
+        assert!(err.hint().unwrap().contains("`hand_table`"));
+    }
+
+    #[test]
+    fn a_unit_reads_the_urdf_the_table_and_the_meshes() {
+        let files = HandFiles::of(Path::new(URDF), Path::new(TABLE)).unwrap();
+        let unit = files.added_to(Unit::new("can"));
+        let names: Vec<&str> = unit.files.iter().map(|file| file.name.as_str()).collect();
+        assert_eq!(names, ["hand", "hand_table"]);
+    }
+}
