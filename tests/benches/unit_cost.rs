@@ -172,6 +172,7 @@ impl Lab {
         run.env(AS_PROGRAM, "1").env_remove("PIPELINE_DEPOT");
         run.args(["run", "copies.toml", "--jobs", "2", "--lake"]);
         run.arg(self.path("lake")).args(arguments);
+        run.current_dir(self.0.path());
         run
     }
 

@@ -526,9 +526,9 @@ fn six_units(troubles: &[(&str, &str)], more: &str, code: i32) -> (Cluster, Stri
 
 #[test]
 fn a_submission_that_fails_is_tried_again_but_not_for_ever() {
-    for (fail, code) in [("2", 0), ("3", 1)] {
+    for (fail, code) in [("4", 0), ("5", 1)] {
         let (cluster, said) = run_six_units("FAIL", fail, code);
-        assert_eq!(cluster.calls("try").len(), 3, "{said}");
+        assert_eq!(cluster.calls("try").len(), 5, "{said}");
         assert_eq!(
             said.contains("`slurm` takes no jobs: `sbatch` failed: sbatch: error: Batch job"),
             code == 1,
