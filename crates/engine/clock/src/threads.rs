@@ -73,8 +73,9 @@ fn beside_all<R>(n: usize, others: &(impl Fn() + Sync), work: impl FnOnce() -> R
         done
     });
     let panics = panics.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let panics = done.as_ref().map_or(Vec::new(), |_| panics);
-    panics.into_iter().for_each(|panic| resume_unwind(panic));
+    if let Some(panic) = panics.into_iter().next().filter(|_| done.is_ok()) {
+        resume_unwind(panic);
+    }
     done.unwrap_or_else(|panic| resume_unwind(panic))
 }
 
