@@ -72,16 +72,21 @@ fn main() -> ExitCode {
     };
     row("make -j2", None, &|| Lab::new().make());
     row("Snakemake -j2", None, &|| Lab::new().snakemake());
-    row("threads", None, &|| Lab::new().run(&[], None));
+    let alone = |_: &Path, run: Command| run;
+    let with_depot = |depot: &Path, mut run: Command| {
+        run.env("PIPELINE_DEPOT", depot);
+        run
+    };
+    row("threads", None, &|| Lab::new().run(&[], &alone));
     row("threads, a folder as depot", None, &|| {
-        Lab::new().run_with_depot()
+        Lab::new().run(&[], &with_depot)
     });
     row("--processes", Some(MAX_MS), &|| {
-        Lab::new().run(&["--processes"], None)
+        Lab::new().run(&["--processes"], &alone)
     });
     row("--on slurm", Some(MAX_MS), &|| {
         let slurm = slurm.as_ref()?;
-        Lab::new().run(&["--on", "slurm"], Some(slurm))
+        Lab::new().run(&["--on", "slurm"], &|depot, run| slurm.with(depot, run))
     });
     limits.end()
 }
@@ -146,18 +151,9 @@ impl Lab {
         self.measure(snakemake.args(["-m", "snakemake", "-j2", "-q", "all"]))
     }
 
-    fn run_with_depot(&self) -> Option<Cost> {
-        let mut run = self.command(&[]);
-        run.env("PIPELINE_DEPOT", self.path("depot"));
-        self.measure(&mut run)
-    }
-
     /// Makes the units with these arguments, after their inputs.
-    fn run(&self, arguments: &[&str], slurm: Option<&Slurm>) -> Option<Cost> {
-        let on = |run: Command| match slurm {
-            Some(slurm) => slurm.with(&self.path("depot"), run),
-            None => run,
-        };
+    fn run(&self, arguments: &[&str], on: &dyn Fn(&Path, Command) -> Command) -> Option<Cost> {
+        let on = |run| on(&self.path("depot"), run);
         let mut inputs = on(self.command(&["--until", "split"]));
         assert!(quiet(&mut inputs).status().unwrap().success());
         let mut run = on(self.command(arguments));
