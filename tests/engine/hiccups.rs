@@ -22,7 +22,7 @@ fn machine() -> Place {
 }
 
 /// Moves a depot away, and back after some time.
-fn away_for(depot: &Path, time: Duration) {
+pub(crate) fn away_for(depot: &Path, time: Duration) {
     let away = depot.with_extension("away");
     fs::rename(depot, &away).unwrap();
     thread::sleep(time);

@@ -1,5 +1,6 @@
 //! Units made by the jobs of Slurm itself, some of whose processes are killed. `PIPELINE_KILLS` sets the number of
-//! times that each is killed; without it the daemons are killed once, early.
+//! times that each is killed; without it the daemons are killed once, early. `PIPELINE_BAD_MINUTES` sets the number of
+//! runs whose driver is killed or whose depot is away, for at most `PIPELINE_AWAY_S` seconds.
 
 use std::{
     fs,
@@ -8,12 +9,14 @@ use std::{
     time::{Duration, Instant},
 };
 
+use rand::Rng;
 use tempfile::TempDir;
 
 use crate::{
     cluster::{Slurm, processes_with, workers},
     elsewhere::graph,
-    place::{CHAIN, LONG, Place, Running, assert_same, number, published, stderr, stdout, well},
+    hiccups::away_for,
+    place::{CHAIN, LONG, Place, Running, assert_same, chances, number, published, stderr, stdout, well},
 };
 
 #[test]
@@ -326,4 +329,49 @@ fn steps(slurm: &Slurm) -> Vec<String> {
         name.is_ok_and(|name| name.trim() == "slurmstepd")
     });
     steps
+}
+
+/// Units of a run in bad minutes.
+const UNITS: usize = 12;
+
+#[test]
+fn runs_outlive_the_death_of_their_driver_and_a_depot_that_is_away() {
+    let n_rounds = number::<usize>("PIPELINE_BAD_MINUTES", 2);
+    let longest_s = number("PIPELINE_AWAY_S", 3.0);
+    let mut rng = chances("bad minutes of runs by Slurm");
+    let Some(slurm) = Slurm::start() else { return };
+    for round in 0..n_rounds {
+        let folder = TempDir::new().unwrap();
+        let depot = folder.path().join("depot");
+        fs::create_dir(&depot).unwrap();
+        let place = Place::with_inputs(CHAIN, UNITS);
+        let start = || {
+            let mut run = place.command("run", &["--on", "slurm", "--until", "split"]);
+            run.env("OWN_STAGES_TAKES", "700");
+            Running::start(slurm.with(&depot, run))
+        };
+        let mut run = start();
+        thread::sleep(Duration::from_secs_f64(rng.random_range(0.0..6.0)));
+        let what = if round % 2 == 0 {
+            run.child.kill().unwrap();
+            run.finish();
+            run = start();
+            "driver killed".to_owned()
+        } else {
+            let away_s = rng.random_range(1.0..=longest_s);
+            away_for(&depot, Duration::from_secs_f64(away_s));
+            format!("depot away for {away_s:.0} s")
+        };
+        let (code, said) = run.finish();
+        assert_eq!(code, Some(0), "{what}: {said}");
+        let n_made = place.take_log().len();
+        assert_eq!(n_made, UNITS, "{what}: {said}");
+        well(slurm.with(&depot, place.bare(&place.lake(), "pull")));
+        let expected = place.undisturbed(&["--until", "split"]);
+        assert_same(&place.published(), &expected, &what);
+        let mut verify = slurm.with(&depot, place.bare(&place.lake(), "verify"));
+        verify.arg("--depot");
+        well(verify);
+        eprintln!("round {round}: {what}; {n_made} units made");
+    }
 }
