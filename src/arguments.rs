@@ -39,7 +39,7 @@ Start here: pipeline new my_lab, then in my_lab: pipeline run pipelines/cgf.toml
 #[command(
     version,
     override_usage = "pipeline [-q] [--lake DIR] COMMAND …; `pipeline COMMAND -h` says more",
-    help_template = "{about}\nUsage: {usage}\n{after-help}"
+    help_template = "{about}\nUsage: {usage}{after-help}"
 )]
 pub(crate) struct Cli {
     /// Print only errors

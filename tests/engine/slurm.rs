@@ -16,7 +16,9 @@ use crate::{
     cluster::{Slurm, processes_with, workers},
     elsewhere::graph,
     hiccups::away_for,
-    place::{CHAIN, LONG, Place, Running, assert_same, chances, number, published, stderr, stdout, well},
+    place::{
+        CHAIN, LONG, Place, Running, assert_same, chances, number, published, stderr, stdout, well,
+    },
 };
 
 #[test]
