@@ -136,9 +136,15 @@ impl<'a> RemoteExecutor<'a> {
             return Ok(Self::Launch(launcher.processes(lake, &depot)?));
         }
         let table: Table = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
-        let logs = table.logs.as_ref().map(PathBuf::from);
-        let logs = match (logs, &depot) {
-            (Some(logs), _) => logs,
+        let logs = match (table.logs.as_ref(), &depot) {
+            (Some(logs), _) => {
+                fs::create_dir_all(logs).map_err(|err| {
+                    let message = format!("cannot make the folder of logs `{logs}`");
+                    CommandError::failed(anyhow::Error::from(err).context(message), None)
+                })?;
+                PathBuf::from(logs)
+            }
+            // Made before jobs are submitted, in a depot that answers.
             (None, DepotName::Folder(folder)) => folder.join("logs"),
             (None, DepotName::Store(_)) => {
                 return Err(CommandError::usage(
@@ -147,10 +153,6 @@ impl<'a> RemoteExecutor<'a> {
                 ));
             }
         };
-        fs::create_dir_all(&logs).map_err(|err| {
-            let message = format!("cannot make the folder of logs `{}`", logs.display());
-            CommandError::failed(anyhow::Error::from(err).context(message), None)
-        })?;
         Ok(Self::Batch(Box::new(Batch {
             name: name.to_owned(),
             table,

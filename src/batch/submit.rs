@@ -1,6 +1,6 @@
 //! Submitting arrays of jobs, and asking whether they could be.
 
-use std::{env, io, slice};
+use std::{env, fs, io, slice};
 
 use dataflow::{Failure, Order, Resources, Wave};
 
@@ -77,6 +77,7 @@ impl Batch<'_> {
                 };
                 self.leave(&key, &job)?;
             }
+            self.make_logs(|| self.leave(&wave_key, &array))?;
             // Whatever comes now, its jobs are cancelled by their name.
             out(|out| out.insert(array.name.clone(), self.cancellation(&array)));
             let submitted = self.submit_array(&array, wave.resources(), n_in_job);
@@ -87,6 +88,19 @@ impl Batch<'_> {
             });
             arrays.push(array);
             noted?;
+        }
+        Ok(())
+    }
+
+    /// Makes the folder of logs in the depot, which `answers` has waited for: a folder that is away is not made anew
+    /// in its place.
+    fn make_logs(&self, answers: impl Fn() -> Result<(), Failure>) -> Result<(), Failure> {
+        while let Err(err) = fs::create_dir(&self.logs) {
+            match err.kind() {
+                io::ErrorKind::AlreadyExists => break,
+                io::ErrorKind::NotFound => answers()?,
+                _ => return Err(self.refused(&err)),
+            }
         }
         Ok(())
     }

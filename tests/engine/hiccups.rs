@@ -80,6 +80,21 @@ fn a_folder_that_is_away_while_units_end_loses_no_result_and_ends_no_run() {
 }
 
 #[test]
+fn a_run_that_begins_while_its_depot_is_away_makes_no_other_in_its_place() {
+    let (cluster, place) = (Cluster::new(), machine());
+    let (depot, away) = (cluster.path("depot"), cluster.path("away"));
+    fs::rename(&depot, &away).unwrap();
+    let run = place.command("run", &["--on", "slurm", "--until", "split"]);
+    let run = Running::start(cluster.with(run));
+    thread::sleep(AWAY);
+    assert!(!depot.exists());
+    fs::rename(&away, &depot).unwrap();
+    let (code, said) = run.finish();
+    assert_eq!(code, Some(0), "{said}");
+    assert_eq!(place.take_log().len(), 2, "{said}");
+}
+
+#[test]
 fn a_depot_that_stays_away_leaves_the_jobs_and_the_same_command_takes_them_over() {
     let cluster = Cluster::new();
     let place = machine();

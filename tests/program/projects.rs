@@ -73,7 +73,8 @@ fn new_project_contains_every_file_its_pipelines_name() {
         files
     };
     let files = [of("pipelines"), of("pipelines/studies")].concat();
-    for path in files.iter().filter(|path| path.ends_with(".toml")) {
+    let is_pipeline = |path: &&String| Path::new(path).extension() == Some("toml".as_ref());
+    for path in files.iter().filter(is_pipeline) {
         let ready = pipeline(&lab, &["doctor", path]);
         let text = stderr(&ready);
         // Studies with several values have no single one to check.

@@ -104,6 +104,27 @@ impl FolderDepot {
         Ok(())
     }
 
+    /// Makes the folders above a path below the depot's own: one that has just gone away is not made anew in its
+    /// place.
+    fn make_parent(&self, path: &Path) -> io::Result<()> {
+        let Some(folder) = path.parent().filter(|folder| *folder != self.root) else {
+            return Ok(());
+        };
+        let make = || match fs::create_dir(folder) {
+            Err(err) if err.kind() == io::ErrorKind::AlreadyExists => Ok(()),
+            made => made,
+        };
+        match make() {
+            Err(err)
+                if err.kind() == io::ErrorKind::NotFound && fs::metadata(&self.root).is_ok() =>
+            {
+                self.make_parent(folder)?;
+                make()
+            }
+            made => made,
+        }
+    }
+
     /// Writes content beside its final name, synced.
     fn write(&self, content: Content) -> io::Result<PathBuf> {
         self.check()?;
@@ -112,7 +133,7 @@ impl FolderDepot {
             let number = COUNTER.fetch_add(1, Ordering::Relaxed);
             let name = format!("{}-{}-{number}", *MACHINE, process::id());
             let beside = self.path(WRITING).join(name);
-            make_parent(&beside)?;
+            self.make_parent(&beside)?;
             match File::create_new(&beside) {
                 Err(err) if err.kind() == io::ErrorKind::AlreadyExists => {}
                 created => break (beside, created?),
@@ -128,7 +149,8 @@ impl FolderDepot {
     fn place(&self, key: &str, content: Content, mode: PutMode) -> io::Result<Put> {
         let beside = self.write(content)?;
         let path = self.path(key);
-        let placed = make_parent(&path)
+        let placed = self
+            .make_parent(&path)
             .and_then(|()| self.check_below(key))
             .and_then(|()| match mode {
                 PutMode::Always => fs::rename(&beside, &path).map(|()| Put::New),
@@ -256,10 +278,6 @@ fn write_synced(mut file: File, mut content: Content) -> io::Result<()> {
     file.sync_all()
 }
 
-fn make_parent(path: &Path) -> io::Result<()> {
-    path.parent().map_or(Ok(()), fs::create_dir_all)
-}
-
 /// Syncs a folder's list of names; some network file systems cannot, and need not.
 fn sync(folder: &Path) -> io::Result<()> {
     match File::open(folder)?.sync_all() {
@@ -348,6 +366,10 @@ mod tests {
         assert_eq!(get(&depot, "units/one"), None, "a new one is empty");
         put(&depot, "units/one", b"one", PutMode::Always);
         fs::rename(&folder, &away).unwrap();
+        // It went away after it had been looked at.
+        let made = depot.make_parent(&folder.join("units/two/three"));
+        assert_eq!(made.unwrap_err().kind(), io::ErrorKind::NotFound);
+        assert!(!folder.exists());
         for is_mount_point in [false, true] {
             if is_mount_point {
                 fs::create_dir(&folder).unwrap();
