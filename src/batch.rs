@@ -245,6 +245,7 @@ impl Batch<'_> {
             orders: Vec::new(),
         };
         self.leave(&orders_key(&job), &nothing)?;
+        self.make_logs(|| self.leave(&orders_key(&job), &nothing))?;
         let mut answer = None;
         let submitted = self.submit_array(&array, &Resources::default(), 1);
         let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };

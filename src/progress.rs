@@ -339,11 +339,11 @@ mod tests {
             });
             (0..2).for_each(|number| state.show(&done(number, false)));
             assert_eq!(state.estimate(), "", "nothing is known yet");
-            clock::sleep(Duration::from_secs(60));
+            clock::sleep(Duration::from_mins(1));
             (2..6).for_each(|number| state.show(&done(number, true)));
             // Four in a minute, and six are left.
             assert_eq!(state.estimate(), ", about 1 min 30 s left");
-            clock::sleep(Duration::from_secs(60));
+            clock::sleep(Duration::from_mins(1));
             (6..12).for_each(|number| state.show(&done(number, true)));
             assert_eq!(state.estimate(), ", about 0.0 s left");
         });

@@ -94,7 +94,10 @@ impl Batch<'_> {
 
     /// Makes the folder of logs in the depot, which `answers` has waited for: a folder that is away is not made anew
     /// in its place.
-    fn make_logs(&self, answers: impl Fn() -> Result<(), Failure>) -> Result<(), Failure> {
+    pub(super) fn make_logs(
+        &self,
+        answers: impl Fn() -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
         while let Err(err) = fs::create_dir(&self.logs) {
             match err.kind() {
                 io::ErrorKind::AlreadyExists => break,

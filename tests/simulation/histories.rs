@@ -124,7 +124,7 @@ fn run(seed: u64, old: Old, folder: &Path) -> End {
 
 impl History {
     fn new(seed: u64, old: Old, folder: &Path) -> Self {
-        let seen = Seen::begin(seed);
+        let history = Seen::begin(seed);
         let roles = Role::all(folder, old);
         let faults_end = seconds(30 + below(FAULTS_S - 30));
         let machines: Vec<String> = roles.iter().map(|role| role.machine.clone()).collect();
@@ -132,17 +132,17 @@ impl History {
             .map(|_| trouble(faults_end, &machines))
             .collect();
         let depot = Arc::new(SimulatedDepot {
-            seen: Arc::clone(&seen),
+            seen: Arc::clone(&history),
             troubles,
             old,
             files: Mutex::default(),
         });
         for trouble in &depot.troubles {
-            seen.log(&format!("{trouble:?}"));
+            history.log(&format!("{trouble:?}"));
         }
         Self {
             slurm: Arc::new(Slurm {
-                seen: Arc::clone(&seen),
+                seen: Arc::clone(&history),
                 depot: Arc::clone(&depot) as Arc<dyn Depot>,
                 folder: folder.to_owned(),
                 old,
@@ -150,7 +150,7 @@ impl History {
                 jobs: Mutex::default(),
                 lakes: Mutex::default(),
             }),
-            seen,
+            seen: history,
             depot,
             folder: folder.to_owned(),
             n_units: 2 + below(5),
@@ -226,7 +226,7 @@ impl History {
                 table,
                 lake: &lake,
                 depot: "simulated".to_owned(),
-                logs: PathBuf::from("/nowhere"),
+                logs: std::env::temp_dir(),
                 ask: &ask,
             };
             let options = RunOptions {
@@ -421,8 +421,7 @@ fn found(old: Old) -> Option<String> {
         *found = found.take().or(wrong);
         found.is_some()
     });
-    let found = lock(&found).take();
-    found
+    found.into_inner().unwrap()
 }
 
 #[test]

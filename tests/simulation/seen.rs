@@ -43,13 +43,13 @@ struct Facts {
 impl Seen {
     /// Begins a history, at its world's beginning.
     pub(super) fn begin(seed: u64) -> Arc<Self> {
-        let seen = Arc::new(Self {
+        let history = Arc::new(Self {
             seed,
             began: clock::now(),
             facts: Mutex::default(),
         });
-        lock(&HISTORIES).insert(seed, Arc::clone(&seen));
-        seen
+        lock(&HISTORIES).insert(seed, Arc::clone(&history));
+        history
     }
 
     pub(super) fn of(seed: u64) -> Arc<Self> {
@@ -102,7 +102,7 @@ impl Seen {
         let is_excused = fault.is_some_and(|fault| time < *fault + AFTER_FAULT);
         let visible = facts.visible.get(unit);
         if let Some(since) = visible.filter(|since| time > **since + VISIBLE && !is_excused) {
-            let late_s = (time - *since).as_secs_f64();
+            let late_s = time.saturating_sub(*since).as_secs_f64();
             wrong = Some(format!(
                 "{unit} begun by {process} {late_s:.1} s after it was there"
             ));
@@ -120,7 +120,9 @@ impl Seen {
                 .push(process.clone());
         }
         drop(facts);
-        wrong.into_iter().for_each(|wrong| self.wrong(wrong));
+        if let Some(wrong) = wrong {
+            self.wrong(wrong);
+        }
     }
 
     pub(super) fn finished(&self, unit: &str) {
@@ -148,7 +150,9 @@ impl Seen {
             .next()
             .map(|(unit, _)| format!("{process} ends with the only result of {unit}"));
         drop(facts);
-        left.into_iter().for_each(|left| self.wrong(left));
+        if let Some(left) = left {
+            self.wrong(left);
+        }
     }
 
     /// Ends the history: every result that was ever finished must be in the depot.

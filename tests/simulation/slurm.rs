@@ -200,10 +200,10 @@ impl Slurm {
                 began: clock::now(),
                 limit: OnceLock::new(),
             };
-            let worked = worker.job(&job);
+            let result = worker.job(&job);
             lake.leave();
             seen.ended();
-            outcome.set(worked.is_ok()).unwrap();
+            outcome.set(result.is_ok()).unwrap();
         })
     }
 }

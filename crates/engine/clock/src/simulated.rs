@@ -157,7 +157,7 @@ impl Process {
     }
 }
 
-/// Waits for the simulated answer to a request that is [`watched`](crate::watched); returns whether it came before
+/// Waits for the simulated answer to a request that is [`watched`](crate::watched()); returns whether it came before
 /// the patience was over.
 ///
 /// # Panics

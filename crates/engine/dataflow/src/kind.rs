@@ -230,7 +230,7 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
 }
 
 impl Kind {
-    /// Returns the kind of a stage with this [`code!`](crate::code) and without a report: its outputs
+    /// Returns the kind of a stage with this [`code!`](macro@crate::code) and without a report: its outputs
     /// have their own lines.
     ///
     /// # Panics

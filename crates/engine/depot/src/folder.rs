@@ -110,19 +110,17 @@ impl FolderDepot {
         let Some(folder) = path.parent().filter(|folder| *folder != self.root) else {
             return Ok(());
         };
-        let make = || match fs::create_dir(folder) {
+        let create = || match fs::create_dir(folder) {
             Err(err) if err.kind() == io::ErrorKind::AlreadyExists => Ok(()),
-            made => made,
+            created => created,
         };
-        match make() {
-            Err(err)
-                if err.kind() == io::ErrorKind::NotFound && fs::metadata(&self.root).is_ok() =>
-            {
-                self.make_parent(folder)?;
-                make()
-            }
-            made => made,
+        let created = create();
+        let lacks_parent = |err: &io::Error| err.kind() == io::ErrorKind::NotFound;
+        if created.as_ref().is_err_and(lacks_parent) && fs::metadata(&self.root).is_ok() {
+            self.make_parent(folder)?;
+            return create();
         }
+        created
     }
 
     /// Writes content beside its final name, synced.
