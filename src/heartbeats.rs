@@ -17,14 +17,17 @@ pub(crate) fn during<R>(
     let (is_over, changed) = (Mutex::new(false), Condvar::default());
     let beats = || {
         let mut next = clock::now() + period;
-        while !*clock::lock(&is_over) {
+        let mut over = clock::lock(&is_over);
+        // Held from the look at it to the wait: an end between them would wake nobody.
+        while !*over {
             let left = next.saturating_duration_since(clock::now());
             if left.is_zero() {
+                drop(over);
                 beat();
                 next = clock::now() + period;
+                over = clock::lock(&is_over);
             } else {
-                let over = clock::lock(&is_over);
-                drop(changed.wait_timeout(over, &is_over, left));
+                over = changed.wait_timeout(over, &is_over, left);
             }
         }
     };
@@ -58,5 +61,19 @@ mod tests {
             beats.recv().and_then(|()| beats.recv())
         });
         assert_eq!(got, Ok(()));
+    }
+
+    #[test]
+    fn work_that_ends_at_once_does_not_wait_for_a_period() {
+        let (seen, ended) = mpsc::channel();
+        std::thread::spawn(move || {
+            for round in 0..20_000 {
+                // It ends at any time in the first steps of the other thread.
+                let work = || (0..round % 5_000).for_each(|_| std::hint::spin_loop());
+                during(Duration::from_hours(1), || {}, work);
+            }
+            seen.send(()).unwrap();
+        });
+        assert_eq!(ended.recv_timeout(Duration::from_mins(5)), Ok(()));
     }
 }

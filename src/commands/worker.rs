@@ -130,15 +130,15 @@ impl Worker<'_> {
     fn stdin_job(&self) -> Result<(), CommandError> {
         let (sender, lines) = mpsc::channel();
         let is_busy = Arc::new(Mutex::new(false));
-        let (lake, is_idle) = (Arc::clone(self.lake), Arc::clone(&is_busy));
+        let (lake, has_order) = (Arc::clone(self.lake), Arc::clone(&is_busy));
         thread::spawn(move || {
             let sent = io::stdin().lock().lines().try_for_each(|line| {
-                *clock::lock(&is_idle) = true;
+                *clock::lock(&has_order) = true;
                 sender.send(line).map_err(|_ended| ())
             });
             // Kept, so that no other unit is begun.
-            let is_busy = clock::lock(&is_idle);
-            if *is_busy && sent.is_ok() {
+            let has_order = clock::lock(&has_order);
+            if *has_order && sent.is_ok() {
                 interrupt::stop(&lake);
             }
         });
