@@ -240,6 +240,8 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         );
         assert_eq!(command.position.len(), state.position.len());
     }
+    let last = |states: &[JointState]| states.last().unwrap().position.clone();
+    let [told, measured] = [last(&commanded), last(&states)];
     let commands: JointTrajectory = recording
         .topic(JOINT_TRAJECTORY)
         .next()
@@ -247,6 +249,10 @@ fn accepted_motions_are_executed_by_the_simulated_cell_and_recorded() {
         .decode()
         .unwrap()
         .unwrap();
+    // The last point is held, and the cube keeps the fingers from it.
+    assert_eq!(told, commands.points.last().unwrap().positions);
+    let short = told.iter().zip(&measured).map(|(told, q)| (told - q).abs());
+    assert!(short.fold(0.0, f64::max) > 1e-3, "{told:?}, {measured:?}");
     // What the hand was told, at its 333 Hz to the end of the squeeze.
     let end = &commands.points.last().unwrap().time_from_start;
     let rate_hz =

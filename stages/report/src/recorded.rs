@@ -98,6 +98,7 @@ impl RecordedMotion {
             moments.push(moment);
         }
         if let Some(commands) = commands
+            && commanded.is_empty()
             && commands.len() == moments.len()
         {
             for (moment, command) in moments.iter_mut().zip(commands) {
