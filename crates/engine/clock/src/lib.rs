@@ -20,7 +20,8 @@
 //! Invariants: of the threads of a world one runs at a time, and which is next follows from its seed; a process that
 //! is killed does nothing more.
 //!
-//! What this crate deliberately does not simulate: files, and locks between processes.
+//! What this crate deliberately does not simulate: files, locks between processes, and threads that are
+//! interrupted between two waits.
 
 mod condvar;
 mod simulated;
