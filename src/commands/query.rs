@@ -7,6 +7,7 @@ mod cells;
 mod engine;
 mod faults;
 mod files;
+mod lists;
 mod meaning;
 mod membership;
 pub(super) mod page;

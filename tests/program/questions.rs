@@ -279,6 +279,52 @@ fn what_engines_answer_differently_has_one_answer() {
             "select count(*) as n from {t} where a not in (1, null)",
             "0\n",
         ),
+        // Places in a window are whole numbers like others.
+        (
+            "select n from (select n - 9 as n from {t} union all select rank() over (order by n) from {t}) u order by 1",
+            "-8\n-7\n-4\n-4\n1\n2\n3\n3\n",
+        ),
+        // One that is no number comes after all others, whatever it was computed from.
+        (
+            "select sum(v) as s from (values (1, 1e0 / 0), (1, -1e0 / 0), (2, 5e0)) as w(k, v) group by k order by s",
+            "5.0\nNaN\n",
+        ),
+        // A large number that leaves a window takes no digits with it.
+        (
+            "select sum(v) over (order by k rows between current row and 1 following) as s from \
+             (values (1, 1e16), (2, 0.1), (3, 0.2)) as w(k, v) order by k desc",
+            "0.2\n0.30000000000000004\n1e16\n",
+        ),
+        (
+            "select avg(v) over (order by k rows between 1 preceding and current row) as s from \
+             (values (1, 1e0 / 0), (2, 1.0), (3, 3.0)) as w(k, v) order by k",
+            "inf\ninf\n2.0\n",
+        ),
+        // Two lists of one column, of which one has a null or the column has.
+        (
+            "select n from {t} where a not in (7, 8, null) or a not in (1) order by n",
+            "5\n5\n",
+        ),
+        (
+            "select n from {t} where s not in ('x', 'p') or s not in ('z') order by n",
+            "1\n2\n5\n",
+        ),
+        (
+            "select n from {t} where a in (1, 2) and a not in (9, null)",
+            "",
+        ),
+        (
+            "select s, not (s in ('x', 'p') and s in ('y', 'q')) as m from {t} order by s",
+            "x,true\ny,true\nz,true\n,\n",
+        ),
+        (
+            "select s, (s = 'x' or s = 'p') and (s = 'y' or s = 'q') as m from {t} order by s",
+            "x,false\ny,false\nz,false\n,\n",
+        ),
+        (
+            "select n from (select * from {t} where a in (1, 3)) u where a not in (3, null)",
+            "",
+        ),
         // Dates.
         ("select extract(dow from date '2024-01-07') as d", "0\n"),
         ("select date '2024-03-01' - date '2024-02-01' as d", "29\n"),

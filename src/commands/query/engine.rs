@@ -9,14 +9,17 @@ use datafusion::{
     datasource::TableProvider,
     execution::{SessionStateBuilder, SessionStateDefaults, session_state::SessionState},
     logical_expr::{AggregateUDF, ScalarUDF},
-    optimizer::Analyzer,
+    optimizer::{Analyzer, Optimizer},
     physical_optimizer::optimizer::PhysicalOptimizer,
     physical_plan::collect,
     prelude::{SessionConfig, SessionContext},
     sql::{parser::Statement, sqlparser::ast},
 };
 
-use super::{answer::Answer, meaning::Meaning, quantile::Quantile, texts::Texts, truths::OfTruths};
+use super::{
+    answer::Answer, lists::Simplify, meaning::Meaning, quantile::Quantile, texts::Texts,
+    truths::OfTruths,
+};
 
 /// Functions of single values.
 const SCALARS: [&str; 85] = [
@@ -175,6 +178,12 @@ impl Engine {
         let mut rules = Analyzer::new().rules;
         rules.insert(0, Arc::new(Meaning));
         rules.push(Arc::new(Texts));
+        let mut reductions = Optimizer::new().rules;
+        for rule in &mut reductions {
+            if rule.name() == "simplify_expressions" {
+                *rule = Arc::new(Simplify::default());
+            }
+        }
         // This one takes conditions below joins by the names of columns, which both sides may have.
         let mut steps = PhysicalOptimizer::new().rules;
         steps.retain(|rule| !rule.name().starts_with("FilterPushdown"));
@@ -185,6 +194,7 @@ impl Engine {
             .with_aggregate_functions(aggregates())
             .with_window_functions(SessionStateDefaults::default_window_functions())
             .with_analyzer_rules(rules)
+            .with_optimizer_rules(reductions)
             .with_physical_optimizer_rules(steps)
             .build();
         Self {

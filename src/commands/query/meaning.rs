@@ -89,7 +89,7 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     // Conditions without a column are not taken below totals, which have a row where there is none below.
     let is_one_row =
         matches!(&plan, LogicalPlan::Aggregate(totals) if totals.group_expr.is_empty());
-    let plan = whole_again(plan, &before)?;
+    let plan = settled(plan, &before)?;
     if !is_one_row || !plan.all_out_ref_exprs().is_empty() {
         return Ok(Transformed::yes(plan));
     }
@@ -97,29 +97,42 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     Ok(Transformed::yes(fenced))
 }
 
-/// Makes sums of whole numbers, which are added without a limit, whole numbers of 64 bits again; it fails
-/// where one does not fit.
-fn whole_again(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan> {
-    if !matches!(plan, LogicalPlan::Aggregate(_) | LogicalPlan::Window(_)) {
+/// Gives what is aggregated, and what windows count, the types and values that it has elsewhere: sums of whole
+/// numbers, which are added without a limit, are whole numbers of 64 bits again (it fails where one does not
+/// fit), places in a window are, and decimals have one zero and one NaN.
+fn settled(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan> {
+    let n_given = match &plan {
+        LogicalPlan::Aggregate(totals) => totals.group_expr_len()?,
+        LogicalPlan::Window(window) => window.input.schema().fields().len(),
+        _ => return Ok(plan),
+    };
+    let mut is_settled = true;
+    let mut columns = Vec::new();
+    for (idx, ((table, old), (_, new))) in before.iter().zip(plan.schema().iter()).enumerate() {
+        let column = Expr::Column(Column::new(table.cloned(), new.name()));
+        let is_place = *new.data_type() == DataType::UInt64;
+        let is_sum = old.data_type().is_integer() && *new.data_type() == SUM;
+        let settled = if idx < n_given {
+            None
+        } else if is_place || is_sum {
+            Some(Expr::Cast(Cast::new(
+                Box::new(column.clone()),
+                DataType::Int64,
+            )))
+        } else if *new.data_type() == DataType::Float64 {
+            arithmetic::one_zero(column.clone())
+        } else {
+            None
+        };
+        is_settled &= settled.is_none();
+        columns.push(match settled {
+            Some(settled) => settled.alias_qualified(table.cloned(), old.name()),
+            None => column,
+        });
+    }
+    if is_settled {
         return Ok(plan);
     }
-    let is_sum = |old: &DataType, new: &DataType| old.is_integer() && *new == SUM;
-    let fields = before.iter().zip(plan.schema().iter());
-    let columns: Vec<(bool, Expr)> = fields
-        .map(|((table, old), (_, new))| {
-            let column = Expr::Column(Column::new(table.cloned(), new.name()));
-            if is_sum(old.data_type(), new.data_type()) {
-                let whole = Expr::Cast(Cast::new(Box::new(column), DataType::Int64));
-                (true, whole.alias_qualified(table.cloned(), old.name()))
-            } else {
-                (false, column)
-            }
-        })
-        .collect();
-    if columns.iter().all(|(is_sum, _)| !is_sum) {
-        return Ok(plan);
-    }
-    let columns = columns.into_iter().map(|(_, column)| column).collect();
     Projection::try_new(columns, plan.into()).map(LogicalPlan::Projection)
 }
 

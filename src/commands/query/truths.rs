@@ -1,16 +1,73 @@
-//! Sums and means of true and false: how many are true, and which share.
+//! Sums and means: of true and false how many are true and which share, of decimals in a window without what left it.
 
-use std::hash::{Hash, Hasher};
+use std::{
+    collections::VecDeque,
+    hash::{Hash, Hasher},
+};
 
 use datafusion::{
-    arrow::datatypes::{DataType, FieldRef},
-    common::Result,
+    arrow::{
+        array::{Array, ArrayRef},
+        datatypes::{DataType, FieldRef},
+    },
+    common::{Result, cast::as_float64_array, internal_err, utils::take_function_args},
     logical_expr::{
         Accumulator, AggregateUDF, AggregateUDFImpl, GroupsAccumulator, ReversedUDAF, Signature,
         Volatility,
         function::{AccumulatorArgs, StateFieldsArgs},
     },
+    scalar::ScalarValue,
 };
+
+/// The decimals in a window's frame, which are added anew for each row: what is subtracted from a sum takes its
+/// last digits with it, and infinity does not leave one.
+#[derive(Debug)]
+struct Frame {
+    values: VecDeque<f64>,
+    is_mean: bool,
+}
+
+impl Accumulator for Frame {
+    fn update_batch(&mut self, values: &[ArrayRef]) -> Result<()> {
+        let [values] = take_function_args("sum", values)?;
+        self.values
+            .extend(as_float64_array(values)?.iter().flatten());
+        Ok(())
+    }
+
+    fn retract_batch(&mut self, values: &[ArrayRef]) -> Result<()> {
+        let [values] = take_function_args("sum", values)?;
+        let n = values.len() - values.null_count();
+        self.values.drain(..n.min(self.values.len()));
+        Ok(())
+    }
+
+    fn supports_retract_batch(&self) -> bool {
+        true
+    }
+
+    fn evaluate(&mut self) -> Result<ScalarValue> {
+        let sum = (!self.values.is_empty()).then(|| self.values.iter().sum::<f64>());
+        let n = if self.is_mean {
+            self.values.len() as f64
+        } else {
+            1.0
+        };
+        Ok(ScalarValue::Float64(sum.map(|sum| sum / n)))
+    }
+
+    fn size(&self) -> usize {
+        size_of_val(self) + self.values.capacity() * size_of::<f64>()
+    }
+
+    fn state(&mut self) -> Result<Vec<ScalarValue>> {
+        internal_err!("a frame is not split")
+    }
+
+    fn merge_batch(&mut self, _states: &[ArrayRef]) -> Result<()> {
+        internal_err!("a frame is not split")
+    }
+}
 
 /// A function of numbers that takes true for one and false for zero.
 #[derive(Debug)]
@@ -99,7 +156,17 @@ impl AggregateUDFImpl for OfTruths {
     }
 
     fn create_sliding_accumulator(&self, args: AccumulatorArgs) -> Result<Box<dyn Accumulator>> {
-        self.numbers.create_sliding_accumulator(args)
+        let is_decimal = args.expr_fields.first().is_some_and(|field| {
+            let kind = field.data_type();
+            *kind == DataType::Float64 && !args.is_distinct
+        });
+        if !is_decimal {
+            return self.numbers.create_sliding_accumulator(args);
+        }
+        Ok(Box::new(Frame {
+            values: VecDeque::new(),
+            is_mean: self.name() == "avg",
+        }))
     }
 
     fn reverse_expr(&self) -> ReversedUDAF {
