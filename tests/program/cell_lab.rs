@@ -73,21 +73,25 @@ impl Lab {
         lab
     }
 
-    /// A lab with the motions of a few objects, which are made once for all tests of this program.
+    /// A lab with the motions of a few objects.
     pub(crate) fn of_few_objects() -> Self {
         static SCREENED: OnceLock<Bench> = OnceLock::new();
-        let screened = SCREENED.get_or_init(|| {
-            let bench = Bench::of_objects(&OBJECTS);
-            bench.run_well(&["--until", "screen"]);
-            bench
-        });
-        Self::with(Bench::after(screened), Behind::Nothing)
+        Self::after(&SCREENED, || Bench::of_objects(&OBJECTS), Behind::Nothing)
     }
 
     fn of(behind: Behind) -> Self {
-        let bench = Bench::new();
-        bench.run_well(&["--until", "screen"]);
-        Self::with(bench, behind)
+        static SCREENED: OnceLock<Bench> = OnceLock::new();
+        Self::after(&SCREENED, Bench::new, behind)
+    }
+
+    /// A lab with a copy of a lake of screened motions, which are made once for all tests of this program.
+    fn after(screened: &OnceLock<Bench>, bench: fn() -> Bench, behind: Behind) -> Self {
+        let screened = screened.get_or_init(|| {
+            let bench = bench();
+            bench.run_well(&["--until", "screen"]);
+            bench
+        });
+        Self::with(Bench::after(screened), behind)
     }
 
     fn with(bench: Bench, behind: Behind) -> Self {
