@@ -183,7 +183,7 @@ pub(crate) struct ReportArgs {
     /// Folder for the page and its tables
     #[arg(long, value_name = "DIR", default_value = "report")]
     pub(crate) out: PathBuf,
-    /// URDF of the robot hand with its meshes [default: that of the recordings, without meshes]
+    /// File or URDF of the robot hand, with its meshes [default: that of the recordings, without meshes]
     #[arg(long, value_name = "FILE")]
     pub(crate) hand: Option<PathBuf>,
     /// Motions of the first run to look at
@@ -245,7 +245,7 @@ pub(crate) struct MotionsArgs {
     /// Of rollouts the `reason`, e.g. `held`; of executions the `outcome`, e.g. `succeeded`.
     #[arg(long, value_name = "OUTCOME")]
     pub(crate) outcome: Option<String>,
-    /// URDF of the robot hand [default: that of the run's screen]
+    /// File or URDF of the robot hand [default: that of the run's screen]
     #[arg(long, value_name = "FILE")]
     pub(crate) hand: Option<PathBuf>,
 }
@@ -291,7 +291,7 @@ pub(crate) struct GlbArgs {
     /// File to write [default: the motion's name and `.glb`]
     #[arg(long, value_name = "FILE")]
     pub(crate) out: Option<PathBuf>,
-    /// URDF of the robot hand
+    /// File or URDF of the robot hand
     ///
     /// For candidates, and for the meshes that a recording lacks. [default: that of the recording]
     #[arg(long, value_name = "FILE")]
@@ -308,7 +308,7 @@ pub(crate) struct CellArgs {
     pub(crate) file: PathBuf,
     #[command(flatten)]
     pub(crate) values: ValueArgs,
-    /// URDF of the robot hand [default: that of the stage]
+    /// File or URDF of the robot hand [default: that of the stage]
     #[arg(long, value_name = "FILE")]
     pub(crate) hand: Option<PathBuf>,
     /// Endpoint to listen on

@@ -21,6 +21,11 @@ use stage_transfer::Transfer;
 
 use crate::sample;
 
+/// A kind of which these options may be left out: they are in the file of its hand.
+fn of_hand(kind: Kind, options: &'static [&'static str]) -> Kind {
+    kind.completed(options, "hand", hand_files::complete)
+}
+
 /// Returns the kinds in the order of the flow, each named by its report if it has one.
 pub fn kinds() -> Vec<Kind> {
     vec![
@@ -28,21 +33,48 @@ pub fn kinds() -> Vec<Kind> {
             [code!("stage-ingest"), code!("report-ingest")],
             sample::generate,
         ),
-        Kind::reported::<RetargetReport>([code!("stage-retarget"), code!("report-retarget")]),
+        of_hand(
+            Kind::reported::<RetargetReport>([code!("stage-retarget"), code!("report-retarget")]),
+            &["hand_table"],
+        ),
         Kind::of::<Replay>(code!("stage-replay")),
         Kind::of::<Transfer>(code!("stage-transfer")),
-        Kind::reported::<TrainReport>([code!("stage-train"), code!("report-train")]),
-        Kind::reported::<SampleReport>([code!("stage-sample"), code!("report-sample")]),
+        of_hand(
+            Kind::reported::<TrainReport>([code!("stage-train"), code!("report-train")]),
+            &["training.tips", "training.tip_radius_m"],
+        ),
+        of_hand(
+            Kind::reported::<SampleReport>([code!("stage-sample"), code!("report-sample")]),
+            &[],
+        ),
         Kind::of::<Interpolate>(code!("stage-interpolate")),
-        Kind::of::<Eigengrasp>(code!("stage-eigengrasp")),
-        Kind::of::<ForceClosure>(code!("stage-force_closure")),
-        Kind::of::<GraspTta>(code!("stage-grasp_tta")),
-        Kind::of::<Refine>(code!("stage-refine")),
-        Kind::of::<Rrt>(code!("stage-rrt")),
-        Kind::of::<CemMpc>(code!("stage-cem_mpc")),
-        Kind::reported::<ScreenReport>([code!("stage-screen"), code!("report-screen")]),
-        Kind::reported::<DispatchReport>([code!("stage-dispatch"), code!("report-dispatch")]),
-        Kind::of::<Report>(code!("stage-report")),
+        of_hand(
+            Kind::of::<Eigengrasp>(code!("stage-eigengrasp")),
+            &["flexion_joints"],
+        ),
+        of_hand(
+            Kind::of::<ForceClosure>(code!("stage-force_closure")),
+            &["hand_table", "flexion_joints"],
+        ),
+        of_hand(
+            Kind::of::<GraspTta>(code!("stage-grasp_tta")),
+            &["flexion_joints"],
+        ),
+        of_hand(Kind::of::<Refine>(code!("stage-refine")), &["hand_table"]),
+        of_hand(Kind::of::<Rrt>(code!("stage-rrt")), &["hand_table"]),
+        of_hand(
+            Kind::of::<CemMpc>(code!("stage-cem_mpc")),
+            &["hand_table", "scene.drive", "protocol.flexion_joints"],
+        ),
+        of_hand(
+            Kind::reported::<ScreenReport>([code!("stage-screen"), code!("report-screen")]),
+            &["scene.drive", "protocol.flexion_joints"],
+        ),
+        of_hand(
+            Kind::reported::<DispatchReport>([code!("stage-dispatch"), code!("report-dispatch")]),
+            &["simulated.scene.drive", "protocol.flexion_joints"],
+        ),
+        of_hand(Kind::of::<Report>(code!("stage-report")), &[]),
         Kind::of::<Program<Shipped>>(code!("stage-program")),
     ]
 }

@@ -71,6 +71,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     };
     let name = config.name.clone();
     let path = args.hand.as_ref().unwrap_or(&options.hand);
+    let path = &hand_files::urdf_of(path).map_err(CommandError::with_hint(Advise::hint))?;
     let urdf = fs::read_to_string(path).map_err(|err| {
         CommandError::usage(
             format!("cannot read the hand's URDF `{}`: {err}", path.display()),

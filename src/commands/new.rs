@@ -28,7 +28,7 @@ macro_rules! files {
 }
 
 /// The files of a new project, by path.
-const FILES: [(&str, &str); 48] = files![
+const FILES: [(&str, &str); 50] = files![
     "data/access/README.md",
     "data/access/certificates/cell.json5",
     "data/access/certificates/dispatcher.json5",
@@ -47,6 +47,8 @@ const FILES: [(&str, &str); 48] = files![
     "data/hands/shadow_right.toml",
     "data/robots/allegro_left.urdf",
     "data/robots/allegro_right.urdf",
+    "data/robots/leap_right.urdf",
+    "data/robots/shadow_right.urdf",
     "data/robots/xarm6_allegro.urdf",
     "data/sample/recipe.toml",
     "pipelines/arm.toml",

@@ -85,7 +85,7 @@ fn foreign_drive(stage: &StageEntry) -> Option<Difference> {
             hand.name()
         ),
         hint: "give the hand its own torque limit, stiffness and damping, e.g. with \
-               `--set shared.drive.torque_limit=…`"
+               `drive = { torque_limit = … }` in its file"
             .to_owned(),
     })
 }

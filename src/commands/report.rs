@@ -2,8 +2,9 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use dataflow::{Artifact, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
+use dataflow::{Advise, Artifact, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
 use lake::{Lake, Run};
+use robot_meshes::LoadError;
 use stage_report::{Facts, INPUTS, PageData, Report, ReportConfig, ReportError, render};
 
 use crate::{
@@ -53,18 +54,16 @@ pub(crate) fn report(program: &Program, args: &ReportArgs) -> Result<CommandOutc
 /// A hand's URDF, written plainly, and its model.
 pub(crate) type Hand = (String, robot::RobotModel);
 
-/// Reads a hand with its meshes.
-pub(crate) fn hand(urdf: &Path) -> Result<Hand, CommandError> {
-    let loaded = robot_meshes::load(urdf).map_err(|err| {
-        let hint = err.hint();
-        CommandError::failed(err, hint)
-    })?;
+/// Reads a hand, of its file or its URDF, with its meshes.
+pub(crate) fn hand(path: &Path) -> Result<Hand, CommandError> {
+    let urdf = hand_files::urdf_of(path).map_err(CommandError::with_hint(Advise::hint))?;
+    let loaded = robot_meshes::load(&urdf).map_err(CommandError::with_hint(LoadError::hint))?;
     Ok((robot::plain_urdf(&loaded.urdf), loaded.model))
 }
 
 /// Returns the failure of a report.
 pub(crate) fn failed(err: ReportError) -> CommandError {
-    let hint = dataflow::Advise::hint(&err);
+    let hint = err.hint();
     CommandError::failed(err, hint)
 }
 

@@ -84,7 +84,7 @@ fn an_arm_that_does_not_carry_the_hand_is_refused_before_anything_runs() {
         assert!(!said.contains("ingest    "), "{said}");
         said
     };
-    let other = refused("dispatch.hand=data/robots/allegro_left.urdf", 1);
+    let other = refused("dispatch.hand=data/hands/allegro_left.toml", 1);
     assert!(other.contains("differ from the hand"), "{other}");
     let link = refused("dispatch.arm.palm=base", 1);
     assert!(link.contains("has no link `base`"), "{link}");

@@ -26,17 +26,14 @@ const GRASPS: &str = "
 kind = 'eigengrasp'
 inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
 shared.hand = 'hand'
-flexion_joints = ['joint_1.0']
 [stages.force_closure]
 kind = 'force_closure'
 inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
-shared = { hand = 'hand', hand_table = 'hand_table' }
-flexion_joints = ['joint_1.0']
+shared.hand = 'hand'
 [stages.grasp_tta]
 kind = 'grasp_tta'
 inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
 shared.hand = 'hand'
-flexion_joints = ['joint_1.0']
 ";
 
 /// Rivals of the function, which the arm's job does not have either.
@@ -47,11 +44,11 @@ inputs = { objects = 'ingest.objects', trajectories = 'retarget.trajectories' }
 [stages.rrt]
 kind = 'rrt'
 inputs = { candidates = 'sample.candidates', distance_fields = 'retarget.distance_fields' }
-shared = { hand = 'hand', hand_table = 'hand_table' }
+shared.hand = 'hand'
 [stages.cem_mpc]
 kind = 'cem_mpc'
 inputs = { candidates = 'sample.candidates', objects = 'ingest.objects' }
-shared = { hand = 'hand', hand_table = 'hand_table', protocol = 'protocol', scene.drive = 'drive' }
+shared = { hand = 'hand', protocol = 'protocol' }
 ";
 
 /// Whole numbers that only name something, and take no memory or time.

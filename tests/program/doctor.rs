@@ -43,18 +43,25 @@ fn missing(arguments: &[&str]) -> (String, String) {
 
 #[test]
 fn doctor_names_what_is_missing_and_what_to_do() {
+    let folder = tempfile::TempDir::new().unwrap();
+    let hand = |stage: &str, urdf: &str| {
+        let file = include_str!("../../data/hands/allegro_right.toml");
+        let path = folder.path().join(format!("{stage}.toml"));
+        put(&path, &file.replace("../robots/allegro_right.urdf", urdf));
+        format!("{stage}.hand={}", path.display())
+    };
     let (report, hints) = missing(&[
         "--set",
         "ingest.root=no/such/folder",
         "--set",
-        "train.hand=no/such.urdf",
+        &hand("train", "such.urdf"),
         "--set",
-        "dispatch.hand=no/other.urdf",
+        &hand("dispatch", "other.urdf"),
     ]);
     for (stage, says) in [
         ("ingest", "no/such/folder"),
-        ("train", "no/such.urdf"),
-        ("dispatch", "no/other.urdf"),
+        ("train", "such.urdf"),
+        ("dispatch", "other.urdf"),
     ] {
         let line = report.lines().find(|line| line[9..].starts_with(stage));
         let line = line.unwrap();
@@ -367,7 +374,10 @@ fn a_hand_with_the_drives_of_another_is_told() {
     let allegro = include_str!("../../data/robots/allegro_right.urdf");
     assert!(allegro.contains("effort=\"0.7\""));
     let path = folder.path().join("other.urdf");
-    let hand = format!("shared.hand={}", path.display());
+    let file = include_str!("../../data/hands/allegro_right.toml");
+    let file = file.replace("../robots/allegro_right.urdf", "other.urdf");
+    put(&folder.path().join("other.toml"), &file);
+    let hand = format!("shared.hand={}", folder.path().join("other.toml").display());
     let told = |efforts: [&str; 2]| {
         let (first, others) = allegro.split_once("effort=\"0.7\"").unwrap();
         let others = others.replace("effort=\"0.7\"", &format!("effort=\"{}\"", efforts[1]));

@@ -9,8 +9,9 @@ use std::{collections::BTreeMap, env, fs, path::Path};
 
 use dataflow::Pipeline;
 use serde_json::Value;
+use stage_retarget::Retarget;
 
-const FILES: [&str; 29] = [
+const FILES: [&str; 30] = [
     "cgf",
     "studies/agreement",
     "arm",
@@ -19,6 +20,7 @@ const FILES: [&str; 29] = [
     "studies/contribution_generators",
     "studies/expert",
     "generator",
+    "studies/hands",
     "grasps",
     "interpolation",
     "paper",
@@ -42,12 +44,16 @@ const FILES: [&str; 29] = [
     "studies/waterfall_functions",
 ];
 
-/// The values of a file by their keys.
-fn effective(file: &str) -> BTreeMap<String, String> {
+fn parsed(file: &str) -> Pipeline {
     let path = format!("pipelines/{file}.toml");
     let text = fs::read_to_string(&path).unwrap();
     let read = Pipeline::parse(path.as_ref(), &text, &pipeline::kinds(), None, &[]);
-    let read = read.unwrap_or_else(|err| panic!("{path}: {err}"));
+    read.unwrap_or_else(|err| panic!("{path}: {err}"))
+}
+
+/// The values of a file by their keys.
+fn effective(file: &str) -> BTreeMap<String, String> {
+    let read = parsed(file);
     let mut values = BTreeMap::from([("seed".to_owned(), read.seed.to_string())]);
     for stage in &read.stages {
         let mut add = |key: String, value: String| values.insert(key, value);
@@ -160,13 +166,18 @@ fn no_setting_of_the_papers_profiles_is_silent() {
             let told = table.get(key).and_then(|row| row[idx].as_ref());
             assert_eq!(told, values.get(key), "{file}: {key}");
         }
-        // The hand table counts by its content, and so is no effective value.
-        let hand_table = table["retarget.hand_table"][idx].as_ref().unwrap();
-        let named = format!("hand_table = \"data/hands/{hand_table}.toml\"");
-        let text = fs::read_to_string(format!("pipelines/{file}.toml")).unwrap();
-        assert!(text.contains(&named), "{file}: {named}");
+        // The hand counts by its content, and so is no effective value.
+        let hand = table["retarget.hand"][idx].as_ref().unwrap();
+        let read = parsed(file);
+        let file_of_hand = read.find("retarget").unwrap();
+        let file_of_hand = file_of_hand
+            .options::<Retarget>()
+            .unwrap()
+            .hand_table
+            .clone();
+        assert_eq!(file_of_hand.file_stem().unwrap(), hand.as_str(), "{file}");
         for (key, row) in &table {
-            let told = row[idx].as_ref().filter(|_| key != "retarget.hand_table");
+            let told = row[idx].as_ref().filter(|_| key != "retarget.hand");
             if let Some(told) = told {
                 assert_eq!(values.get(key), Some(told), "{file}: {key}");
                 assert_ne!(whole.get(key), Some(told), "{file}: {key} is the default");
@@ -203,12 +214,7 @@ fn every_option_is_documented_and_user_specific_ones_have_no_default() {
     for key in [
         "ingest.root",
         "ingest.hand",
-        "retarget.hand_table",
-        "train.training.tips",
-        "screen.protocol.flexion_joints",
-        "screen.scene.drive.torque_limit",
         "dispatch.cell",
-        "dispatch.protocol.flexion_joints",
         "dispatch.arm.table_from_base",
     ] {
         assert!(

@@ -164,7 +164,10 @@ fn a_hand_without_the_named_link_is_refused_with_its_name() {
         .replace("link_3.0_tip", "link_3.0_end");
     let path = bench.root().parent().unwrap().join("renamed.urdf");
     put(&path, &urdf);
-    let hand = format!("retarget.hand={}", path.display());
+    let file = include_str!("../../data/hands/allegro_right.toml");
+    let file = file.replace("../robots/allegro_right.urdf", "renamed.urdf");
+    put(&path.with_extension("toml"), &file);
+    let hand = format!("retarget.hand={}", path.with_extension("toml").display());
     let ran = bench.run(&["--until", "retarget", "--set", &hand]);
     assert_eq!(ran.status.code(), Some(1));
     assert_says(

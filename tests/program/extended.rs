@@ -162,11 +162,11 @@ fn a_shared_value_has_the_name_that_stages_take_it_by() {
         ],
     );
     refused(
-        &own("[shared]\ndrvie = 3"),
+        &own("[shared]\nfrictoin = 3"),
         &[
-            "no stage takes the shared value `drvie`",
+            "no stage takes the shared value `frictoin`",
             "own.toml:3:1",
-            "did you mean `drive`?",
+            "did you mean `friction`?",
         ],
     );
     refused(

@@ -191,63 +191,76 @@ fn the_parsed_hand_decides_and_not_its_bytes() {
     let folder = bench.root().parent().unwrap().join("hands");
     fs::create_dir_all(&folder).unwrap();
     let urdf = include_str!("../../data/robots/allegro_right.urdf");
-    let table = include_str!("../../data/hands/allegro_right.toml");
-    let arguments = |urdf: &str, table: &str| -> Vec<String> {
-        let urdf = folder.join(urdf).display().to_string();
-        let table = folder.join(table).display().to_string();
-        let hands =
-            ["retarget", "train", "sample", "refine"].map(|stage| format!("{stage}.hand={urdf}"));
-        let table = [format!("shared.hand_table={table}")];
-        let sets = hands.into_iter().chain(table);
-        let sets = sets.flat_map(|set| ["--set".to_owned(), set]);
-        ["--until", "refine"]
-            .map(str::to_owned)
-            .into_iter()
-            .chain(sets)
-            .collect()
+    let file = include_str!("../../data/hands/allegro_right.toml");
+    let put_hand = |name: &str, urdf: &str, file: &str| {
+        put(&folder.join(format!("{name}.urdf")), urdf);
+        let file = file.replace("../robots/allegro_right.urdf", &format!("{name}.urdf"));
+        put(&folder.join(format!("{name}.toml")), &file);
     };
-    let with = |urdf: &str, table: &str, what: &dyn Fn(&[&str]) -> String| {
-        let arguments = arguments(urdf, table);
-        let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
-        what(&arguments)
+    let with = |name: &str, more: &[&str], what: &dyn Fn(&[&str]) -> String| {
+        let hand = format!("shared.hand={}/{name}.toml", folder.display());
+        let arguments = ["--until", "screen", "--set", &hand];
+        what(&[arguments.as_slice(), more].concat())
     };
-    let plan = |urdf: &str, table: &str| with(urdf, table, &|all| planned(&bench, all));
-    put(&folder.join("hand.urdf"), urdf);
-    put(&folder.join("hand.toml"), table);
-    with("hand.urdf", "hand.toml", &|all| {
-        stderr(&bench.run_well(all))
-    });
+    let run = |name: &str, more: &[&str]| {
+        with(name, more, &|all| stderr(&bench.run_well(all)));
+    };
+    let plan = |name: &str| with(name, &[], &|all| planned(&bench, all));
+    put_hand("hand", urdf, file);
+    run("hand", &[]);
     let shown = bench.published();
 
     // Another name, another comment, another order of what has none.
     let commented = urdf.replacen("<robot ", "<!-- left of the window -->\n<robot ", 1);
     assert_ne!(commented, urdf);
-    put(&folder.join("ours.urdf"), &commented);
-    put(&folder.join("ours.toml"), &format!("# ours\n{table}"));
-    assert_eq!(plan("ours.urdf", "ours.toml"), NOTHING);
+    put_hand("ours", &commented, &format!("# ours\n{file}"));
+    assert_eq!(plan("ours"), NOTHING);
     // The results rebuilt from the other file have the same bytes, recordings too.
-    with("ours.urdf", "ours.toml", &|all| {
-        let fresh = [all, &["--fresh", "retarget"]].concat();
-        stderr(&bench.run_well(&fresh))
-    });
+    run("ours", &["--fresh", "retarget"]);
     assert_eq!(bench.published(), shown);
 
     // A joint that turns farther is another hand: the units that read it say so.
     let farther = urdf.replacen("upper=\"", "upper=\"1", 1);
-    put(&folder.join("farther.urdf"), &farther);
-    let text = plan("farther.urdf", "ours.toml");
+    put_hand("farther", &farther, file);
+    let text = plan("farther");
     for (state, node) in [
         ("run", "retarget.trajectories"),
         ("run", "train.checkpoint"),
         // Its candidates are not drawn yet.
         ("pending", "refine.candidates"),
     ] {
-        let mut lines = text.lines();
-        let line = lines.find(|line| line.starts_with(state) && line.contains(node));
-        let line = line.unwrap_or_else(|| panic!("{node} is not `{state}`:\n{text}"));
+        let line = planned_line(&text, state, node);
         assert!(line.contains("file `hand` changed"), "{line}");
     }
     assert!(!text.contains("never made"), "{text}");
+
+    // A weaker drive is another hand to the screen alone, another landmark to those that follow it.
+    let weaker = file.replace("torque_limit = 0.7", "torque_limit = 0.5");
+    assert_ne!(weaker, file);
+    put_hand("weaker", urdf, &weaker);
+    let text = plan("weaker");
+    for stage in ["ingest", "retarget", "train", "sample", "refine"] {
+        let of_stage = |line: &&str| line.contains(&format!(" {stage}."));
+        for line in text.lines().filter(of_stage) {
+            assert!(line.starts_with("cached "), "{text}");
+        }
+    }
+    let line = planned_line(&text, "run", "screen.rollouts");
+    assert!(line.contains("scene.drive.torque_limit"), "{line}");
+    let thicker = file.replace("tip_radius_m = 0.012", "tip_radius_m = 0.011");
+    put_hand("thicker", urdf, &thicker);
+    let text = plan("thicker");
+    let line = planned_line(&text, "run", "retarget.trajectories");
+    assert!(line.contains("file `hand_table` changed"), "{line}");
+    let line = planned_line(&text, "run", "train.checkpoint");
+    assert!(line.contains("training.tip_radius_m"), "{line}");
+}
+
+/// The line of a plan about an output, which has this state.
+fn planned_line<'a>(text: &'a str, state: &str, node: &str) -> &'a str {
+    let mut lines = text.lines();
+    let line = lines.find(|line| line.starts_with(state) && line.contains(node));
+    line.unwrap_or_else(|| panic!("{node} is not `{state}`:\n{text}"))
 }
 
 #[test]

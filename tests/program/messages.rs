@@ -165,8 +165,8 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             ],
         ),
         (
-            "drive = { ",
-            "drive = { controller = \"pid\", ",
+            "scene.friction = \"friction\" }\n\n[stages.dispatch]",
+            "scene.friction = \"friction\" }\nscene.drive.controller = \"pid\"\n\n[stages.dispatch]",
             &[
                 "scene.drive.controller` in stage `screen` must be \"pd\"",
                 "found the text \"pid\"",
@@ -325,7 +325,7 @@ fn a_missing_file_gets_the_near_name_and_the_folder_it_was_looked_for_in() {
             vec![
                 "doctor".to_owned(),
                 "--set".to_owned(),
-                set("retarget.hand", rigt),
+                set("sample.hand", rigt),
             ],
             1,
             near,
@@ -343,9 +343,9 @@ fn a_missing_file_gets_the_near_name_and_the_folder_it_was_looked_for_in() {
             vec![
                 "doctor".to_owned(),
                 "--set".to_owned(),
-                set("retarget.hand_table", "data/hand/allegro_right.toml"),
+                set("retarget.hand", "data/hand/allegro_right.toml"),
             ],
-            1,
+            2,
             "did you mean `data/hands/allegro_right.toml`?",
         ),
     ] {

@@ -52,8 +52,8 @@ inputs.objects = "ingest.objects"
 each = "candidates"
 makes = "rollouts"
 files.hand = "data/robots/allegro_right.urdf"
+files.hand_file = "data/hands/allegro_right.toml"
 shared.options.protocol = "protocol"
-shared.options.scene.drive = "drive"
 options.recorded = 1
 "#;
 

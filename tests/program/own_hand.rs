@@ -1,4 +1,4 @@
-//! A hand that is not the project's: a URDF whose links collide with meshes, and the table that
+//! A hand that is not the project's: a URDF whose links collide with meshes, and the file that
 //! `doctor` proposes for it, through the whole flow.
 
 use std::{fs, path::Path, process::Command};
@@ -62,7 +62,7 @@ impl Hand {
         // With the scale of a person's hand, which it has.
         let proposed = pipeline(&["doctor", "--robot", hand.urdf().to_str().unwrap()]);
         assert_eq!(proposed.status.code(), Some(0), "{}", stderr(&proposed));
-        put(&hand.table(), &stdout(&proposed));
+        put(&hand.file(), &stdout(&proposed));
         hand
     }
 
@@ -70,7 +70,7 @@ impl Hand {
         self.folder.path().join("six_motors/urdf/hand.urdf")
     }
 
-    fn table(&self) -> std::path::PathBuf {
+    fn file(&self) -> std::path::PathBuf {
         self.folder.path().join("hand.toml")
     }
 
@@ -118,17 +118,9 @@ impl Hand {
         )
     }
 
-    /// Settings that put this hand into every stage of a file.
-    fn settings(&self, stages: &[&str]) -> Vec<String> {
-        let urdf = self.urdf();
-        let mut settings: Vec<String> = stages
-            .iter()
-            .map(|stage| format!("{stage}.hand={}", urdf.display()))
-            .collect();
-        settings.push(format!("shared.hand_table={}", self.table().display()));
-        let flexion = r#"["index", "middle", "ring", "little", "thumb"]"#;
-        settings.push(format!("screen.protocol.flexion_joints={flexion}"));
-        settings
+    /// The setting that puts this hand into every stage of a file.
+    fn setting(&self) -> String {
+        format!("shared.hand={}", self.file().display())
     }
 }
 
@@ -221,11 +213,7 @@ fn run(bench: &Bench, file: &str, settings: &[String]) -> std::process::Output {
 
 /// Returns the share of the demonstrations repeated by a hand that hold.
 fn replayed(hand: &Hand, bench: &Bench) -> f64 {
-    let ran = run(
-        bench,
-        "pipelines/replay.toml",
-        &hand.settings(&["retarget", "screen"]),
-    );
+    let ran = run(bench, "pipelines/replay.toml", &[hand.setting()]);
     assert!(matches!(ran.status.code(), Some(0 | 3)), "{}", stderr(&ran));
     rate(bench, "demonstration")
 }
@@ -259,21 +247,11 @@ fn a_hand_of_meshes_holds_about_as_often_as_one_of_boxes() {
 }
 
 #[test]
-fn a_urdf_and_a_table_are_all_that_a_hand_needs() {
+fn a_file_is_all_that_a_hand_needs() {
     let hand = Hand::new(Made::OfMeshes);
     let bench = Bench::new();
-    let stages = [
-        "retarget", "train", "sample", "refine", "screen", "dispatch",
-    ];
-    let mut settings = hand.settings(&stages);
-    let tips = ["thumb", "index", "middle", "ring", "little"].map(|name| format!("{name}_tip"));
-    settings.push(format!("train.training.tips={tips:?}"));
-    settings.push(
-        r#"dispatch.protocol.flexion_joints=["index", "middle", "ring", "little", "thumb"]"#
-            .to_owned(),
-    );
+    let mut settings = vec![hand.setting()];
     for value in [
-        "train.training.tip_radius_m=0.0",
         "train.network.points=64",
         "train.training.epochs=120",
         "sample.per_object=64",

@@ -83,8 +83,7 @@ fn a_left_hand_takes_the_reaches_of_left_hands() {
     let set = |key: &str, value: &str| ["--set".to_owned(), format!("{key}={value}")];
     let arguments: Vec<String> = [
         set("ingest.hand", "left"),
-        set("retarget.hand", "data/robots/allegro_left.urdf"),
-        set("retarget.hand_table", "data/hands/allegro_left.toml"),
+        set("retarget.hand", "data/hands/allegro_left.toml"),
     ]
     .concat();
     let mut arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
@@ -216,9 +215,9 @@ fn without_meshes(urdf: &str) -> String {
     kept + left
 }
 
-/// The proposal that `doctor` prints is a table that retargets.
+/// The proposal that `doctor` prints is a hand's file that retargets.
 #[test]
-fn hand_table_proposed_by_doctor_retargets() {
+fn a_hand_proposed_by_doctor_retargets() {
     let bench = Bench::new();
     let urdf = format!(
         "{}/data/robots/allegro_right.urdf",
@@ -230,6 +229,6 @@ fn hand_table_proposed_by_doctor_retargets() {
         .unwrap();
     let path = bench.lake().with_file_name("hand.toml");
     std::fs::write(&path, proposed.stdout).unwrap();
-    let table = format!("retarget.hand_table={}", path.display());
-    bench.run_well(&["--until", "retarget", "--set", &table]);
+    let hand = format!("retarget.hand={}", path.display());
+    bench.run_well(&["--until", "retarget", "--set", &hand]);
 }

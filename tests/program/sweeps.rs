@@ -1,6 +1,6 @@
 //! Sweeps: every variant runs, and shared results are made once.
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::bench::{Bench, put, stderr, stdout};
 
 const KL_WEIGHTS: [&str; 4] = [
     "--until",
@@ -114,8 +114,15 @@ fn several_lists_make_their_product_in_order() {
 
 #[test]
 fn a_variant_that_fails_does_not_stop_the_others() {
-    let hands = "retarget.hand=no/such.urdf,data/robots/allegro_right.urdf";
-    let ran = Bench::new().run(&["--until", "retarget", "--set", hands]);
+    let bench = Bench::new();
+    let file = include_str!("../../data/hands/allegro_right.toml");
+    let lost = bench.lake().with_file_name("lost.toml");
+    put(&lost, &file.replace("allegro_right.urdf", "such.urdf"));
+    let hands = format!(
+        "retarget.hand={},data/hands/allegro_right.toml",
+        lost.display()
+    );
+    let ran = bench.run(&["--until", "retarget", "--set", &hands]);
     assert_eq!(ran.status.code(), Some(1));
     let text = stderr(&ran);
     assert!(text.contains("error: stage `retarget` failed"), "{text}");
@@ -127,8 +134,8 @@ fn a_variant_that_fails_does_not_stop_the_others() {
         let mut rows = rows.filter(|line| line.contains(hand));
         rows.next().unwrap().to_owned()
     };
-    assert!(row("no/such.urdf").contains("failed"), "{text}");
-    assert!(row("allegro_right.urdf").contains("trajectories"), "{text}");
+    assert!(row("lost.toml").contains("failed"), "{text}");
+    assert!(row("allegro_right.toml").contains("trajectories"), "{text}");
 }
 
 #[test]

@@ -14,6 +14,7 @@ use std::{
 };
 
 use dataflow::Pipeline;
+use hand_files::HandFile;
 use serde_json::json;
 
 use self::{query::Query, readme::Readme};
@@ -118,27 +119,14 @@ fn every_command_of_a_query_names_a_file_and_options_that_there_are() {
 
 #[test]
 fn hand_tables_of_the_ablation_differ_only_in_scale() {
-    let lines = |path: &str| {
-        let text = fs::read_to_string(path).unwrap();
-        let lines = text.lines().filter(|line| !line.starts_with('#'));
-        let (scales, others): (Vec<String>, Vec<String>) = lines
-            .map(str::to_owned)
-            .partition(|line| line.starts_with("scale"));
-        (
-            scales,
-            others
-                .into_iter()
-                .filter(|line| !line.trim().starts_with('#'))
-                .collect::<Vec<_>>(),
-        )
-    };
-    let (_, expected) = lines("data/hands/allegro_right.toml");
+    let table = |path: &str| HandFile::read(Path::new(path)).unwrap().table;
+    let whole = table("data/hands/allegro_right.toml");
     for scale in ["1.0", "1.2"] {
-        let (scales, others) = lines(&format!(
-            "stages/retarget/tables/allegro_right_scale_{scale}.toml"
-        ));
-        assert_eq!(scales, [format!("scale = {scale}")]);
-        assert_eq!(others, expected);
+        let path = format!("stages/retarget/tables/allegro_right_scale_{scale}.toml");
+        let mut other = table(&path);
+        assert_eq!(other.scale, scale.parse::<f64>().unwrap(), "{path}");
+        other.scale = whole.scale;
+        assert_eq!(other, whole, "{path}");
     }
 }
 

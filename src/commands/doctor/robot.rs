@@ -1,5 +1,4 @@
-//! `pipeline doctor --robot`: a URDF's summary, its unphysical values, and a first draft of a
-//! hand table.
+//! `pipeline doctor --robot`: a URDF's summary, its unphysical values, and a first draft of the hand's file.
 
 use std::{
     collections::BTreeSet,
@@ -10,7 +9,7 @@ use std::{
 };
 
 use dataflow::missing;
-use posture::HandTable;
+use hand_files::HandFile;
 use robot::{DynamicsModel, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
 use robot_meshes::LoadError;
 
@@ -38,23 +37,23 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
     let (model, mut findings) = with_mesh_shapes(model, path);
     findings.extend(model.examine());
     findings.extend(missing_drawings(&model, path));
-    let table = HandTable::proposed(&model);
-    if table.is_none() {
+    let file = HandFile::proposed(&model, path);
+    if file.is_none() {
         findings.push(Finding {
             severity: Severity::Note,
             part: Part::Robot,
-            problem: "has too few fingers and links to propose a hand table from".to_owned(),
+            problem: "has too few fingers and links to propose a hand's file from".to_owned(),
             advice: String::new(),
         });
     }
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
-    // The table goes to a file (stdout), the summary to the user (stderr).
+    // The hand's file goes to stdout, the summary to the user (stderr).
     report::line(report::columns(&rows, &[]).trim_end());
-    if let Some(table) = table {
-        let head = "# A first proposal of a hand table, from the tree alone: look it over, above all its \
-                    side and scale.\n";
-        report::data(format!("{head}{}", table.to_toml()).as_bytes())?;
+    if let Some(file) = file {
+        let head = "# A first proposal of a hand's file, from its URDF alone: review it, above all its side, scale and \
+                    drive.\n# `urdf` is a path from the folder of this file.\n";
+        report::data(format!("{head}{}", file.to_toml()).as_bytes())?;
     }
     let mut hints: Vec<&str> = Vec::new();
     for finding in &findings {

@@ -82,7 +82,7 @@ pub struct DispatchConfig {
     /// controller takes up without a jerk.
     #[serde(default = "defaults::start_tolerance_rad")]
     pub start_tolerance_rad: f64,
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// The arm that carries the hand (none: the hand is free-flying).

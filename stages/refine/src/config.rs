@@ -21,10 +21,10 @@ const MAX_ITERATIONS: usize = 100_000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RefineConfig {
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: which points of the hand stand for its posture, and which are fingertips.
+    /// The hand's file: which points of the hand stand for its posture, and which are fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Of so many consecutive candidates with the same resting pose, the one with the smallest residual is kept,

@@ -15,7 +15,7 @@ const TRIANGLES: [usize; 2] = [100, 100_000];
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ReportConfig {
-    /// URDF of the robot hand, with the meshes that it names.
+    /// File of the robot hand, or its URDF alone, with the meshes that it names.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Number of recorded motions on the page: one of each reason for failing, one success of each object,

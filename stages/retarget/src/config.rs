@@ -21,10 +21,10 @@ const MAX_ITERATIONS: usize = 100_000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RetargetConfig {
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: its side, its size, and which landmark each of its points follows.
+    /// The hand's file: its side, its size, and which landmark each of its points follows.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Whether the palm is placed so that the fingers reach their landmarks, or follows the

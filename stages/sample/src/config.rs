@@ -27,7 +27,7 @@ const MAX_RECORDED: usize = 1000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct SampleConfig {
-    /// URDF of the robot hand; its collision shapes are measured against object and table
+    /// File of the robot hand, or its URDF alone; its collision shapes are measured against object and table
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Weights of the checkpoint: the last, because the held-out loss hardly rises

@@ -25,7 +25,7 @@ const MAX_PENETRATION_M: f64 = 1.0;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ScreenConfig {
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Number of accepted rollouts per object recorded for a viewer: a recording has about 1 MB.

@@ -16,7 +16,7 @@ const MAX_ACCEPTED_PER_OBJECT: usize = 10_000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct TrainConfig {
-    /// URDF of the robot hand of the trajectories
+    /// File, or URDF, of the robot hand of the trajectories
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Objects to train on, by name; empty: all

@@ -14,6 +14,20 @@ pub trait Advise: Error + Send + Sync + 'static {
     }
 }
 
+/// Returns an error with its causes on one line; one that the text before it ends in is left out.
+pub fn with_causes(err: &dyn Error) -> String {
+    let mut text = err.to_string();
+    let mut cause = err.source();
+    while let Some(err) = cause {
+        let words = err.to_string();
+        if !text.ends_with(&words) {
+            text = format!("{text}: {words}");
+        }
+        cause = err.source();
+    }
+    text
+}
+
 /// An error of any kind with its hint.
 #[derive(Debug)]
 pub struct Advised(pub Box<dyn Advise>);

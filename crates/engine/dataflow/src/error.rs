@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, error::Error, fmt, io, path::PathBuf};
 
 use crate::{
-    advice::{Advise, Advised},
+    advice::{Advise, Advised, with_causes},
     event::Event,
     metrics::MissingMetric,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
@@ -419,7 +419,7 @@ impl Failure {
         let (hint, left_out) = self.advice();
         Event::UnitFailed {
             unit,
-            message: self.with_causes(),
+            message: with_causes(self),
             hint,
             left_out: left_out.cloned(),
         }
@@ -439,20 +439,6 @@ impl Failure {
                 failures,
             }),
         }
-    }
-
-    /// The text with all causes; one that the text before it ends in is left out.
-    fn with_causes(&self) -> String {
-        let mut text = self.to_string();
-        let mut cause = self.source();
-        while let Some(err) = cause {
-            let words = err.to_string();
-            if !text.ends_with(&words) {
-                text = format!("{text}: {words}");
-            }
-            cause = err.source();
-        }
-        text
     }
 
     /// Splits the hint into the action and the output whose skipped items to inspect.
@@ -478,7 +464,7 @@ impl fmt::Display for Failures<'_> {
         const SHOWN: usize = 20;
         let mut said: BTreeMap<String, usize> = BTreeMap::new();
         for failure in self.0 {
-            let text = failure.with_causes();
+            let text = with_causes(&failure);
             let hint = failure.hint().map(|hint| format!(" ({hint})"));
             *said.entry(text + &hint.unwrap_or_default()).or_default() += 1;
         }

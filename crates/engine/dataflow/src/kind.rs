@@ -20,6 +20,7 @@ use crate::{
     scope::Scope,
     stage::{ErasedLine, Lines, OutputNames, OutputOf, Outputs, Stage, Wiring},
     summary::Summary,
+    tables::merge_values,
     unit::Unit,
 };
 
@@ -42,7 +43,21 @@ pub struct Kind {
     pub outputs: Vec<OutputInfo>,
     configure: Arc<Configure>,
     schema: fn() -> Value,
+    completion: Option<Completion>,
 }
+
+/// Options that a stage's table may leave out where a file that it names has them.
+#[derive(Clone, Copy)]
+struct Completion {
+    options: &'static [&'static str],
+    /// The option that names the file.
+    file: &'static str,
+    complete: Complete,
+}
+
+/// Returns the values of these options that the files have which a stage's table names; it may change the
+/// table.
+pub type Complete = fn(&mut InlineTable, &[&'static str]) -> Result<InlineTable, OptionFault>;
 
 /// Parses a stage's table.
 type Configure = dyn Fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault> + Send + Sync;
@@ -311,6 +326,7 @@ impl Kind {
                 Ok(Box::new(configured) as Box<dyn Configured>)
             }),
             schema: || schemars::schema_for!(S::Config).to_value(),
+            completion: None,
         };
         kind.check_declared();
         kind
@@ -338,6 +354,46 @@ impl Kind {
         inputs.chain(self.optional_inputs.iter().copied()).collect()
     }
 
+    /// Returns the kind, of whose options some may be left out where `complete` finds them in the file that the
+    /// option `file` names.
+    #[must_use]
+    pub fn completed(
+        mut self,
+        options: &'static [&'static str],
+        file: &'static str,
+        complete: Complete,
+    ) -> Self {
+        self.completion = Some(Completion {
+            options,
+            file,
+            complete,
+        });
+        self
+    }
+
+    /// Returns the option that names a file which may have an option, or some of those below or around it.
+    pub(crate) fn file_of(&self, option: &str) -> Option<&'static str> {
+        let completion = self.completion.as_ref()?;
+        let is_in = |whole: &str, part: &str| {
+            let rest = part.strip_prefix(whole);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        let mut options = completion.options.iter();
+        let found = options.any(|of| is_in(of, option) || is_in(option, of));
+        found.then_some(completion.file)
+    }
+
+    /// Adds the options that files have and the stage's table leaves out.
+    pub(crate) fn complete(&self, table: &mut InlineTable) -> Result<(), OptionFault> {
+        let Some(completion) = &self.completion else {
+            return Ok(());
+        };
+        let mut values = (completion.complete)(table, completion.options)?;
+        merge_values(&mut values, table);
+        *table = values;
+        Ok(())
+    }
+
     pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {
         (self.configure)(table)
     }
@@ -352,6 +408,13 @@ impl Kind {
         let root = self.schema();
         let mut options = Vec::new();
         collect_options(&root, &root, "", &mut options);
+        for option in &mut options {
+            let file = self.file_of(&option.key);
+            if let Some(file) = file.filter(|_| option.default.is_none() && option.required) {
+                option.required = false;
+                option.default = Some(format!("that of the {file}'s file"));
+            }
+        }
         options
     }
 }

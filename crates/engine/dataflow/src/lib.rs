@@ -71,7 +71,7 @@ mod tables;
 mod unit;
 mod workers;
 
-pub use advice::{Advise, Advised};
+pub use advice::{Advise, Advised, with_causes};
 pub use attempts::UnitReport;
 pub use canonical_form::Form;
 pub use code::Code;
@@ -82,7 +82,7 @@ pub use event::{Event, Events, Fraction};
 pub use executor::{End, Ended, Executor, Wave};
 pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
-pub use kind::{Kind, OptionInfo};
+pub use kind::{Complete, Kind, OptionInfo};
 pub use metrics::{Figure, Gather, Max, Mean, MetricValues, Metrics, MissingMetric, Sum, With};
 pub use name::{
     ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,

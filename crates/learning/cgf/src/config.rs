@@ -245,7 +245,7 @@ pub struct TrainingConfig {
     /// their radius; paper: "`touch_center`"
     #[serde(default)]
     pub contact: Contact,
-    /// Names of the hand's fingertip links; no default: each hand has its own
+    /// Names of the hand's fingertip links; no default in a stage: each hand has its own
     pub tips: Vec<String>,
     /// Radius of the fingertips about their links' origins, m; no default: each hand has its own;
     /// unused by "`touch_center`"

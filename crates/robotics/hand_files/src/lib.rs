@@ -1,22 +1,27 @@
-//! A robot hand from its files: the URDF, its meshes and the hand table.
+//! A robot hand from its files: the one that describes it, its URDF and its meshes.
 
+mod complete;
 mod error;
+mod hand_file;
 
-use std::{fs, path::Path};
+use std::path::Path;
 
 use dataflow::{Form, SourceFile, Unit};
 use posture::{Hand, HandTable};
 use robot_meshes::LoadError;
 
+pub use complete::{complete, urdf_of};
 pub use error::HandFileError;
+pub use hand_file::HandFile;
 
-/// The hand table is fingerprinted by its parsed content.
+/// The points of a hand's file are fingerprinted by their parsed content; its drives and the joints that close
+/// it are options of the stages that read them.
 pub const HAND_TABLE: Form = Form {
     name: "hand table",
     of: |bytes| {
         let text = std::str::from_utf8(bytes).ok()?;
-        let table: HandTable = text.parse().ok()?;
-        Some(table.to_toml().into_bytes())
+        let file: HandFile = text.parse().ok()?;
+        Some(file.table.to_toml().into_bytes())
     },
 };
 
@@ -80,25 +85,21 @@ pub fn load(urdf: &Path, table: &Path) -> Result<Hand, HandFileError> {
     Hand::new(model, &load_table(table)?).map_err(of_urdf)
 }
 
-/// Reads a hand table.
+/// Reads the points of a hand's file.
 ///
 /// # Errors
 ///
 /// Fails if the file cannot be read or used.
 pub fn load_table(path: &Path) -> Result<HandTable, HandFileError> {
-    let text = fs::read_to_string(path).map_err(|source| HandFileError::ReadHandTable {
-        path: path.to_owned(),
-        source,
-    })?;
-    text.parse().map_err(|source| HandFileError::HandTable {
-        path: path.to_owned(),
-        source,
-    })
+    HandFile::read(path).map(|file| file.table)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::fs;
+
     use dataflow::Advise;
+    use schemas::demonstrations::Side;
 
     use super::*;
 
@@ -131,7 +132,23 @@ mod tests {
         assert!(matches!(err, HandFileError::HandTable { .. }), "{err}");
         let err = load(Path::new(URDF), &folder.path().join("none.toml")).unwrap_err();
         assert!(err.to_string().contains("none.toml"), "{err}");
-        assert!(err.hint().unwrap().contains("`hand_table`"));
+        assert!(err.hint().unwrap().contains("set `hand`"));
+    }
+
+    #[test]
+    fn the_hands_that_come_with_the_project_can_be_used() {
+        let folder = Path::new(TABLE).parent().unwrap();
+        let files = fs::read_dir(folder).unwrap();
+        let paths = files.map(|entry| entry.unwrap().path());
+        let paths = paths.filter(|path| path.extension().is_some_and(|end| end == "toml"));
+        let mut n = 0;
+        for path in paths {
+            let file = HandFile::read(&path).unwrap();
+            let is_left = path.to_string_lossy().contains("left");
+            assert_eq!(file.table.side == Side::Left, is_left, "{}", path.display());
+            n += 1;
+        }
+        assert!(n >= 5);
     }
 
     #[test]

@@ -103,7 +103,11 @@ impl FromStr for HandTable {
 
 impl HandTable {
     /// Checks the constraints that types cannot express.
-    fn check(&self) -> Result<(), PostureError> {
+    ///
+    /// # Errors
+    ///
+    /// Fails if fewer than three points are given, a landmark is unknown, or a number makes no sense.
+    pub fn check(&self) -> Result<(), PostureError> {
         let bad = |key: String, problem: String| {
             Err(PostureError::InvalidHandTableValue { key, problem })
         };
@@ -248,25 +252,5 @@ mod tests {
         assert!(refused("scale", "size").contains("`size`"));
         let one = "side = \"left\"\nscale = 1.0\npoints = []\n".parse::<HandTable>();
         assert!(one.unwrap_err().to_string().contains("at least 3"));
-    }
-
-    #[test]
-    fn the_hands_that_come_with_the_project_are_tables() {
-        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../data/hands");
-        let mut n = 0;
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path
-                .extension()
-                .is_some_and(|extension| extension == "toml")
-            {
-                let text = std::fs::read_to_string(&path).unwrap();
-                let table: HandTable = text.parse().unwrap();
-                let is_left = path.to_string_lossy().contains("left");
-                assert_eq!(table.side == Side::Left, is_left, "{}", path.display());
-                n += 1;
-            }
-        }
-        assert!(n >= 5);
     }
 }

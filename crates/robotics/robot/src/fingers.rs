@@ -111,6 +111,33 @@ impl RobotModel {
         fingers
     }
 
+    /// Returns the independent joints of a finger that turn about the axis of its last joint when every joint
+    /// is as near to 0 as its limits allow: those that flex it.
+    pub fn closing_joints(&self, finger: &Finger) -> Vec<usize> {
+        /// Least cosine between two axes that count as one.
+        const PARALLEL: f64 = 0.7;
+        let base_from_links: Vec<Pose<Base, Link>> =
+            self.link_poses(|joint| self.joints()[joint].nearest_zero());
+        let moving = finger
+            .links
+            .iter()
+            .filter(|&&idx| self.links()[idx].kind.is_some());
+        let axes = moving.map(|&idx| {
+            let link = &self.links()[idx];
+            (link, base_from_links[idx].rotation * link.axis)
+        });
+        let axes: Vec<(&Link, _)> = axes.collect();
+        let Some((_, last)) = axes.last() else {
+            return Vec::new();
+        };
+        let closing = axes
+            .iter()
+            .filter(|(_, axis)| axis.dot(last).abs() > PARALLEL);
+        let mut joints: Vec<usize> = closing.filter_map(|(link, _)| link.joint).collect();
+        joints.dedup();
+        joints
+    }
+
     /// Returns for each link the first link of the body that it is fixed to.
     pub(crate) fn bodies_of_links(&self) -> Vec<usize> {
         let mut body_of: Vec<usize> = Vec::with_capacity(self.links().len());

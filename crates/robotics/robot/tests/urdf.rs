@@ -570,3 +570,54 @@ fn bytes_in_another_encoding_are_refused_with_its_name() {
         );
     }
 }
+
+/// The primitives of the LEAP and the Shadow hang where the published links do.
+#[test]
+fn our_hands_have_the_kinematics_of_the_published_ones() {
+    for (name, theirs) in published() {
+        let (ours, palm) = match name.as_str() {
+            "leap_hand_right" => (
+                include_str!("../../../../data/robots/leap_right.urdf"),
+                "base",
+            ),
+            "shadow_hand_right" => (
+                include_str!("../../../../data/robots/shadow_right.urdf"),
+                "palm",
+            ),
+            _ => continue,
+        };
+        let [ours, theirs] = [ours, theirs.as_str()].map(|xml| RobotModel::from_urdf(xml).unwrap());
+        // Every joint by its name; those of the Shadow's last links follow the ones before them.
+        let position = |model: &RobotModel, joint: usize| {
+            let name = model.joints()[joint].name.replace("FJ1", "FJ2");
+            let sum: usize = name.bytes().map(usize::from).sum();
+            if name.starts_with("WRJ") {
+                0.0
+            } else {
+                0.1 + (sum % 7) as f64 / 10.0
+            }
+        };
+        let poses = [&ours, &theirs].map(|model| {
+            let poses = model.link_poses::<Palm>(|joint| position(model, joint));
+            let palm = poses[model.link(palm).unwrap()];
+            (model, palm, poses)
+        });
+        let [(_, our_palm, our_poses), (_, their_palm, their_poses)] = &poses;
+        for (link, pose) in ours.links().iter().zip(our_poses) {
+            let there = &their_poses[theirs.link(&link.name).unwrap()];
+            let [here, there] = [(our_palm, pose), (their_palm, there)]
+                .map(|(palm, pose)| *palm.inverse() * **pose);
+            let off = here.inverse() * there;
+            assert!(
+                off.translation.vector.norm() < 2e-5 && off.rotation.angle() < 1e-4,
+                "{name}: {}: {off}",
+                link.name
+            );
+        }
+        for joint in ours.joints() {
+            let other = &theirs.joints()[theirs.joint(&joint.name).unwrap()];
+            assert!((joint.lower - other.lower).abs() < 1e-5, "{}", joint.name);
+            assert!((joint.upper - other.upper).abs() < 1e-5, "{}", joint.name);
+        }
+    }
+}

@@ -22,10 +22,10 @@ const MAX_VALUE: f64 = 1e6;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct CemMpcConfig {
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table, which marks the fingertips.
+    /// The hand's file, which marks the fingertips.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Objects for which motions are made, by name; empty: all

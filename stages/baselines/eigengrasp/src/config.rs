@@ -26,7 +26,7 @@ const MAX_BACK_OFF_M: f64 = 1.0;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct EigengraspConfig {
-    /// URDF of the robot hand; its root link is the palm
+    /// File of the robot hand, or its URDF alone; the root link is the palm
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Names of the joints that bend the fingers, each with growing positions

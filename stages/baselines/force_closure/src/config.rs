@@ -28,10 +28,10 @@ const MAX_TOLERANCE_M: f64 = 0.1;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct ForceClosureConfig {
-    /// URDF of the robot hand; its root link is the palm
+    /// File of the robot hand, or its URDF alone; the root link is the palm
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: which points of the hand are fingertips, and their radii
+    /// The hand's file: which points of the hand are fingertips, and their radii
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Names of the joints that bend the fingers, each with growing positions

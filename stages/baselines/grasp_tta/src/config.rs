@@ -18,7 +18,7 @@ const MAX_HAND_POINTS: usize = 100_000;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct GraspTtaConfig {
-    /// URDF of the robot hand; its root link is the palm
+    /// File of the robot hand, or its URDF alone; the root link is the palm
     #[serde(skip_serializing)]
     pub hand: PathBuf,
     /// Names of the joints that bend the fingers, each with growing positions

@@ -27,10 +27,10 @@ const MAX_DISTANCE_M: f64 = 1.0;
 #[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
 #[serde(deny_unknown_fields)]
 pub struct RrtConfig {
-    /// URDF of the robot hand; its root link is the palm.
+    /// File of the robot hand, or its URDF alone; the root link is the palm.
     #[serde(skip_serializing)]
     pub hand: PathBuf,
-    /// The hand table: its points stay near their positions at the grasp when the hand opens.
+    /// The hand's file: its points stay near their positions at the grasp when the hand opens.
     #[serde(skip_serializing)]
     pub hand_table: PathBuf,
     /// Number of nodes of both trees together at which a search ends without a path (10 000): the paper's.

@@ -1,13 +1,14 @@
 """A second judge of candidates: MuJoCo, by the protocol of `screen`, as a program for `kind = "program"`.
 
-Reads `candidates` and `objects` of one object and the hand's URDF (`files.hand`); makes `rollouts`. Its options are
-those of `screen`: `scene`, `protocol`, `max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes
-contacts. What it does not know of them it refuses. `recorded` writes the first rollouts step by step as JSON.
+Reads `candidates` and `objects` of one object, the hand's URDF (`files.hand`) and the hand's file (`files.hand_file`),
+whose drive and flexion joints are the defaults; makes `rollouts`. Its options are those of `screen`: `scene`, `protocol`,
+`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts. What it does not know of them it refuses. `recorded` writes the first rollouts step by step as JSON.
 """
 
 import json
 import os
 import sys
+import tomllib
 
 # One thread: the units of a stage run side by side.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -55,15 +56,24 @@ def given(name, options, defaults, required=()):
     return {**defaults, **options}
 
 
-def settings(options):
+def hand_file(files):
+    """The values of the hand's file, if there is one."""
+    if "hand_file" not in files:
+        return {}
+    with open(files["hand_file"], "rb") as file:
+        return tomllib.load(file)
+
+
+def settings(options, of_hand):
     """Scene, protocol, engine and the rest, complete."""
     options = dict(options)
     scene, protocol = dict(options.pop("scene", {})), dict(options.pop("protocol", {}))
     drive, strict = scene.pop("drive", {}), protocol.pop("strict", {})
     engine = given("engine", options.pop("engine", {}), ENGINE)
     scene = given("scene", scene, SCENE)
-    scene["drive"] = given("scene.drive", drive, {}, DRIVE)
-    protocol = given("protocol", protocol, PROTOCOL, ["flexion_joints"])
+    scene["drive"] = given("scene.drive", of_hand.get("drive", {}) | drive, {}, DRIVE)
+    flexion = {key: of_hand[key] for key in ["flexion_joints"] if key in of_hand}
+    protocol = given("protocol", flexion | protocol, PROTOCOL, ["flexion_joints"])
     protocol["strict"] = given("protocol.strict", strict, STRICT)
     if protocol["name"] != "table_lift" or protocol["trial"] != "lift":
         sys.exit("`options.protocol` names another protocol than `table_lift`, or another trial than `lift`")
@@ -130,7 +140,7 @@ class Bench:
     """One object in one scene, and everything that is done with its candidates."""
 
     def __init__(self, job):
-        self.settings, self.protocol, self.engine, self.options = settings(job["options"])
+        self.settings, self.protocol, self.engine, self.options = settings(job["options"], hand_file(job["files"]))
         links = urdf.read(job["files"]["hand"])
         self.joints = urdf.joints(links)
         steps = self.engine["steps"]

@@ -42,6 +42,7 @@ pub(super) fn faults(stage: &str, kind: &Kind, table: &InlineTable) -> Vec<Fault
         stage,
         kind,
         root: &root,
+        whole: table,
         faults: Vec::new(),
     };
     reader.table(&root, table, &[]);
@@ -52,6 +53,8 @@ struct Reader<'a> {
     stage: &'a str,
     kind: &'a Kind,
     root: &'a Json,
+    /// The stage's table.
+    whole: &'a InlineTable,
     faults: Vec<Fault>,
 }
 
@@ -83,13 +86,21 @@ impl Reader<'_> {
         let required = schema.get("required").and_then(Json::as_array);
         for key in required.into_iter().flatten().filter_map(Json::as_str) {
             if !table.contains_key(key) && !meant.contains(&key) {
-                let path = [path, &[key.to_owned()]].concat();
+                let path = [path, &[key.to_owned()]].concat().join(".");
+                let hint = match self.kind.file_of(&path) {
+                    // It is reported.
+                    Some(file) if self.whole.get(file).is_none_or(|file| !file.is_str()) => {
+                        continue;
+                    }
+                    Some(file) => format!("write it, or let `{file}` name a file that has it"),
+                    None => self.list(),
+                };
                 self.faults.push(Fault {
-                    message: format!("stage `{}` lacks the key `{}`", self.stage, path.join(".")),
+                    message: format!("stage `{}` lacks the key `{path}`", self.stage),
                     path: Vec::new(),
                     part: Part::Key,
                     span: None,
-                    hint: self.list(),
+                    hint,
                 });
             }
         }

@@ -19,7 +19,7 @@ use crate::{
     inheritance::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
     name::{ArtifactName, NodeName, PipelineName, StageName},
-    option_faults::place_of,
+    option_faults::{OptionFault, place_of},
     overrides::Override,
     resources::Resources,
     shared::{SHARED, SharedUse},
@@ -338,6 +338,11 @@ impl FileReader<'_> {
         let resources = self.resources(name, &mut table);
         // The missing inputs have been reported.
         let mut kind = kind.filter(|_| is_whole)?;
+        let before = table.clone();
+        if let Err(fault) = kind.complete(&mut table) {
+            self.option_fault(name, span.as_ref(), &kind, &before, &fault);
+            return None;
+        }
         match kind.configure(table.clone()) {
             Ok(configured) => {
                 let mut faults = configured.check();
@@ -351,13 +356,7 @@ impl FileReader<'_> {
                 }
                 kind.outputs = configured.outputs();
                 for fault in faults {
-                    let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
-                    let place = self.place(name, &path, Part::Value, span_of(&table, &fault.key));
-                    let header = || self.location(span.clone().unwrap_or(0..0));
-                    let place = place.unwrap_or_else(header);
-                    let list = format!("`pipeline stages {}` lists every option", kind.name);
-                    let message = format!("stage `{name}`: {fault}");
-                    self.problem_at(message, Some(place), Some(list));
+                    self.option_fault(name, span.as_ref(), &kind, &table, &fault);
                 }
                 let places = self.places(name, &table, configured.files());
                 Some(StageEntry {
@@ -388,6 +387,24 @@ impl FileReader<'_> {
                 None
             }
         }
+    }
+
+    /// Reports a fault of a stage's option.
+    fn option_fault(
+        &mut self,
+        stage: &str,
+        span: Option<&Range<usize>>,
+        kind: &Kind,
+        table: &InlineTable,
+        fault: &OptionFault,
+    ) {
+        let path: Vec<String> = fault.key.split('.').map(str::to_owned).collect();
+        let place = self.place(stage, &path, Part::Value, span_of(table, &fault.key));
+        let header = || self.location(span.cloned().unwrap_or(0..0));
+        let place = place.unwrap_or_else(header);
+        let list = format!("`pipeline stages {}` lists every option", kind.name);
+        let message = format!("stage `{stage}`: {fault}");
+        self.problem_at(message, Some(place), Some(list));
     }
 
     /// Returns where these options of a stage stand: the values of tables and lists, each, and the whole.
