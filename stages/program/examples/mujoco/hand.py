@@ -84,17 +84,55 @@ def inertial(link):
     }
 
 
+def follow(robot):
+    """For each joint that follows another in the end: the independent one, multiplier and offset."""
+    mimics = {joint.get("name"): joint.find("mimic") for joint in robot.findall("joint")}
+    followed = {}
+    for name, mimic in mimics.items():
+        factor, offset, master = 1.0, 0.0, name
+        for _ in mimics:
+            if mimic is None:
+                break
+            offset += factor * float(mimic.get("offset", 0))
+            factor *= float(mimic.get("multiplier", 1))
+            master = mimic.get("joint")
+            mimic = mimics[master]
+        if mimic is not None:
+            raise HandError(f"joint `{name}` follows itself")
+        if master != name:
+            followed[name] = (master, factor, offset)
+    return followed
+
+
+def narrow(links):
+    """Keeps each independent joint where those that follow it are within their own limits."""
+    by_name = {link["joint"]["name"]: link["joint"] for link in links if link["joint"]}
+    for joint in by_name.values():
+        if "master" not in joint:
+            continue
+        master = by_name[joint["master"]]
+        joint["number"] = master["number"]
+        if joint["multiplier"] == 0:
+            continue
+        ends = sorted((joint[end] - joint["offset"]) / joint["multiplier"] for end in ("lower", "upper"))
+        lower, upper = max(master["lower"], ends[0]), min(master["upper"], ends[1])
+        if lower <= upper:
+            master["lower"], master["upper"] = lower, upper
+
+
 def read(path):
-    """The links, the root first and every link after its parent; independent joints are numbered in that order."""
+    """The links, the root first and every link after its parent; independent joints are numbered in that order, and
+    those that follow one have its number."""
     robot = ElementTree.parse(path).getroot()
     by_name = {link.get("name"): link for link in robot.findall("link")}
     below = {}
     for joint in robot.findall("joint"):
-        if joint.get("type") not in KINDS or joint.find("mimic") is not None:
-            raise HandError(f"joint `{joint.get('name')}` is {joint.get('type')} or follows another: not simulated here")
+        if joint.get("type") not in KINDS:
+            raise HandError(f"joint `{joint.get('name')}` is {joint.get('type')}: not simulated here")
         below.setdefault(joint.find("parent").get("link"), []).append(joint)
     children = {joint.find("child").get("link") for joint in robot.findall("joint")}
     (root,) = [name for name in by_name if name not in children]
+    followed = follow(robot)
     links, n_joints = [], 0
 
     def walk(name, parent, joint):
@@ -109,20 +147,32 @@ def read(path):
             is_bounded = joint.get("type") != "continuous"
             entry["joint"] = {
                 "number": n_joints, "name": joint.get("name"), "kind": joint.get("type"),
+                "multiplier": 1.0, "offset": 0.0,
                 "axis": [float(x) for x in axis / np.linalg.norm(axis)],
                 "lower": bound("lower", 0.0) if is_bounded else -np.inf,
                 "upper": bound("upper", 0.0) if is_bounded else np.inf,
             }
-            n_joints += 1
+            if joint.get("name") in followed:
+                keys = ("master", "multiplier", "offset")
+                entry["joint"] |= dict(zip(keys, followed[joint.get("name")]))
+            else:
+                n_joints += 1
         links.append(entry)
         number = len(links) - 1
         for child in below.get(name, []):
             walk(child.find("child").get("link"), number, child)
 
     walk(root, None, None)
+    narrow(links)
     return links
 
 
 def joints(links):
     """The independent joints in their order."""
-    return sorted((link["joint"] for link in links if link["joint"]), key=lambda joint: joint["number"])
+    found = (link["joint"] for link in links if link["joint"] and "master" not in link["joint"])
+    return sorted(found, key=lambda joint: joint["number"])
+
+
+def followers(links):
+    """The joints that follow others."""
+    return [link["joint"] for link in links if link["joint"] and "master" in link["joint"]]

@@ -14,6 +14,7 @@ import time
 import mujoco
 import numpy as np
 
+import hand
 from script import compose, turned as turned_by
 
 PALM_MASS, PALM_INERTIA = 1e4, 1e2
@@ -91,8 +92,6 @@ def mjcf(scene):
     """The scene as MuJoCo reads it; coordinates are palm, fingers, object."""
     drive, engine = scene["drive"], scene["engine"]
     links, thing = scene["links"], scene["object"]
-    joints = [link["joint"] for link in links if link["joint"] is not None]
-    joints.sort(key=lambda joint: joint["number"])
     meshes = "".join(
         f'<mesh name="part{idx}" inertia="convex" vertex="{text(np.ravel(part))}"/>'
         for idx, part in enumerate(thing["parts"])
@@ -105,7 +104,13 @@ def mjcf(scene):
     servos = "".join(
         f'<general joint="{joint["name"]}" biastype="affine" gainprm="{k!r}" '
         f'biasprm="0 {-k!r} {-d!r}" forcelimited="true" forcerange="{-limit!r} {limit!r}"/>'
-        for joint in joints
+        for joint in hand.joints(links)
+    )
+    # As stiff as a constraint may be at this time step.
+    equal = "".join(
+        f'<joint joint1="{joint["name"]}" joint2="{joint["master"]}" solref="{2 * scene["time_step_s"]!r} 1" '
+        f'polycoef="{text([joint["offset"], joint["multiplier"], 0, 0, 0])}"/>'
+        for joint in hand.followers(links)
     )
     return f"""<mujoco>
 <compiler angle="radian" fusestatic="true"/>
@@ -119,6 +124,7 @@ def mjcf(scene):
 <body name="object"><freejoint/>{inertial(thing)}{parts}</body>
 </worldbody>
 <contact><exclude body1="world" body2="palm"/></contact>
+<equality>{equal}</equality>
 <actuator>{servos}</actuator>
 </mujoco>"""
 
@@ -133,12 +139,13 @@ class Scene:
         self.scene, self.protocol = scene, scene["protocol"]
         self.model = mujoco.MjModel.from_xml_string(mjcf(scene))
         self.data = mujoco.MjData(self.model)
-        joints = [link["joint"] for link in scene["links"] if link["joint"] is not None]
-        joints.sort(key=lambda joint: joint["number"])
+        joints = hand.joints(scene["links"])
+        self.followers = hand.followers(scene["links"])
         self.lower = np.array([joint["lower"] for joint in joints])
         self.upper = np.array([joint["upper"] for joint in joints])
-        ids = [mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, j["name"]) for j in joints]
-        self.q = self.model.jnt_qposadr[ids]
+        at = lambda joint: self.model.jnt_qposadr[mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_JOINT, joint["name"])]
+        self.q = np.array([at(joint) for joint in joints])
+        self.q_of_followers = [at(joint) for joint in self.followers]
         body = lambda name: mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_BODY, name)
         self.palm, self.thing = body("palm"), body("object")
         # The coordinates of the two free joints.
@@ -206,6 +213,8 @@ class Scene:
             data.qpos[at : at + 3] = pose[:3]
             data.qpos[at + 3 : at + 7] = turned(pose[3:])
         data.qpos[self.q] = start["q"]
+        for joint, q in zip(self.followers, self.q_of_followers):
+            data.qpos[q] = joint["multiplier"] * start["q"][joint["number"]] + joint["offset"]
         mujoco.mj_forward(self.model, data)
 
     def step(self, setpoint):
@@ -302,7 +311,8 @@ class Scene:
                 pose = compose(places[link["parent"]], np.array(link["parent_from_joint"]))
                 joint = link["joint"]
                 if joint is not None:
-                    pose = compose(pose, moved(joint, q[joint["number"]]))
+                    position = joint["multiplier"] * q[joint["number"]] + joint["offset"]
+                    pose = compose(pose, moved(joint, position))
             places[number] = pose
             found.append(pose[:3])
         return np.concatenate(found)
