@@ -21,7 +21,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Digest, End, Ended, Events, Executor, Failure, Resources, Wave};
+use dataflow::{Digest, Events, Executor, Failure, OnOutcome, Resources, UnitOutcome, Wave};
 use lake::{Lake, LakeError};
 use serde::{Deserialize, Serialize};
 
@@ -99,21 +99,21 @@ impl Executor for Batch<'_> {
         self.table.keep_going
     }
 
-    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+    fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure> {
         let mut open = HashMap::with_capacity(wave.len());
         for idx in 0..wave.len() {
-            let order = wave.order(idx)?;
-            match sharing::offer(self.lake, &order) {
-                Some(End::Failed(err)) => return Err(err),
-                Some(end) => ended(idx, end),
+            let item = wave.work_item(idx)?;
+            match sharing::offer(self.lake, &item) {
+                Some(UnitOutcome::Failed(err)) => return Err(err),
+                Some(end) => on_outcome(idx, end),
                 None => {
-                    open.insert(order.fingerprint, idx);
+                    open.insert(item.fingerprint, idx);
                 }
             }
         }
         let driver = unique_name();
         self.alive_during(&driver, || {
-            self.make(wave, &driver, &mut open, events, ended)
+            self.make(wave, &driver, &mut open, events, on_outcome)
         })
     }
 }
@@ -160,10 +160,10 @@ impl Batch<'_> {
         driver: &str,
         open: &mut HashMap<Digest, usize>,
         events: &Events,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<(), Failure> {
         let (mut arrays, rest, claim) = loop {
-            let arrays = self.adopt(wave, driver, open, ended)?;
+            let arrays = self.adopt(wave, driver, open, on_outcome)?;
             let adopted: BTreeSet<Digest> = digests(&arrays).collect();
             let rest = open.iter().filter(|(digest, _)| !adopted.contains(digest));
             let rest: HashMap<Digest, usize> = rest.map(|(unit, idx)| (*unit, *idx)).collect();
@@ -183,7 +183,7 @@ impl Batch<'_> {
         }
         let watched = match submitted {
             Ok(()) if arrays.is_empty() => Ok(false),
-            Ok(()) => self.watch(wave, &arrays, open, events, ended),
+            Ok(()) => self.watch(wave, &arrays, open, events, on_outcome),
             Err(err) => Err(err),
         };
         if let Err(err) = &watched

@@ -2,7 +2,7 @@
 
 use std::{env, fs, path::PathBuf};
 
-use dataflow::{Ended, Events, Executor, Failure, Resources, Wave};
+use dataflow::{Events, Executor, Failure, OnOutcome, Resources, Wave};
 use lake::Lake;
 use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
@@ -74,10 +74,10 @@ impl Executor for RemoteExecutor<'_> {
         }
     }
 
-    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+    fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure> {
         match self {
-            Self::Launch(processes) => processes.carry_out(wave, events, ended),
-            Self::Batch(batch) => batch.carry_out(wave, events, ended),
+            Self::Launch(processes) => processes.execute(wave, events, on_outcome),
+            Self::Batch(batch) => batch.execute(wave, events, on_outcome),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::{Digest, Order};
+use dataflow::{Digest, WorkItem};
 use serde::{Deserialize, Serialize};
 
 /// The orders of one job.
@@ -16,7 +16,7 @@ pub(crate) struct JobOrders {
     #[serde(default)]
     pub(crate) limit_s: Option<u64>,
     /// The orders, made one after the other.
-    pub(crate) orders: Vec<Order>,
+    pub(crate) orders: Vec<WorkItem>,
 }
 
 /// Key of the orders of a job, e.g. `NAME/0`.

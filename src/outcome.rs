@@ -1,6 +1,6 @@
 //! Outcomes of commands.
 
-use dataflow::{Advise, Failure, FileError};
+use dataflow::{Diagnostic, Failure, FileError};
 use lake::LakeError;
 
 /// A command that ran to its end.

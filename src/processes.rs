@@ -10,7 +10,7 @@ use std::{
     thread,
 };
 
-use dataflow::{End, Ended, Events, Executor, Failure, Order, Relay, Wave};
+use dataflow::{Events, Executor, Failure, OnOutcome, Relay, UnitOutcome, Wave, WorkItem};
 use lake::Lake;
 
 use crate::{jobs::JobOrders, outcome::CommandError, sharing};
@@ -55,10 +55,13 @@ impl Executor for Processes<'_> {
         self.keep_going
     }
 
-    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
-        wave.each(self.at_once, self.keep_going, (events, ended), |order| {
-            self.make(order, events)
-        });
+    fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure> {
+        wave.each(
+            self.at_once,
+            self.keep_going,
+            (events, on_outcome),
+            |item| self.make(item, events),
+        );
         // The next output may have none for them.
         for process in clock::lock(&self.idle).drain(..) {
             let _ended = process.end();
@@ -85,18 +88,18 @@ impl<'a> Processes<'a> {
         })
     }
 
-    fn make(&self, order: &Order, events: &Events) -> End {
+    fn make(&self, item: &WorkItem, events: &Events) -> UnitOutcome {
         if self.reach == Reach::DepotAlone
-            && let Some(end) = sharing::offer(self.lake, order)
+            && let Some(end) = sharing::offer(self.lake, item)
         {
             return end;
         }
-        let mut relay = Relay::new(order, events);
-        match self.tell(order, &mut relay) {
+        let mut relay = Relay::new(item, events);
+        match self.tell(item, &mut relay) {
             Err(end) => end,
             Ok(status) => relay.end().unwrap_or_else(|| {
                 let how = status.map_or_else(String::new, described);
-                End::lost(format!("its process ended {how}"))
+                UnitOutcome::lost(format!("its process ended {how}"))
             }),
         }
     }
@@ -129,27 +132,27 @@ impl<'a> Processes<'a> {
         }
     }
 
-    /// Has a process make a unit, and passes its events on; returns how it ended, if it has.
-    fn tell(&self, order: &Order, relay: &mut Relay) -> Result<Option<ExitStatus>, End> {
-        let lost = |err: io::Error| End::lost(format!("its process cannot be run: {err}"));
+    /// Has a process make a unit, and passes its events on; returns how it on_outcome, if it has.
+    fn tell(&self, item: &WorkItem, relay: &mut Relay) -> Result<Option<ExitStatus>, UnitOutcome> {
+        let lost = |err: io::Error| UnitOutcome::lost(format!("its process cannot be run: {err}"));
         let job = JobOrders {
             folder: env::current_dir().map_err(lost)?,
             heartbeat_s: None,
             limit_s: None,
-            orders: vec![order.clone()],
+            orders: vec![item.clone()],
         };
-        let order = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
+        let item = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
         let idle = clock::lock(&self.idle).pop();
         let mut process = idle.map_or_else(|| self.start(), Ok).map_err(lost)?;
         // One that ends before it has read everything says why, or is lost.
-        let _read = process.stdin.write_all(format!("{order}\n").as_bytes());
+        let _read = process.stdin.write_all(format!("{item}\n").as_bytes());
         let mut line = String::new();
         while !relay.is_over() {
             line.clear();
             let read = process.lines.read_line(&mut line).map_err(lost);
             let relayed = match read {
                 Ok(0) => return process.end().map(Some).map_err(lost),
-                Ok(_) => relay.line(line.trim_end()).map_err(End::Failed),
+                Ok(_) => relay.line(line.trim_end()).map_err(UnitOutcome::Failed),
                 Err(end) => Err(end),
             };
             if let Err(end) = relayed {

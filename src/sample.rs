@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use demonstrator::DemonstratorError;
 use stage_ingest::IngestConfig;
 
@@ -14,7 +14,7 @@ pub(crate) struct SampleError {
     source: DemonstratorError,
 }
 
-impl Advise for SampleError {
+impl Diagnostic for SampleError {
     fn hint(&self) -> Option<String> {
         self.source.hint()
     }

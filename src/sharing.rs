@@ -7,7 +7,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{End, Failure, Order};
+use dataflow::{Failure, UnitOutcome, WorkItem};
 use depot::{Depot, FolderDepot};
 use lake::{Lake, Sharing};
 use object_depot::ObjectDepot;
@@ -126,16 +126,16 @@ pub(crate) fn instead() -> String {
 }
 
 /// Uploads the inputs of an order to the depot; returns the order's outcome if that fails.
-pub(crate) fn offer(lake: &Lake, order: &Order) -> Option<End> {
+pub(crate) fn offer(lake: &Lake, item: &WorkItem) -> Option<UnitOutcome> {
     let mut lacks = Vec::new();
-    for (unit, file) in order.reads() {
+    for (unit, file) in item.reads() {
         match lake.offer(file) {
             Ok(true) => {}
             Ok(false) => lacks.push(unit),
-            Err(err) => return Some(End::Failed(Failure::Store(err.into()))),
+            Err(err) => return Some(UnitOutcome::Failed(Failure::Store(err.into()))),
         }
     }
-    (!lacks.is_empty()).then(|| End::lacking(lacks))
+    (!lacks.is_empty()).then(|| UnitOutcome::lacking(lacks))
 }
 
 /// A depot, as it is named.

@@ -52,5 +52,5 @@ impl OutcomeClass for TrialVerdict {
 }
 
 /// The robustness of the motions of one object.
-pub type Robustnesses = Vec<Robustness>;
+pub type RobustnessTable = Vec<Robustness>;
 table! {"robustness", 2, per "object", rows: Robustness}

@@ -5,7 +5,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Digest, End, Ended, Failure, Store, Wave};
+use dataflow::{Digest, Failure, OnOutcome, Store, UnitOutcome, Wave};
 
 use super::{Array, Batch, drivers::TIMEOUT, failed, key, out, queue::JobState, unique_name};
 use crate::report;
@@ -21,7 +21,7 @@ impl Batch<'_> {
         wave: &Wave,
         driver: &str,
         open: &mut HashMap<Digest, usize>,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<Vec<Array>, Failure> {
         let mut arrays = self.left(wave, open)?;
         while self.wait_for_drivers(wave, &arrays)? {
@@ -30,7 +30,7 @@ impl Batch<'_> {
                 if made.is_some()
                     && let Some(idx) = open.remove(&digest)
                 {
-                    ended(idx, End::Done { made_now: false });
+                    on_outcome(idx, UnitOutcome::Done { made_now: false });
                 }
             }
             arrays = self.left(wave, open)?;

@@ -2,7 +2,7 @@
 
 use std::{env, fs, io, slice};
 
-use dataflow::{Failure, Order, Resources, Wave};
+use dataflow::{Failure, Resources, Wave, WorkItem};
 
 use super::{Array, Batch, POLL_PERIOD, key, out, quoted, table::Values, unique_name, values_of};
 use crate::jobs::{JobOrders, orders_key};
@@ -54,11 +54,11 @@ impl Batch<'_> {
             };
             let mut all_orders = Vec::with_capacity(jobs.len());
             for job in jobs {
-                let orders = job.iter().map(|idx| wave.order(*idx));
-                let orders: Vec<Order> = orders.collect::<Result<_, _>>()?;
+                let orders = job.iter().map(|idx| wave.work_item(*idx));
+                let orders: Vec<WorkItem> = orders.collect::<Result<_, _>>()?;
                 array
                     .jobs
-                    .push(orders.iter().map(|order| order.fingerprint).collect());
+                    .push(orders.iter().map(|item| item.fingerprint).collect());
                 all_orders.push(orders);
             }
             // First, so that whoever comes after a killed run finds what it left.

@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, End, Ended, Event, Events, Failure, Store, Wave};
+use dataflow::{Digest, Event, Events, Failure, OnOutcome, Store, UnitOutcome, Wave};
 
 use super::{
     Array, Batch, POLL_PERIOD, described, failed, limit_s,
@@ -55,7 +55,7 @@ impl Batch<'_> {
         arrays: &[Array],
         open: &mut HashMap<Digest, usize>,
         events: &Events,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<bool, Failure> {
         let mut seen = JobObservations::default();
         let mut shown = None;
@@ -65,13 +65,13 @@ impl Batch<'_> {
             // The outcomes of a job that is over now are seen in the look into the depot that
             // follows.
             let queue = self.look(arrays);
-            let has_failed = self.collect(wave, arrays, open, ended)?;
+            let has_failed = self.collect(wave, arrays, open, on_outcome)?;
             if has_failed && !self.table.keep_going || open.is_empty() {
                 return Ok(is_stuck);
             }
             match queue {
                 Ok(queue) => {
-                    let places = self.compare(wave, arrays, &queue, open, &mut seen, ended)?;
+                    let places = self.compare(wave, arrays, &queue, open, &mut seen, on_outcome)?;
                     is_stuck |= places.is_stuck;
                     let now = Some((places.waiting, places.running));
                     if now != shown {
@@ -106,7 +106,7 @@ impl Batch<'_> {
         queue: &Queue,
         open: &mut HashMap<Digest, usize>,
         seen: &mut JobObservations,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<Places, Failure> {
         let mut places = Places::default();
         let jobs = arrays.iter().flat_map(|array| {
@@ -154,7 +154,7 @@ impl Batch<'_> {
             if *n_missed < LOOKS {
                 continue;
             }
-            let units = self.without_made(units, open, ended)?;
+            let units = self.without_made(units, open, on_outcome)?;
             if let Some(JobState::Impossible(reason)) = state {
                 return Err(self.impossible(wave, reason));
             }
@@ -176,7 +176,7 @@ impl Batch<'_> {
                     _ => false,
                 };
                 let end = match to_blame.take() {
-                    Some((message, hint)) => End::Failed(Failure::Remote {
+                    Some((message, hint)) => UnitOutcome::Failed(Failure::Remote {
                         message: format!("{} {message}", wave.unit(idx)),
                         hint: Some(hint),
                         left_out: None,
@@ -185,11 +185,11 @@ impl Batch<'_> {
                         || displaced(&self.table.out_of_time)
                         || displaced(&self.table.out_of_memory) =>
                     {
-                        End::displaced(&why)
+                        UnitOutcome::displaced(&why)
                     }
-                    None => End::lost(&why),
+                    None => UnitOutcome::lost(&why),
                 };
-                ended(idx, end);
+                on_outcome(idx, end);
             }
         }
         Ok(places)
@@ -253,7 +253,7 @@ impl Batch<'_> {
         &self,
         units: Vec<Digest>,
         open: &mut HashMap<Digest, usize>,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<Vec<Digest>, Failure> {
         let mut lost = Vec::new();
         for unit in units {
@@ -261,7 +261,7 @@ impl Batch<'_> {
             match open.get(&unit) {
                 Some(&idx) if made.is_some() => {
                     open.remove(&unit);
-                    ended(idx, End::Done { made_now: true });
+                    on_outcome(idx, UnitOutcome::Done { made_now: true });
                 }
                 _ => lost.push(unit),
             }
@@ -312,7 +312,7 @@ impl Batch<'_> {
         wave: &Wave,
         arrays: &[Array],
         open: &mut HashMap<Digest, usize>,
-        ended: &Ended,
+        on_outcome: &OnOutcome,
     ) -> Result<bool, Failure> {
         let mut has_failed = false;
         for array in arrays {
@@ -325,14 +325,16 @@ impl Batch<'_> {
                 let left = self.lake.message(&key).map_err(failed)?;
                 if let (Some(left), Some(&idx)) = (left, open.get(&fingerprint)) {
                     let event = serde_json::from_slice(&left).ok();
+                    let end = event.and_then(|event| {
+                        UnitOutcome::of_event(event, &wave.unit(idx), &fingerprint)
+                    });
                     let end =
-                        event.and_then(|event| End::of_event(event, &wave.unit(idx), &fingerprint));
-                    let end = end.unwrap_or_else(|| End::lost("its worker left no known event"));
-                    has_failed |= matches!(end, End::Failed(_));
+                        end.unwrap_or_else(|| UnitOutcome::lost("its worker left no known event"));
+                    has_failed |= matches!(end, UnitOutcome::Failed(_));
                     open.remove(&fingerprint);
                     let mut jobs = array.jobs.iter();
                     let job = jobs.position(|job| job.contains(&fingerprint));
-                    ended(
+                    on_outcome(
                         idx,
                         with_log(end, &self.log(array, job.unwrap_or_default())),
                     );
@@ -392,15 +394,15 @@ impl Log {
 }
 
 /// Adds the path of the log to the hint of a failure.
-fn with_log(end: End, log: &str) -> End {
+fn with_log(end: UnitOutcome, log: &str) -> UnitOutcome {
     match end {
-        End::Failed(Failure::Remote {
+        UnitOutcome::Failed(Failure::Remote {
             message,
             hint,
             left_out,
         }) if Path::new(log).exists() => {
             let log = format!("`less {log}` shows its log");
-            End::Failed(Failure::Remote {
+            UnitOutcome::Failed(Failure::Remote {
                 message,
                 hint: Some(hint.map_or_else(|| log.clone(), |hint| format!("{hint}; {log}"))),
                 left_out,

@@ -13,7 +13,7 @@ use std::{
 };
 
 use cell::{Access, CellError, ServiceConfig, SimulatedCell};
-use dataflow::{Advise, missing};
+use dataflow::{Diagnostic, missing};
 use lake::{Lake, table};
 use robot::{RobotError, RobotModel};
 use robot_meshes::LoadError;
@@ -56,7 +56,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
             )
         })?;
     let config = simulated_cell(options, args.listen.clone());
-    let mut config = config.map_err(CommandError::with_hint(Advise::hint))?;
+    let mut config = config.map_err(CommandError::with_hint(Diagnostic::hint))?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
     config.service = ServiceConfig {
@@ -71,7 +71,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     };
     let name = config.name.clone();
     let path = args.hand.as_ref().unwrap_or(&options.hand);
-    let path = &hand_files::urdf_of(path).map_err(CommandError::with_hint(Advise::hint))?;
+    let path = &hand_files::urdf_of(path).map_err(CommandError::with_hint(Diagnostic::hint))?;
     let urdf = fs::read_to_string(path).map_err(|err| {
         CommandError::usage(
             format!("cannot read the hand's URDF `{}`: {err}", path.display()),

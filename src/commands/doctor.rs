@@ -4,7 +4,7 @@ mod checks;
 mod lake_folder;
 mod robot;
 
-use dataflow::{Advise, Pipeline, Resources};
+use dataflow::{Diagnostic, Pipeline, Resources};
 use lake::{Lake, Sharing, WhenDown};
 
 use crate::{

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use dataflow::{Advise, Artifact, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
+use dataflow::{Artifact, Diagnostic, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
 use lake::{Lake, Run};
 use robot_meshes::LoadError;
 use stage_report::{Facts, INPUTS, PageData, Report, ReportConfig, ReportError, render};
@@ -56,7 +56,7 @@ pub(crate) type Hand = (String, robot::RobotModel);
 
 /// Reads a hand, of its file or its URDF, with its meshes.
 pub(crate) fn hand(path: &Path) -> Result<Hand, CommandError> {
-    let urdf = hand_files::urdf_of(path).map_err(CommandError::with_hint(Advise::hint))?;
+    let urdf = hand_files::urdf_of(path).map_err(CommandError::with_hint(Diagnostic::hint))?;
     let loaded = robot_meshes::load(&urdf).map_err(CommandError::with_hint(LoadError::hint))?;
     Ok((robot::plain_urdf(&loaded.urdf), loaded.model))
 }

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use dataflow::{Digest, End, Event, Events, Failure, Order, OrderMaker};
+use dataflow::{Digest, Event, Events, Failure, UnitOutcome, WorkItem, WorkItemRunner};
 use lake::{Lake, Sharing};
 use tempfile::TempDir;
 
@@ -41,7 +41,7 @@ static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 pub(crate) fn work(
     program: &Program,
     args: &UnitArgs,
-    order: &str,
+    item: &str,
 ) -> Result<CommandOutcome, CommandError> {
     let own = args.scratch.as_deref().map(scratch).transpose()?;
     // Relative to the folder in which it was started, not to that of the run.
@@ -64,17 +64,17 @@ pub(crate) fn work(
     let lines = Lines::default();
     let jobs = args.jobs.map_or(0, usize::from);
     let worker = Worker {
-        maker: OrderMaker::new(program.kinds, lake.as_ref(), jobs),
+        maker: WorkItemRunner::new(program.kinds, lake.as_ref(), jobs),
         lake: &lake,
         events: &|event: &Event| lines.write(event),
         sends: SCRATCH.get().is_some(),
         began,
         limit: OnceLock::new(),
     };
-    let outcome = if order == "-" {
+    let outcome = if item == "-" {
         worker.stdin_job()
     } else {
-        worker.job(order)
+        worker.job(item)
     };
     lake.leave();
     leave_scratch(&lake);
@@ -113,7 +113,7 @@ fn time_left() -> Option<Duration> {
 
 /// What makes orders.
 pub(crate) struct Worker<'a> {
-    pub(crate) maker: OrderMaker<'a>,
+    pub(crate) maker: WorkItemRunner<'a>,
     pub(crate) lake: &'a Arc<Lake>,
     /// Receives events.
     pub(crate) events: &'a Events<'a>,
@@ -171,10 +171,10 @@ impl Worker<'_> {
         let here = jobs::here_key(name);
         self.lake.leave_message(&here, lake::host().as_bytes())?;
         let work = || {
-            self.each(&job, |order, end| {
+            self.each(&job, |item, end| {
                 let bytes =
                     serde_json::to_vec(end).map_err(|err| CommandError::failed(err, None))?;
-                let key = jobs::end_key(name, &order.fingerprint);
+                let key = jobs::end_key(name, &item.fingerprint);
                 Ok(self.lake.leave_message(&key, &bytes)?)
             })
         };
@@ -195,41 +195,41 @@ impl Worker<'_> {
     fn each(
         &self,
         job: &JobOrders,
-        tell: impl Fn(&Order, &Event) -> Result<(), CommandError>,
+        tell: impl Fn(&WorkItem, &Event) -> Result<(), CommandError>,
     ) -> Result<(), CommandError> {
         // Relative paths lead from the folder of the run, where this machine has it.
         let _stays = env::set_current_dir(&job.folder);
-        for order in &job.orders {
-            let end = self.make(order)?;
-            tell(order, &end)?;
+        for item in &job.orders {
+            let end = self.make(item)?;
+            tell(item, &end)?;
             (self.events)(&end);
         }
         Ok(())
     }
 
     /// Makes the unit of an order; returns its last event.
-    fn make(&self, order: &Order) -> Result<Event, CommandError> {
-        let unit = order.unit.clone();
+    fn make(&self, item: &WorkItem) -> Result<Event, CommandError> {
+        let unit = item.unit.clone();
         let done = |made_now| Event::UnitDone {
-            unit: order.unit.clone(),
-            fingerprint: order.fingerprint,
+            unit: item.unit.clone(),
+            fingerprint: item.fingerprint,
             made_now,
             skipped: None,
         };
         // Another machine may have made it since it was ordered.
-        if self.sends && !order.is_forced() && self.lake.announce(&order.fingerprint) {
+        if self.sends && !item.is_forced() && self.lake.announce(&item.fingerprint) {
             return Ok(done(false));
         }
-        let made = self.maker.make(order, self.events);
+        let made = self.maker.make(item, self.events);
         Ok(match made {
-            Ok(End::Done { made_now }) => {
+            Ok(UnitOutcome::Done { made_now }) => {
                 if self.sends {
-                    self.send(&order.fingerprint)?;
+                    self.send(&item.fingerprint)?;
                 }
                 done(made_now)
             }
-            Ok(End::Lost { lacks, .. }) => Event::UnitLacking { unit, lacks },
-            Ok(End::Failed(err)) | Err(err) => self.failed(order, err),
+            Ok(UnitOutcome::Lost { lacks, .. }) => Event::UnitLacking { unit, lacks },
+            Ok(UnitOutcome::Failed(err)) | Err(err) => self.failed(item, err),
         })
     }
 
@@ -258,8 +258,8 @@ impl Worker<'_> {
     }
 
     /// A hint for people on another machine, where there is no lake of this worker: what lies in it was printed.
-    fn without_scratch(&self, order: &Order, hint: &str) -> String {
-        match self.lake.log(&order.fingerprint) {
+    fn without_scratch(&self, item: &WorkItem, hint: &str) -> String {
+        match self.lake.log(&item.fingerprint) {
             Some(log) if self.sends => {
                 hint.replace(&format!("`{}`", log.display()), "the log of its job")
             }
@@ -267,15 +267,15 @@ impl Worker<'_> {
         }
     }
 
-    fn failed(&self, order: &Order, err: Failure) -> Event {
+    fn failed(&self, item: &WorkItem, err: Failure) -> Event {
         // What a program printed goes where what this process prints goes.
-        if let Some(log) = self.lake.log(&order.fingerprint)
+        if let Some(log) = self.lake.log(&item.fingerprint)
             && let Ok(text) = fs::read(log)
         {
             report::line(String::from_utf8_lossy(&text).trim_end());
         }
         let (hint, left_out) = err.advice();
-        let hint = hint.map(|hint| self.without_scratch(order, &hint));
+        let hint = hint.map(|hint| self.without_scratch(item, &hint));
         let left_out = left_out.cloned();
         let message = match CommandError::from(err) {
             CommandError::Failed { error, .. } => report::chain(&error),
@@ -283,7 +283,7 @@ impl Worker<'_> {
             CommandError::File(err) => err.to_string(),
         };
         Event::UnitFailed {
-            unit: order.unit.clone(),
+            unit: item.unit.clone(),
             message,
             hint,
             left_out,
@@ -293,7 +293,7 @@ impl Worker<'_> {
 
 fn unreadable(err: serde_json::Error) -> CommandError {
     CommandError::failed(
-        anyhow::Error::from(err).context("the order cannot be read"),
+        anyhow::Error::from(err).context("the item cannot be read"),
         Some("install the same build of the program on every machine that makes units".to_owned()),
     )
 }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeSet, fs, io, path::Path, path::PathBuf};
 
 use dataflow::{
-    Advise, Code, Context, Inputs, Kind, Line, Lines, OptionsUsed, Outcome, Output, Outputs,
+    Code, Context, Diagnostic, Inputs, Kind, Line, Lines, OptionsUsed, Outcome, Output, Outputs,
     Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
@@ -95,7 +95,7 @@ fn pipeline(place: &Path, code: [u8; 2]) -> Pipeline {
 #[error("cannot use a file")]
 struct CountError(#[from] io::Error);
 
-impl Advise for CountError {
+impl Diagnostic for CountError {
     fn hint(&self) -> Option<String> {
         None
     }

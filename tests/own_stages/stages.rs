@@ -23,7 +23,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, Code, Kind};
+use dataflow::{Code, Diagnostic, Kind};
 use lake::LakeError;
 use stage_program::{Artifacts, KnownArtifact, Program};
 
@@ -61,7 +61,7 @@ impl OwnError {
     }
 }
 
-impl Advise for OwnError {
+impl Diagnostic for OwnError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Lake(err) => err.hint(),

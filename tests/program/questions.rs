@@ -121,10 +121,7 @@ fn a_wrong_question_gets_the_near_name() {
             "select zzz from objects",
             &["no column `zzz`", "the columns are: ", "mass_kg"],
         ),
-        (
-            "selct 1",
-            &["cannot read the question", "Column: 1", "hint: "],
-        ),
+        ("selct 1", &["cannot parse the SQL", "Column: 1", "hint: "]),
         (
             "select foo(object) from objects",
             &["cannot answer the question", "no function `foo`"],

@@ -193,7 +193,7 @@ impl Walk {
         lost
     }
 
-    fn carry_out(&mut self, step: Step) {
+    fn execute(&mut self, step: Step) {
         match step {
             Step::Run(way) => self.run(way),
             Step::KilledRun(pause_ms) => {
@@ -404,7 +404,7 @@ fn a_cell_counts_what_the_tables_say() {
         println!("seed {seed}: {steps:?}");
         let mut walk = Walk::new();
         for step in steps {
-            walk.carry_out(step);
+            walk.execute(step);
             walk.check();
         }
         walk.restart(&[]);

@@ -9,7 +9,7 @@ use std::{
 };
 
 use clock::{Process, World, lock};
-use dataflow::{Event, OrderMaker};
+use dataflow::{Event, WorkItemRunner};
 use depot::Depot;
 use lake::Lake;
 
@@ -193,7 +193,7 @@ impl Slurm {
             let lake = Arc::new(lake);
             let kinds = stages::kinds();
             let worker = Worker {
-                maker: OrderMaker::new(&kinds, lake.as_ref(), 1),
+                maker: WorkItemRunner::new(&kinds, lake.as_ref(), 1),
                 lake: &lake,
                 events: &|_: &Event| {},
                 sends: true,

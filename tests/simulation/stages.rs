@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use dataflow::{
-    Advise, Code, Context, Inputs, Kind, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+    Code, Context, Diagnostic, Inputs, Kind, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -20,7 +20,7 @@ const DATA: &str = "data.bin";
 #[error(transparent)]
 pub(super) struct StageError(#[from] lake::LakeError);
 
-impl Advise for StageError {
+impl Diagnostic for StageError {
     fn hint(&self) -> Option<String> {
         None
     }

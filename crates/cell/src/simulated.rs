@@ -153,7 +153,7 @@ pub fn execute_offline(
     if let Err(refused) = robot.check(goal, |name| name == goal.object) {
         return Ok(Report::rejected(&encoded.goal_id, refused));
     }
-    let done = physics::carry_out((goal, &encoded), object, &robot, config, see);
+    let done = physics::execute((goal, &encoded), object, &robot, config, see);
     Ok(done.unwrap_or_else(|err| Report::aborted(&encoded.goal_id, err.to_string())))
 }
 
@@ -235,7 +235,7 @@ impl Machine for Simulated {
             abort
         };
         let aim = (goal, encoded);
-        let done = physics::carry_out(aim, &object, &self.robot, &self.config, &mut see);
+        let done = physics::execute(aim, &object, &self.robot, &self.config, &mut see);
         done.unwrap_or_else(|err| Report::aborted(id, err.to_string()))
     }
 }

@@ -6,7 +6,7 @@ use std::{
 };
 
 use dataflow::{
-    Advise, Failure, Pipeline, Problem, Readiness, Source, StageEntry, StageName, outside,
+    Diagnostic, Failure, Pipeline, Problem, Readiness, Source, StageEntry, StageName, outside,
 };
 use stage_dispatch::{Dispatch, DispatchConfig};
 

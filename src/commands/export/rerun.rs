@@ -107,7 +107,7 @@ pub(super) fn rollout(
     let seed = stage.unit_seed(pipeline.seed, &unit.partition);
     let cx = Context::detached(&unit.partition, seed, folder.path());
     record_alone(options, &inputs, &cx, candidate).map_err(|err| {
-        let hint = dataflow::Advise::hint(&err);
+        let hint = dataflow::Diagnostic::hint(&err);
         CommandError::failed(err, hint)
     })?;
     Ok(folder)

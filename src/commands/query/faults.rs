@@ -1,6 +1,6 @@
 //! Errors of a query, in the project's words and with near names.
 
-use dataflow::{Advise, nearest};
+use dataflow::{Diagnostic, nearest};
 use datafusion::{
     arrow::{datatypes::SchemaRef, error::ArrowError},
     common::SchemaError,
@@ -27,14 +27,14 @@ pub(super) fn unreadable(err: &ParserError) -> CommandError {
 /// Returns the error of a query in which too much stands within each other.
 pub(super) fn too_deep() -> CommandError {
     CommandError::usage(
-        "cannot read the question: it has too many parentheses or operators within each other",
+        "cannot parse the SQL: it has too many parentheses or operators within each other",
         "name parts of it with `with part as (select …)`, and write `a in (1, 2, …)` for a chain of `or`",
     )
 }
 
 /// Returns the error of a query that cannot be parsed, for a reason.
 pub(super) fn not_read(reason: &str) -> CommandError {
-    CommandError::usage(format!("cannot read the question: {reason}"), EXAMPLE)
+    CommandError::usage(format!("cannot parse the SQL: {reason}"), EXAMPLE)
 }
 
 /// Returns the error of a failed query, given the columns of the tables that were opened for it.

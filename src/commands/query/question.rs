@@ -446,7 +446,7 @@ mod tests {
         assert_eq!(several.0, "there are 2 questions in one");
         for empty in ["", "  ", ";", "-- nothing"] {
             let (message, _) = said(empty).unwrap();
-            assert_eq!(message, "cannot read the question: it is empty", "{empty}");
+            assert_eq!(message, "cannot parse the SQL: it is empty", "{empty}");
         }
     }
 

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, path::PathBuf, time::Duration};
 
 use cell::{Access, CellError, Keys, with_causes};
-use dataflow::{Advise, OptionFault, OptionFaults};
+use dataflow::{Diagnostic, OptionFault, OptionFaults};
 use planning::{ArmConfig, CommandRatesConfig, LimitsConfig};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

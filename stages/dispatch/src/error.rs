@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use cell::CellError;
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use lake::LakeError;
 use robot_meshes::LoadError;
 use simulation::SettingFault;
@@ -115,7 +115,7 @@ impl From<SettingFault> for DispatchError {
     }
 }
 
-impl Advise for DispatchError {
+impl Diagnostic for DispatchError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::BadOption { .. } => {

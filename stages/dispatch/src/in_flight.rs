@@ -72,7 +72,7 @@ impl MotionInFlight {
 
     /// Runs `send_and_wait`, which sends this motion and waits for its end. Blocks before or after
     /// it during shutdown, which waits for this motion alone.
-    pub(crate) fn carry_out<T>(self, send_and_wait: impl FnOnce() -> T) -> T {
+    pub(crate) fn execute<T>(self, send_and_wait: impl FnOnce() -> T) -> T {
         let id = self.goal_id.clone();
         unless_ending(|in_flight| in_flight.motions.push(self));
         let done = send_and_wait();

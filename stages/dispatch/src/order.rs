@@ -90,7 +90,7 @@ impl<'a> Queue<'a> {
     }
 
     /// Notes that a motion is sent: the next ones should differ from it.
-    pub(crate) fn send(&mut self, candidate: &'a Candidate) {
+    pub(crate) fn mark_chosen(&mut self, candidate: &'a Candidate) {
         self.sent.push(candidate);
     }
 
@@ -206,7 +206,7 @@ mod tests {
         let mut names = Vec::new();
         while let Some(next) = queue.next().filter(|_| names.len() < n) {
             names.push(next.candidate_id.clone());
-            queue.send(next);
+            queue.mark_chosen(next);
         }
         names
     }

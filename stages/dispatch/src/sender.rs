@@ -78,7 +78,7 @@ impl Sender<'_> {
             let candidate_id = open.goal.as_ref().map_or("?", |goal| &goal.candidate_id);
             let answer = self.config.answer_timeout();
             let motion = MotionInFlight::new(self.client, candidate_id, self.cell(), &id, answer);
-            motion.carry_out(|| match &open.goal {
+            motion.execute(|| match &open.goal {
                 Some(goal) if goal.attempt < self.config.attempt => {
                     let is_here = open.journal.as_ref() == Some(&self.terms.capabilities().journal);
                     let recover = || self.client.recover(&id, goal, self.joints, self.patience());
@@ -93,7 +93,7 @@ impl Sender<'_> {
         Ok(())
     }
 
-    /// As [`Sender::carry_out`]; a motion stopped before this run is sent again as a new goal if
+    /// As [`Sender::execute`]; a motion stopped before this run is sent again as a new goal if
     /// the options say so. Returns the goal that ended.
     pub(crate) fn execute_or_resume(
         &self,
@@ -101,7 +101,7 @@ impl Sender<'_> {
     ) -> Result<Result<Sent, Refusal>, DispatchError> {
         let mut goal = goal.clone();
         loop {
-            let sent = match self.carry_out(&goal)? {
+            let sent = match self.execute(&goal)? {
                 Ok(sent) => sent,
                 refused => return Ok(refused),
             };
@@ -127,7 +127,7 @@ impl Sender<'_> {
     ///
     /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
     /// this robot until a person has looked, and the next run queries the cell again.
-    fn carry_out(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
+    fn execute(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
         let id = goal.encode().goal_id;
         if let GoalHistory::Ended { report, cell } = self.ledger.history(&id)? {
             // One that a person stopped while this run waited for it is not sent again by this run.
@@ -148,7 +148,7 @@ impl Sender<'_> {
         }
         let answer = self.config.answer_timeout();
         let motion = MotionInFlight::new(self.client, &goal.candidate_id, self.cell(), &id, answer);
-        motion.carry_out(|| self.send_or_recover(goal))
+        motion.execute(|| self.send_or_recover(goal))
     }
 
     /// Returns why the cell's own limits forbid a motion, if they do.

@@ -15,7 +15,7 @@ use schemas::{
     candidates::{Candidate, Candidates},
     executions::{self, Execution, Executions},
     objects::Object,
-    robustness::Robustnesses,
+    robustness::RobustnessTable,
     rollouts::Rollouts,
 };
 
@@ -75,7 +75,7 @@ impl Stage for Dispatch {
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and records their outcomes";
     const INPUTS: &'static [&'static str] = &[
         Rollouts::NAME,
-        Robustnesses::NAME,
+        RobustnessTable::NAME,
         Candidates::NAME,
         Object::NAME,
     ];
@@ -132,7 +132,7 @@ impl Output for Dispatch {
                 let unit = Unit::new(&rollouts.key)
                     .with_label("object", &rollouts.key)
                     .reading(Rollouts::NAME, [&rollouts.key])
-                    .reading(Robustnesses::NAME, [&rollouts.key])
+                    .reading(RobustnessTable::NAME, [&rollouts.key])
                     .reading(Candidates::NAME, [&rollouts.key])
                     .reading(Object::NAME, [&rollouts.key])
                     .with_file_of_form(
@@ -159,7 +159,7 @@ impl Output for Dispatch {
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
-        let robustness: Robustnesses = inputs.one()?;
+        let robustness: RobustnessTable = inputs.one()?;
         let motions = Queue::new(config.order, &rollouts, &robustness, &candidates)?;
         let sent = if motions.is_empty() {
             ObjectExecutions::default()
@@ -193,8 +193,8 @@ struct ObjectExecutions {
 
 impl ObjectExecutions {
     fn metrics(&self) -> DispatchMetrics {
-        let count = |so: &dyn Fn(&Execution) -> bool| {
-            self.executions.iter().filter(|&e| so(e)).count() as f64
+        let count = |predicate: &dyn Fn(&Execution) -> bool| {
+            self.executions.iter().filter(|&e| predicate(e)).count() as f64
         };
         let ended = |outcome: executions::Outcome| count(&|e| e.outcome == outcome);
         let sent_n = count(&|e| !e.goal_id.is_empty());
@@ -321,7 +321,7 @@ fn planned<'a>(
         let goal = goal(config, robots, &planner, names, candidates, candidate);
         if goal.is_ok() {
             feasible_n += 1;
-            motions.send(candidate);
+            motions.mark_chosen(candidate);
         }
         goals.push((candidate, goal));
     }

@@ -2,7 +2,9 @@
 
 use std::{collections::BTreeMap, fs, path::Path};
 
-use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
+use dataflow::{
+    Artifact, Context, Diagnostic, Inputs, Outcome, Output, SourceFile, Stage, Summary,
+};
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{
@@ -10,7 +12,7 @@ use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     executions::{self, Execution, Executions},
     objects::{Object, RestingOrientation},
-    robustness::{Robustness, Robustnesses, TrialVerdict},
+    robustness::{Robustness, RobustnessTable, TrialVerdict},
     rollouts::{Rollout, Verdict},
     ros2::{
         JointState, JointTrajectory, JointTrajectoryPoint, TfMessage,
@@ -125,7 +127,7 @@ fn inputs(
     folder: &Path,
     config: &DispatchConfig,
     verdict: Verdict,
-    robustness: &Robustnesses,
+    robustness: &RobustnessTable,
 ) -> Inputs {
     let ids = ["cube-0", "cube-1", "cube-2", "cube-3"];
     let candidates = Candidates {
@@ -165,13 +167,13 @@ struct Ran {
 }
 
 fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, DispatchError> {
-    run_given(change, verdict, &Robustnesses::new())
+    run_given(change, verdict, &RobustnessTable::new())
 }
 
 fn run_given(
     change: impl Fn(&mut DispatchConfig),
     verdict: Verdict,
-    robustness: &Robustnesses,
+    robustness: &RobustnessTable,
 ) -> Result<Ran, DispatchError> {
     let work = tempfile::tempdir().unwrap();
     let folder = tempfile::tempdir().unwrap();

@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use lake::LakeError;
 
 use crate::{npz::NpzError, yaml::YamlError};
@@ -153,7 +153,7 @@ pub enum IngestError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for IngestError {
+impl Diagnostic for IngestError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::NoSequences {

@@ -5,7 +5,7 @@ use arrow_schema::Schema;
 use dataflow::Inputs;
 use schemas::{
     SchemaError, Table, candidates::Candidates, demonstrations::Demonstration,
-    robustness::Robustnesses, rollouts::Rollouts, trajectories::Trajectory,
+    robustness::RobustnessTable, rollouts::Rollouts, trajectories::Trajectory,
 };
 
 use crate::{error::Broken, result};
@@ -90,7 +90,7 @@ impl Artifacts for Shipped {
         KnownArtifact::table::<Candidates>(),
         KnownArtifact::table::<Demonstration>(),
         KnownArtifact::checked_against::<Rollouts>(result::one_rollout_per_candidate),
-        KnownArtifact::table::<Robustnesses>(),
+        KnownArtifact::table::<RobustnessTable>(),
         KnownArtifact::table::<Trajectory>(),
     ];
 }

@@ -6,7 +6,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, FileFault, SourceFile};
+use dataflow::{Diagnostic, FileFault, SourceFile};
 
 use crate::{config::ProgramConfig, error::ProgramError};
 

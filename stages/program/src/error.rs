@@ -2,7 +2,7 @@
 
 use std::{error::Error, io, path::PathBuf};
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use lake::LakeError;
 use schemas::SchemaError;
 
@@ -372,7 +372,7 @@ impl ProgramError {
     }
 }
 
-impl Advise for ProgramError {
+impl Diagnostic for ProgramError {
     fn hint(&self) -> Option<String> {
         let log = |log: &PathBuf| format!("its whole output is in `{}`", log.display());
         match self {

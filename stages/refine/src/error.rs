@@ -1,6 +1,6 @@
 //! Why motions could not be refined.
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use hand_files::HandFileError;
 use lake::LakeError;
 use motion::MotionError;
@@ -27,7 +27,7 @@ pub enum RefineError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for RefineError {
+impl Diagnostic for RefineError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::HandFiles(err) => err.hint(),
@@ -36,7 +36,7 @@ impl Advise for RefineError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

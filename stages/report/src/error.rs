@@ -1,6 +1,6 @@
 //! Why a page could not be made.
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use glb::GlbError;
 use lake::LakeError;
 use robot_meshes::LoadError;
@@ -45,7 +45,7 @@ pub enum ReportError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for ReportError {
+impl Diagnostic for ReportError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::LoadRobot(err) => err.hint(),

@@ -12,7 +12,7 @@ use schemas::{
     executions::{Execution, Executions},
     objects::Object,
     rates::SuccessRates,
-    robustness::Robustnesses,
+    robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts},
     success::Successes,
     training::Training,
@@ -110,9 +110,9 @@ impl PageData {
                 .executions
                 .insert(artifact.key.to_string(), executions);
         }
-        if gathered.facts.run.wired.contains_key(Robustnesses::NAME) {
+        if gathered.facts.run.wired.contains_key(RobustnessTable::NAME) {
             let mut sums = [0, 0];
-            for rows in inputs.all::<Robustnesses>()? {
+            for rows in inputs.all::<RobustnessTable>()? {
                 for row in rows {
                     sums[0] += row.trials.total_count();
                     sums[1] += row.trials.success_count();

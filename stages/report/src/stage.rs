@@ -7,7 +7,7 @@ use dataflow::{
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table, candidates::Candidates, demonstrations::Demonstration, executions::Executions,
-    objects::Object, rates::SuccessRates, robustness::Robustnesses, rollouts::Rollouts,
+    objects::Object, rates::SuccessRates, robustness::RobustnessTable, rollouts::Rollouts,
     success::Successes, training::Training, trajectories::Trajectory,
 };
 
@@ -21,7 +21,7 @@ pub const INPUTS: &[&str] = &[
     Training::NAME,
     Candidates::NAME,
     Rollouts::NAME,
-    Robustnesses::NAME,
+    RobustnessTable::NAME,
     Successes::NAME,
     SuccessRates::NAME,
     Executions::NAME,

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use hand_files::HandFileError;
 use lake::LakeError;
 use motion::MotionError;
@@ -77,7 +77,7 @@ impl From<SolverError> for RetargetError {
     }
 }
 
-impl Advise for RetargetError {
+impl Diagnostic for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::HandTable(err) => err.hint(),
@@ -100,7 +100,7 @@ impl Advise for RetargetError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         // Objects are those of demonstrations: where there are none, these say why.
         matches!(self, Self::NoDemonstrations | Self::NoObjects).then_some("demonstrations")
     }

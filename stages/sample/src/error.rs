@@ -1,7 +1,7 @@
 //! Why no motions could be drawn.
 
 use cgf::CgfError;
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof, spheres::TooLarge};
@@ -56,7 +56,7 @@ pub enum SampleError {
     Cgf(#[from] CgfError),
 }
 
-impl Advise for SampleError {
+impl Diagnostic for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),

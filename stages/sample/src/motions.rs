@@ -173,7 +173,7 @@ impl<'a> Decoder<'a> {
         Ok(decoder)
     }
 
-    /// Returns what the function knows of these points of the shown object where the object lies in one of its ways.
+    /// Encodes these points of the shown object, which lies in the resting pose of this number.
     fn feature(&self, rest: usize, points: Vec<Point3<f64>>) -> Result<ObjectFeature, SampleError> {
         Ok(self.cgf.feature(&RestingObject {
             object: self.shown.name.clone(),

@@ -18,7 +18,9 @@ use cgf::{
     JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, RestingObject,
     Schedule, Times, TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet,
 };
-use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
+use dataflow::{
+    Artifact, Context, Diagnostic, Inputs, Outcome, Output, SourceFile, Stage, Summary,
+};
 use geometry::{DistanceField, TriMesh};
 use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};

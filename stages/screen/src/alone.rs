@@ -37,7 +37,7 @@ pub fn record_alone(
         .and_then(|scenes| screening.rollout(&scenes, idx, TraceMode::Trace));
     let rollout = match rollout {
         Ok(rollout) => rollout,
-        Err(source) => return screened.failed::<()>(source).map(|_skipped| false),
+        Err(source) => return screened.skip_or_fail::<()>(source).map(|_skipped| false),
     };
     let row = Row::unsimulated(screening.candidate(idx), config.verdict(&rollout));
     let context = RecordingContext {

@@ -1,13 +1,13 @@
 //! Counts by verdict, as figures.
 
-use dataflow::{Gather, MetricValues, MissingMetric, Sum};
+use dataflow::{Aggregate, MetricValues, MissingMetric, Sum};
 use schemas::{rollouts::Verdict, tally::Tally};
 
 /// A [`Tally`] by verdict, e.g. `held_n`.
 #[derive(Debug, Clone, Copy)]
 pub enum ByVerdict {}
 
-impl Gather for ByVerdict {
+impl Aggregate for ByVerdict {
     type Value = Tally<Verdict>;
 
     fn write(_field: &str, tally: &Self::Value, figures: &mut MetricValues) {
@@ -16,7 +16,7 @@ impl Gather for ByVerdict {
 
     fn read(_field: &str, figures: &MetricValues) -> Result<Self::Value, MissingMetric> {
         let count = |verdict: Verdict| {
-            let n = <Sum as Gather>::read(&name(verdict), figures)?;
+            let n = <Sum as Aggregate>::read(&name(verdict), figures)?;
             #[expect(clippy::cast_possible_truncation, reason = "it was a count")]
             let n = n as i64;
             Ok((verdict, n))

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use lake::LakeError;
 use robot::{JointMismatch, WrongDof};
 use robot_meshes::LoadError;
@@ -62,7 +62,7 @@ pub enum ScreenError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for ScreenError {
+impl Diagnostic for ScreenError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::LoadRobot(err) => err.hint(),
@@ -82,7 +82,7 @@ impl Advise for ScreenError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

@@ -6,7 +6,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use schemas::{
     Table,
-    robustness::{Robustness, Robustnesses, TrialVerdict},
+    robustness::{Robustness, RobustnessTable, TrialVerdict},
     rollouts::{Rollouts, Verdict},
     tally::Tally,
 };
@@ -43,9 +43,9 @@ impl Output for RobustnessTrials {
     type Metrics = RobustnessMetrics;
     type Error = ScreenError;
 
-    const ARTIFACT: &'static str = Robustnesses::NAME;
-    const SCHEMA: &'static str = Robustnesses::VERSION;
-    const PARTITION: &'static str = Robustnesses::PARTITION;
+    const ARTIFACT: &'static str = RobustnessTable::NAME;
+    const SCHEMA: &'static str = RobustnessTable::VERSION;
+    const PARTITION: &'static str = RobustnessTable::PARTITION;
     const OPTIONS: OptionsUsed =
         OptionsUsed::Except(&["recorded_per_object", "recorded_failures_per_object"]);
 
@@ -72,13 +72,13 @@ impl Output for RobustnessTrials {
         let RobustnessConfig { trials, .. } = config.robustness;
         let motions = tried(&rollouts, &screened, config.robustness.per_object)?;
         let rows = if motions.is_empty() || trials == 0 {
-            Robustnesses::new()
+            RobustnessTable::new()
         } else {
             let progress = |share: f64| cx.progress(share, "under sampled errors");
             let screening = screened.screening(config, cx.seed());
             match robustness(config, &screening, &motions, cx.seed(), progress) {
                 Ok(rows) => rows,
-                Err(err) => return screened.failed(err),
+                Err(err) => return screened.skip_or_fail(err),
             }
         };
         cx.write(&rows)?;
@@ -127,7 +127,7 @@ fn robustness(
     motions: &[usize],
     seed: u64,
     progress: impl Fn(f64),
-) -> Result<Robustnesses, SimulationError> {
+) -> Result<RobustnessTable, SimulationError> {
     let RobustnessConfig { trials, .. } = config.robustness;
     let mut verdicts: Vec<Vec<(TrialVerdict, i64)>> =
         vec![Vec::with_capacity(trials); motions.len()];

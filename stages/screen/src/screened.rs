@@ -81,7 +81,10 @@ impl Screened {
 
     /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so
     /// every unit will.
-    pub(crate) fn failed<M>(&self, source: SimulationError) -> Result<Outcome<M>, ScreenError> {
+    pub(crate) fn skip_or_fail<M>(
+        &self,
+        source: SimulationError,
+    ) -> Result<Outcome<M>, ScreenError> {
         if source.is_of_object() {
             return Ok(Outcome::skipped(source.to_string()));
         }

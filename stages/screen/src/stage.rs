@@ -97,18 +97,18 @@ impl Output for Screen {
         };
         let config = &config.resolved();
         let screening = screened.screening(config, cx.seed());
-        let scenes = match screening.planned() {
+        let scenes = match screening.build_scenes() {
             Ok(scenes) => scenes,
-            Err(err) => return screened.failed(err),
+            Err(err) => return screened.skip_or_fail(err),
         };
         let judged = screening.judge(&scenes, |share| cx.progress(share, "in physics"));
         let (rollouts, cpu_s) = match judged {
             Ok(judged) => judged,
-            Err(err) => return screened.failed(err),
+            Err(err) => return screened.skip_or_fail(err),
         };
 
         cx.write(&rollouts)?;
-        let stage = recording::RecordingContext {
+        let context = recording::RecordingContext {
             urdf: &screened.xml,
             model: &screened.hand,
             object: &screened.object,
@@ -119,8 +119,8 @@ impl Output for Screen {
         for idx in shown.chain(failures(&verdicts).into_iter().take(failed_n)) {
             // Equal arguments give an equal rollout: it is run again, now with its trace.
             match screening.rollout(&scenes, idx, TraceMode::Trace) {
-                Ok(rollout) => record(&stage, &rollouts[idx], &rollout, cx.folder())?,
-                Err(err) => return screened.failed(err),
+                Ok(rollout) => record(&context, &rollouts[idx], &rollout, cx.folder())?,
+                Err(err) => return screened.skip_or_fail(err),
             }
         }
         Ok(Outcome::Made(ScreenMetrics::of(&rollouts, cpu_s)))

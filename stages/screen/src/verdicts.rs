@@ -71,7 +71,7 @@ impl<'a> Screening<'a> {
     }
 
     /// Builds the scenes of all candidates. Fails if the object comes to rest in none of them.
-    pub(crate) fn planned(&self) -> Result<Scenes, SimulationError> {
+    pub(crate) fn build_scenes(&self) -> Result<Scenes, SimulationError> {
         let all: Vec<usize> = (0..self.pose_of.len()).collect();
         let scenes = self.scenes(&self.config.scene, &all)?;
         if !all.is_empty() && scenes.0.iter().all(Option::is_none) {
@@ -312,7 +312,7 @@ mod tests {
         };
         let screening = Screening::new(&config, &model, &cube(), &candidates, 7);
         let (rows, _) = screening
-            .judge(&screening.planned().unwrap(), |_| {})
+            .judge(&screening.build_scenes().unwrap(), |_| {})
             .unwrap();
         let verdicts: Vec<(&str, Verdict)> = rows
             .iter()

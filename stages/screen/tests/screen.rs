@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
 
 use dataflow::{
-    Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile, Stage,
+    Artifact, Context, Diagnostic, Inputs, Outcome, Output, Partition, Scope, SourceFile, Stage,
     Summary,
 };
 use motion::{HandRates, Motion, Step};
@@ -13,7 +13,7 @@ use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     objects::{self, RestingOrientation},
     rates::SuccessRates,
-    robustness::Robustnesses,
+    robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts, Verdict},
     success::Successes,
 };
@@ -289,7 +289,7 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
 }
 
 /// Writes the rollouts of a can's candidates, and tries those that hold under these errors.
-fn robustness(trials: usize, errors: SceneRandomization) -> (Robustnesses, Rollouts) {
+fn robustness(trials: usize, errors: SceneRandomization) -> (RobustnessTable, Rollouts) {
     let folder = tempfile::tempdir().unwrap();
     let mut config = config();
     config.robustness = RobustnessConfig {

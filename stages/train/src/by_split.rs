@@ -2,7 +2,7 @@
 
 use std::ops::Index;
 
-use dataflow::{Figure, Gather, MetricValues, MissingMetric};
+use dataflow::{Aggregate, MetricValues, MissingMetric, ScalarAggregate};
 use schemas::training::Split;
 
 /// A value of each [`Split`].
@@ -25,7 +25,7 @@ impl<T> Index<Split> for BySplit<T> {
 }
 
 /// A figure of each split in which it is known, e.g. `loss`, `loss_held_out` and `loss_unseen`.
-impl<F: Figure> Gather for BySplit<F> {
+impl<F: ScalarAggregate> Aggregate for BySplit<F> {
     type Value = BySplit<Option<f64>>;
 
     fn write(field: &str, values: &Self::Value, figures: &mut MetricValues) {
@@ -42,7 +42,7 @@ impl<F: Figure> Gather for BySplit<F> {
     fn gather<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
         let partitions: Vec<&Self::Value> = partitions.collect();
         BySplit::of(|split| {
-            <Option<F> as Gather>::gather(partitions.iter().map(|values| &values[split]))
+            <Option<F> as Aggregate>::gather(partitions.iter().map(|values| &values[split]))
         })
     }
 }

@@ -3,7 +3,7 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
@@ -104,7 +104,7 @@ pub enum TrainError {
     Cgf(#[from] CgfError),
 }
 
-impl Advise for TrainError {
+impl Diagnostic for TrainError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::NoTrajectories { .. } => {
@@ -147,7 +147,7 @@ impl Advise for TrainError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(
             self,
             Self::NoTrajectories { .. } | Self::Cgf(CgfError::TooFewTrajectories { .. })

@@ -27,7 +27,7 @@ const SAMPLE_S: f64 = 0.01;
 
 /// Places the object as the goal says, plus the cell's pose error, and moves; `see` is called at
 /// every control step and returns a reason to abort, if any.
-pub(super) fn carry_out(
+pub(super) fn execute(
     (goal, encoded): (&Goal, &EncodedGoal),
     object: &ObjectShape,
     robot: &CellRobot,

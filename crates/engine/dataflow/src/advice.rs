@@ -3,13 +3,13 @@
 use std::{error::Error, fmt};
 
 /// An error that can say what to do next.
-pub trait Advise: Error + Send + Sync + 'static {
+pub trait Diagnostic: Error + Send + Sync + 'static {
     /// The next action: an edit or a command that can be pasted.
     fn hint(&self) -> Option<String>;
 
     /// Returns the stage's input that has too few partitions, if that is the fault: the hint then
     /// adds the command that lists the skipped items of that input.
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         None
     }
 }
@@ -30,21 +30,21 @@ pub fn with_causes(err: &dyn Error) -> String {
 
 /// An error of any kind with its hint.
 #[derive(Debug)]
-pub struct Advised(pub Box<dyn Advise>);
+pub struct BoxedDiagnostic(pub Box<dyn Diagnostic>);
 
-impl<E: Advise> From<E> for Advised {
+impl<E: Diagnostic> From<E> for BoxedDiagnostic {
     fn from(err: E) -> Self {
         Self(Box::new(err))
     }
 }
 
-impl fmt::Display for Advised {
+impl fmt::Display for BoxedDiagnostic {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.0.fmt(f)
     }
 }
 
-impl Error for Advised {
+impl Error for BoxedDiagnostic {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         self.0.source()
     }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, error::Error, fmt, io, path::PathBuf};
 
 use crate::{
-    advice::{Advise, Advised, with_causes},
+    advice::{BoxedDiagnostic, Diagnostic, with_causes},
     event::Event,
     metrics::MissingMetric,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
@@ -100,7 +100,7 @@ pub enum Failure {
         /// The upstream output that left out too many items, if that is why.
         left_out: Option<Box<LeftOut>>,
         /// The stage's own error.
-        source: Advised,
+        source: BoxedDiagnostic,
     },
     /// Files that options name cannot be used.
     #[error(transparent)]
@@ -320,7 +320,7 @@ pub enum Failure {
     },
     /// The lake failed.
     #[error(transparent)]
-    Store(#[from] Advised),
+    Store(#[from] BoxedDiagnostic),
     /// The worker threads could not be started.
     #[error("cannot start the worker threads")]
     Threads(#[source] rayon::ThreadPoolBuildError),
@@ -494,7 +494,7 @@ impl fmt::Display for Partition<'_> {
     }
 }
 
-impl Advise for Failure {
+impl Diagnostic for Failure {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Stage {

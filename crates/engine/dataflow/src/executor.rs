@@ -1,4 +1,4 @@
-//! Executors: a wave of orders goes out, and `Done`, `Failed` or `Lost` comes back for each.
+//! Executors: a wave of work items goes out, and `Done`, `Failed` or `Lost` comes back for each.
 
 use std::{
     collections::BTreeMap,
@@ -12,14 +12,14 @@ use crate::{
     error::Failure,
     event::{Event, Events},
     graph::Node,
-    maker::{Maker, OrderOutcome},
     name::{NodeName, UnitName},
-    order::{Forced, Order},
     output::Execution,
     resources::Resources,
     state::State,
     store::Turn,
     unit::ListedUnit,
+    unit_runner::{UnitRunner, WorkItemOutcome},
+    work_item::{Forced, WorkItem},
     workers,
 };
 
@@ -41,15 +41,15 @@ pub trait Executor: Sync {
     /// # Errors
     ///
     /// Fails if it can make none of them.
-    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure>;
+    fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure>;
 }
 
 /// Receives the outcome of the unit at a position of its wave, from any thread.
-pub type Ended<'a> = dyn Fn(usize, End) + Sync + 'a;
+pub type OnOutcome<'a> = dyn Fn(usize, UnitOutcome) + Sync + 'a;
 
 /// Outcome of an attempt to make a unit.
 #[derive(Debug)]
-pub enum End {
+pub enum UnitOutcome {
     /// Its result is in the store.
     Done {
         /// Whether it was made now, and not before.
@@ -68,7 +68,7 @@ pub enum End {
     },
 }
 
-impl End {
+impl UnitOutcome {
     /// Returns the end of a unit that was lost.
     pub fn lost(why: impl Into<String>) -> Self {
         Self::Lost {
@@ -143,13 +143,13 @@ impl Wave<'_> {
         &self.state.pipeline().stage(self.node).resources
     }
 
-    /// Returns the order of the unit at a position.
+    /// Returns the work item of the unit at a position.
     ///
     /// # Errors
     ///
     /// Fails if a file that it reads has changed.
-    pub fn order(&self, idx: usize) -> Result<Order, Failure> {
-        Order::new(self.state, self.node, self.units[idx], self.forced)
+    pub fn work_item(&self, idx: usize) -> Result<WorkItem, Failure> {
+        WorkItem::new(self.state, self.node, self.units[idx], self.forced)
     }
 
     /// Makes each unit with `make` in up to `n_workers` threads, and begins none after a failure, unless it
@@ -158,18 +158,18 @@ impl Wave<'_> {
         &self,
         n_workers: usize,
         keeps_going: bool,
-        (events, ended): (&Events, &Ended),
-        make: impl Fn(&Order) -> End + Sync,
+        (events, on_outcome): (&Events, &OnOutcome),
+        make: impl Fn(&WorkItem) -> UnitOutcome + Sync,
     ) {
         let make = |idx| {
-            let end = match self.order(idx) {
-                Ok(order) => make(&order),
-                Err(err) => End::Failed(err),
+            let end = match self.work_item(idx) {
+                Ok(item) => make(&item),
+                Err(err) => UnitOutcome::Failed(err),
             };
-            if !matches!(end, End::Done { .. }) {
+            if !matches!(end, UnitOutcome::Done { .. }) {
                 self.end_turn(idx);
             }
-            tell(idx, end, keeps_going, ended)
+            tell(idx, end, keeps_going, on_outcome)
         };
         // Units that move a robot keep their order, and have claims.
         let takes_turns = self.node.output.execution == Execution::Parallel
@@ -181,7 +181,12 @@ impl Wave<'_> {
         let waited_for = Mutex::new(BTreeMap::new());
         workers::each_by_turns(self.len(), n_workers, |idx| match self.turn(idx) {
             Turn::Own => Some(make(idx)),
-            Turn::Made => Some(tell(idx, End::Done { made_now: false }, keeps_going, ended)),
+            Turn::Made => Some(tell(
+                idx,
+                UnitOutcome::Done { made_now: false },
+                keeps_going,
+                on_outcome,
+            )),
             Turn::Others(machine) => {
                 // The first time others are left to make here.
                 let mut looks = waited_for.lock().unwrap_or_else(PoisonError::into_inner);
@@ -200,7 +205,7 @@ impl Wave<'_> {
 
     /// Whose turn it is to make the unit at a position.
     fn turn(&self, idx: usize) -> Turn {
-        // What is wrong with it comes out where its order is made.
+        // What is wrong with it comes out where its item is made.
         let digest = self.digest(idx);
         digest.map_or(Turn::Own, |digest| self.state.store().turn(&digest))
     }
@@ -218,9 +223,14 @@ impl Wave<'_> {
 }
 
 /// Reports an end, and says whether others follow.
-fn tell(idx: usize, end: End, keeps_going: bool, ended: &Ended) -> ControlFlow<()> {
-    let is_last = matches!(end, End::Failed(_)) && !keeps_going;
-    ended(idx, end);
+fn tell(
+    idx: usize,
+    end: UnitOutcome,
+    keeps_going: bool,
+    on_outcome: &OnOutcome,
+) -> ControlFlow<()> {
+    let is_last = matches!(end, UnitOutcome::Failed(_)) && !keeps_going;
+    on_outcome(idx, end);
     if is_last {
         ControlFlow::Break(())
     } else {
@@ -230,27 +240,27 @@ fn tell(idx: usize, end: End, keeps_going: bool, ended: &Ended) -> ControlFlow<(
 
 /// Makes units in threads of this process.
 pub(crate) struct Threads<'a> {
-    pub(crate) maker: &'a Maker<'a>,
+    pub(crate) runner: &'a UnitRunner<'a>,
     /// Units made at once.
     pub(crate) n_workers: usize,
 }
 
 impl Executor for Threads<'_> {
-    fn carry_out(&self, wave: &Wave, events: &Events, ended: &Ended) -> Result<(), Failure> {
+    fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure> {
         let stage = wave.state.pipeline().stage(wave.node);
-        wave.each(self.n_workers, false, (events, ended), |order| {
-            let made = self.maker.make(stage, wave.node.output_idx, order, events);
-            made.map_or_else(End::Failed, End::from)
+        wave.each(self.n_workers, false, (events, on_outcome), |item| {
+            let made = self.runner.make(stage, wave.node.output_idx, item, events);
+            made.map_or_else(UnitOutcome::Failed, UnitOutcome::from)
         });
         Ok(())
     }
 }
 
-impl From<OrderOutcome> for End {
-    fn from(outcome: OrderOutcome) -> Self {
+impl From<WorkItemOutcome> for UnitOutcome {
+    fn from(outcome: WorkItemOutcome) -> Self {
         match outcome {
-            OrderOutcome::Made { made_now } => Self::Done { made_now },
-            OrderOutcome::Lacks(units) => Self::lacking(units),
+            WorkItemOutcome::Made { made_now } => Self::Done { made_now },
+            WorkItemOutcome::Lacks(units) => Self::lacking(units),
         }
     }
 }

@@ -7,7 +7,7 @@ use serde_json::Value;
 use toml_edit::InlineTable;
 
 use crate::{
-    advice::{Advise, Advised},
+    advice::{BoxedDiagnostic, Diagnostic},
     code::Code,
     context::{Context, Inputs},
     metrics::MissingMetric,
@@ -90,10 +90,15 @@ pub(crate) trait Configured: Send + Sync {
     fn check_files(&self) -> Vec<FileFault>;
     /// The outputs, whose names may follow from the options.
     fn outputs(&self) -> Vec<OutputInfo>;
-    fn prepare(&self) -> Result<(), Advised>;
+    fn prepare(&self) -> Result<(), BoxedDiagnostic>;
     // Of the output at this position in [`Kind::outputs`]:
-    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised>;
-    fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
+    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic>;
+    fn make(
+        &self,
+        output_idx: usize,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, BoxedDiagnostic>;
     fn summarize(
         &self,
         output_idx: usize,
@@ -129,7 +134,7 @@ struct KindOutput<S: Stage> {
 }
 
 /// Makes the dataset that the options name.
-type Generate<S> = Box<dyn Fn(&<S as Stage>::Config) -> Result<(), Advised> + Send + Sync>;
+type Generate<S> = Box<dyn Fn(&<S as Stage>::Config) -> Result<(), BoxedDiagnostic> + Send + Sync>;
 
 impl<S: Stage> ConfiguredStage<S> {
     /// Parses the options of a stage's table.
@@ -218,19 +223,24 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
         named.collect()
     }
 
-    fn prepare(&self) -> Result<(), Advised> {
+    fn prepare(&self) -> Result<(), BoxedDiagnostic> {
         if let Some(generate) = &self.parts.generate {
             generate(&self.options)?;
         }
         Ok(S::prepare(&self.options)?)
     }
 
-    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, Advised> {
+    fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let output = self.parts.outputs[output_idx].output;
         output.units(&self.options, scope)
     }
 
-    fn make(&self, output_idx: usize, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised> {
+    fn make(
+        &self,
+        output_idx: usize,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, BoxedDiagnostic> {
         let output = self.parts.outputs[output_idx].output;
         output.make(&self.options, inputs, cx)
     }
@@ -274,7 +284,7 @@ impl Kind {
     /// # Panics
     ///
     /// Panics as [`Kind::of`] does.
-    pub fn generated<R: Report, E: Advise>(
+    pub fn generated<R: Report, E: Diagnostic>(
         codes: [Code; 2],
         generate: fn(&<R::Stage as Stage>::Config) -> Result<(), E>,
     ) -> Self {
@@ -517,7 +527,7 @@ mod tests {
     #[error("it makes nothing")]
     struct Nothing;
 
-    impl crate::Advise for Nothing {
+    impl crate::Diagnostic for Nothing {
         fn hint(&self) -> Option<String> {
             None
         }

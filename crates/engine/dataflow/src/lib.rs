@@ -23,7 +23,6 @@
 //! [`Store`] that `lake` implements and the stream of [`Event`]s that the command line shows.
 
 mod advice;
-mod attempts;
 mod canonical_form;
 mod code;
 mod context;
@@ -35,12 +34,10 @@ mod fingerprint;
 mod graph;
 mod inheritance;
 mod kind;
-mod maker;
 mod metrics;
 mod name;
 mod option_faults;
 mod options;
-mod order;
 mod outcome;
 mod output;
 mod overrides;
@@ -52,6 +49,7 @@ mod record;
 mod relay;
 mod report;
 mod resources;
+mod retry_scheduler;
 mod run;
 mod scope;
 mod seed;
@@ -69,28 +67,30 @@ mod summary;
 mod sweep;
 mod tables;
 mod unit;
+mod unit_runner;
+mod work_item;
 mod workers;
 
-pub use advice::{Advise, Advised, with_causes};
-pub use attempts::UnitReport;
+pub use advice::{BoxedDiagnostic, Diagnostic, with_causes};
 pub use canonical_form::Form;
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs};
 pub use digest::{Digest, InvalidDigest};
 pub use error::{Failure, FileError, LeftOut, Problem};
 pub use event::{Event, Events, Fraction};
-pub use executor::{End, Ended, Executor, Wave};
+pub use executor::{Executor, OnOutcome, UnitOutcome, Wave};
 pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
 pub use kind::{Complete, Kind, OptionInfo};
-pub use metrics::{Figure, Gather, Max, Mean, MetricValues, Metrics, MissingMetric, Sum, With};
+pub use metrics::{
+    Aggregate, Max, Mean, MetricValues, Metrics, MissingMetric, ScalarAggregate, Sum, With,
+};
 pub use name::{
     ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,
     StageName, UnitName, text_of,
 };
 pub use option_faults::{FileFault, OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
-pub use order::{Forced, Order};
 pub use outcome::{Labels, Outcome};
 pub use output::{Execution, OptionsUsed, OutputInfo};
 pub use overrides::{Override, OverrideError};
@@ -102,9 +102,10 @@ pub use record::{FileRef, Record, RecordOutcome};
 pub use relay::Relay;
 pub use report::Report;
 pub use resources::Resources;
+pub use retry_scheduler::UnitReport;
 pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, RunFacts, Scope, SkippedItem, UnknownPartition};
-pub use single_unit::{OrderMaker, make_one};
+pub use single_unit::{WorkItemRunner, make_one};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;
 pub use stage::{ConfigOf, Lines, Output, OutputNames, OutputOf, Outputs, Stage, Wiring};
@@ -117,3 +118,4 @@ pub use suggestions::{did_you_mean, missing, nearest};
 pub use summary::{Line, Summary, counted};
 pub use sweep::{Sweep, Variant};
 pub use unit::Unit;
+pub use work_item::{Forced, WorkItem};

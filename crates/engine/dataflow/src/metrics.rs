@@ -47,14 +47,14 @@ impl Metrics for () {
 }
 
 /// The type of a field of [`metrics!`](crate::metrics!), and its aggregation over partitions.
-pub trait Gather {
+pub trait Aggregate {
     /// The field's type.
     type Value;
 
     /// Adds the field's metrics, which are named by the field.
     fn write(field: &str, value: &Self::Value, values: &mut MetricValues);
 
-    /// Reads what [`Gather::write`] wrote.
+    /// Reads what [`Aggregate::write`] wrote.
     ///
     /// # Errors
     ///
@@ -68,7 +68,7 @@ pub trait Gather {
 }
 
 /// One number per partition that aggregates into one number.
-pub trait Figure {
+pub trait ScalarAggregate {
     /// Aggregates the numbers of partitions, in their order; 0 for none.
     fn of(numbers: impl Iterator<Item = f64>) -> f64;
 }
@@ -85,28 +85,28 @@ pub enum Mean {}
 #[derive(Debug, Clone, Copy)]
 pub enum Max {}
 
-impl Figure for Sum {
+impl ScalarAggregate for Sum {
     fn of(numbers: impl Iterator<Item = f64>) -> f64 {
         // Not `Iterator::sum`, which is -0 for no numbers.
         numbers.fold(0.0, |sum, number| sum + number)
     }
 }
 
-impl Figure for Mean {
+impl ScalarAggregate for Mean {
     fn of(numbers: impl Iterator<Item = f64>) -> f64 {
         let (sum, n) = numbers.fold((0.0, 0.0), |(sum, n), number| (sum + number, n + 1.0));
         sum / f64::max(n, 1.0)
     }
 }
 
-impl Figure for Max {
+impl ScalarAggregate for Max {
     fn of(numbers: impl Iterator<Item = f64>) -> f64 {
         numbers.reduce(f64::max).unwrap_or(0.0)
     }
 }
 
 /// A required metric.
-impl<F: Figure> Gather for F {
+impl<F: ScalarAggregate> Aggregate for F {
     type Value = f64;
 
     fn write(field: &str, value: &f64, values: &mut MetricValues) {
@@ -124,7 +124,7 @@ impl<F: Figure> Gather for F {
 }
 
 /// An optional metric: aggregated over the partitions that have it, absent if none does.
-impl<F: Figure> Gather for Option<F> {
+impl<F: ScalarAggregate> Aggregate for Option<F> {
     type Value = Option<f64>;
 
     fn write(field: &str, value: &Option<f64>, values: &mut MetricValues) {
@@ -145,7 +145,7 @@ impl<F: Figure> Gather for Option<F> {
 /// The metrics of another struct, under their own names.
 pub struct With<M>(PhantomData<M>);
 
-impl<M: Metrics + Clone> Gather for With<M> {
+impl<M: Metrics + Clone> Aggregate for With<M> {
     type Value = M;
 
     fn write(_field: &str, value: &M, values: &mut MetricValues) {
@@ -161,7 +161,7 @@ impl<M: Metrics + Clone> Gather for With<M> {
     }
 }
 
-/// Declares the metrics of an output: each field with its aggregation over partitions, a [`Gather`]
+/// Declares the metrics of an output: each field with its aggregation over partitions, a [`Aggregate`]
 /// such as [`Sum`], [`Mean`], [`Max`], `Option` of one for a metric that some partitions lack, or
 /// [`With`].
 ///
@@ -209,12 +209,12 @@ macro_rules! metrics {
         $(#[$about])*
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name {
-            $($(#[$field_about])* pub $field: <$gather as $crate::Gather>::Value,)*
+            $($(#[$field_about])* pub $field: <$gather as $crate::Aggregate>::Value,)*
         }
 
         impl $crate::Metrics for $name {
             fn write(&self, values: &mut $crate::MetricValues) {
-                $(<$gather as $crate::Gather>::write(stringify!($field), &self.$field, values);)*
+                $(<$gather as $crate::Aggregate>::write(stringify!($field), &self.$field, values);)*
                 $($(
                     let derived: fn(&Self) -> f64 = $value;
                     values.insert(stringify!($derived).to_owned(), derived(self));
@@ -223,13 +223,13 @@ macro_rules! metrics {
 
             fn read(values: &$crate::MetricValues) -> Result<Self, $crate::MissingMetric> {
                 Ok(Self {
-                    $($field: <$gather as $crate::Gather>::read(stringify!($field), values)?,)*
+                    $($field: <$gather as $crate::Aggregate>::read(stringify!($field), values)?,)*
                 })
             }
 
             fn gather(partitions: &[Self]) -> Self {
                 Self {
-                    $($field: <$gather as $crate::Gather>::gather(
+                    $($field: <$gather as $crate::Aggregate>::gather(
                         partitions.iter().map(|partition| &partition.$field),
                     ),)*
                 }

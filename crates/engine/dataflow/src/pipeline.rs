@@ -10,7 +10,7 @@ mod wiring;
 use std::collections::{BTreeMap, BTreeSet};
 
 use crate::{
-    advice::Advised,
+    advice::BoxedDiagnostic,
     digest::Fields,
     error::{Failure, Problem},
     graph::Node,
@@ -87,8 +87,15 @@ impl StageEntry {
     }
 
     /// Returns the failure of the stage, at a partition or before all of them.
-    pub(crate) fn failure(&self, partition: Option<&PartitionKey>, source: Advised) -> Failure {
-        let lacking = source.0.lacks().and_then(|input| self.inputs.get(input));
+    pub(crate) fn failure(
+        &self,
+        partition: Option<&PartitionKey>,
+        source: BoxedDiagnostic,
+    ) -> Failure {
+        let lacking = source
+            .0
+            .missing_input()
+            .and_then(|input| self.inputs.get(input));
         Failure::Stage {
             stage: self.name.clone(),
             partition: partition.cloned(),

@@ -4,9 +4,9 @@ use crate::{
     digest::Digest,
     error::Failure,
     event::{Event, Events},
-    executor::End,
+    executor::UnitOutcome,
     name::UnitName,
-    order::Order,
+    work_item::WorkItem,
 };
 
 /// Characters of a refused line that its error quotes.
@@ -14,16 +14,16 @@ const QUOTED: usize = 200;
 
 /// Checks the events of a unit made in another process and forwards them.
 pub struct Relay<'a> {
-    order: &'a Order,
+    item: &'a WorkItem,
     events: &'a Events<'a>,
-    end: Option<End>,
+    end: Option<UnitOutcome>,
 }
 
 impl<'a> Relay<'a> {
     /// Relays the events of an order's unit.
-    pub fn new(order: &'a Order, events: &'a Events<'a>) -> Self {
+    pub fn new(item: &'a WorkItem, events: &'a Events<'a>) -> Self {
         Self {
-            order,
+            item,
             events,
             end: None,
         }
@@ -40,7 +40,7 @@ impl<'a> Relay<'a> {
         if self.end.is_some() {
             return Err(self.refuse(line, "follows the last event"));
         }
-        let of_this_unit = &self.order.unit;
+        let of_this_unit = &self.item.unit;
         match event {
             Event::UnitWaiting { ref unit, .. } | Event::UnitProgress { ref unit, .. }
                 if unit == of_this_unit =>
@@ -49,7 +49,7 @@ impl<'a> Relay<'a> {
                 return Ok(());
             }
             event => {
-                let end = End::of_event(event, of_this_unit, &self.order.fingerprint);
+                let end = UnitOutcome::of_event(event, of_this_unit, &self.item.fingerprint);
                 self.end =
                     Some(end.ok_or_else(|| self.refuse(line, "is not an event of this unit"))?);
             }
@@ -62,21 +62,21 @@ impl<'a> Relay<'a> {
         self.end.is_some()
     }
 
-    /// Returns how the unit ended, if its last event has come.
-    pub fn end(self) -> Option<End> {
+    /// Returns how the unit on_outcome, if its last event has come.
+    pub fn end(self) -> Option<UnitOutcome> {
         self.end
     }
 
     fn refuse(&self, line: &str, reason: &str) -> Failure {
         let quoted: String = line.chars().take(QUOTED).collect();
         Failure::Protocol {
-            unit: self.order.unit.clone(),
+            unit: self.item.unit.clone(),
             message: format!("`{quoted}` {reason}"),
         }
     }
 }
 
-impl End {
+impl UnitOutcome {
     /// Returns the end that the last event of a unit with this fingerprint tells; `None` of another
     /// event.
     pub fn of_event(event: Event, name: &UnitName, expected: &Digest) -> Option<Self> {
@@ -114,8 +114,8 @@ mod tests {
 
     use super::*;
     use crate::{
-        event::Fraction, fingerprint::OutputFingerprint, name::NodeName, order::Forced,
-        outcome::Labels,
+        event::Fraction, fingerprint::OutputFingerprint, name::NodeName, outcome::Labels,
+        work_item::Forced,
     };
 
     fn unit(stage: &str) -> UnitName {
@@ -123,7 +123,7 @@ mod tests {
         UnitName::new(&node, &"p".parse().unwrap())
     }
 
-    fn order() -> Order {
+    fn work_item() -> WorkItem {
         let recipe = OutputFingerprint {
             kind: "map".to_owned(),
             output: "made".parse().unwrap(),
@@ -131,7 +131,7 @@ mod tests {
             config: serde_json::json!({}),
             schema: "made/1".to_owned(),
         };
-        Order {
+        WorkItem {
             unit: unit("b"),
             fingerprint: Digest::of_bytes(b"unit"),
             forced: Forced::No,
@@ -169,11 +169,11 @@ mod tests {
 
     /// Relays lines about a unit: returns the forwarded events, and how it ended or the error of the
     /// first refused line.
-    fn relayed(lines: &[String]) -> (Vec<Event>, Result<Option<End>, String>) {
-        let order = order();
+    fn relayed(lines: &[String]) -> (Vec<Event>, Result<Option<UnitOutcome>, String>) {
+        let item = work_item();
         let passed = Mutex::new(Vec::new());
         let events = |event: &Event| passed.lock().unwrap().push(event.clone());
-        let mut relay = Relay::new(&order, &events);
+        let mut relay = Relay::new(&item, &events);
         let refused = lines.iter().find_map(|line| relay.line(line).err());
         let end = refused.map_or_else(|| Ok(relay.end()), |err| Err(err.to_string()));
         (passed.into_inner().unwrap(), end)
@@ -187,9 +187,12 @@ mod tests {
         };
         let (passed, end) = relayed(&[line(&progress("b")), line(&done("b", b"unit"))]);
         assert_eq!(passed, [progress("b")]);
-        assert!(matches!(end, Ok(Some(End::Done { made_now: true }))));
+        assert!(matches!(
+            end,
+            Ok(Some(UnitOutcome::Done { made_now: true }))
+        ));
         let (_, end) = relayed(&[line(&lacking)]);
-        assert!(matches!(end, Ok(Some(End::Lost { lacks, .. })) if lacks == [unit("a")]));
+        assert!(matches!(end, Ok(Some(UnitOutcome::Lost { lacks, .. })) if lacks == [unit("a")]));
         assert!(matches!(relayed(&[line(&progress("b"))]).1, Ok(None)));
     }
 

@@ -7,8 +7,7 @@ use std::{
 };
 
 use crate::{
-    advice::Advised,
-    attempts::{Attempts, UnitReport},
+    advice::BoxedDiagnostic,
     digest::Digest,
     error::Failure,
     event::{Event, Events},
@@ -16,15 +15,16 @@ use crate::{
     graph::Node,
     name::{NodeName, PartitionKey},
     options::RunOptions,
-    order::Forced,
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
+    retry_scheduler::{RetryScheduler, UnitReport},
     state::State,
     store::{
         NewestUnit, NodeRecord, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
         Store, UnitRef,
     },
     unit::ListedUnit,
+    work_item::Forced,
 };
 
 /// Report of a run.
@@ -79,7 +79,7 @@ pub fn run(
     });
     store.enter(&pipeline.name)?;
     let mut runner = Runner {
-        attempts: Attempts::new(store, options.jobs, executor, events),
+        attempts: RetryScheduler::new(store, options.jobs, executor, events),
         pipeline,
         store,
         options,
@@ -99,7 +99,7 @@ struct Runner<'a> {
     options: &'a RunOptions,
     events: &'a Events<'a>,
     started: Instant,
-    attempts: Attempts<'a>,
+    attempts: RetryScheduler<'a>,
     state: State<'a>,
     reports: Vec<NodeReport>,
     /// The run's number, assigned when it first makes something.
@@ -327,7 +327,7 @@ impl Runner<'_> {
     }
 
     /// Records the run, unless it made nothing and an earlier run found the same.
-    fn keep_or_find(&self) -> Result<Option<u64>, Advised> {
+    fn keep_or_find(&self) -> Result<Option<u64>, BoxedDiagnostic> {
         let record = self.record(RunStatus::Finished);
         if self.number.is_none() && self.store.find_run(&record)?.is_some() {
             let units = self.units_of(&record);
@@ -344,7 +344,7 @@ impl Runner<'_> {
         record.units.iter().cloned().zip(outcomes).collect()
     }
 
-    fn keep(&self, status: RunStatus) -> Result<u64, Advised> {
+    fn keep(&self, status: RunStatus) -> Result<u64, BoxedDiagnostic> {
         let record = self.record(status);
         let number = match self.number {
             Some(number) => number,

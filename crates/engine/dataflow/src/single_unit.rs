@@ -5,20 +5,20 @@ use std::collections::BTreeMap;
 use toml_edit::{Document, Value};
 
 use crate::{
-    attempts::{Attempts, UnitReport},
     error::Failure,
     event::Events,
-    executor::End,
+    executor::UnitOutcome,
     fingerprint::OutputFingerprint,
     kind::Kind,
-    maker::Maker,
     name::UnitName,
-    order::{Forced, Order},
     output::Execution,
     pipeline::{Pipeline, StageEntry},
     resources::Resources,
+    retry_scheduler::{RetryScheduler, UnitReport},
     state::{Certainty, Listing, State, code_parts},
     store::Store,
+    unit_runner::UnitRunner,
+    work_item::{Forced, WorkItem},
 };
 
 /// Makes one unit of a pipeline whose inputs are all in the store.
@@ -78,23 +78,23 @@ pub fn make_one(
     {
         return Err(not_made(open));
     }
-    let made = Attempts::new(store, 0, None, events).make(&state, node, &[listed], forced);
+    let made = RetryScheduler::new(store, 0, None, events).make(&state, node, &[listed], forced);
     let lost = || Failure::Lost { unit: unit.clone() };
     made.into_iter().next().ok_or_else(lost)?
 }
 
 /// Makes the units of orders, in threads that are started once.
-pub struct OrderMaker<'a> {
+pub struct WorkItemRunner<'a> {
     kinds: &'a [Kind],
-    maker: Maker<'a>,
+    runner: UnitRunner<'a>,
 }
 
-impl<'a> OrderMaker<'a> {
+impl<'a> WorkItemRunner<'a> {
     /// Makes units with these kinds of stages and up to `jobs` threads, or one per core if 0.
     pub fn new(kinds: &'a [Kind], store: &'a dyn Store, jobs: usize) -> Self {
         Self {
             kinds,
-            maker: Maker::new(store, jobs),
+            runner: UnitRunner::new(store, jobs),
         }
     }
 
@@ -104,34 +104,34 @@ impl<'a> OrderMaker<'a> {
     ///
     /// Fails if this program's code is not that of the order, if a file outside the store is not, or if the
     /// stage fails.
-    pub fn make(&self, order: &Order, events: &Events) -> Result<End, Failure> {
-        let (stage, output_idx) = stage_of(self.kinds, order)?;
-        self.maker.check_files(order).map_err(|err| match err {
+    pub fn make(&self, item: &WorkItem, events: &Events) -> Result<UnitOutcome, Failure> {
+        let (stage, output_idx) = stage_of(self.kinds, item)?;
+        self.runner.check_files(item).map_err(|err| match err {
             Failure::ChangedMeanwhile { path, .. } => Failure::OtherFile {
-                unit: order.unit.clone(),
+                unit: item.unit.clone(),
                 path,
             },
             err => err,
         })?;
-        let made = self.maker.make(&stage, output_idx, order, events)?;
+        let made = self.runner.make(&stage, output_idx, item, events)?;
         Ok(made.into())
     }
 }
 
 /// Configures the stage of an order, if this program has its code.
-fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failure> {
+fn stage_of(kinds: &[Kind], item: &WorkItem) -> Result<(StageEntry, usize), Failure> {
     let refused = |parts: Vec<String>| Failure::OtherBuild {
-        unit: order.unit.clone(),
+        unit: item.unit.clone(),
         parts,
     };
-    let known = |kind: &&Kind| kind.name == order.recipe.kind;
+    let known = |kind: &&Kind| kind.name == item.recipe.kind;
     let mut kind = kinds
         .iter()
         .find(known)
         .cloned()
-        .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
+        .ok_or_else(|| refused(vec![item.recipe.kind.clone()]))?;
     let unreadable = || refused(vec!["its options".to_owned()]);
-    let text = format!("options = {}", order.options);
+    let text = format!("options = {}", item.options);
     let document = Document::parse(text).ok();
     let table = document
         .as_ref()
@@ -141,33 +141,33 @@ fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failur
     let configured = kind.configure(table).ok().ok_or_else(unreadable)?;
     kind.outputs = configured.outputs();
     let stage = StageEntry {
-        name: order.unit.node.stage.clone(),
+        name: item.unit.node.stage.clone(),
         kind,
-        inputs: order.wires.clone(),
+        inputs: item.wires.clone(),
         max_skipped_fraction: 0.0,
         resources: Resources::default(),
-        text: order.options.clone(),
+        text: item.options.clone(),
         configured,
         places: BTreeMap::new(),
     };
     let mut outputs = stage.kind.outputs.iter().enumerate();
     let (idx, output) = outputs
-        .find(|(_, output)| order.unit.node.artifact == *output.artifact)
-        .ok_or_else(|| refused(vec![order.recipe.kind.clone()]))?;
+        .find(|(_, output)| item.unit.node.artifact == *output.artifact)
+        .ok_or_else(|| refused(vec![item.recipe.kind.clone()]))?;
     if output.execution != Execution::Parallel {
         return Err(Failure::Physical {
-            unit: order.unit.clone(),
+            unit: item.unit.clone(),
         });
     }
     let recipe = OutputFingerprint {
         kind: stage.kind.name.to_owned(),
-        output: order.unit.node.artifact.clone(),
+        output: item.unit.node.artifact.clone(),
         code: code_parts(output.code),
         config: stage.config_of(output.options),
         schema: output.schema.to_owned(),
     };
-    if recipe != *order.recipe {
-        let (here, there) = (&recipe.code, &order.recipe.code);
+    if recipe != *item.recipe {
+        let (here, there) = (&recipe.code, &item.recipe.code);
         let of_both = here.keys().chain(there.keys());
         let differing = of_both.filter(|part| here.get(*part) != there.get(*part));
         let mut differing: Vec<String> = differing.cloned().collect();
@@ -178,7 +178,7 @@ fn stage_of(kinds: &[Kind], order: &Order) -> Result<(StageEntry, usize), Failur
         }
         return Err(refused(differing));
     }
-    if order.whole_fingerprint().digest() != order.fingerprint {
+    if item.whole_fingerprint().digest() != item.fingerprint {
         return Err(unreadable());
     }
     Ok((stage, idx))

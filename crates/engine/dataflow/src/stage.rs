@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    advice::{Advise, Advised},
+    advice::{BoxedDiagnostic, Diagnostic},
     code::Code,
     context::{Context, Inputs},
     metrics::{Metrics, MissingMetric},
@@ -35,7 +35,7 @@ pub trait Stage: Sized + 'static {
     /// `#[serde(skip_serializing)]`.
     type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
     /// Why the stage could not be prepared.
-    type Error: Advise;
+    type Error: Diagnostic;
 
     /// The value of `kind` in the pipeline file.
     const KIND: &'static str;
@@ -119,7 +119,7 @@ pub trait Output: Sync + 'static {
     /// Metrics of a partition; `()` for none.
     type Metrics: Metrics;
     /// Why a unit could not be made.
-    type Error: Advise;
+    type Error: Diagnostic;
 
     /// The artifact's name, e.g. `demonstrations`: also the name of its table.
     const ARTIFACT: &'static str;
@@ -238,13 +238,18 @@ pub trait OutputOf<S: Stage>: Sync {
     /// # Errors
     ///
     /// Fails as [`Output::units`] does.
-    fn units(&self, config: &S::Config, scope: &Scope) -> Result<Vec<Unit>, Advised>;
+    fn units(&self, config: &S::Config, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic>;
     /// As [`Output::make`].
     ///
     /// # Errors
     ///
     /// Fails as [`Output::make`] does.
-    fn make(&self, config: &S::Config, inputs: &Inputs, cx: &Context) -> Result<Outcome, Advised>;
+    fn make(
+        &self,
+        config: &S::Config,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome, BoxedDiagnostic>;
 }
 
 impl<O: Output> OutputOf<O::Stage> for O {
@@ -277,7 +282,7 @@ impl<O: Output> OutputOf<O::Stage> for O {
         }
     }
 
-    fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, Advised> {
+    fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(O::units(config, scope)?)
     }
 
@@ -286,7 +291,7 @@ impl<O: Output> OutputOf<O::Stage> for O {
         config: &ConfigOf<O>,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome, Advised> {
+    ) -> Result<Outcome, BoxedDiagnostic> {
         Ok(O::make(config, inputs, cx)?.stored())
     }
 }

@@ -11,7 +11,7 @@ use std::{
 };
 
 use crate::{
-    advice::Advised,
+    advice::BoxedDiagnostic,
     canonical_form::Form,
     code::Code,
     digest::Digest,
@@ -169,7 +169,7 @@ impl<'a> State<'a> {
     pub(crate) fn recall(
         &mut self,
         node: &Node,
-        find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
+        find: impl Fn(&Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic>,
     ) -> Result<Vec<ListedUnit>, Failure> {
         let units = self.units(node)?;
         let mut known = BTreeMap::new();
@@ -194,7 +194,7 @@ impl<'a> State<'a> {
         &mut self,
         node: &Node,
         at_least: Certainty,
-        mut find: impl FnMut(&Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>,
+        mut find: impl FnMut(&Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic>,
     ) -> Result<(), Failure> {
         let Some(listing) = self.listing(node)? else {
             self.grows(&node.name);

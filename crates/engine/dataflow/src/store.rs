@@ -9,7 +9,7 @@ use std::{
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    advice::Advised,
+    advice::BoxedDiagnostic,
     digest::Digest,
     fingerprint::Fingerprint,
     graph::Node,
@@ -43,7 +43,7 @@ pub trait UnitTransaction {
     /// # Errors
     ///
     /// Fails if it cannot be removed.
-    fn start_over(&self) -> Result<(), Advised>;
+    fn start_over(&self) -> Result<(), BoxedDiagnostic>;
 
     /// Stores the files of the folder and the result, whole or not at all, and returns it with
     /// these files.
@@ -51,7 +51,7 @@ pub trait UnitTransaction {
     /// # Errors
     ///
     /// Fails if the result cannot be stored; then nothing of it is visible.
-    fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised>;
+    fn commit(self: Box<Self>, result: Record) -> Result<Record, BoxedDiagnostic>;
 }
 
 /// One unit of a run.
@@ -177,7 +177,7 @@ pub struct NodeRecord {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum RunStatus {
-    /// It has not ended, or its process died.
+    /// It has not on_outcome, or its process died.
     Running,
     /// Every stage finished.
     Finished,
@@ -210,7 +210,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn enter(&self, pipeline: &str) -> Result<(), Advised>;
+    fn enter(&self, pipeline: &str) -> Result<(), BoxedDiagnostic>;
 
     /// Whether other machines may want the same units at the same time.
     fn takes_turns(&self) -> bool {
@@ -233,14 +233,14 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic>;
 
     /// Returns the result stored under a fingerprint's digest without checking its files.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic>;
 
     /// Fetches those files of these results that a run publishes and that are not here. Returns whether each is
     /// complete; one that is not is made again.
@@ -248,7 +248,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised>;
+    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, BoxedDiagnostic>;
 
     /// Returns the number of bytes of a result that are not here, but would be fetched when they
     /// are needed.
@@ -259,14 +259,14 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised>;
+    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic>;
 
     /// Returns the seconds that a unit took to make, if its result is stored.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, Advised>;
+    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, BoxedDiagnostic>;
 
     /// Claims a unit whose making cannot be undone, for all time, where results are shared: no store of
     /// another machine makes it then.
@@ -274,21 +274,21 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if another has claimed it, or if that cannot be known.
-    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised>;
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), BoxedDiagnostic>;
 
     /// Shares files anew that another machine could not read where results are shared.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be used.
-    fn doubt(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), Advised>;
+    fn mark_suspect(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), BoxedDiagnostic>;
 
     /// Returns the whole record of a fingerprint, to list differences from it.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised>;
+    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, BoxedDiagnostic>;
 
     /// Whether the store may hold a unit that differs from this one only by its inputs from other
     /// stages.
@@ -296,14 +296,14 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, Advised>;
+    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, BoxedDiagnostic>;
 
     /// Returns the units of a pipeline's runs, each as of the newest run that reached it.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be read.
-    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised>;
+    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, BoxedDiagnostic>;
 
     /// Returns the digest of a file outside the store, with its stamp where that was just read.
     ///
@@ -323,7 +323,7 @@ pub trait Store: Sync {
         fingerprint: &Digest,
         unit: &UnitName,
         waiting: &dyn Fn(&str),
-    ) -> Result<Box<dyn UnitTransaction + '_>, Advised>;
+    ) -> Result<Box<dyn UnitTransaction + '_>, BoxedDiagnostic>;
 
     /// Returns the paths of an artifact's files after checking their bytes, or `None` if a file is
     /// missing or damaged; a damaged file is dropped, so that its unit is rebuilt.
@@ -334,35 +334,40 @@ pub trait Store: Sync {
     fn open(
         &self,
         files: &BTreeMap<FileName, FileRef>,
-    ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised>;
+    ) -> Result<Option<BTreeMap<String, PathBuf>>, BoxedDiagnostic>;
 
     /// Publishes the artifacts of a node: exactly these partitions.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised>;
+    fn publish(
+        &self,
+        pipeline: &str,
+        node: &Node,
+        made: &[PublishedUnit],
+    ) -> Result<(), BoxedDiagnostic>;
 
     /// Unpublishes the artifacts of stages no longer in the pipeline.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised>;
+    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), BoxedDiagnostic>;
 
     /// Registers a run that makes something, and returns its number.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised>;
+    fn begin_run(&self, run: &RunRecord) -> Result<u64, BoxedDiagnostic>;
 
     /// Records the outputs that a run has published so far, for readers before its end.
     ///
     /// # Errors
     ///
     /// Fails if the store cannot be written.
-    fn keep_progress(&self, number: u64, run: &RunRecord) -> Result<(), Advised>;
+    fn keep_progress(&self, number: u64, run: &RunRecord) -> Result<(), BoxedDiagnostic>;
 
     /// Records a finished run, with the results of its units.
     ///
@@ -374,7 +379,7 @@ pub trait Store: Sync {
         number: u64,
         run: &RunRecord,
         units: &[(UnitRef, Arc<RecordOutcome>)],
-    ) -> Result<(), Advised>;
+    ) -> Result<(), BoxedDiagnostic>;
 
     /// Returns the number of a finished run with exactly the units of this one, which made nothing;
     /// that run counts as the newest from now on.
@@ -382,7 +387,7 @@ pub trait Store: Sync {
     /// # Errors
     ///
     /// Fails if the store cannot be read or written.
-    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised>;
+    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, BoxedDiagnostic>;
 
     /// Saves what was learned about the pipeline: the newest state of the units of the visited
     /// nodes, if it changed.
@@ -394,5 +399,5 @@ pub trait Store: Sync {
         &self,
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
-    ) -> Result<(), Advised>;
+    ) -> Result<(), BoxedDiagnostic>;
 }

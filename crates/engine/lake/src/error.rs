@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, InvalidName, NodeName, PartitionKey};
+use dataflow::{Diagnostic, InvalidName, NodeName, PartitionKey};
 use depot::DepotError;
 use parquet::errors::ParquetError;
 use schemas::SchemaError;
@@ -281,7 +281,7 @@ fn is_in_the_way(path: &Path) -> bool {
     })
 }
 
-impl Advise for LakeError {
+impl Diagnostic for LakeError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Io { source, path, .. } => match source.kind() {

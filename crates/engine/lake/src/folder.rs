@@ -165,7 +165,7 @@ impl Folder {
     }
 
     /// Marks of pipelines whose tables and files are being changed.
-    pub(crate) fn dirty(&self) -> PathBuf {
+    pub(crate) fn changing(&self) -> PathBuf {
         self.join("changing")
     }
 

@@ -53,7 +53,7 @@ pub(crate) fn publish(
         return Ok(None);
     }
     lake.prepare()?;
-    lake.dirty.mark(pipeline)?;
+    lake.changing.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     let mut published = PublishedFiles::new();
     for (path, file) in &wanted {
@@ -185,7 +185,7 @@ pub(crate) fn retire(
         return Ok(());
     }
     lake.prepare()?;
-    lake.dirty.mark(pipeline)?;
+    lake.changing.mark(pipeline)?;
     let _turn = lake.locks.lock_publication(pipeline)?;
     for folder in old {
         remove_unpublished(lake, &folder, Some(before), &PublishedFiles::new())?;

@@ -230,7 +230,7 @@ impl Shared {
     }
 
     /// Marks files to be sent again, of which the depot may have lost some.
-    pub(crate) fn doubt<'f>(&self, files: impl Iterator<Item = &'f FileRef>) {
+    pub(crate) fn mark_suspect<'f>(&self, files: impl Iterator<Item = &'f FileRef>) {
         lock(&self.lost).extend(files.map(|file| file.digest));
     }
 

@@ -6,7 +6,7 @@ use std::{
     time::{Duration, SystemTime},
 };
 
-use dataflow::{Advised, Digest, Record, RecordOutcome, UnitName, UnitTransaction};
+use dataflow::{BoxedDiagnostic, Digest, Record, RecordOutcome, UnitName, UnitTransaction};
 
 use crate::{
     LakeError,
@@ -123,11 +123,11 @@ impl UnitTransaction for UnitInProgress<'_> {
         &self.log_file
     }
 
-    fn start_over(&self) -> Result<(), Advised> {
+    fn start_over(&self) -> Result<(), BoxedDiagnostic> {
         Ok(atomic::remove_folder_if_there(&self.resume_folder)?)
     }
 
-    fn commit(self: Box<Self>, result: Record) -> Result<Record, Advised> {
+    fn commit(self: Box<Self>, result: Record) -> Result<Record, BoxedDiagnostic> {
         Ok(self.keep(result)?)
     }
 }

@@ -8,9 +8,9 @@ use std::{
 };
 
 use dataflow::{
-    Advised, Digest, FileName, FileRef, Fingerprint, NewestUnit, Node, NodeName, PublishedUnit,
-    Record, RecordOutcome, RunRecord, RunStatus, Stamp, Store, Turn, UnitName, UnitRef,
-    UnitTransaction,
+    BoxedDiagnostic, Digest, FileName, FileRef, Fingerprint, NewestUnit, Node, NodeName,
+    PublishedUnit, Record, RecordOutcome, RunRecord, RunStatus, Stamp, Store, Turn, UnitName,
+    UnitRef, UnitTransaction,
 };
 
 use crate::{
@@ -52,7 +52,7 @@ impl Lake {
     fn repeat(&self, pipeline: &str, again: RepeatedRun) -> Result<(), LakeError> {
         self.prepare()?;
         // Until it is settled the views are those of another run.
-        self.dirty.mark(pipeline)?;
+        self.changing.mark(pipeline)?;
         self.register.keep_repeated(again, &self.locks)?;
         if let Some(shared) = &self.shared {
             // Of the runs in the depot the newest is the one that came last.
@@ -132,14 +132,14 @@ impl Lake {
 }
 
 impl Store for Lake {
-    fn enter(&self, pipeline: &str) -> Result<(), Advised> {
+    fn enter(&self, pipeline: &str) -> Result<(), BoxedDiagnostic> {
         if let Some(shared) = &self.shared {
             shared.enter(pipeline);
         }
         self.records.invalidate();
         self.cache
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
-        self.dirty.enter(pipeline);
+        self.changing.enter(pipeline);
         Ok(())
     }
 
@@ -168,14 +168,14 @@ impl Store for Lake {
         }
     }
 
-    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+    fn lookup(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic> {
         match self.find(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
             None => Ok(self.find_elsewhere(fingerprint)?),
         }
     }
 
-    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+    fn recall(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic> {
         // The record comes first: the cached newest state may be older.
         match self.recall_old(fingerprint)? {
             Some(outcome) => Ok(Some(outcome)),
@@ -186,7 +186,7 @@ impl Store for Lake {
         }
     }
 
-    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, Advised> {
+    fn fetch_published(&self, outcomes: &[&RecordOutcome]) -> Result<Vec<bool>, BoxedDiagnostic> {
         if self.shared.is_none() {
             return Ok(vec![true; outcomes.len()]);
         }
@@ -211,7 +211,7 @@ impl Store for Lake {
         absent.map(|file| file.size).sum()
     }
 
-    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, Advised> {
+    fn arrived(&self, fingerprint: &Digest) -> Result<Option<Arc<RecordOutcome>>, BoxedDiagnostic> {
         if let Some(outcome) = self.recall_old(fingerprint)? {
             return Ok(Some(outcome));
         }
@@ -226,34 +226,34 @@ impl Store for Lake {
         }
     }
 
-    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, Advised> {
+    fn took_s(&self, fingerprint: &Digest) -> Result<Option<f64>, BoxedDiagnostic> {
         let stored = self.records.read(fingerprint)?;
         Ok(stored.map(|stored| stored.provenance.took_s))
     }
 
-    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), Advised> {
+    fn claim(&self, fingerprint: &Digest, unit: &UnitName) -> Result<(), BoxedDiagnostic> {
         match &self.shared {
             Some(shared) => Ok(shared.claim(fingerprint, unit)?),
             None => Ok(()),
         }
     }
 
-    fn doubt(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), Advised> {
+    fn mark_suspect(&self, files: &BTreeMap<FileName, FileRef>) -> Result<(), BoxedDiagnostic> {
         if let Some(shared) = &self.shared {
-            shared.doubt(files.values());
+            shared.mark_suspect(files.values());
         }
         Ok(())
     }
 
-    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, Advised> {
+    fn remembered(&self, fingerprint: &Digest) -> Result<Option<Record>, BoxedDiagnostic> {
         Ok(self.record(fingerprint)?)
     }
 
-    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, Advised> {
+    fn may_hold(&self, unit: &Fingerprint) -> Result<bool, BoxedDiagnostic> {
         Ok(self.records.may_hold(unit)?)
     }
 
-    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, Advised> {
+    fn newest_units(&self, pipeline: &str) -> Result<Vec<NewestUnit>, BoxedDiagnostic> {
         Ok(self.cache.with(pipeline, |newest| newest.list()))
     }
 
@@ -266,7 +266,7 @@ impl Store for Lake {
         fingerprint: &Digest,
         unit: &UnitName,
         waiting: &dyn Fn(&str),
-    ) -> Result<Box<dyn UnitTransaction + '_>, Advised> {
+    ) -> Result<Box<dyn UnitTransaction + '_>, BoxedDiagnostic> {
         self.prepare()?;
         self.adopt()?;
         Ok(Box::new(UnitInProgress::begin(
@@ -280,7 +280,7 @@ impl Store for Lake {
     fn open(
         &self,
         files: &BTreeMap<FileName, FileRef>,
-    ) -> Result<Option<BTreeMap<String, PathBuf>>, Advised> {
+    ) -> Result<Option<BTreeMap<String, PathBuf>>, BoxedDiagnostic> {
         let mut paths = BTreeMap::new();
         let mut is_whole = true;
         for (name, file) in files {
@@ -298,13 +298,18 @@ impl Store for Lake {
         Ok(is_whole.then_some(paths))
     }
 
-    fn publish(&self, pipeline: &str, node: &Node, made: &[PublishedUnit]) -> Result<(), Advised> {
+    fn publish(
+        &self,
+        pipeline: &str,
+        node: &Node,
+        made: &[PublishedUnit],
+    ) -> Result<(), BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         self.adopt()?;
         let published_of = |newest: &mut Newest| newest.published.get(&node.name).cloned();
         let before = self.cache.with(pipeline, published_of);
         let published = published::publish(self, pipeline, node, made, before.as_ref());
-        let published = self.dirty.note(pipeline, Some(&node.name), published)?;
+        let published = self.changing.note(pipeline, Some(&node.name), published)?;
         if let Some(published) = published {
             self.cache
                 .with(pipeline, |newest| newest.show(&node.name, published));
@@ -312,21 +317,21 @@ impl Store for Lake {
         Ok(())
     }
 
-    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), Advised> {
+    fn retire(&self, pipeline: &str, kept: &[Node]) -> Result<(), BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         let is_kept = |name: &NodeName| kept.iter().any(|node| node.name == *name);
         let old = self
             .cache
             .with(pipeline, |newest| newest.published_by_others(is_kept));
         let retired = published::retire(self, pipeline, &is_kept, &old);
-        self.dirty.note(pipeline, None, retired)?;
+        self.changing.note(pipeline, None, retired)?;
         let names = kept.iter().map(|node| &node.name);
-        self.dirty.has(pipeline, names);
+        self.changing.has(pipeline, names);
         self.cache.with(pipeline, |newest| newest.retire(is_kept));
         Ok(())
     }
 
-    fn begin_run(&self, run: &RunRecord) -> Result<u64, Advised> {
+    fn begin_run(&self, run: &RunRecord) -> Result<u64, BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         self.prepare()?;
         self.adopt()?;
@@ -337,7 +342,7 @@ impl Store for Lake {
         Ok(self.register.begin(run, &self.locks)?)
     }
 
-    fn keep_progress(&self, number: u64, record: &RunRecord) -> Result<(), Advised> {
+    fn keep_progress(&self, number: u64, record: &RunRecord) -> Result<(), BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         let mut current = self.register.current();
         if let Some(run) = current.as_mut().filter(|run| run.number == number) {
@@ -351,7 +356,7 @@ impl Store for Lake {
         number: u64,
         record: &RunRecord,
         units: &[(UnitRef, Arc<RecordOutcome>)],
-    ) -> Result<(), Advised> {
+    ) -> Result<(), BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         let run = self.register.current().take();
         let run = match run.filter(|run| run.number == number) {
@@ -373,10 +378,10 @@ impl Store for Lake {
         }
         repair::repair(self)?;
         // Last, since the views change with it.
-        Ok(self.dirty.unmark(&record.pipeline, &self.locks)?)
+        Ok(self.changing.unmark(&record.pipeline, &self.locks)?)
     }
 
-    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, Advised> {
+    fn find_run(&self, run: &RunRecord) -> Result<Option<u64>, BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         let Some((number, again)) = self.register.find_repeated(run)? else {
             return Ok(None);
@@ -391,7 +396,7 @@ impl Store for Lake {
         &self,
         pipeline: &str,
         units: Option<&[(UnitRef, Arc<RecordOutcome>)]>,
-    ) -> Result<(), Advised> {
+    ) -> Result<(), BoxedDiagnostic> {
         let _permit = self.in_flight.permit_commit();
         self.adopt()?;
         let is_changed = self.cache.with(pipeline, |newest| newest.is_changed());
@@ -413,7 +418,7 @@ impl Store for Lake {
                 .map_or(Ok(()), |again| self.repeat(pipeline, again))
                 .and_then(|()| self.collect_staging(GcMode::Remove))
                 .and_then(|_| repair::repair(self))
-                .and_then(|()| self.dirty.unmark(pipeline, &self.locks));
+                .and_then(|()| self.changing.unmark(pipeline, &self.locks));
             Self::unless_read_only(units, repaired)?;
         }
         match self.sources.save(&self.locks) {

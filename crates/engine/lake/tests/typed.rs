@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, error::Error, fs, path::Path};
 
-use dataflow::{Advise, Artifact, Context, Inputs};
+use dataflow::{Artifact, Context, Diagnostic, Inputs};
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact, table};
 use schemas::{
     Table,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use dataflow::{Advise, OptionFault, with_causes};
+use dataflow::{Diagnostic, OptionFault, with_causes};
 use toml_edit::{Array, InlineTable, Value};
 
 use crate::{HandFile, HandFileError};

@@ -2,7 +2,7 @@
 
 use std::{io, path::PathBuf};
 
-use dataflow::{Advise, missing};
+use dataflow::{Diagnostic, missing};
 use posture::PostureError;
 use robot_meshes::LoadError;
 
@@ -45,7 +45,7 @@ pub enum HandFileError {
     },
 }
 
-impl Advise for HandFileError {
+impl Diagnostic for HandFileError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::LoadRobot(err) => err.hint(),

@@ -98,7 +98,7 @@ pub fn load_table(path: &Path) -> Result<HandTable, HandFileError> {
 mod tests {
     use std::fs;
 
-    use dataflow::Advise;
+    use dataflow::Diagnostic;
     use schemas::demonstrations::Side;
 
     use super::*;

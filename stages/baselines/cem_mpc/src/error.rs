@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use hand_files::HandFileError;
 use lake::LakeError;
 use robot::{JointMismatch, RobotError};
@@ -58,7 +58,7 @@ pub enum CemMpcError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for CemMpcError {
+impl Diagnostic for CemMpcError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -78,7 +78,7 @@ impl Advise for CemMpcError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

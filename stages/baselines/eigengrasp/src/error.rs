@@ -1,7 +1,7 @@
 //! Why grasps could not be searched.
 
 use approach::ApproachError;
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use robot_meshes::LoadError;
 
@@ -34,7 +34,7 @@ pub enum EigengraspError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for EigengraspError {
+impl Diagnostic for EigengraspError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -48,7 +48,7 @@ impl Advise for EigengraspError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoObjects).then_some("objects")
     }
 }

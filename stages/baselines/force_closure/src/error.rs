@@ -1,7 +1,7 @@
 //! Why grasps could not be searched.
 
 use approach::ApproachError;
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use hand_files::HandFileError;
 use lake::LakeError;
 use posture::SolverError;
@@ -36,7 +36,7 @@ pub enum ForceClosureError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for ForceClosureError {
+impl Diagnostic for ForceClosureError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -50,7 +50,7 @@ impl Advise for ForceClosureError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoObjects).then_some("objects")
     }
 }

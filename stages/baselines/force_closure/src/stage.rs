@@ -282,7 +282,7 @@ pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Advise, Artifact, Partition};
+    use dataflow::{Artifact, Diagnostic, Partition};
     use schemas::candidates::Origin;
 
     use super::*;
@@ -414,7 +414,7 @@ mod tests {
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));
         let nothing = units(&[], &Scope::default()).unwrap_err();
-        assert_eq!(nothing.lacks(), Some("objects"));
+        assert_eq!(nothing.missing_input(), Some("objects"));
     }
 
     #[test]

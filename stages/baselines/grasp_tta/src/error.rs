@@ -2,7 +2,7 @@
 
 use approach::ApproachError;
 use cgf::CgfError;
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use robot_meshes::LoadError;
 
@@ -45,7 +45,7 @@ pub enum GraspTtaError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for GraspTtaError {
+impl Diagnostic for GraspTtaError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -69,7 +69,7 @@ impl Advise for GraspTtaError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         match self {
             Self::NoObjects => Some("objects"),
             Self::NoTrajectories { .. } => Some("trajectories"),

@@ -41,7 +41,7 @@ mod tests {
         path::{Path, PathBuf},
     };
 
-    use dataflow::{Advise, Artifact, Context, Outcome, Output, Partition, Scope};
+    use dataflow::{Artifact, Context, Diagnostic, Outcome, Output, Partition, Scope};
     use motion::HandState;
     use schemas::{
         candidates::{Candidates, ObjectSplit, Origin},
@@ -214,7 +214,7 @@ mod tests {
         assert_eq!(unit.reads[Trajectory::NAME], ["b", "c"]);
         assert_eq!(unit.reads[Object::NAME], ["can"]);
         let nothing = learned(&["box", "can"]).unwrap_err();
-        assert_eq!(nothing.lacks(), Some("trajectories"));
+        assert_eq!(nothing.missing_input(), Some("trajectories"));
         assert!(nothing.hint().unwrap().contains("`unseen_objects`"));
         let unknown = learned(&["cup"]).unwrap_err();
         assert!(unknown.hint().unwrap().contains("box, can"));
@@ -223,7 +223,7 @@ mod tests {
         assert_eq!(units[0].reads[Trajectory::NAME], ["a", "b", "c"]);
         assert_eq!(units[0].reads[grasp_networks::NAME], ["grasp_tta"]);
         let nothing = AdaptedCandidates::units(&of(&[]), &Scope::default()).unwrap_err();
-        assert_eq!(nothing.lacks(), Some("objects"));
+        assert_eq!(nothing.missing_input(), Some("objects"));
     }
 
     #[test]

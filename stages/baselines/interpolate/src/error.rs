@@ -1,6 +1,6 @@
 //! Why motions could not be replaced.
 
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 
 /// Why motions could not be replaced.
@@ -18,7 +18,7 @@ pub enum InterpolateError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for InterpolateError {
+impl Diagnostic for InterpolateError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -27,7 +27,7 @@ impl Advise for InterpolateError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

@@ -93,7 +93,7 @@ impl Output for Interpolate {
 mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::{Advise, Artifact, Partition};
+    use dataflow::{Artifact, Diagnostic, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::{Candidate, DrawSource};

@@ -1,6 +1,6 @@
 //! Why trajectories could not be offered.
 
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 
@@ -32,7 +32,7 @@ pub enum ReplayError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for ReplayError {
+impl Diagnostic for ReplayError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -44,7 +44,7 @@ impl Advise for ReplayError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoTrajectories).then_some("trajectories")
     }
 }

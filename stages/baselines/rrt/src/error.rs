@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::Advise;
+use dataflow::Diagnostic;
 use hand_files::HandFileError;
 use lake::LakeError;
 use robot::JointMismatch;
@@ -40,7 +40,7 @@ pub enum RrtError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for RrtError {
+impl Diagnostic for RrtError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::AnotherHand { .. } => {
@@ -53,7 +53,7 @@ impl Advise for RrtError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

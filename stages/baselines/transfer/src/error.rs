@@ -1,6 +1,6 @@
 //! Why demonstrations could not be carried over.
 
-use dataflow::{Advise, UnknownPartition};
+use dataflow::{Diagnostic, UnknownPartition};
 use lake::LakeError;
 use motion::MotionError;
 
@@ -38,7 +38,7 @@ pub enum TransferError {
     Lake(#[from] LakeError),
 }
 
-impl Advise for TransferError {
+impl Diagnostic for TransferError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
@@ -50,7 +50,7 @@ impl Advise for TransferError {
         }
     }
 
-    fn lacks(&self) -> Option<&'static str> {
+    fn missing_input(&self) -> Option<&'static str> {
         matches!(self, Self::NoTrajectories).then_some("trajectories")
     }
 }

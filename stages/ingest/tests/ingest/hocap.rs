@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Advise, Stage};
+use dataflow::{Diagnostic, Stage};
 use nalgebra::{Isometry3, Vector3};
 use npyz::WriterBuilder;
 use schemas::demonstrations::Side;

@@ -15,7 +15,7 @@ mod tracks;
 use std::{fs, path::PathBuf};
 
 use bench::{Bench, config};
-use dataflow::{Advise, Stage};
+use dataflow::{Diagnostic, Stage};
 use rig::{FIRST, IMAGES, LAST, OBJECT, Quaternions, Rig};
 use schemas::demonstrations::{Demonstration, Side};
 use stage_ingest::{Ingest, IngestConfig, TableRule};

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dataflow::{Advise, Outcome, Stage};
+use dataflow::{Diagnostic, Outcome, Stage};
 use stage_ingest::{AddedMesh, Ingest};
 
 use crate::{

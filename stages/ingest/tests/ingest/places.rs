@@ -12,7 +12,7 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Advise, Outcome, Stage};
+use dataflow::{Diagnostic, Outcome, Stage};
 use stage_ingest::{AddedMesh, Format, Ingest, IngestConfig, IngestError};
 use tempfile::TempDir;
 

@@ -2,7 +2,7 @@
 
 use std::{error::Error, fs, path::Path};
 
-use dataflow::{Advise, Stage};
+use dataflow::{Diagnostic, Stage};
 use spatial::{Object, Pose, World};
 use stage_ingest::{Format, Ingest, IngestConfig, IngestError};
 

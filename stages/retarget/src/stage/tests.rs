@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, error::Error, fs, io::Write, path::PathBuf};
 
-use dataflow::{Advise, Artifact, Partition};
+use dataflow::{Artifact, Diagnostic, Partition};
 use schemas::{
     demonstrations::{Demonstration, KEYPOINTS},
     distance_fields,

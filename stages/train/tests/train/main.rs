@@ -10,7 +10,9 @@ use cgf::{
     InputFrame, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction,
     Schedule, Times, TrainingConfig, TrainingDevice,
 };
-use dataflow::{Advise, Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
+use dataflow::{
+    Artifact, Context, Diagnostic, Inputs, Outcome, Output, Partition, Scope, SourceFile,
+};
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Vector3};
 use schemas::{

@@ -60,7 +60,7 @@ impl Verifier<'_> {
         // A run that is repeated changes what is shown, and has no new record.
         runs.push(self.lake.folder.repeated_run());
         let stamps = runs.iter().map(|path| Stamp::read(path).ok());
-        Ok((self.lake.dirty.marks()?, stamps.collect()))
+        Ok((self.lake.changing.marks()?, stamps.collect()))
     }
 
     fn check_published_once(&mut self) -> Result<(), LakeError> {
@@ -71,7 +71,7 @@ impl Verifier<'_> {
                 .filter(|fault| fault.path.starts_with("blobs"))
                 .filter_map(|fault| digest_named(&fault.path))
                 .collect(),
-            changing: self.lake.dirty.pipelines()?,
+            changing: self.lake.changing.pipelines()?,
         };
         let mut expected = BTreeMap::new();
         let pipelines = match self.lake.recorded_pipelines() {
@@ -252,7 +252,8 @@ impl Verifier<'_> {
         for _ in 0..TRIES {
             let views = views::text(self.lake)?;
             let there = atomic::read_if_there(&path)?;
-            if there.as_deref() == Some(views.as_bytes()) || !self.lake.dirty.marks()?.is_empty() {
+            if there.as_deref() == Some(views.as_bytes()) || !self.lake.changing.marks()?.is_empty()
+            {
                 return Ok(());
             }
             thread::sleep(PAUSE);

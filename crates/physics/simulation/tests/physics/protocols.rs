@@ -67,11 +67,7 @@ fn settled(scene: &SceneConfig) -> SettledScene {
 }
 
 /// Carries out a motion as a protocol says.
-fn carry_out(
-    given: &SceneConfig,
-    given_protocol: &Protocol,
-    motion: &Motion<Object, ()>,
-) -> Rollout {
+fn execute(given: &SceneConfig, given_protocol: &Protocol, motion: &Motion<Object, ()>) -> Rollout {
     let (scene, protocol) = given_protocol.resolved(given);
     settled(&scene)
         .rollout(motion, &protocol, TraceMode::Nothing)
@@ -85,7 +81,7 @@ fn squeezed(name: ProtocolName, squeeze_m: f64) -> Rollout {
         ..protocol(name)
     };
     let touching = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
-    carry_out(&scene::scene(), &protocol, &touching)
+    execute(&scene::scene(), &protocol, &touching)
 }
 
 /// A continuous joint has no limit to open or close to by a share: it is commanded all the same.
@@ -224,7 +220,7 @@ fn force_closure_pulls_with_one_newton_on_100_g() {
     // In no grip at all it is 5 cm away after 0.1 s at 10 m/s².
     let away = motion(0.3, [0.0, 0.0]);
     let options = protocol(ProtocolName::DexgraspbenchForceClosure);
-    let rollout = carry_out(&scene::scene(), &options, &away);
+    let rollout = execute(&scene::scene(), &options, &away);
     assert_eq!(
         (rollout.verdict, rollout.control_steps_n),
         (Verdict::Dropped, 40 + 5)
@@ -432,7 +428,7 @@ fn palm_bears_what_friction_carries() {
         };
         options.strict.max_palm_force_n = Some(newtons);
         let closing = motion(0.0, [TOUCHING_M - 0.001, TOUCHING_M]);
-        carry_out(&scene, &options, &closing).verdict
+        execute(&scene, &options, &closing).verdict
     };
     assert_eq!(bearing(6.0), Verdict::Held);
     assert_eq!(bearing(2.6), Verdict::Overloaded);

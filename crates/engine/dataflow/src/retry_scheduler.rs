@@ -9,16 +9,16 @@ use crate::{
     digest::Digest,
     error::Failure,
     event::{Event, Events},
-    executor::{End, Executor, Threads, Wave},
+    executor::{Executor, Threads, UnitOutcome, Wave},
     graph::Node,
-    maker::Maker,
     name::{NodeName, PartitionKey, UnitName},
-    order::Forced,
     output::Execution,
     record::RecordOutcome,
     state::{PartitionState, State},
     store::Store,
     unit::ListedUnit,
+    unit_runner::UnitRunner,
+    work_item::Forced,
 };
 
 /// Maximum number of attempts at a unit whose worker is lost.
@@ -59,9 +59,9 @@ impl UnitReport {
 }
 
 /// Makes units in this process or elsewhere, again where they are lost.
-pub(crate) struct Attempts<'a> {
+pub(crate) struct RetryScheduler<'a> {
     store: &'a dyn Store,
-    maker: Maker<'a>,
+    runner: UnitRunner<'a>,
     executor: Option<&'a dyn Executor>,
     events: &'a Events<'a>,
     /// Outputs of which a damaged partition was rebuilt after they were published.
@@ -84,7 +84,7 @@ struct WaveOutcomes {
     is_over: bool,
 }
 
-impl<'a> Attempts<'a> {
+impl<'a> RetryScheduler<'a> {
     /// Makes units by `executor`, or in this many threads; 0 for one per core.
     pub(crate) fn new(
         store: &'a dyn Store,
@@ -94,7 +94,7 @@ impl<'a> Attempts<'a> {
     ) -> Self {
         Self {
             store,
-            maker: Maker::new(store, jobs),
+            runner: UnitRunner::new(store, jobs),
             executor,
             events,
             repaired: Mutex::default(),
@@ -133,7 +133,7 @@ impl<'a> Attempts<'a> {
                 forced,
                 took_s,
             };
-            let ends = self.carry_out(&wave);
+            let ends = self.execute(&wave);
             settled.extend(ends.settled);
             if !keeps_going && settled.iter().any(Result::is_err) || ends.is_over {
                 return settled;
@@ -166,14 +166,14 @@ impl<'a> Attempts<'a> {
     }
 
     /// Has one wave made.
-    fn carry_out(&self, wave: &Wave) -> WaveOutcomes {
+    fn execute(&self, wave: &Wave) -> WaveOutcomes {
         let one_by_one = Threads {
-            maker: &self.maker,
+            runner: &self.runner,
             n_workers: 1,
         };
         let threads = Threads {
-            maker: &self.maker,
-            n_workers: self.maker.worker_count(),
+            runner: &self.runner,
+            n_workers: self.runner.worker_count(),
         };
         let executor: &dyn Executor = match (wave.node.output.execution, self.executor) {
             // Units that move a robot stay in the run's own process.
@@ -182,7 +182,7 @@ impl<'a> Attempts<'a> {
             (Execution::Parallel, _) => &threads,
         };
         let ends = Mutex::new(WaveOutcomes::default());
-        let carried_out = executor.carry_out(wave, self.events, &|idx, end| {
+        let carried_out = executor.execute(wave, self.events, &|idx, end| {
             let end = self.settle(wave, idx, end);
             let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
             match end {
@@ -216,12 +216,12 @@ impl<'a> Attempts<'a> {
         &self,
         wave: &Wave,
         idx: usize,
-        end: End,
+        end: UnitOutcome,
     ) -> Result<Result<UnitReport, Loss>, Failure> {
         let made_now = match end {
-            End::Done { made_now } => made_now,
-            End::Failed(err) => return Err(err),
-            End::Lost { why, lacks, counts } => return Ok(Err((why, lacks, counts))),
+            UnitOutcome::Done { made_now } => made_now,
+            UnitOutcome::Failed(err) => return Err(err),
+            UnitOutcome::Lost { why, lacks, counts } => return Ok(Err((why, lacks, counts))),
         };
         let unit = wave.units[idx];
         let found = wave.state.fingerprint(wave.node, unit)?;
@@ -258,7 +258,7 @@ impl<'a> Attempts<'a> {
             return Err(lost());
         };
         let files = outcome.files().ok_or_else(lost)?;
-        self.store.doubt(files)?;
+        self.store.mark_suspect(files)?;
         if self.store.open(files)?.is_some() {
             return Ok(());
         }

@@ -19,7 +19,7 @@ use crate::{
 };
 
 /// The publications of this process, by pipeline, and the marks of all processes.
-pub(crate) struct DirtyMarks {
+pub(crate) struct ChangingMarks {
     folder: Folder,
     known: Mutex<BTreeMap<String, Progress>>,
 }
@@ -34,7 +34,7 @@ struct Progress {
     whole: bool,
 }
 
-impl DirtyMarks {
+impl ChangingMarks {
     pub(crate) fn new(folder: Folder) -> Self {
         Self {
             folder,
@@ -70,7 +70,7 @@ impl DirtyMarks {
 
     /// Marks a pipeline before its published files change.
     pub(crate) fn mark(&self, pipeline: &str) -> Result<(), LakeError> {
-        let path = self.folder.dirty().join(mine(pipeline));
+        let path = self.folder.changing().join(mine(pipeline));
         if path.exists() {
             return Ok(());
         }
@@ -80,7 +80,7 @@ impl DirtyMarks {
     /// Removes this process's mark once the publication is recorded, and those of dead processes
     /// once their unfinished publications are replaced.
     pub(crate) fn unmark(&self, pipeline: &str, locks: &Locks) -> Result<(), LakeError> {
-        let folder = self.folder.dirty();
+        let folder = self.folder.changing();
         let known = lock(&self.known);
         let Some(progress) = known.get(pipeline).filter(|progress| !progress.failed) else {
             return Ok(());
@@ -107,7 +107,7 @@ impl DirtyMarks {
 
     /// The names of all marks.
     pub(crate) fn marks(&self) -> Result<Vec<String>, LakeError> {
-        names_in(&self.folder.dirty())
+        names_in(&self.folder.changing())
     }
 }
 

@@ -1,7 +1,7 @@
-//! An order: everything that is needed to make one unit, wherever that is.
+//! A work item: everything that is needed to make one unit, wherever that is.
 //!
-//! Whoever has an order neither reads the pipeline file nor plans: it makes sure of the digests that the
-//! order names, and of nothing else.
+//! Whoever has a work item neither reads the pipeline file nor plans: it makes sure of the digests that the
+//! item names, and of nothing else.
 
 use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
@@ -32,7 +32,7 @@ pub enum Forced {
 /// Everything that is needed to make one unit.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Order {
+pub struct WorkItem {
     /// The unit.
     pub unit: UnitName,
     /// Digest of its fingerprint.
@@ -46,9 +46,9 @@ pub struct Order {
     /// The outputs that the inputs come from.
     pub(crate) wires: BTreeMap<ArtifactName, NodeName>,
     /// The partitions read, by input.
-    pub(crate) inputs: BTreeMap<ArtifactName, Vec<OrderedInput>>,
+    pub(crate) inputs: BTreeMap<ArtifactName, Vec<WorkItemInput>>,
     /// The files outside the lake.
-    pub(crate) files: Vec<OrderedFile>,
+    pub(crate) files: Vec<WorkItemFile>,
     /// Facts found while the unit was listed.
     pub(crate) facts: BTreeMap<String, String>,
     /// Labels of the artifact, unless its data decide them.
@@ -60,7 +60,7 @@ pub struct Order {
 /// One partition that a unit reads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct OrderedInput {
+pub(crate) struct WorkItemInput {
     pub(crate) key: PartitionKey,
     /// As the unit's fingerprint has it.
     pub(crate) digest: Digest,
@@ -73,7 +73,7 @@ pub(crate) struct OrderedInput {
 /// One file outside the lake that a unit reads.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct OrderedFile {
+pub(crate) struct WorkItemFile {
     pub(crate) name: String,
     pub(crate) path: PathBuf,
     /// As the unit's fingerprint has it: of the canonical form, if the file counts by one.
@@ -82,7 +82,7 @@ pub(crate) struct OrderedFile {
     pub(crate) bytes: Digest,
 }
 
-impl Order {
+impl WorkItem {
     /// Orders a unit whose inputs are all made.
     pub(crate) fn new(
         state: &State,
@@ -150,7 +150,7 @@ fn ordered_inputs(
     node: &Node,
     unit: &ListedUnit,
     fingerprint: &Fingerprint,
-) -> Result<BTreeMap<ArtifactName, Vec<OrderedInput>>, Failure> {
+) -> Result<BTreeMap<ArtifactName, Vec<WorkItemInput>>, Failure> {
     let mut inputs = BTreeMap::new();
     for (input, keys) in &unit.reads {
         let parts = unit.parts.get(input.as_str());
@@ -161,7 +161,7 @@ fn ordered_inputs(
                 let PartitionState::Made(outcome) = state.known(source, key)? else {
                     return None;
                 };
-                Some(OrderedInput {
+                Some(WorkItemInput {
                     key: key.clone(),
                     digest: *fingerprint.inputs.get(input)?.get(key)?,
                     labels: match parts {
@@ -187,7 +187,7 @@ fn ordered_files(
     name: &UnitName,
     unit: &ListedUnit,
     fingerprint: &Fingerprint,
-) -> Result<Vec<OrderedFile>, Failure> {
+) -> Result<Vec<WorkItemFile>, Failure> {
     let ordered = unit.files.iter().map(|file| {
         let changed = || Failure::ChangedMeanwhile {
             stage: name.node.stage.clone(),
@@ -213,7 +213,7 @@ fn ordered_files(
                 bytes
             }
         };
-        Ok(OrderedFile {
+        Ok(WorkItemFile {
             name: file.name.clone(),
             path: file.path.clone(),
             digest,

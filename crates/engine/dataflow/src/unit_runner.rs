@@ -11,7 +11,6 @@ use crate::{
     error::Failure,
     event::{Event, Events, Fraction},
     name::{PartitionKey, UnitName},
-    order::{Forced, Order},
     outcome::{Labels, Outcome},
     output::Execution,
     pipeline::StageEntry,
@@ -19,6 +18,7 @@ use crate::{
     seed::unit_seed,
     source_file::SourceFile,
     store::Store,
+    work_item::{Forced, WorkItem},
 };
 
 impl StageEntry {
@@ -28,8 +28,8 @@ impl StageEntry {
     }
 }
 
-/// Outcome of an order.
-pub(crate) enum OrderOutcome {
+/// Outcome of a work item.
+pub(crate) enum WorkItemOutcome {
     /// The result is in the store; `made_now` if it was not there before.
     Made { made_now: bool },
     /// The artifacts of these units, which it reads, are missing or damaged.
@@ -37,7 +37,7 @@ pub(crate) enum OrderOutcome {
 }
 
 /// Makes units in this process.
-pub(crate) struct Maker<'a> {
+pub(crate) struct UnitRunner<'a> {
     store: &'a dyn Store,
     /// Number of units made at once; 0 for one per core.
     jobs: usize,
@@ -45,7 +45,7 @@ pub(crate) struct Maker<'a> {
     pool: OnceLock<rayon::ThreadPool>,
 }
 
-impl<'a> Maker<'a> {
+impl<'a> UnitRunner<'a> {
     pub(crate) fn new(store: &'a dyn Store, jobs: usize) -> Self {
         Self {
             store,
@@ -62,25 +62,25 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Makes the unit of an order, an output of this stage.
+    /// Makes the unit of a work item, an output of this stage.
     pub(crate) fn make(
         &self,
         stage: &StageEntry,
         output_idx: usize,
-        order: &Order,
+        item: &WorkItem,
         events: &Events,
-    ) -> Result<OrderOutcome, Failure> {
-        let name = &order.unit;
+    ) -> Result<WorkItemOutcome, Failure> {
+        let name = &item.unit;
         let waiting = |holder: &str| {
             events(&Event::UnitWaiting {
                 unit: name.clone(),
                 holder: holder.to_owned(),
             });
         };
-        let making = self.store.begin(&order.fingerprint, name, &waiting)?;
+        let making = self.store.begin(&item.fingerprint, name, &waiting)?;
         // Another process may have made it while this one waited for the lock.
-        if order.forced == Forced::No
-            && let Some(outcome) = self.store.lookup(&order.fingerprint)?
+        if item.forced == Forced::No
+            && let Some(outcome) = self.store.lookup(&item.fingerprint)?
             && !outcome.is_provisional()
             && self
                 .store
@@ -88,22 +88,22 @@ impl<'a> Maker<'a> {
                 .into_iter()
                 .all(|it| it)
         {
-            return Ok(OrderOutcome::Made { made_now: false });
+            return Ok(WorkItemOutcome::Made { made_now: false });
         }
-        if order.forced == Forced::Yes {
+        if item.forced == Forced::Yes {
             making.start_over()?;
         }
-        let inputs = match self.inputs(order)? {
+        let inputs = match self.inputs(item)? {
             Ok(inputs) => inputs,
-            Err(lacking) => return Ok(OrderOutcome::Lacks(lacking)),
+            Err(lacking) => return Ok(WorkItemOutcome::Lacks(lacking)),
         };
         let output = stage.kind.outputs.get(output_idx);
         if output.is_some_and(|output| output.execution == Execution::Physical) {
-            self.store.claim(&order.fingerprint, name)?;
+            self.store.claim(&item.fingerprint, name)?;
         }
         let cx = Context {
             partition: name.partition.clone(),
-            seed: stage.unit_seed(order.seed, &name.partition),
+            seed: stage.unit_seed(item.seed, &name.partition),
             folder: making.folder().to_owned(),
             resume_folder: making.resume_folder().to_owned(),
             effects_folder: making.effects_folder().join(stage.kind.name),
@@ -126,30 +126,30 @@ impl<'a> Maker<'a> {
                 message: panic_message(payload.as_ref()),
             })?
             .map_err(|source| stage.failure(Some(&name.partition), source))?;
-        if let Err(err) = self.check_files(order) {
+        if let Err(err) = self.check_files(item) {
             // The resume state may derive from the changed files.
             making.start_over()?;
             return Err(err);
         }
         let unlabeled = || Failure::Labels { unit: name.clone() };
-        let outcome = result(order, outcome).ok_or_else(unlabeled)?;
+        let outcome = result(item, outcome).ok_or_else(unlabeled)?;
         making.commit(Record {
-            fingerprint: order.whole_fingerprint(),
+            fingerprint: item.whole_fingerprint(),
             outcome,
         })?;
-        Ok(OrderOutcome::Made { made_now: true })
+        Ok(WorkItemOutcome::Made { made_now: true })
     }
 
-    /// Checks that the files outside the lake are those of the order.
-    pub(crate) fn check_files(&self, order: &Order) -> Result<(), Failure> {
+    /// Checks that the files outside the lake are those of the item.
+    pub(crate) fn check_files(&self, item: &WorkItem) -> Result<(), Failure> {
         let is_other = |bytes: std::io::Result<_>, expected| !bytes.is_ok_and(|it| it == expected);
-        let mut files = order.files.iter();
+        let mut files = item.files.iter();
         let other =
             files.find(|file| is_other(self.store.source_digest(&file.path, None), file.bytes));
         other.map_or(Ok(()), |file| {
             Err(Failure::ChangedMeanwhile {
-                stage: order.unit.node.stage.clone(),
-                partition: order.unit.partition.clone(),
+                stage: item.unit.node.stage.clone(),
+                partition: item.unit.partition.clone(),
                 path: file.path.clone(),
             })
         })
@@ -168,13 +168,13 @@ impl<'a> Maker<'a> {
     }
 
     /// Opens the inputs of a unit; of damaged ones, names the units.
-    fn inputs(&self, order: &Order) -> Result<Result<Inputs, Vec<UnitName>>, Failure> {
+    fn inputs(&self, item: &WorkItem) -> Result<Result<Inputs, Vec<UnitName>>, Failure> {
         let mut artifacts = BTreeMap::new();
         let mut lacking = Vec::new();
-        for (input, read) in &order.inputs {
+        for (input, read) in &item.inputs {
             let mut opened = Vec::with_capacity(read.len());
             for partition in read {
-                match (self.store.open(&partition.files)?, order.wires.get(input)) {
+                match (self.store.open(&partition.files)?, item.wires.get(input)) {
                     (Some(files), _) => opened.push(Artifact {
                         key: partition.key.clone(),
                         labels: partition.labels.clone(),
@@ -190,18 +190,18 @@ impl<'a> Maker<'a> {
         if !lacking.is_empty() {
             return Ok(Err(lacking));
         }
-        let files = order.files.iter();
+        let files = item.files.iter();
         let files = files.map(|file| SourceFile::new(file.name.clone(), file.path.clone()));
         let inputs = Inputs::new(artifacts, files.collect());
-        Ok(Ok(inputs.with_facts(order.facts.clone())))
+        Ok(Ok(inputs.with_facts(item.facts.clone())))
     }
 }
 
-/// Returns the result of a unit, without its files; `None` if not exactly one of order and outcome
+/// Returns the result of a unit, without its files; `None` if not exactly one of item and outcome
 /// says which labels a made artifact has.
-fn result(order: &Order, outcome: Outcome) -> Option<RecordOutcome> {
+fn result(item: &WorkItem, outcome: Outcome) -> Option<RecordOutcome> {
     let provisional = matches!(outcome, Outcome::Provisional(_));
-    let (metrics, labels): (_, Labels) = match (outcome, &order.labels) {
+    let (metrics, labels): (_, Labels) = match (outcome, &item.labels) {
         (Outcome::Skipped { reason }, _) => return Some(RecordOutcome::Skipped { reason }),
         (Outcome::Filtered { reason }, _) => return Some(RecordOutcome::Filtered { reason }),
         (Outcome::Made(metrics) | Outcome::Provisional(metrics), Some(labels)) => {
