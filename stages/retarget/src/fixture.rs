@@ -68,7 +68,7 @@ pub(crate) fn following_only() -> RetargetConfig {
 
 /// Returns the table of the Allegro hand, at the person's size.
 pub(crate) fn table() -> HandTable {
-    let table: HandTable = std::fs::read_to_string(TABLE).unwrap().parse().unwrap();
+    let table = hand_files::load_table(TABLE.as_ref()).unwrap();
     HandTable {
         scale: 1.0,
         ..table

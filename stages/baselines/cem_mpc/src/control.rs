@@ -221,7 +221,6 @@ mod tests {
     use std::fs;
 
     use nalgebra::{Isometry3, Vector3};
-    use posture::HandTable;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
     use schemas::objects::Object as ObjectArtifact;
@@ -294,10 +293,7 @@ mod tests {
         config.protocol.early_tolerance_m = 1.0;
         let urdf = fs::read_to_string(&config.hand).unwrap();
         let hand = RobotModel::from_urdf(&urdf).unwrap();
-        let table: HandTable = fs::read_to_string(&config.hand_table)
-            .unwrap()
-            .parse()
-            .unwrap();
+        let table = hand_files::load_table(&config.hand_table).unwrap();
         let tips = Fingertips::new(&hand, &table).unwrap();
         let rest = RestingPose {
             up_in_object: Vector3::z_axis(),

@@ -1,7 +1,5 @@
 //! Fixtures of the tests: a box on a table and a hand that grasps it.
 
-use std::fs;
-
 use approach::HandBody;
 use grasp_fixture::{FLEXION, GRASP_Q, HAND_TABLE, StandingBox, URDF};
 use nalgebra::Point3;
@@ -29,7 +27,7 @@ pub(crate) fn config() -> ForceClosureConfig {
 pub(crate) fn hand() -> (Hand, HandBody) {
     let model = grasp_fixture::hand();
     let body = HandBody::new(model.clone(), &FLEXION, GRASP_Q.to_vec()).unwrap();
-    let table = fs::read_to_string(HAND_TABLE).unwrap().parse().unwrap();
+    let table = hand_files::load_table(HAND_TABLE.as_ref()).unwrap();
     (Hand::new(model, &table).unwrap(), body)
 }
 
