@@ -37,10 +37,10 @@ pub struct Candidate {
     /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
     /// if none.
     pub limit_excess_rad: f64,
-    /// Greatest depth of the hand in object or table as drawn, in meters; 0 if not measured.
-    pub depth_m: f64,
-    /// Residual of the refinement, in m²; 0 if not refined.
-    pub residual_m2: f64,
+    /// Greatest depth of the hand in object or table as drawn, in meters; none if not measured.
+    pub depth_m: Option<f64>,
+    /// Residual of the refinement, in m²; none if not refined.
+    pub residual_m2: Option<f64>,
     /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
     pub motion: Motion<Object>,
     /// The other draws of this motion, in their order.
@@ -69,8 +69,8 @@ impl Candidate {
             latent: self.latent.clone(),
             table_from_object: self.table_from_object,
             limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            residual_m2: 0.0,
+            depth_m: None,
+            residual_m2: None,
             motion,
             refused: Vec::new(),
         }
@@ -86,10 +86,10 @@ pub struct RefusedDraw {
     pub table_from_object: Pose<spatial::Table, Object>,
     /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
     pub limit_excess_rad: f64,
-    /// Greatest depth of the hand in object or table, in meters.
-    pub depth_m: f64,
-    /// Residual of the refinement, in m²; 0 if not refined.
-    pub residual_m2: f64,
+    /// Greatest depth of the hand in object or table, in meters; none if not measured.
+    pub depth_m: Option<f64>,
+    /// Residual of the refinement, in m²; none if not refined.
+    pub residual_m2: Option<f64>,
     /// Why.
     pub refusal: Refusal,
 }
@@ -184,10 +184,10 @@ columns! {
         source: DrawSource,
         refused: Option<Refusal>
             => "empty for a candidate, else why: too deep in `object` or `table`, or a larger `residual` than it",
-        depth_m: f64 ["m"]
-            => "deepest that the hand was in object or table when it was drawn; 0 if not measured",
-        residual_m2: f64 ["m²"]
-            => "residual of the refinement: depth, missing contact, unbalanced force; 0 if not refined",
+        depth_m: Option<f64> ["m"]
+            => "deepest that the hand was in object or table when it was drawn; null if not measured",
+        residual_m2: Option<f64> ["m²"]
+            => "residual of the refinement: depth, missing contact, unbalanced force; null if not refined",
         latent: Vec<f64> ["1"] => "latent code it came from; empty for a refused draw, as all lists",
         table_from_object: Pose<spatial::Table, Object> ["m, 1"] => "how the object lies: xyz, xyzw",
         limit_excess_rad: f64 ["rad"]
@@ -327,7 +327,7 @@ impl Row {
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
     const PARTITION: &'static str = "object";
-    const VERSION: &'static str = "candidates/4";
+    const VERSION: &'static str = "candidates/5";
 
     fn schema() -> Schema {
         Writer::of::<Row>(Self::VERSION, &[]).schema()

@@ -26,7 +26,7 @@ columns! {
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
         penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
         contacts_n: u32 => "hand links in contact with the object at the end",
-        /// Smoothness of the candidate as drawn; 0 of an infeasible one.
+        /// Smoothness of the candidate as drawn; the default of an infeasible one, whose columns are null.
         smoothness: Smoothness,
         /// Smoothness of the hand's motion as executed.
         executed: ExecutedSmoothness,
@@ -56,7 +56,7 @@ impl Rollout {
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 6, per "object", rows: Rollout}
+table! {"rollouts", 7, per "object", rows: Rollout}
 
 words! {
     /// Outcome of a rollout; success is first.
@@ -96,7 +96,7 @@ words! {
 /// Of a channel x with n steps, taken as equally long: y = (x − x₀)/(xₙ₋₁ − x₀), which goes from 0 to 1;
 /// v its gradient by the time in units of the duration (central differences, one-sided at the ends), a
 /// the gradient of v; and of each of them Σ|difference of neighbors|. A straight line has 1, 0 and 0.
-/// A motion that ends where it began has no such measure, and every number of it is 0.
+/// A motion that ends where it began has no such measure: every number of it is 0, and its columns are null.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Variation {
     /// Of the position.
@@ -168,8 +168,16 @@ impl Smoothness {
                 for (order, what, number) in ORDERS {
                     let name = format!("{prefix}{definition}_{space}_{order}");
                     let about = format!("total variation of the {of}' {what}{motion}, {how}");
-                    let cells = rows.iter().map(|row| number(variation(variations(row))));
-                    to.column(&name, Some("1"), &about, &cells.collect::<Vec<_>>());
+                    let cells = rows.iter().map(|row| {
+                        let measured = variation(variations(row));
+                        (measured.position > 0.0).then(|| *number(measured))
+                    });
+                    to.computed(
+                        &name,
+                        Some("1"),
+                        &about,
+                        &cells.collect::<Vec<Option<f64>>>(),
+                    );
                 }
             }
         }
@@ -178,8 +186,10 @@ impl Smoothness {
     fn read_columns(from: &Reader<'_>, row: usize, prefix: &str) -> Result<Self, SchemaError> {
         let variations = |definition: &str| -> Result<Variations, SchemaError> {
             let variation = |space: &str| -> Result<Variation, SchemaError> {
-                let number =
-                    |order: &str| from.cell(&format!("{prefix}{definition}_{space}_{order}"), row);
+                let number = |order: &str| -> Result<f64, SchemaError> {
+                    let name = format!("{prefix}{definition}_{space}_{order}");
+                    Ok(from.cell::<Option<f64>>(&name, row)?.unwrap_or_default())
+                };
                 Ok(Variation {
                     position: number("position")?,
                     velocity: number("velocity")?,
@@ -209,8 +219,8 @@ impl Row for Smoothness {
     }
 }
 
-/// The column `reached`, and those of [`Smoothness`], e.g. `executed_paper_joints_position`, which are 0 where it is
-/// false.
+/// The column `reached`, and those of [`Smoothness`], e.g. `executed_paper_joints_position`, which are null where
+/// it is false.
 impl Row for ExecutedSmoothness {
     fn write(rows: &[&Self], to: &mut Writer) {
         let reached: Vec<bool> = rows.iter().map(|row| row.0.is_some()).collect();

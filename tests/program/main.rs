@@ -26,6 +26,7 @@ mod memory;
 mod messages;
 mod misbehavior;
 mod mujoco_judge;
+mod older_lake;
 mod output;
 mod own_hand;
 mod page;

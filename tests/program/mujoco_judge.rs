@@ -410,8 +410,8 @@ fn candidate(hand: &RobotModel, idx: usize, grasp: &Value, height_m: f64) -> Can
         latent: Vec::new(),
         table_from_object: Pose::from_parts([0.0, 0.0, height_m], UnitQuaternion::identity()),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         motion: Motion::of_joints(joints, steps.to_vec()).unwrap(),
         refused: Vec::new(),
     }

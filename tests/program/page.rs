@@ -83,8 +83,8 @@ pub(crate) fn check(lab: &Path) {
     assert_eq!(rows.len(), rates.len());
     for (row, expected) in rows.iter().zip(&rates) {
         assert_eq!(row[0], expected["object"].as_str().unwrap());
-        assert_eq!(row[4], expected["held"].to_string());
-        assert_eq!(row[5], expected["n"].to_string());
+        assert_eq!(row[5], expected["held"].to_string());
+        assert_eq!(row[6], expected["n"].to_string());
     }
     in_browser(lab, &page, &rates);
 }

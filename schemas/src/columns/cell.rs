@@ -20,6 +20,8 @@ pub(crate) trait Cell: Sized {
     const TYPE: &'static str;
     /// The default unit.
     const UNIT: Option<&'static str> = None;
+    /// Whether a cell may be null.
+    const NULLABLE: bool = false;
 
     /// Returns the column of these cells.
     fn array(cells: &[&Self]) -> ArrayRef;
@@ -37,6 +39,8 @@ pub(crate) trait Cell: Sized {
 pub(crate) struct Column<'a> {
     pub(super) name: &'a str,
     pub(super) array: &'a ArrayRef,
+    /// Whether 0 stands for null.
+    pub(super) zero_is_null: bool,
 }
 
 impl Column<'_> {
@@ -146,6 +150,27 @@ impl Cell for f64 {
 
     fn is_finite(&self) -> bool {
         Self::is_finite(*self)
+    }
+}
+
+/// None is null.
+impl Cell for Option<f64> {
+    const TYPE: &'static str = f64::TYPE;
+    const NULLABLE: bool = true;
+
+    fn array(cells: &[&Self]) -> ArrayRef {
+        Arc::new(cells.iter().map(|&&cell| cell).collect::<Float64Array>())
+    }
+
+    fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError> {
+        let array = column.array.as_primitive_opt::<Float64Type>();
+        let array = column.typed::<Self, _>(array)?;
+        let number = array.is_valid(row).then(|| array.value(row));
+        Ok(number.filter(|number| !(column.zero_is_null && *number == 0.0)))
+    }
+
+    fn is_finite(&self) -> bool {
+        self.is_none_or(f64::is_finite)
     }
 }
 

@@ -13,17 +13,32 @@ pub(super) const SCHEMA: &str = "schema";
 /// Key of the joints' names, separated by commas, in the file's metadata.
 pub const JOINTS: &str = "joints";
 
+/// Versions that are read as a later one: they have its columns, with 0 where the later one has null.
+const READ_AS: [[&str; 2]; 2] = [
+    ["candidates/4", "candidates/5"],
+    ["rollouts/6", "rollouts/7"],
+];
+
 /// Reads the columns of one version of a schema by name.
 pub(crate) struct Reader<'a> {
     batch: &'a RecordBatch,
+    /// Whether 0 stands for null where a cell may be null.
+    zero_is_null: bool,
 }
 
 impl<'a> Reader<'a> {
-    /// Refuses a batch of another schema or version.
+    /// Refuses a batch of another schema, or of a version that is not read as this one.
     pub(crate) fn new(batch: &'a RecordBatch, version: &str) -> Result<Self, SchemaError> {
-        let reader = Self { batch };
+        let mut reader = Self {
+            batch,
+            zero_is_null: false,
+        };
         match reader.noted(SCHEMA) {
             found if found == version => Ok(reader),
+            found if READ_AS.contains(&[found, version]) => {
+                reader.zero_is_null = true;
+                Ok(reader)
+            }
             found => Err(SchemaError::Version {
                 expected: version.to_owned(),
                 found: found.to_owned(),
@@ -67,14 +82,19 @@ impl<'a> Reader<'a> {
             column: name.to_owned(),
             expected: T::TYPE,
         })?;
-        if is_null(array, row) {
+        if !T::NULLABLE && is_null(array, row) {
             return Err(SchemaError::Null {
                 table: self.noted(SCHEMA).to_owned(),
                 column: name.to_owned(),
                 row,
             });
         }
-        T::read(&Column { name, array }, row)
+        let column = Column {
+            name,
+            array,
+            zero_is_null: self.zero_is_null,
+        };
+        T::read(&column, row)
     }
 
     /// Returns a list of names from the metadata; empty if it is absent.

@@ -58,7 +58,8 @@ impl Writer {
         if let Some(unit) = unit.or(T::UNIT) {
             metadata.insert("unit".to_owned(), unit.to_owned());
         }
-        let field = Field::new(name, array.data_type().clone(), false).with_metadata(metadata);
+        let field =
+            Field::new(name, array.data_type().clone(), T::NULLABLE).with_metadata(metadata);
         self.fields.push(Arc::new(field));
         self.arrays.push(array);
     }

@@ -197,8 +197,8 @@ pub(crate) fn candidates() -> Candidates {
         latent: vec![0.5; times.len()],
         table_from_object: pose(0.9),
         limit_excess_rad: 0.01,
-        depth_m: 0.002,
-        residual_m2: 0.0,
+        depth_m: Some(0.002),
+        residual_m2: None,
         refused: Vec::new(),
         motion: Motion::new(
             &joints(),
@@ -210,8 +210,8 @@ pub(crate) fn candidates() -> Candidates {
         source: source(draw_n),
         table_from_object: pose(0.8),
         limit_excess_rad: 0.02,
-        depth_m: 0.007,
-        residual_m2: 0.0,
+        depth_m: Some(0.007),
+        residual_m2: None,
         refusal,
     };
     Candidates {

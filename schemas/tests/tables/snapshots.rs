@@ -40,9 +40,11 @@ fn columns(schema: &Schema) -> String {
     let mut text = format!("{}\n\nmetadata: {notes}\n\n", schema.metadata()["schema"]);
     text += "| column | type | unit | meaning |\n| --- | --- | --- | --- |\n";
     for field in schema.fields() {
-        assert!(!field.is_nullable());
         let note = |key: &str| field.metadata().get(key).map_or("", String::as_str);
-        let (name, data_type) = (field.name(), type_name(field.data_type()));
+        let (name, mut data_type) = (field.name(), type_name(field.data_type()));
+        if field.is_nullable() {
+            data_type += " or null";
+        }
         let (unit, meaning) = (note("unit"), note("description"));
         writeln!(text, "| `{name}` | {data_type} | {unit} | {meaning} |").unwrap();
     }

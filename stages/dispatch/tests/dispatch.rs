@@ -91,8 +91,8 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         latent: Vec::new(),
         table_from_object: rest().table_from_object(),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         refused: Vec::new(),
         motion: Motion::new(
             &joints(),

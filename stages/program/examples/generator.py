@@ -111,8 +111,8 @@ def main():
         joint_rates = rates(q)
         rows.append({
             "candidate_id": f"{part['partition']}-{number:04}", "generator": "straight", "draw_n": 1,
-            "origin": "prior", "demonstration": "", "object_split": "", "refused": "", "depth_m": 0.0,
-            "residual_m2": 0.0, "latent": [], "table_from_object": table_from_object.tolist(),
+            "origin": "prior", "demonstration": "", "object_split": "", "refused": "", "depth_m": None,
+            "residual_m2": None, "latent": [], "table_from_object": table_from_object.tolist(),
             "limit_excess_rad": 0.0, "time_s": (STEP_S * np.arange(STEPS)).tolist(),
             "object_from_palm": poses.tolist(), "q_rad": q.ravel().tolist(),
             "q_velocity_rad_per_s": joint_rates[0].ravel().tolist(),

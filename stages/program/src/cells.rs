@@ -7,8 +7,9 @@ use std::{collections::BTreeSet, sync::Arc};
 
 use arrow_array::{
     Array, ArrayRef, BooleanArray, FixedSizeListArray, Float64Array, GenericListArray, Int64Array,
-    ListArray, OffsetSizeTrait, RecordBatch, StringArray,
+    ListArray, OffsetSizeTrait, RecordBatch, StringArray, UInt64Array,
     cast::AsArray,
+    new_null_array,
     types::{
         Float32Type, Float64Type, Int8Type, Int16Type, Int32Type, Int64Type, UInt8Type, UInt16Type,
         UInt32Type,
@@ -63,7 +64,11 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
             column: field.name().clone(),
             expected: words(field.data_type()),
         })?;
-        arrays.push(array(field.name(), column, field.data_type())?);
+        let (name, kind) = (field.name(), field.data_type());
+        arrays.push(match field.is_nullable() {
+            true => nullable(name, column, kind)?,
+            false => array(name, column, kind)?,
+        });
     }
     // What the program says about its rows, e.g. the joints' names, stays.
     let mut metadata = schema.metadata().clone();
@@ -87,6 +92,24 @@ pub(crate) fn words(kind: &DataType) -> String {
         DataType::Dictionary(_, item) => format!("a dictionary of {}", words(item)),
         other => other.to_string(),
     }
+}
+
+/// Returns the column as this type, null where it is.
+fn nullable(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+    let valid: Vec<usize> = (0..from.len()).filter(|&row| from.is_valid(row)).collect();
+    if *from.data_type() == DataType::Null || valid.is_empty() {
+        return Ok(new_null_array(to, from.len()));
+    }
+    let picked = UInt64Array::from_iter_values(valid.iter().map(|&row| row as u64));
+    let picked = take(from, &picked, None).map_err(Broken::Arrow)?;
+    let rows = Rows {
+        column,
+        row_of: Some(&valid),
+    };
+    let converted = rows.array(&picked, to)?;
+    let mut n = 0..;
+    let places = (0..from.len()).map(|row| from.is_valid(row).then(|| n.next()).flatten());
+    take(&converted, &places.collect::<UInt64Array>(), None).map_err(Broken::Arrow)
 }
 
 /// Returns the column as this type.

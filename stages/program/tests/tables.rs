@@ -31,8 +31,8 @@ fn candidates() -> Candidates {
         latent: Vec::new(),
         table_from_object: Pose::identity(),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         motion: Motion::of_joints(Arc::clone(&joints), vec![step(0.0), step(1.0)]).unwrap(),
         refused: Vec::new(),
     };

@@ -36,7 +36,7 @@ pub(crate) fn config() -> RefineConfig {
 /// Returns the Allegro hand.
 pub(crate) fn hand() -> Hand {
     let model = RobotModel::from_urdf(&fs::read_to_string(URDF).unwrap()).unwrap();
-    Hand::new(model, &fs::read_to_string(TABLE).unwrap().parse().unwrap()).unwrap()
+    Hand::new(model, &hand_files::load_table(TABLE.as_ref()).unwrap()).unwrap()
 }
 
 /// Returns the distances of the box.

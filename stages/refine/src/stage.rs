@@ -232,7 +232,7 @@ fn best(
             refused.push(draw);
         }
         before_n += draws_n;
-        candidate.residual_m2 = one.residual_m2;
+        candidate.residual_m2 = Some(one.residual_m2);
         let worse = match best.take() {
             Some(kept) if kept.2.residual_m2 <= one.residual_m2 => {
                 best = Some(kept);
@@ -297,8 +297,8 @@ mod tests {
                 nalgebra::UnitQuaternion::identity(),
             ),
             limit_excess_rad: 0.1,
-            depth_m: 0.02,
-            residual_m2: 0.0,
+            depth_m: Some(0.02),
+            residual_m2: None,
             motion: fixture::reach(&hand, 0.0, bend),
             refused: Vec::new(),
         }
@@ -310,8 +310,8 @@ mod tests {
             source: of.source,
             table_from_object: of.table_from_object,
             limit_excess_rad: 0.0,
-            depth_m: 0.03,
-            residual_m2: 0.0,
+            depth_m: Some(0.03),
+            residual_m2: None,
             refusal: Refusal::Table,
         }
     }
@@ -426,8 +426,8 @@ mod tests {
         let first = &found[0];
         assert_eq!(first.motion, each[0].motion);
         assert_eq!(first.residual_m2, each[0].residual_m2);
-        assert_eq!([first.limit_excess_rad, first.depth_m], [0.1, 0.02]);
-        let others: Vec<(u32, Refusal, f64)> = first
+        assert_eq!((first.limit_excess_rad, first.depth_m), (0.1, Some(0.02)));
+        let others: Vec<(u32, Refusal, Option<f64>)> = first
             .refused
             .iter()
             .map(|draw| (draw.source.draw_n, draw.refusal, draw.residual_m2))
@@ -435,7 +435,7 @@ mod tests {
         let second = each[1].residual_m2;
         assert_eq!(
             others,
-            [(2, Refusal::Table, 0.0), (3, Refusal::Residual, second)]
+            [(2, Refusal::Table, None), (3, Refusal::Residual, second)]
         );
         assert_eq!(first.source.draw_n, 1);
         assert!(found[1].refused.is_empty());

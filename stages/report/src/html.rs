@@ -144,7 +144,7 @@ fn of_cell(cell: &Cell) -> String {
             let how = escaped(how);
             format!("{shown} <abbr class=\"mark\" title=\"{how}\">≠</abbr>")
         }
-        Cell::Text(_) | Cell::Number(..) | Cell::Missing => shown,
+        Cell::Text(_) | Cell::Number(..) | Cell::Interval(..) | Cell::Missing => shown,
     }
 }
 

@@ -36,6 +36,8 @@ pub(crate) enum Cell {
     },
     /// A number, and its text.
     Number(f64, String),
+    /// The ends of an interval, and its text.
+    Interval([f64; 2], String),
     /// A number of another protocol than the page's, or nothing to compare: with the reason.
     Marked(String, String),
     /// No value.
@@ -75,19 +77,20 @@ impl Cell {
     }
 
     /// An interval of shares.
-    pub(crate) fn interval([low, high]: [f64; 2]) -> Self {
+    pub(crate) fn interval(ends: [f64; 2]) -> Self {
+        let [low, high] = ends.map(|end| 100.0 * end);
         // It does not break.
-        Self::Text(format!(
-            "{:.1}\u{a0}to\u{a0}{:.1}\u{a0}%",
-            100.0 * low,
-            100.0 * high
-        ))
+        let text = format!("{low:.1}\u{a0}to\u{a0}{high:.1}\u{a0}%");
+        Self::Interval(ends, text)
     }
 
     /// Returns the cell's text.
     pub(crate) fn shown(&self) -> &str {
         match self {
-            Self::Text(text) | Self::Number(_, text) | Self::Marked(text, _) => text,
+            Self::Text(text)
+            | Self::Number(_, text)
+            | Self::Interval(_, text)
+            | Self::Marked(text, _) => text,
             Self::Link { shown, .. } => shown,
             Self::Missing => "–",
         }

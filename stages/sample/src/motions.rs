@@ -60,7 +60,11 @@ pub(crate) fn sample(
             .collect::<Result<_, WrongDof>>()?;
         left.clear();
         for (number, draw) in measured {
-            if draw.candidate.depth_m > config.max_depth_m {
+            if draw
+                .candidate
+                .depth_m
+                .is_some_and(|depth_m| depth_m > config.max_depth_m)
+            {
                 left.push(number);
             }
             kept[number] = Some(match kept[number].take() {
@@ -86,13 +90,12 @@ struct MeasuredDraw {
 
 impl MeasuredDraw {
     fn new(candidate: Candidate, probe: Option<PenetrationProbe<'_>>) -> Result<Self, WrongDof> {
-        let depth = probe.map(|probe| probe.deepest(&candidate)).transpose()?;
-        let depth = depth.unwrap_or_default();
+        let measured = probe.map(|probe| probe.deepest(&candidate)).transpose()?;
         Ok(Self {
-            depth,
+            depth: measured.unwrap_or_default(),
             candidate: Candidate {
-                depth_m: depth.deepest_m(),
-                residual_m2: 0.0,
+                depth_m: measured.map(|depth| depth.deepest_m()),
+                residual_m2: None,
                 ..candidate
             },
         })
@@ -114,7 +117,7 @@ impl MeasuredDraw {
             table_from_object: draw.table_from_object,
             limit_excess_rad: draw.limit_excess_rad,
             depth_m: draw.depth_m,
-            residual_m2: 0.0,
+            residual_m2: None,
             refusal: lost.depth.deeper_in(),
         });
         kept
@@ -223,8 +226,8 @@ impl<'a> Decoder<'a> {
                 latent,
                 table_from_object: rest.table_from_object(),
                 limit_excess_rad,
-                depth_m: 0.0,
-                residual_m2: 0.0,
+                depth_m: None,
+                residual_m2: None,
                 refused: Vec::new(),
                 motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
             };

@@ -859,8 +859,8 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         );
         assert!(depths[number] <= depth.max(0.004));
         // What was measured when it was drawn is what the report measures.
-        assert_eq!(chosen[number].depth_m, depths[number]);
-        assert_eq!(once[number].depth_m, 0.0);
+        assert_eq!(chosen[number].depth_m, Some(depths[number]));
+        assert_eq!(once[number].depth_m, None);
     }
     let (again, ..) = make(20);
     assert_eq!(again, chosen);
@@ -877,13 +877,13 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         numbers.sort_unstable();
         assert!(numbers.into_iter().eq(1..=n(candidate) as u32));
         for draw in &candidate.refused {
-            assert!(draw.depth_m > 0.004 && draw.depth_m >= candidate.depth_m);
+            assert!(draw.depth_m > Some(0.004) && draw.depth_m >= candidate.depth_m);
             // Far out, the hand is deeper in the table than in the small object.
             assert_eq!(draw.refusal, Refusal::Table);
         }
         // The last draw is kept, unless all are too deep and another is the least deep.
         let is_last = candidate.source.draw_n as usize == n(candidate);
-        assert!(is_last || (candidate.depth_m > 0.004 && n(candidate) == 20));
+        assert!(is_last || (candidate.depth_m > Some(0.004) && n(candidate) == 20));
     }
 }
 

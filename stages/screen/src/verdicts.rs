@@ -290,8 +290,8 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.02)),
             limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            residual_m2: 0.0,
+            depth_m: None,
+            residual_m2: None,
             motion: Motion::new(&[joint], vec![step(0.0), step(1.0)]).unwrap(),
             refused: Vec::new(),
         }

@@ -173,8 +173,8 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         latent: Vec::new(),
         table_from_object: upright().table_from_object(),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         refused: Vec::new(),
         motion: Motion::new(&joints(), steps.collect()).unwrap(),
     }

@@ -18,8 +18,8 @@ pub struct Grasp {
     pub hand: HandState<Object>,
     /// Penetration depth of the hand in object or table, in meters.
     pub depth_m: f64,
-    /// Residual of the search's conditions, in m²; 0 if nothing was searched.
-    pub residual_m2: f64,
+    /// Residual of the search's conditions, in m²; none if nothing was searched.
+    pub residual_m2: Option<f64>,
 }
 
 /// Makes candidates of one object from grasps.
@@ -90,7 +90,7 @@ impl<'a> Reach<'a> {
             latent: Vec::new(),
             table_from_object,
             limit_excess_rad: 0.0,
-            depth_m: grasp.depth_m,
+            depth_m: Some(grasp.depth_m),
             residual_m2: grasp.residual_m2,
             motion: path.motion(&self.joints, first, &before, &grasp.hand)?,
             refused: Vec::new(),
@@ -116,7 +116,7 @@ mod tests {
                 q_rad: body.open(),
             },
             depth_m: 1e-3,
-            residual_m2: 2e-6,
+            residual_m2: Some(2e-6),
         };
         let start = Start {
             sequence: "reach".to_owned(),
@@ -134,7 +134,7 @@ mod tests {
             (made.source.origin, made.source.demonstration.as_str()),
             (Origin::Grasp, "reach")
         );
-        assert_eq!((made.depth_m, made.residual_m2), (1e-3, 2e-6));
+        assert_eq!((made.depth_m, made.residual_m2), (Some(1e-3), Some(2e-6)));
         let (first, last) = (made.motion.first(), made.motion.grasp());
         assert_eq!(last.frame_from_palm, grasp.hand.frame_from_palm);
         assert_eq!(last.q_rad, grasp.hand.q_rad);

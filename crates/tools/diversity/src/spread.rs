@@ -270,8 +270,8 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::new(Isometry3::rotation(Vector3::x() * tilt_rad)),
             limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            residual_m2: 0.0,
+            depth_m: None,
+            residual_m2: None,
             refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0), step(1.0)]).unwrap(),
         }

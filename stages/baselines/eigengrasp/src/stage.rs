@@ -158,7 +158,7 @@ impl Output for Eigengrasp {
             let grasp = Grasp {
                 hand: finished.hand.clone(),
                 depth_m: finished.depth_m,
-                residual_m2: 0.0,
+                residual_m2: None,
             };
             let environment = Environment::new(Arc::clone(&annealer.field), *rest);
             let start = &starts[rng.random_range(0..starts.len())];

@@ -221,7 +221,7 @@ impl Maker<'_> {
         let grasp = Grasp {
             hand: found.hand.clone(),
             depth_m: found.depth_m,
-            residual_m2: found.residual_m2,
+            residual_m2: Some(found.residual_m2),
         };
         Ok(Some((
             reach.candidate(number, &environment, &grasp, start)?,
@@ -341,7 +341,7 @@ mod tests {
                 ("force_closure", Origin::Grasp)
             );
             assert_eq!(one.motion.steps().len(), 40);
-            assert!(one.depth_m <= 1e-3);
+            assert!(one.depth_m <= Some(1e-3));
         }
     }
 

@@ -138,7 +138,7 @@ impl Output for AdaptedCandidates {
             };
             let grasp = Grasp {
                 depth_m: body.clearance(&environment, &hand)?.depth_m(),
-                residual_m2: 0.0,
+                residual_m2: None,
                 hand,
             };
             let start = &starts[one.start];
@@ -148,7 +148,7 @@ impl Output for AdaptedCandidates {
             candidate.source.object_split = Some(split);
             candidates.push(candidate);
         }
-        let depths = candidates.iter().map(|candidate| candidate.depth_m);
+        let depths = candidates.iter().filter_map(|candidate| candidate.depth_m);
         let depth_m = depths.sum::<f64>() / candidates.len() as f64;
         cx.write(&Candidates {
             object: object.name.clone(),

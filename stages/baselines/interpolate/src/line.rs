@@ -141,8 +141,8 @@ mod tests {
             latent: vec![0.5],
             table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.05)),
             limit_excess_rad: 0.3,
-            depth_m: 0.002,
-            residual_m2: 0.0,
+            depth_m: Some(0.002),
+            residual_m2: None,
             refused: Vec::new(),
             motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),

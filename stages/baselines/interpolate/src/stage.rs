@@ -116,8 +116,8 @@ mod tests {
             latent: Vec::new(),
             table_from_object: Pose::identity(),
             limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            residual_m2: 0.0,
+            depth_m: None,
+            residual_m2: None,
             refused: Vec::new(),
             motion: Motion::new(&["j"], (0..steps_n).map(step).collect()).unwrap(),
         }

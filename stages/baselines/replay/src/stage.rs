@@ -132,8 +132,8 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
         latent: Vec::new(),
         table_from_object: trajectory.rest.table_from_object(),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         refused: Vec::new(),
         motion: motion.with_rates(|idx| {
             let rates = &motion.steps()[idx].rates;

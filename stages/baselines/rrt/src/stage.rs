@@ -176,7 +176,7 @@ impl Output for Rrt {
 fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
     // Both ends are within the limits, and so is what lies between them.
     Candidate {
-        depth_m: plan.depth_m,
+        depth_m: Some(plan.depth_m),
         ..given.remade("rrt", GENERATOR, Origin::Planner, plan.motion)
     }
 }

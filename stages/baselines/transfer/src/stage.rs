@@ -179,8 +179,8 @@ impl TransferredMotion {
             latent: Vec::new(),
             table_from_object: self.rest.table_from_object(),
             limit_excess_rad: 0.0,
-            depth_m: 0.0,
-            residual_m2: 0.0,
+            depth_m: None,
+            residual_m2: None,
             refused: Vec::new(),
             motion: self.motion,
         }

@@ -43,8 +43,8 @@ def misread(palm):
 
 
 def unmeasured(prefix=""):
-    """The 18 columns of a motion that was not measured."""
-    return {f"{prefix}{how}_{space}_{order}": 0.0 for how in ("paper", "released", "robust")
+    """The 18 columns of a motion that was not measured, null."""
+    return {f"{prefix}{how}_{space}_{order}": None for how in ("paper", "released", "robust")
             for space in ("joints", "cartesian") for order in ORDERS}
 
 
@@ -62,5 +62,6 @@ def columns(motion, origins):
         ("robust", "joints"): of_vector(motion.q, own),
         ("robust", "cartesian"): of_vector(links, own),
     }
-    return {f"{how}_{space}_{order}": float(number) for (how, space), three in found.items()
+    # A motion that ends where it began has no measure.
+    return {f"{how}_{space}_{order}": float(number) if three[0] > 0 else None for (how, space), three in found.items()
             for order, number in zip(ORDERS, three)}

@@ -19,8 +19,8 @@ fn candidate(id: &str, up: Vector3<f64>) -> Candidate {
         latent: Vec::new(),
         table_from_object: rest(up).table_from_object(),
         limit_excess_rad: 0.0,
-        depth_m: 0.0,
-        residual_m2: 0.0,
+        depth_m: None,
+        residual_m2: None,
         motion: motion
             .with_rates(|_| motion::HandRates::zero(JOINTS))
             .unwrap(),
