@@ -625,7 +625,7 @@ pub(crate) struct DoctorArgs {
     pub(crate) on: Option<String>,
     /// Check this robot [default: check the pipeline file]
     ///
-    /// The contents of its URDF, the unphysical values in it, and a first proposal of a hand table.
+    /// The contents of its URDF, the unphysical values in it, and a first proposal of the hand's file.
     #[arg(long, value_name = "URDF", conflicts_with_all = ["file", "profile", "overrides"])]
     pub(crate) robot: Option<PathBuf>,
 }

@@ -1,11 +1,11 @@
-//! Jobs: orders that one process of a scheduler makes, and where they lie in the depot.
+//! Jobs: work items that one process of a scheduler makes, and where they lie in the depot.
 
 use std::path::PathBuf;
 
 use dataflow::{Digest, WorkItem};
 use serde::{Deserialize, Serialize};
 
-/// The orders of one job.
+/// The work items of one job.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct JobOrders {
     /// The folder of the run, from which relative paths lead.
@@ -15,11 +15,11 @@ pub(crate) struct JobOrders {
     /// Time in seconds that the job has, if it is limited.
     #[serde(default)]
     pub(crate) limit_s: Option<u64>,
-    /// The orders, made one after the other.
+    /// The work items, made one after the other.
     pub(crate) orders: Vec<WorkItem>,
 }
 
-/// Key of the orders of a job, e.g. `NAME/0`.
+/// Key of the work items of a job, e.g. `NAME/0`.
 pub(crate) fn orders_key(job: &str) -> String {
     format!("orders/{job}")
 }

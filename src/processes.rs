@@ -15,11 +15,11 @@ use lake::Lake;
 
 use crate::{jobs::JobOrders, outcome::CommandError, sharing};
 
-/// Makes units in processes that read orders from stdin and write events to stdout, a line each.
+/// Makes units in processes that read work items from stdin and write events to stdout, a line each.
 pub(crate) struct Processes<'a> {
     /// The lake, whose depot the processes use.
     pub(crate) lake: &'a Lake,
-    /// The command line of a worker, without the order.
+    /// The command line of a worker, without the work item.
     pub(crate) worker: Vec<OsString>,
     /// Lake that the workers use.
     pub(crate) reach: Reach,
@@ -27,7 +27,7 @@ pub(crate) struct Processes<'a> {
     pub(crate) at_once: usize,
     /// Whether the other units of an output are made when one fails.
     pub(crate) keep_going: bool,
-    /// Those that wait for an order.
+    /// Those that wait for a work item.
     pub(crate) idle: Idle,
 }
 
@@ -132,7 +132,7 @@ impl<'a> Processes<'a> {
         }
     }
 
-    /// Has a process make a unit, and passes its events on; returns how it on_outcome, if it has.
+    /// Has a process make a unit, and passes its events on; returns how it ended, if it has.
     fn tell(&self, item: &WorkItem, relay: &mut Relay) -> Result<Option<ExitStatus>, UnitOutcome> {
         let lost = |err: io::Error| UnitOutcome::lost(format!("its process cannot be run: {err}"));
         let job = JobOrders {

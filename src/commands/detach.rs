@@ -30,7 +30,7 @@ const BEGIN: Duration = Duration::from_secs(1);
 /// Time between two looks at a log.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// OnOutcome runs whose logs are kept.
+/// Ended runs whose logs are kept.
 const KEPT: usize = 20;
 
 /// Starts this process's own command again, in the background.

@@ -37,7 +37,7 @@ const LONGEST_LAST: Duration = Duration::from_secs(30);
 /// The folder of this worker's lake, if it has one of its own.
 static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 
-/// Makes the orders on stdin, or those of a job in the depot.
+/// Makes the work items on stdin, or those of a job in the depot.
 pub(crate) fn work(
     program: &Program,
     args: &UnitArgs,
@@ -53,7 +53,7 @@ pub(crate) fn work(
         (Some(depot), Some(_)) => {
             lake.with_depot(&depot, &outages::of_worker(time_left().unwrap_or(DAY)))
         }
-        // The run has looked up what it orders.
+        // The run has looked up what it asks for.
         (Some(depot), None) => lake.with_depot(&depot, &Sharing::default()),
         (None, _) => lake,
     });
@@ -111,7 +111,7 @@ fn time_left() -> Option<Duration> {
     lake::time_until(env::var(JOB_END).ok()?.parse().ok()?)
 }
 
-/// What makes orders.
+/// What makes work items.
 pub(crate) struct Worker<'a> {
     pub(crate) maker: WorkItemRunner<'a>,
     pub(crate) lake: &'a Arc<Lake>,
@@ -125,7 +125,7 @@ pub(crate) struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Makes the orders that are lines on stdin, and ends when stdin closes: at once, since whoever ordered has ended,
+    /// Makes the work items that are lines on stdin, and ends when stdin closes: at once, since whoever ordered has ended,
     /// where it closes meanwhile.
     fn stdin_job(&self) -> Result<(), CommandError> {
         let (sender, lines) = mpsc::channel();
@@ -159,7 +159,7 @@ impl Worker<'_> {
         Ok(())
     }
 
-    /// Makes the orders of a job in the depot, one after the other, and leaves the end of each there.
+    /// Makes the work items of a job in the depot, one after the other, and leaves the end of each there.
     pub(crate) fn job(&self, name: &str) -> Result<(), CommandError> {
         let bytes = self.lake.message(&jobs::orders_key(name))?;
         let bytes = bytes.ok_or_else(|| {
@@ -191,7 +191,7 @@ impl Worker<'_> {
         heartbeats::during(Duration::from_secs(period_s), beat, work)
     }
 
-    /// Makes orders one after the other, and tells how each ended.
+    /// Makes work items one after the other, and tells how each ended.
     fn each(
         &self,
         job: &JobOrders,
@@ -207,7 +207,7 @@ impl Worker<'_> {
         Ok(())
     }
 
-    /// Makes the unit of an order; returns its last event.
+    /// Makes the unit of a work item; returns its last event.
     fn make(&self, item: &WorkItem) -> Result<Event, CommandError> {
         let unit = item.unit.clone();
         let done = |made_now| Event::UnitDone {
@@ -293,7 +293,7 @@ impl Worker<'_> {
 
 fn unreadable(err: serde_json::Error) -> CommandError {
     CommandError::failed(
-        anyhow::Error::from(err).context("the item cannot be read"),
+        anyhow::Error::from(err).context("the work item cannot be parsed"),
         Some("install the same build of the program on every machine that makes units".to_owned()),
     )
 }

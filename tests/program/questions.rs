@@ -319,6 +319,14 @@ fn what_engines_answer_differently_has_one_answer() {
             "x,false\ny,false\nz,false\n,\n",
         ),
         (
+            "select v, not ((v = 1 or v = 2) and v in (3, 4)) as m from (values (1.5), (null)) as w(v) order by v",
+            "1.5,true\n,\n",
+        ),
+        (
+            "select s, not (regexp_like(s, '^(x|p)$') and s in ('y', 'q')) as m from {t} order by s",
+            "x,true\ny,true\nz,true\n,\n",
+        ),
+        (
             "select n from (select * from {t} where a in (1, 3)) u where a not in (3, null)",
             "",
         ),

@@ -13,7 +13,8 @@ pub(super) const SCHEMA: &str = "schema";
 /// Key of the joints' names, separated by commas, in the file's metadata.
 pub const JOINTS: &str = "joints";
 
-/// Versions that are read as a later one: they have its columns, with 0 where the later one has null.
+/// Versions that are read as a later one: they have its columns, and 0 where the later one has null; a depth of 0
+/// that was measured reads as null, too.
 const READ_AS: [[&str; 2]; 2] = [
     ["candidates/4", "candidates/5"],
     ["rollouts/6", "rollouts/7"],

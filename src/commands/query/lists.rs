@@ -1,7 +1,7 @@
 //! Lists of one column in one condition: the engine merges them as if no value were missing.
 //!
 //! `a not in (1, 2) or a not in (3)` becomes true, also where `a` is missing or a list has a null
-//! (`ExprSimplifier` of DataFusion 55, its rules of `IN` lists). Conditions that have two are simplified in
+//! (`ExprSimplifier` of `datafusion` 55, its rules of `IN` lists). Conditions that have two are simplified in
 //! their parts.
 
 use std::sync::Arc;
@@ -77,7 +77,7 @@ fn in_parts(plan: LogicalPlan, config: &dyn OptimizerConfig) -> Result<Transform
     let names = NamePreserver::new(&plan);
     plan.map_expressions(|expr| {
         let name = names.save(&expr);
-        let simplified = expr.transform_down(|part| {
+        let reduced = expr.transform_down(|part| {
             let is_outermost = matches!(
                 part,
                 Expr::Alias(_) | Expr::AggregateFunction(_) | Expr::GroupingSet(_)
@@ -92,7 +92,7 @@ fn in_parts(plan: LogicalPlan, config: &dyn OptimizerConfig) -> Result<Transform
                 TreeNodeRecursion::Jump,
             ))
         })?;
-        Ok(simplified.update_data(|expr| name.restore(expr)))
+        Ok(reduced.update_data(|expr| name.restore(expr)))
     })
 }
 
@@ -110,7 +110,7 @@ fn has_two_lists(expr: &Expr) -> Result<bool> {
     Ok(has_two)
 }
 
-/// The value that is compared with a list, or with a constant.
+/// The value that is compared with a list, or with what is a constant once it is computed.
 fn listed(expr: &Expr) -> Option<&Expr> {
     match expr {
         Expr::InList(list) => Some(&list.expr),
@@ -118,8 +118,14 @@ fn listed(expr: &Expr) -> Option<&Expr> {
             left,
             op: Operator::Eq | Operator::NotEq,
             right,
-        }) => match (&**left, &**right) {
-            (value, Expr::Literal(..)) | (Expr::Literal(..), value) => Some(value),
+        }) => match (left.any_column_refs(), right.any_column_refs()) {
+            (true, false) => Some(left),
+            (false, true) => Some(right),
+            _ => None,
+        },
+        // They become lists, or comparisons with constants.
+        Expr::ScalarFunction(function) => match (function.name(), function.args.as_slice()) {
+            ("regexp_like", [value, ..]) | ("array_has", [_, value]) => Some(value),
             _ => None,
         },
         _ => None,

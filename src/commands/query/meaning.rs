@@ -11,7 +11,7 @@ use datafusion::{
     },
     logical_expr::{
         Between, BinaryExpr, Cast, Expr, ExprSchemable, LogicalPlan, LogicalPlanBuilder, Operator,
-        Projection, WindowFunctionDefinition,
+        Projection, WindowFrame, WindowFunctionDefinition,
         expr::{InList, ScalarFunction},
         expr_rewriter::NamePreserver,
         lit,
@@ -89,7 +89,7 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     // Conditions without a column are not taken below totals, which have a row where there is none below.
     let is_one_row =
         matches!(&plan, LogicalPlan::Aggregate(totals) if totals.group_expr.is_empty());
-    let plan = settled(plan, &before)?;
+    let plan = normalize_outputs(plan, &before)?;
     if !is_one_row || !plan.all_out_ref_exprs().is_empty() {
         return Ok(Transformed::yes(plan));
     }
@@ -97,10 +97,9 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     Ok(Transformed::yes(fenced))
 }
 
-/// Gives what is aggregated, and what windows count, the types and values that it has elsewhere: sums of whole
-/// numbers, which are added without a limit, are whole numbers of 64 bits again (it fails where one does not
-/// fit), places in a window are, and decimals have one zero and one NaN.
-fn settled(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan> {
+/// Casts the outputs of aggregates and windows: sums, which are added without a limit, and ranks to whole numbers
+/// of 64 bits (it fails where one does not fit), decimals to one zero and one NaN.
+fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan> {
     let n_given = match &plan {
         LogicalPlan::Aggregate(totals) => totals.group_expr_len()?,
         LogicalPlan::Window(window) => window.input.schema().fields().len(),
@@ -110,11 +109,11 @@ fn settled(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan> {
     let mut columns = Vec::new();
     for (idx, ((table, old), (_, new))) in before.iter().zip(plan.schema().iter()).enumerate() {
         let column = Expr::Column(Column::new(table.cloned(), new.name()));
-        let is_place = *new.data_type() == DataType::UInt64;
+        let is_rank = *new.data_type() == DataType::UInt64;
         let is_sum = old.data_type().is_integer() && *new.data_type() == SUM;
         let settled = if idx < n_given {
             None
-        } else if is_place || is_sum {
+        } else if is_rank || is_sum {
             Some(Expr::Cast(Cast::new(
                 Box::new(column.clone()),
                 DataType::Int64,
@@ -159,6 +158,7 @@ fn of_expression(expr: Expr, schema: &DFSchema) -> Result<Transformed<Expr>> {
         }
         Expr::WindowFunction(mut window) => {
             if let WindowFunctionDefinition::AggregateUDF(function) = &window.fun {
+                check_frame(function.name(), &window.params.window_frame)?;
                 of_aggregate(function.name(), &mut window.params.args, schema)?;
             }
             Expr::WindowFunction(window)
@@ -167,6 +167,21 @@ fn of_expression(expr: Expr, schema: &DFSchema) -> Result<Transformed<Expr>> {
         other => return Ok(Transformed::no(other)),
     };
     Ok(Transformed::yes(rewritten))
+}
+
+/// Refuses moments of a moving window, from which the engine subtracts what leaves it: digits are lost, and
+/// infinity stays.
+fn check_frame(name: &str, frame: &WindowFrame) -> Result<()> {
+    let is_moment = ["std", "var", "cov", "corr", "regr"]
+        .iter()
+        .any(|start| name.starts_with(start));
+    if !is_moment || frame.start_bound.is_unbounded() {
+        return Ok(());
+    }
+    Err(refused(
+        format!("`{name}` over a moving window loses digits"),
+        "join the table with itself on the rows of each window, and group by the row",
+    ))
 }
 
 /// What is compared is of one kind.

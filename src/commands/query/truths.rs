@@ -1,4 +1,4 @@
-//! Sums and means: of true and false how many are true and which share, of decimals in a window without what left it.
+//! Sums and means of true and false, and of decimals in moving windows.
 
 use std::{
     collections::VecDeque,
@@ -19,15 +19,15 @@ use datafusion::{
     scalar::ScalarValue,
 };
 
-/// The decimals in a window's frame, which are added anew for each row: what is subtracted from a sum takes its
-/// last digits with it, and infinity does not leave one.
+/// Sum or mean of the decimals in a moving window, added anew for each row: subtracting a value from a sum loses
+/// digits, and never removes infinity.
 #[derive(Debug)]
-struct Frame {
+struct WindowSum {
     values: VecDeque<f64>,
     is_mean: bool,
 }
 
-impl Accumulator for Frame {
+impl Accumulator for WindowSum {
     fn update_batch(&mut self, values: &[ArrayRef]) -> Result<()> {
         let [values] = take_function_args("sum", values)?;
         self.values
@@ -61,11 +61,11 @@ impl Accumulator for Frame {
     }
 
     fn state(&mut self) -> Result<Vec<ScalarValue>> {
-        internal_err!("a frame is not split")
+        internal_err!("a window is not split")
     }
 
     fn merge_batch(&mut self, _states: &[ArrayRef]) -> Result<()> {
-        internal_err!("a frame is not split")
+        internal_err!("a window is not split")
     }
 }
 
@@ -163,7 +163,7 @@ impl AggregateUDFImpl for OfTruths {
         if !is_decimal {
             return self.numbers.create_sliding_accumulator(args);
         }
-        Ok(Box::new(Frame {
+        Ok(Box::new(WindowSum {
             values: VecDeque::new(),
             is_mean: self.name() == "avg",
         }))

@@ -28,7 +28,7 @@ const SCHEMA: &str = "schema";
 ///
 /// # Errors
 ///
-/// Fails if a column is missing, unknown or of another type, or a cell is null or not finite.
+/// Fails if a column is missing, unknown or of another type, or a cell is not finite, or null where the schema has no null.
 pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<RecordBatch, Broken> {
     let found = written.schema();
     let names = || schema.fields().iter().map(|field| field.name().clone());
@@ -65,9 +65,10 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
             expected: words(field.data_type()),
         })?;
         let (name, kind) = (field.name(), field.data_type());
-        arrays.push(match field.is_nullable() {
-            true => nullable(name, column, kind)?,
-            false => array(name, column, kind)?,
+        arrays.push(if field.is_nullable() {
+            nullable(name, column, kind)?
+        } else {
+            array(name, column, kind)?
         });
     }
     // What the program says about its rows, e.g. the joints' names, stays.

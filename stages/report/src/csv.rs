@@ -2,25 +2,25 @@
 
 use crate::table::{Cell, DataTable};
 
+/// Key of a column of intervals, two columns here.
+const INTERVAL: &str = "interval";
+
 /// Writes a table: numbers in full, an interval in two columns, words quoted where they must be.
 pub(crate) fn csv(table: &DataTable) -> String {
-    let is_interval = |idx: usize| {
-        let mut cells = table.rows.iter().filter_map(|row| row.get(idx));
-        cells.any(|cell| matches!(cell, Cell::Interval(..)))
-    };
-    let are_intervals: Vec<bool> = (0..table.columns.len()).map(is_interval).collect();
-    let header = table.columns.iter().zip(&are_intervals);
-    let header = header.map(|(column, is_interval)| match is_interval {
-        true => format!("{0}_low,{0}_high", column.key),
-        false => quoted(&column.key),
+    let header = table.columns.iter().map(|column| {
+        if column.key == INTERVAL {
+            format!("{INTERVAL}_low,{INTERVAL}_high")
+        } else {
+            quoted(&column.key)
+        }
     });
     let mut text = header.collect::<Vec<_>>().join(",") + "\n";
     for row in &table.rows {
-        let cells = row.iter().zip(&are_intervals);
-        let cells = cells.map(|(cell, is_interval)| match cell {
+        let cells = row.iter().zip(&table.columns);
+        let cells = cells.map(|(cell, column)| match cell {
             Cell::Number(number, _) => number.to_string(),
             Cell::Interval([low, high], _) => format!("{low},{high}"),
-            Cell::Missing if *is_interval => ",".to_owned(),
+            Cell::Missing if column.key == INTERVAL => ",".to_owned(),
             Cell::Missing => String::new(),
             Cell::Link { value, .. } => quoted(value),
             Cell::Text(_) | Cell::Marked(..) => quoted(cell.shown()),

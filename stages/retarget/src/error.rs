@@ -38,7 +38,7 @@ pub enum RetargetError {
     #[error(transparent)]
     Posture(#[from] PostureError),
     /// The wrist is to be fixed, but too few points say where it is.
-    #[error("`wrist = \"fixed\"` needs at least 3 points on the palm, the hand table has {found}")]
+    #[error("`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's file has {found}")]
     TooFewPalmPoints {
         /// Number of points on the palm.
         found: usize,
@@ -46,14 +46,14 @@ pub enum RetargetError {
     /// The wrist is to be fixed, but the points that say where it is let it turn.
     #[error(
         "`wrist = \"fixed\"` needs points on the palm that do not lie on one line, and the {found} in \
-         the hand table do"
+         the hand's file do"
     )]
     PalmPointsInLine {
         /// Number of points on the palm.
         found: usize,
     },
-    /// The hand table cannot be used with this hand.
-    #[error("cannot use the hand table `{}`", path.display())]
+    /// The hand's file cannot be used with this hand.
+    #[error("cannot use the hand's file `{}`", path.display())]
     InHandTable {
         /// The file.
         path: PathBuf,
@@ -88,7 +88,7 @@ impl Diagnostic for RetargetError {
             Self::LoadRobot(err) => err.hint(),
             Self::Posture(err) => err.hint(),
             Self::TooFewPalmPoints { .. } => Some(
-                "add points on the root link to the hand table, e.g. where the fingers begin, \
+                "add points on the root link to the hand's file, e.g. where the fingers begin, \
                  for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
                     .to_owned(),
             ),

@@ -94,7 +94,7 @@ impl MeasuredDraw {
         Ok(Self {
             depth: measured.unwrap_or_default(),
             candidate: Candidate {
-                depth_m: measured.map(|depth| depth.deepest_m()),
+                depth_m: measured.map(Depth::deepest_m),
                 residual_m2: None,
                 ..candidate
             },

@@ -422,7 +422,7 @@ impl Kind {
             let file = self.file_of(&option.key);
             if let Some(file) = file.filter(|_| option.default.is_none() && option.required) {
                 option.required = false;
-                option.default = Some(format!("that of the {file}'s file"));
+                option.default = Some(format!("from the {file}'s file"));
             }
         }
         options

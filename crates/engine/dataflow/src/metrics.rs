@@ -161,7 +161,7 @@ impl<M: Metrics + Clone> Aggregate for With<M> {
     }
 }
 
-/// Declares the metrics of an output: each field with its aggregation over partitions, a [`Aggregate`]
+/// Declares the metrics of an output: each field with its aggregation over partitions, an [`Aggregate`]
 /// such as [`Sum`], [`Mean`], [`Max`], `Option` of one for a metric that some partitions lack, or
 /// [`With`].
 ///

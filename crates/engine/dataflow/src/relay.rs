@@ -20,7 +20,7 @@ pub struct Relay<'a> {
 }
 
 impl<'a> Relay<'a> {
-    /// Relays the events of an order's unit.
+    /// Relays the events of a work item's unit.
     pub fn new(item: &'a WorkItem, events: &'a Events<'a>) -> Self {
         Self {
             item,
@@ -62,7 +62,7 @@ impl<'a> Relay<'a> {
         self.end.is_some()
     }
 
-    /// Returns how the unit on_outcome, if its last event has come.
+    /// Returns how the unit ended, if its last event has come.
     pub fn end(self) -> Option<UnitOutcome> {
         self.end
     }

@@ -1,4 +1,4 @@
-//! Making the units of an output: waves of orders, until each is made, has failed, or was lost too often.
+//! Making the units of an output: waves of work items, until each is made, has failed, or was lost too often.
 
 use std::{
     collections::{BTreeMap, BTreeSet},

@@ -79,7 +79,7 @@ pub fn run(
     });
     store.enter(&pipeline.name)?;
     let mut runner = Runner {
-        attempts: RetryScheduler::new(store, options.jobs, executor, events),
+        scheduler: RetryScheduler::new(store, options.jobs, executor, events),
         pipeline,
         store,
         options,
@@ -99,7 +99,7 @@ struct Runner<'a> {
     options: &'a RunOptions,
     events: &'a Events<'a>,
     started: Instant,
-    attempts: RetryScheduler<'a>,
+    scheduler: RetryScheduler<'a>,
     state: State<'a>,
     reports: Vec<NodeReport>,
     /// The run's number, assigned when it first makes something.
@@ -124,7 +124,7 @@ impl Runner<'_> {
 
     /// Publishes rebuilt outputs, and unpublishes those no longer in the pipeline.
     fn tidy(&self) -> Result<(), Failure> {
-        let repaired = self.attempts.repaired().clone();
+        let repaired = self.scheduler.repaired().clone();
         for report in &self.reports {
             let mut nodes = self.pipeline.nodes.iter();
             let node = nodes.find(|node| node.name == report.record.node);
@@ -181,7 +181,7 @@ impl Runner<'_> {
                     Err(err) => failures.push(err),
                 }
             }
-            if !self.attempts.keeps_going() {
+            if !self.scheduler.keeps_going() {
                 // Those that were in flight beside the first say the same.
                 failures.truncate(1);
             }
@@ -286,7 +286,7 @@ impl Runner<'_> {
         } else {
             Forced::No
         };
-        self.attempts.make(&self.state, node, units, forced)
+        self.scheduler.make(&self.state, node, units, forced)
     }
 
     /// Registers the run in the store, once, when it first makes something.

@@ -83,7 +83,7 @@ pub fn make_one(
     made.into_iter().next().ok_or_else(lost)?
 }
 
-/// Makes the units of orders, in threads that are started once.
+/// Makes the units of work items, in threads that are started once.
 pub struct WorkItemRunner<'a> {
     kinds: &'a [Kind],
     runner: UnitRunner<'a>,
@@ -98,11 +98,11 @@ impl<'a> WorkItemRunner<'a> {
         }
     }
 
-    /// Makes the unit of an order; of the store it uses what the order names alone.
+    /// Makes the unit of a work item; of the store it uses what the work item names alone.
     ///
     /// # Errors
     ///
-    /// Fails if this program's code is not that of the order, if a file outside the store is not, or if the
+    /// Fails if this program's code is not that of the work item, if a file outside the store is not, or if the
     /// stage fails.
     pub fn make(&self, item: &WorkItem, events: &Events) -> Result<UnitOutcome, Failure> {
         let (stage, output_idx) = stage_of(self.kinds, item)?;
@@ -118,7 +118,7 @@ impl<'a> WorkItemRunner<'a> {
     }
 }
 
-/// Configures the stage of an order, if this program has its code.
+/// Configures the stage of a work item, if this program has its code.
 fn stage_of(kinds: &[Kind], item: &WorkItem) -> Result<(StageEntry, usize), Failure> {
     let refused = |parts: Vec<String>| Failure::OtherBuild {
         unit: item.unit.clone(),

@@ -177,7 +177,7 @@ pub struct NodeRecord {
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(tag = "status", rename_all = "snake_case")]
 pub enum RunStatus {
-    /// It has not on_outcome, or its process died.
+    /// It has not ended, or its process died.
     Running,
     /// Every stage finished.
     Finished,

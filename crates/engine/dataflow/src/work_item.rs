@@ -83,7 +83,7 @@ pub(crate) struct WorkItemFile {
 }
 
 impl WorkItem {
-    /// Orders a unit whose inputs are all made.
+    /// Work items a unit whose inputs are all made.
     pub(crate) fn new(
         state: &State,
         node: &Node,

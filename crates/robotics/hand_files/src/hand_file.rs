@@ -26,6 +26,16 @@ const ARMATURE: f64 = 0.001;
 /// nobody measured it.
 const MAX_FINGER_NM: f64 = 20.0;
 
+/// Numbers of a drive, the first four of every one.
+const DRIVE_KEYS: [&str; 6] = [
+    "stiffness",
+    "damping",
+    "torque_limit",
+    "armature",
+    "stop_stiffness",
+    "delay_s",
+];
+
 /// A robot hand, as its file describes it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct HandFile {
@@ -70,6 +80,21 @@ impl FromStr for HandFile {
             points: written.points,
         };
         table.check()?;
+        let mut values = written.drive.iter().flatten();
+        if let Some((key, value)) = values.find(|(_, value)| !(**value >= 0.0 && value.is_finite()))
+        {
+            return Err(PostureError::InvalidHandTableValue {
+                key: format!("drive.{key}"),
+                problem: format!("{value} is not a number of a drive, expected 0 or more"),
+            });
+        }
+        let mut keys = written.drive.iter().flat_map(BTreeMap::keys);
+        if let Some(key) = keys.find(|key| !DRIVE_KEYS.contains(&key.as_str())) {
+            return Err(PostureError::InvalidHandTableValue {
+                key: format!("drive.{key}"),
+                problem: format!("a drive has no such number, but {}", DRIVE_KEYS.join(", ")),
+            });
+        }
         Ok(Self {
             urdf: written.urdf,
             table,
@@ -167,14 +192,13 @@ impl HandFile {
         Some(if is_same { short } else { joined })
     }
 
-    /// Returns the fingertips, the thumb's last: the link of each, and the radius in meters of the sphere
-    /// about the link's origin that reaches as far as the tip.
+    /// Returns the fingertips, the thumb's last: the link of each, and the radius in meters of its contact
+    /// sphere.
     pub(crate) fn tips(&self) -> Vec<(&str, f64)> {
         let tips = self.table.points.iter().filter_map(|point| {
             let radius_m = point.tip_radius_m?;
-            let offset_m = point.offset_m.iter().map(|x| x * x).sum::<f64>().sqrt();
             let is_thumb = point.keypoint.starts_with("thumb");
-            Some((is_thumb, point.link.as_str(), radius_m + offset_m))
+            Some((is_thumb, point.link.as_str(), radius_m))
         });
         let mut tips: Vec<(bool, &str, f64)> = tips.collect();
         tips.sort_by_key(|&(is_thumb, ..)| is_thumb);
@@ -185,15 +209,13 @@ impl HandFile {
 
     /// Returns the drive as a stage's options have it.
     pub(crate) fn drive_table(&self) -> Option<InlineTable> {
-        /// What every drive has, in the order in which people write it.
-        const FIRST: [&str; 4] = ["stiffness", "damping", "torque_limit", "armature"];
         let drive = self.drive.as_ref()?;
-        let first = FIRST
-            .iter()
-            .filter_map(|&name| Some((name, *drive.get(name)?)));
-        let rest = drive.iter().map(|(name, value)| (name.as_str(), *value));
-        let rest = rest.filter(|(name, _)| !FIRST.contains(name));
-        Some(first.chain(rest).collect())
+        let numbers = DRIVE_KEYS.iter();
+        Some(
+            numbers
+                .filter_map(|&name| Some((name, *drive.get(name)?)))
+                .collect(),
+        )
     }
 }
 
@@ -243,7 +265,7 @@ mod tests {
     }
 
     #[test]
-    fn the_thumb_is_the_last_tip_and_an_offset_counts() {
+    fn the_thumb_is_the_last_tip() {
         let names: Vec<String> = [3, 7, 11, 15].map(|n| format!("link_{n}.0_tip")).into();
         let hand = shipped("allegro_right");
         assert_eq!(
@@ -252,7 +274,7 @@ mod tests {
         );
         assert!(hand.tips().iter().all(|tip| tip.1 == 0.012));
         let shadow = shipped("shadow_right");
-        assert_eq!(shadow.tips().last().unwrap(), &("thtip", 0.016));
+        assert_eq!(shadow.tips().last().unwrap(), &("thtip", 0.008));
     }
 
     #[test]

@@ -26,8 +26,8 @@ pub enum PostureError {
     /// The solver cannot work on the robot.
     #[error(transparent)]
     Solver(#[from] SolverError),
-    /// The text is not a hand table.
-    #[error("cannot parse the hand table: {problem}")]
+    /// The text is not a hand's file.
+    #[error("cannot parse it: {problem}")]
     InvalidHandTable {
         /// The problem and its place in the text.
         problem: String,
@@ -56,7 +56,7 @@ impl PostureError {
                     .to_owned(),
             ),
             Self::InvalidHandTable { .. } | Self::InvalidHandTableValue { .. } => Some(
-                "`pipeline doctor --robot URDF` proposes a table; those in `data/hands` are examples"
+                "`pipeline doctor --robot URDF` proposes a file; those in `data/hands` are examples"
                     .to_owned(),
             ),
             Self::Solver(_) => None,

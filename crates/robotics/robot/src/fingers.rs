@@ -112,7 +112,7 @@ impl RobotModel {
     }
 
     /// Returns the independent joints of a finger that turn about the axis of its last joint when every joint
-    /// is as near to 0 as its limits allow: those that flex it.
+    /// is as near to 0 as its limits allow, and reach farther to positive positions: those that flex it.
     pub fn closing_joints(&self, finger: &Finger) -> Vec<usize> {
         /// Least cosine between two axes that count as one.
         const PARALLEL: f64 = 0.7;
@@ -134,6 +134,7 @@ impl RobotModel {
             .iter()
             .filter(|(_, axis)| axis.dot(last).abs() > PARALLEL);
         let mut joints: Vec<usize> = closing.filter_map(|(link, _)| link.joint).collect();
+        joints.retain(|&joint| self.joints()[joint].upper >= -self.joints()[joint].lower);
         joints.dedup();
         joints
     }

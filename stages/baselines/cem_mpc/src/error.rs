@@ -36,8 +36,8 @@ pub enum CemMpcError {
         /// The cause.
         source: RobotError,
     },
-    /// The hand table marks no fingertip.
-    #[error("the hand table `{}` marks no fingertip", path.display())]
+    /// The hand's file marks no fingertip.
+    #[error("the hand's file `{}` marks no fingertip", path.display())]
     NoFingertip {
         /// The file.
         path: PathBuf,

@@ -16,8 +16,10 @@ pub enum ForceClosureError {
     /// A name in the configuration is not an object of the lake.
     #[error("there is no object `{}`", .0.name)]
     UnknownObject(UnknownPartition),
-    /// The hand table has too few fingertips for force closure.
-    #[error("the hand table marks {found} fingertips, and three are the least that hold an object")]
+    /// The hand's file has too few fingertips for force closure.
+    #[error(
+        "the hand's file marks {found} fingertips, and three are the least that hold an object"
+    )]
     FewTips {
         /// Number of fingertips that it marks.
         found: usize,
@@ -40,9 +42,9 @@ impl Diagnostic for ForceClosureError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::UnknownObject(unknown) => Some(unknown.hint()),
-            Self::FewTips { .. } => {
-                Some("give each point at a fingertip a `tip_radius_m` in the hand table".to_owned())
-            }
+            Self::FewTips { .. } => Some(
+                "give each point at a fingertip a `tip_radius_m` in the hand's file".to_owned(),
+            ),
             Self::HandFiles(err) => err.hint(),
             Self::Approach(err) => err.hint(),
             Self::Lake(err) => err.hint(),

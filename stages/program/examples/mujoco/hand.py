@@ -96,6 +96,8 @@ def follow(robot):
             offset += factor * float(mimic.get("offset", 0))
             factor *= float(mimic.get("multiplier", 1))
             master = mimic.get("joint")
+            if master not in mimics:
+                raise HandError(f"joint `{name}` follows `{master}`, which is no joint")
             mimic = mimics[master]
         if mimic is not None:
             raise HandError(f"joint `{name}` follows itself")
@@ -110,6 +112,8 @@ def narrow(links):
     for joint in by_name.values():
         if "master" not in joint:
             continue
+        if joint["master"] not in by_name:
+            raise HandError(f"joint `{joint['name']}` follows `{joint['master']}`, which does not move")
         master = by_name[joint["master"]]
         joint["number"] = master["number"]
         if joint["multiplier"] == 0:

@@ -89,7 +89,7 @@ pub(super) fn make(
 pub(super) fn unusable(demonstration: &Demonstration, table: &HandTable) -> Option<String> {
     if demonstration.hand != table.side {
         return Some(format!(
-            "a {} hand's reach, but the hand table says that the robot's is a {} hand",
+            "a {} hand's reach, but the hand's file says that the robot's is a {} hand",
             demonstration.hand.as_str(),
             table.side.as_str()
         ));

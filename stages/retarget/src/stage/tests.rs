@@ -151,7 +151,7 @@ fn the_reach_of_the_other_hand_is_skipped() {
     config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
     let units = Trajectories::units(&config, &scope("box")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
-    let expected = "a right hand's reach, but the hand table says that the robot's is a left hand";
+    let expected = "a right hand's reach, but the hand's file says that the robot's is a left hand";
     assert!(matches!(outcome, Outcome::Skipped { reason } if reason == expected));
 }
 

@@ -88,7 +88,7 @@ impl Reader<'_> {
             if !table.contains_key(key) && !meant.contains(&key) {
                 let path = [path, &[key.to_owned()]].concat().join(".");
                 let hint = match self.kind.file_of(&path) {
-                    // It is reported.
+                    // The missing file is reported by itself.
                     Some(file) if self.whole.get(file).is_none_or(|file| !file.is_str()) => {
                         continue;
                     }

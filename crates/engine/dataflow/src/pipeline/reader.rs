@@ -358,7 +358,7 @@ impl FileReader<'_> {
                 for fault in faults {
                     self.option_fault(name, span.as_ref(), &kind, &table, &fault);
                 }
-                let places = self.places(name, &table, configured.files());
+                let places = self.places(name, &before, configured.files());
                 Some(StageEntry {
                     name: stage_name,
                     places,
