@@ -281,6 +281,10 @@ fn what_engines_answer_differently_has_one_answer() {
             "select n from (select n - 9 as n from {t} union all select rank() over (order by n) from {t}) u order by 1",
             "-8\n-7\n-4\n-4\n1\n2\n3\n3\n",
         ),
+        (
+            "select ntile(2) over (order by n) as c from {t} union all select coalesce(null, n) from {t} order by 1",
+            "1\n1\n1\n2\n2\n2\n5\n5\n",
+        ),
         // One that is no number comes after all others, whatever it was computed from.
         (
             "select sum(v) as s from (values (1, 1e0 / 0), (1, -1e0 / 0), (2, 5e0)) as w(k, v) group by k order by s",

@@ -115,6 +115,13 @@ fn no_column(column: &str, mut columns: Vec<String>) -> CommandError {
 }
 
 fn twice(column: &str) -> CommandError {
+    // The engine's name of an expression.
+    if column.contains('(') {
+        return CommandError::usage(
+            "two columns without a name cannot be told apart",
+            "give each a name of its own with `as`",
+        );
+    }
     CommandError::usage(
         format!("two columns are called `{column}`"),
         format!("write its table, e.g. `rollouts.{column}`, or name one of them with `as`"),

@@ -11,7 +11,7 @@ use datafusion::{
     },
     logical_expr::{
         Between, BinaryExpr, Cast, Expr, ExprSchemable, LogicalPlan, LogicalPlanBuilder, Operator,
-        Projection, WindowFrame, WindowFunctionDefinition,
+        Projection, Union, WindowFrame, WindowFunctionDefinition,
         expr::{InList, ScalarFunction},
         expr_rewriter::NamePreserver,
         lit,
@@ -84,6 +84,10 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     let plan = match plan.data {
         // Their types are those of the first row's expressions before they were rewritten.
         LogicalPlan::Values(rows) => LogicalPlanBuilder::values(rows.values)?.build()?,
+        // Its types are those of its inputs before they were rewritten.
+        LogicalPlan::Union(union) => {
+            LogicalPlan::Union(Union::try_new_with_loose_types(union.inputs)?)
+        }
         plan => plan.recompute_schema()?,
     };
     // Conditions without a column are not taken below totals, which have a row where there is none below.
@@ -105,6 +109,11 @@ fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan
         LogicalPlan::Window(window) => window.input.schema().fields().len(),
         _ => return Ok(plan),
     };
+    // With sets of groups the engine gives a count two names, which another step cannot tell apart.
+    let has_sets = plan
+        .expressions()
+        .iter()
+        .any(|expr| matches!(expr, Expr::GroupingSet(_)));
     let mut is_settled = true;
     let mut columns = Vec::new();
     for (idx, ((table, old), (_, new))) in before.iter().zip(plan.schema().iter()).enumerate() {
@@ -118,7 +127,7 @@ fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan
                 Box::new(column.clone()),
                 DataType::Int64,
             )))
-        } else if *new.data_type() == DataType::Float64 {
+        } else if !has_sets && *new.data_type() == DataType::Float64 {
             arithmetic::one_zero(column.clone())
         } else {
             None
