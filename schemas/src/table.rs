@@ -17,7 +17,8 @@ pub trait Table: Sized {
     const NAME: &'static str;
     /// Kind of item that one partition holds, e.g. `object`: the name of the Hive partition column.
     const PARTITION: &'static str;
-    /// Name and version of its columns, e.g. `candidates/3`; readers refuse every other version, but for those that are read as it.
+    /// Name and version of its columns, e.g. `candidates/3`; readers refuse every other version but those of
+    /// `READ_AS`.
     const VERSION: &'static str;
     /// Name of its file in the artifact.
     const FILE: &'static str = TABLE_FILE;

@@ -41,9 +41,6 @@ pub(crate) fn differences(pipeline: &Pipeline) -> Vec<Difference> {
         .collect()
 }
 
-/// Largest effort of a joint that is a finger's, in newton meters: published files have 100 or 1000 where nobody
-/// knew it.
-const MAX_FINGER_NM: f64 = 20.0;
 /// Relative difference of torque limits that are meant to be the same.
 const SAME: f64 = 0.01;
 
@@ -61,11 +58,7 @@ fn foreign_drive(stage: &StageEntry) -> Option<Difference> {
     let options = options.filter(|options| options.protocol.name.is_table_lift())?;
     let hand = RobotModel::from_urdf_bytes(&fs::read(&options.hand).ok()?).ok()?;
     let limit = options.scene.drive.torque_limit;
-    let efforts = hand.joints().iter().map(|joint| joint.effort);
-    let mut efforts: Vec<f64> = efforts
-        .filter(|effort| *effort > 0.0 && *effort <= MAX_FINGER_NM)
-        .collect();
-    efforts.sort_by(f64::total_cmp);
+    let efforts = hand.finger_efforts_nm();
     let (least, most) = (*efforts.first()?, *efforts.last()?);
     let is_own = |effort: &f64| (effort - limit).abs() <= SAME * effort;
     if efforts.iter().any(is_own) {

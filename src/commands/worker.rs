@@ -41,7 +41,7 @@ static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 pub(crate) fn work(
     program: &Program,
     args: &UnitArgs,
-    item: &str,
+    order: &str,
 ) -> Result<CommandOutcome, CommandError> {
     let own = args.scratch.as_deref().map(scratch).transpose()?;
     // Relative to the folder in which it was started, not to that of the run.
@@ -71,10 +71,10 @@ pub(crate) fn work(
         began,
         limit: OnceLock::new(),
     };
-    let outcome = if item == "-" {
+    let outcome = if order == "-" {
         worker.stdin_job()
     } else {
-        worker.job(item)
+        worker.job(order)
     };
     lake.leave();
     leave_scratch(&lake);

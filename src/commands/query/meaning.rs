@@ -109,11 +109,6 @@ fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan
         LogicalPlan::Window(window) => window.input.schema().fields().len(),
         _ => return Ok(plan),
     };
-    // With sets of groups the engine gives a count two names, which another step cannot tell apart.
-    let has_sets = plan
-        .expressions()
-        .iter()
-        .any(|expr| matches!(expr, Expr::GroupingSet(_)));
     let mut is_settled = true;
     let mut columns = Vec::new();
     for (idx, ((table, old), (_, new))) in before.iter().zip(plan.schema().iter()).enumerate() {
@@ -127,7 +122,7 @@ fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan
                 Box::new(column.clone()),
                 DataType::Int64,
             )))
-        } else if !has_sets && *new.data_type() == DataType::Float64 {
+        } else if *new.data_type() == DataType::Float64 {
             arithmetic::one_zero(column.clone())
         } else {
             None

@@ -20,7 +20,7 @@ use crate::{
     scope::Scope,
     stage::{ErasedLine, Lines, OutputNames, OutputOf, Outputs, Stage, Wiring},
     summary::Summary,
-    tables::merge_values,
+    tables::{merge_values, set_value},
     unit::Unit,
 };
 
@@ -55,9 +55,12 @@ struct Completion {
     complete: Complete,
 }
 
-/// Returns the values of these options that the files have which a stage's table names; it may change the
-/// table.
-pub type Complete = fn(&mut InlineTable, &[&'static str]) -> Result<InlineTable, OptionFault>;
+/// Returns, by their dotted keys, the values of these options in the file that a stage's table names; it may change
+/// the table.
+pub type Complete = fn(
+    &mut InlineTable,
+    &[&'static str],
+) -> Result<Vec<(&'static str, toml_edit::Value)>, OptionFault>;
 
 /// Parses a stage's table.
 type Configure = dyn Fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault> + Send + Sync;
@@ -381,7 +384,7 @@ impl Kind {
         self
     }
 
-    /// Returns the option that names a file which may have an option, or some of those below or around it.
+    /// Returns the option that names the file of an option, of one below it or of the table around it.
     pub(crate) fn file_of(&self, option: &str) -> Option<&'static str> {
         let completion = self.completion.as_ref()?;
         let is_in = |whole: &str, part: &str| {
@@ -398,7 +401,11 @@ impl Kind {
         let Some(completion) = &self.completion else {
             return Ok(());
         };
-        let mut values = (completion.complete)(table, completion.options)?;
+        let mut values = InlineTable::new();
+        for (key, value) in (completion.complete)(table, completion.options)? {
+            let words: Vec<String> = key.split('.').map(str::to_owned).collect();
+            set_value(&mut values, &words, &value);
+        }
         merge_values(&mut values, table);
         *table = values;
         Ok(())

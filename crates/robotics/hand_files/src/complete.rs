@@ -20,8 +20,8 @@ const HAND: &str = "hand";
 pub fn complete(
     options: &mut InlineTable,
     of_hand: &[&'static str],
-) -> Result<InlineTable, OptionFault> {
-    let mut values = InlineTable::new();
+) -> Result<Vec<(&'static str, Value)>, OptionFault> {
+    let mut values = Vec::new();
     let Some(path) = options.get(HAND).and_then(Value::as_str) else {
         return Ok(values);
     };
@@ -42,23 +42,19 @@ pub fn complete(
     })?;
     let tips = file.tips();
     for option in of_hand {
-        let words: Vec<&str> = option.split('.').collect();
-        let value = match words.last() {
-            Some(&"hand_table") => Some(path.clone().into()),
-            Some(&"drive") => file.drive_table().map(Value::from),
-            Some(&"flexion_joints") => {
+        let word = option.rsplit('.').next().unwrap_or(option);
+        let value: Option<Value> = match word {
+            "hand_table" => Some(path.clone().into()),
+            "drive" => file.drive_table().map(Value::from),
+            "flexion_joints" => {
                 let joints = file.flexion_joints.as_ref();
                 joints.map(|joints| joints.iter().collect::<Array>().into())
             }
-            Some(&"tips") => Some(tips.iter().map(|(link, _)| *link).collect::<Array>().into()),
-            Some(&"tip_radius_m") => {
-                mean(tips.iter().map(|(_, radius_m)| *radius_m)).map(Value::from)
-            }
-            word => unreachable!("{word:?} is not of a hand"),
+            "tips" => Some(tips.iter().map(|(link, _)| *link).collect::<Array>().into()),
+            "tip_radius_m" => mean(tips.iter().map(|(_, radius_m)| *radius_m)).map(Value::from),
+            word => unreachable!("`{word}` is not of a hand"),
         };
-        if let Some(value) = value {
-            put(&mut values, &words, value);
-        }
+        values.extend(value.map(|value| (*option, value)));
     }
     if let Some(hand) = options.get_mut(HAND) {
         *hand = urdf.to_string_lossy().into_owned().into();
@@ -100,23 +96,6 @@ fn mean(mut numbers: impl Iterator<Item = f64>) -> Option<f64> {
     Some(first + above / n)
 }
 
-fn put(table: &mut InlineTable, words: &[&str], value: Value) {
-    match words {
-        [] => {}
-        [word] => {
-            table.insert(*word, value);
-        }
-        [word, rest @ ..] => {
-            let inner = table
-                .entry(*word)
-                .or_insert_with(|| InlineTable::new().into());
-            if let Value::InlineTable(inner) = inner {
-                put(inner, rest, value);
-            }
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
@@ -156,17 +135,17 @@ mod tests {
         let mut options = InlineTable::new();
         options.insert("hand", path.clone().into());
         let values = complete(&mut options, &OF_HAND).unwrap();
-        assert_eq!(values["hand_table"].as_str(), Some(path.as_str()));
-        let text = values.to_string();
-        assert!(
-            text.contains("drive = { stiffness = 3.0 }, flexion_joints = [\"a\"]"),
-            "{text}"
-        );
-        assert!(text.contains("tips = [\"i\", \"t\"]"), "{text}");
-        assert!(
-            text.contains("training = { tip_radius_m = 0.015 }"),
-            "{text}"
-        );
+        let values = values.iter().map(|(key, value)| (*key, value.to_string()));
+        let path_text = format!("\"{path}\"");
+        let expected = [
+            ("hand_table", path_text.as_str()),
+            ("scene.drive", "{ stiffness = 3.0 }"),
+            ("scene.flexion_joints", "[\"a\"]"),
+            ("tips", "[\"i\", \"t\"]"),
+            ("training.tip_radius_m", "0.015"),
+        ];
+        let expected = expected.map(|(key, text)| (key, text.to_owned()));
+        assert_eq!(values.collect::<Vec<_>>(), expected);
         let urdf = folder.path().join("h.urdf");
         assert_eq!(options["hand"].as_str(), Some(urdf.to_str().unwrap()));
     }

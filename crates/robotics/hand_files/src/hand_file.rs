@@ -22,9 +22,6 @@ const STIFFNESS_OF_LIMIT: f64 = 20.0 / 0.7;
 const DAMPING_OF_STIFFNESS: f64 = 0.05;
 /// Inertia of a proposed drive's rotor as felt at the joint, in kilogram square meters: the Allegro's.
 const ARMATURE: f64 = 0.001;
-/// Largest effort of a joint that is a finger's, in newton meters: published files have 100 or 1000 where
-/// nobody measured it.
-const MAX_FINGER_NM: f64 = 20.0;
 
 /// Numbers of a drive, the first four of every one.
 const DRIVE_KEYS: [&str; 6] = [
@@ -133,11 +130,7 @@ impl HandFile {
             .flat_map(|finger| model.closing_joints(finger));
         let closing = closing.filter_map(|joint| model.joints().get(joint));
         let names: Vec<String> = closing.map(|joint| joint.name.clone()).collect();
-        let efforts = model.joints().iter().map(|joint| joint.effort);
-        let mut efforts: Vec<f64> = efforts
-            .filter(|effort| *effort > 0.0 && *effort <= MAX_FINGER_NM)
-            .collect();
-        efforts.sort_by(f64::total_cmp);
+        let efforts = model.finger_efforts_nm();
         let drive = efforts.get(efforts.len() / 2).map(|&limit| {
             let stiffness = rounded(limit * STIFFNESS_OF_LIMIT);
             BTreeMap::from([

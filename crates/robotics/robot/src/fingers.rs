@@ -26,7 +26,22 @@ pub struct Finger {
     pub is_thumb: bool,
 }
 
+/// Largest effort of a joint that is a finger's, in newton meters: published files have 100 or 1000 where nobody
+/// measured it.
+const MAX_FINGER_NM: f64 = 20.0;
+
 impl RobotModel {
+    /// Returns the efforts of the joints that may be a finger's, in newton meters, the least first; none where the
+    /// URDF has none.
+    pub fn finger_efforts_nm(&self) -> Vec<f64> {
+        let efforts = self.joints().iter().map(|joint| joint.effort);
+        let mut efforts: Vec<f64> = efforts
+            .filter(|effort| *effort > 0.0 && *effort <= MAX_FINGER_NM)
+            .collect();
+        efforts.sort_by(f64::total_cmp);
+        efforts
+    }
+
     /// Proposes the robot's fingers, in the order of its links; none if nothing moves.
     ///
     /// Links that are fixed to each other count as one body. The palm is the body from which the

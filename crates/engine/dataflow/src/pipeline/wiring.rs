@@ -47,10 +47,10 @@ impl FileReader<'_> {
                     continue;
                 }
                 // A stage with a faulty table has been reported already.
-                let Some(runner) = stages.iter().find(|other| other.name == node.stage) else {
+                let Some(maker) = stages.iter().find(|other| other.name == node.stage) else {
                     continue;
                 };
-                let outputs = runner.kind.outputs.iter();
+                let outputs = maker.kind.outputs.iter();
                 let outputs: Vec<&str> = outputs.map(|output| output.artifact).collect();
                 if !outputs.contains(&node.artifact.as_str()) {
                     self.problem_at(
