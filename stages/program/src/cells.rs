@@ -28,7 +28,8 @@ const SCHEMA: &str = "schema";
 ///
 /// # Errors
 ///
-/// Fails if a column is missing, unknown or of another type, or a cell is not finite, or null where the schema has no null.
+/// Fails if a column is missing, unknown or of another type, or a cell is not finite, or null in a column that is
+/// not nullable.
 pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<RecordBatch, Broken> {
     let found = written.schema();
     let names = || schema.fields().iter().map(|field| field.name().clone());

@@ -2,7 +2,8 @@
 
 Reads `candidates` and `objects` of one object, the hand's URDF (`files.hand`) and the hand's file (`files.hand_file`),
 whose drive and flexion joints are the defaults; makes `rollouts`. Its options are those of `screen`: `scene`, `protocol`,
-`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts. What it does not know of them it refuses. `recorded` writes the first rollouts step by step as JSON.
+`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts. Unknown ones are refused.
+`recorded` writes the first rollouts step by step as JSON.
 """
 
 import json
