@@ -6,10 +6,7 @@
 use std::{
     collections::{BTreeSet, HashMap},
     path::Path,
-    sync::{
-        Arc, Mutex,
-        atomic::{AtomicBool, Ordering},
-    },
+    sync::{Arc, Mutex},
     time::{Duration, Instant},
 };
 
@@ -36,8 +33,8 @@ pub(crate) struct Turns {
     /// Units of which this process has left a note.
     pub(super) held: Mutex<BTreeSet<Digest>>,
     others: Mutex<HashMap<String, Heartbeat>>,
-    /// Set when this process makes no more units.
-    is_over: Arc<AtomicBool>,
+    /// Set when this process makes no more units; held while a heartbeat is left, so that none appears after the end.
+    is_over: Arc<Mutex<bool>>,
     /// Whether it leaves heartbeats.
     is_beating: Mutex<bool>,
 }
@@ -83,7 +80,7 @@ impl Turns {
 
     /// Ends the heartbeats; returns whether there were any.
     pub(super) fn end(&self) -> bool {
-        *lock(&self.is_beating) && !self.is_over.swap(true, Ordering::Relaxed)
+        *lock(&self.is_beating) && !std::mem::replace(&mut *lock(&self.is_over), true)
     }
 
     /// Leaves heartbeats from now on, the first at once.
@@ -105,7 +102,8 @@ impl Turns {
         ::clock::spawn(move || {
             for n in 1.. {
                 ::clock::sleep(PERIOD);
-                if is_over.load(Ordering::Relaxed) {
+                let is_over = lock(&is_over);
+                if *is_over {
                     return;
                 }
                 let _left = leave(&heartbeats, n);
