@@ -122,16 +122,18 @@ fn link(element: &Element, findings: &mut Vec<Finding>) -> Result<Element, Robot
             let Some(geometry) = drawn.first("geometry") else {
                 continue;
             };
-            let shape = match (geometry.first("mesh"), geometry.children.first()) {
-                (Some(mesh), _) => checked(mesh)?,
-                (None, Some(written)) if role == "collision" => match solid(written)? {
-                    Some(shape) => shape,
-                    None => {
-                        findings.push(no_volume(part.clone(), written));
-                        continue;
-                    }
-                },
-                (None, _) => continue,
+            let shape = if let Some(mesh) = geometry.first("mesh") {
+                checked(mesh)?
+            } else if role == "collision"
+                && let Some(written) = geometry.children.first()
+            {
+                let Some(shape) = solid(written)? else {
+                    findings.push(no_volume(part.clone(), written));
+                    continue;
+                };
+                shape
+            } else {
+                continue;
             };
             let mut kept = checked(drawn)?;
             copy(drawn, "origin", &mut kept)?;
