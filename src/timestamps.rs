@@ -1,23 +1,19 @@
 //! Times in UTC for people and programs, so that a lake looks the same everywhere.
 
-use jiff::Timestamp;
+use std::time::{Duration, UNIX_EPOCH};
 
 /// A time to the minute, e.g. `2026-11-21 14:03`.
 pub(crate) fn minute(since_1970_ns: u64) -> String {
-    written(since_1970_ns, "%Y-%m-%d %H:%M")
+    let mut minute = second(since_1970_ns).replace('T', " ");
+    minute.truncate("2026-11-21 14:03".len());
+    minute
 }
 
 /// A time to the second, e.g. `2026-11-21T14:03:09Z`.
 pub(crate) fn second(since_1970_ns: u64) -> String {
-    written(since_1970_ns, "%Y-%m-%dT%H:%M:%SZ")
-}
-
-fn written(since_1970_ns: u64, format: &str) -> String {
-    match Timestamp::from_nanosecond(since_1970_ns.into()) {
-        Ok(time) => time.strftime(format).to_string(),
-        // The largest 64-bit time is in 2554.
-        Err(err) => unreachable!("every such number is a time before 9999: {err}"),
-    }
+    // The largest 64-bit time is in 2554, and it can write those before 9999.
+    let time = UNIX_EPOCH + Duration::from_nanos(since_1970_ns);
+    humantime::format_rfc3339_seconds(time).to_string()
 }
 
 #[cfg(test)]

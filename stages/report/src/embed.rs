@@ -2,9 +2,10 @@
 
 use std::io::Write;
 
+use base64::{Engine as _, engine::general_purpose::STANDARD};
 use flate2::{Compression, GzBuilder};
 
-use crate::{ReportError, base64};
+use crate::ReportError;
 
 /// Returns bytes compressed (gzip, without a clock) as text.
 pub(crate) fn embedded(bytes: &[u8]) -> Result<String, ReportError> {
@@ -13,5 +14,5 @@ pub(crate) fn embedded(bytes: &[u8]) -> Result<String, ReportError> {
         .write(Vec::new(), Compression::best());
     encoder.write_all(bytes).map_err(ReportError::Compress)?;
     let compressed = encoder.finish().map_err(ReportError::Compress)?;
-    Ok(base64::encode(&compressed))
+    Ok(STANDARD.encode(&compressed))
 }

@@ -8,7 +8,6 @@
 //! took are no inputs; who knows them from a run's record adds them ([`PageData::seconds`]).
 //! Nothing is simulated or judged here: motions are those of recordings.
 
-mod base64;
 mod config;
 mod csv;
 mod embed;

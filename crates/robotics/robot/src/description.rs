@@ -53,7 +53,7 @@ fn plain(urdf: &str) -> Option<String> {
                     text.push_str("/>\n");
                 } else {
                     let name = event_text(&event)?;
-                    text.push_str(&format!("{}</{}>\n", "  ".repeat(depth), name.trim()));
+                    text.push_str(&format!("{}</{}>\n", indent(depth), name.trim()));
                 }
                 is_open = false;
                 continue;
@@ -74,7 +74,7 @@ fn plain(urdf: &str) -> Option<String> {
         if is_open {
             text.push_str(">\n");
         }
-        text.push_str(&"  ".repeat(depth));
+        text.push_str(&indent(depth));
         text.push_str(&written);
         is_open = false;
         match event {
@@ -86,6 +86,11 @@ fn plain(urdf: &str) -> Option<String> {
             _ => text.push('\n'),
         }
     }
+}
+
+/// The spaces before an element: of elements in each other without end, no more than of a few.
+fn indent(depth: usize) -> String {
+    "  ".repeat(depth.min(32))
 }
 
 /// The start of an element up to its bracket, its attributes by name.
@@ -205,5 +210,8 @@ mod tests {
             assert!(before == after);
         }
         assert_eq!(plain_urdf("<robot"), "<robot");
+        // However deep, its length is a small multiple of what is read.
+        let deep = "<a>".repeat(10_000) + &"</a>".repeat(10_000);
+        assert!(plain_urdf(&deep).len() < 30 * deep.len());
     }
 }

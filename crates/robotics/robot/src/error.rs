@@ -20,6 +20,12 @@ pub enum RobotError {
         /// The parser's error.
         source: quick_xml::Error,
     },
+    /// The repaired text is refused by `urdf-rs`.
+    #[error("`urdf-rs` refuses the URDF")]
+    Refused {
+        /// The parser's error; its place is one in the repaired text.
+        source: Box<urdf_rs::UrdfError>,
+    },
     /// The text ends inside of an element.
     #[error("the URDF ends before `<{name}>` of line {line} is closed")]
     Unclosed {
@@ -299,6 +305,7 @@ impl RobotError {
             Self::NoLink | Self::NoRobot { .. } => {
                 "give a URDF: `<robot name=…>` with its links and joints; SDF and MJCF are not read"
             }
+            Self::Refused { .. } => "remove control characters from its names and file names",
             Self::DocumentType { .. } => "remove `<!DOCTYPE …>` and write out what it declares",
             Self::TooLarge { .. } => "give one robot alone, with its meshes in files of their own",
             Self::BadLimits {

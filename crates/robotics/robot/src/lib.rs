@@ -26,6 +26,9 @@
 //! Lengths are in meters, angles in radians, masses in kilograms.
 //! A root that moves freely has a pose and a twist ([`FreeRootState`]) and never angles; [`DynamicsModel`] computes
 //! with or without it. Kinematics and dynamics agree with Pinocchio (`tests/golden`).
+//! `urdf-rs` parses. By hand are one pass before it, since it has no limits against hostile texts, tells no
+//! line of the file and refuses common slips such as a second `<inertial>`; checks after it of what it leaves
+//! open, such as the tree, limits and mimic joints; and [`plain_urdf`], which keeps what no parser returns.
 //! This crate opens no file: callers read the meshes that a URDF names and pass their convex parts
 //! to [`RobotModel::with_mesh_shapes`]; until then a link whose collision geometry is a mesh has no
 //! shape.

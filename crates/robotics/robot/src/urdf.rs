@@ -1,18 +1,15 @@
-//! From the text of a URDF to a tree of links.
+//! From the text of a URDF to a tree of links: `urdf-rs` reads it between what it needs before and what it
+//! leaves open.
 
 mod mimic;
-mod numbers;
 mod parts;
+mod repair;
 mod tree;
 mod xml;
 
 pub use self::xml::MAX_BYTES;
 
-use nalgebra::Vector3;
-use spatial::Pose;
-
-use self::parts::RawJoint;
-use crate::{Joint, JointKind, Link, RobotError, RobotModel};
+use crate::{Joint, JointKind, RobotError, RobotModel};
 
 /// Maximum number of links that are read, a hundred times those of a hand with an arm.
 const MAX_LINKS: usize = 5000;
@@ -54,28 +51,35 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
         });
     }
     let mut findings = Vec::new();
-    let raw_links = robot
-        .all("link")
-        .map(|link| parts::link(link, &mut findings))
+    let repaired = repair::repaired(&robot, &mut findings)?;
+    let robot =
+        urdf_rs::read_from_string(&repaired.to_string()).map_err(|source| RobotError::Refused {
+            source: Box::new(source),
+        })?;
+    let lone_links = robot
+        .links
+        .iter()
+        .map(parts::link)
         .collect::<Result<Vec<_>, _>>()?;
-    let raw_joints = robot
-        .all("joint")
-        .map(|joint| parts::joint(joint, &mut findings))
+    let axes = robot
+        .joints
+        .iter()
+        .map(parts::axis)
         .collect::<Result<Vec<_>, _>>()?;
-    let places = tree::walk(&raw_links, &raw_joints)?;
-    let followers = mimic::followers(&raw_joints)?;
+    let places = tree::walk(&robot.links, &robot.joints)?;
+    let followers = mimic::followers(&robot.joints)?;
 
     // Independent joints are numbered in the order of the walk, before any joint that follows one.
-    let mut number_of_joint: Vec<Option<usize>> = vec![None; raw_joints.len()];
+    let mut number_of_joint: Vec<Option<usize>> = vec![None; robot.joints.len()];
     let mut joints = Vec::new();
     for (idx, place) in places.iter().enumerate() {
         let Some(joint) = place.joint else { continue };
-        if let (Some(kind), None) = (raw_joints[joint].kind, followers[joint]) {
+        if let (Some(kind), None) = (parts::kind(&robot.joints[joint]), followers[joint]) {
             number_of_joint[joint] = Some(joints.len());
-            joints.push(independent(&raw_joints[joint], kind, idx));
+            joints.push(independent(&robot.joints[joint], kind, idx));
         }
     }
-    for (joint, follower) in raw_joints.iter().zip(&followers) {
+    for (joint, follower) in robot.joints.iter().zip(&followers) {
         if let Some(follower) = follower
             && let Some(master) = number_of_joint[follower.master]
         {
@@ -85,27 +89,14 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
     let links = places
         .iter()
         .map(|place| {
-            let raw = &raw_links[place.link];
-            let mut link = Link {
-                name: raw.name.clone(),
-                joint_name: None,
-                parent: place.parent,
-                joint: None,
-                kind: None,
-                multiplier: 1.0,
-                offset: 0.0,
-                parent_from_joint: Pose::identity(),
-                axis: Vector3::z_axis(),
-                inertial: raw.inertial.clone(),
-                collisions: raw.collisions.clone(),
-                meshes: raw.meshes.clone(),
-            };
+            let mut link = lone_links[place.link].clone();
+            link.parent = place.parent;
             if let Some(joint) = place.joint {
-                let raw = &raw_joints[joint];
-                link.joint_name = Some(raw.name.clone());
-                link.kind = raw.kind;
-                link.parent_from_joint = raw.parent_from_joint;
-                link.axis = raw.axis;
+                let hangs_on = &robot.joints[joint];
+                link.joint_name = Some(hangs_on.name.clone());
+                link.kind = parts::kind(hangs_on);
+                link.parent_from_joint = parts::pose(&hangs_on.origin);
+                link.axis = axes[joint];
                 if let Some(number) = number_of_joint[joint] {
                     link.joint = Some(number);
                     link.kind = Some(joints[number].kind);
@@ -120,7 +111,7 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
         })
         .collect();
     Ok(RobotModel {
-        name: robot.attribute("name").unwrap_or_default().to_owned(),
+        name: robot.name,
         links,
         joints,
         findings,
@@ -129,15 +120,15 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
 }
 
 /// Returns a joint that follows no other and moves the link of this place.
-fn independent(joint: &RawJoint, kind: JointKind, link: usize) -> Joint {
-    let (lower, upper) = joint.range;
+fn independent(joint: &urdf_rs::Joint, kind: JointKind, link: usize) -> Joint {
+    let (lower, upper) = parts::range(joint);
     Joint {
         name: joint.name.clone(),
         kind,
         link,
         lower,
         upper,
-        effort: joint.effort,
-        velocity: joint.velocity,
+        effort: joint.limit.effort,
+        velocity: joint.limit.velocity,
     }
 }

@@ -1,4 +1,4 @@
-//! The same robots as `urdf-rs` reads them, where it can.
+//! Robots are the same as `urdf-rs` reads them from their own texts, and those that it refuses are repaired.
 
 use std::{fs, path::PathBuf};
 
@@ -19,7 +19,7 @@ fn ours() -> Vec<PathBuf> {
 }
 
 #[test]
-fn another_reader_sees_the_same_robots() {
+fn repairs_change_nothing_of_robots_that_need_none() {
     let paths = ours();
     assert!(paths.len() >= 5, "{paths:?}");
     for path in paths {
@@ -85,4 +85,52 @@ fn another_reader_sees_the_same_robots() {
             assert_eq!(mass, theirs.inertial.mass.value, "{name}: {}", theirs.name);
         }
     }
+}
+
+#[test]
+fn what_urdf_rs_refuses_is_repaired() {
+    let link = |inside: &str| format!("<robot name='r'><link name='a'>{inside}</link></robot>");
+    let inertial = "<inertial><mass value='1'/><inertia ixx='1' ixy='0' ixz='0' iyy='1' iyz='0' izz='1'/></inertial>";
+    let joint = |inside: &str| {
+        format!(
+            "<robot name='r'><link name='a'/><link name='b'/><joint name='j' type='revolute'>\
+             <parent link='a'/><child link='b'/>{inside}</joint></robot>"
+        )
+    };
+    for (text, n_findings) in [
+        (link(&inertial.repeat(2)), 1),
+        (link(&inertial.replace("ixy='0'", "")), 0),
+        (link("<inertial><mass value='1'/></inertial>"), 0),
+        (link("<inertial/>"), 1),
+        (link("<visual/><collision/>"), 0),
+        (
+            link("<collision><geometry><ellipsoid/></geometry></collision>"),
+            1,
+        ),
+        (
+            link(
+                "<collision><geometry><box size='1 1 1'/><mesh filename='a'/></geometry></collision>",
+            ),
+            0,
+        ),
+        (joint("<limit lower='0' upper='1'/>"), 0),
+        (
+            joint("<limit lower='0' upper='1' velocity='1'/>")
+                .replace("<parent", "<origin/><origin/><parent"),
+            0,
+        ),
+        (joint("<axis/><limit upper='1' velocity='1'/>"), 0),
+    ] {
+        assert!(urdf_rs::read_from_string(&text).is_err(), "{text}");
+        let model = RobotModel::from_urdf(&text).unwrap();
+        assert_eq!(model.findings().len(), n_findings, "{text}");
+    }
+}
+
+#[test]
+fn characters_that_xml_forbids_are_refused() {
+    let text = "<robot name='r'><link name='a\u{1}'/></robot>";
+    let err = RobotModel::from_urdf(text).unwrap_err();
+    assert_eq!(err.to_string(), "`urdf-rs` refuses the URDF");
+    assert!(err.hint().unwrap().contains("control characters"));
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::parts::RawJoint;
+use super::parts::{kind, range};
 use crate::{
     Finding, Joint, JointKind, MimicFault, RobotError,
     findings::{Part, Severity},
@@ -20,7 +20,7 @@ pub(super) struct Follower {
 
 /// Returns the independent joint that each mimic joint follows in the end, through any number of
 /// others; `None` for those that mimic none.
-pub(super) fn followers(joints: &[RawJoint]) -> Result<Vec<Option<Follower>>, RobotError> {
+pub(super) fn followers(joints: &[urdf_rs::Joint]) -> Result<Vec<Option<Follower>>, RobotError> {
     let by_name: BTreeMap<&str, usize> = joints
         .iter()
         .enumerate()
@@ -28,7 +28,7 @@ pub(super) fn followers(joints: &[RawJoint]) -> Result<Vec<Option<Follower>>, Ro
         .collect();
     joints
         .iter()
-        .map(|joint| match joint.kind.and(joint.mimic.as_ref()) {
+        .map(|joint| match kind(joint).and(joint.mimic.as_ref()) {
             Some(_) => follow(joints, &by_name, joint).map(Some),
             None => Ok(None),
         })
@@ -36,9 +36,9 @@ pub(super) fn followers(joints: &[RawJoint]) -> Result<Vec<Option<Follower>>, Ro
 }
 
 fn follow(
-    joints: &[RawJoint],
+    joints: &[urdf_rs::Joint],
     by_name: &BTreeMap<&str, usize>,
-    joint: &RawJoint,
+    joint: &urdf_rs::Joint,
 ) -> Result<Follower, RobotError> {
     let bad = |master: &str, fault| RobotError::BadMimic {
         joint: joint.name.clone(),
@@ -55,10 +55,10 @@ fn follow(
             let near = near_names(last, by_name.keys().copied());
             bad(last, MimicFault::Unknown { near })
         })?;
-        offset += multiplier * mimic.offset;
-        multiplier *= mimic.multiplier;
+        offset += multiplier * mimic.offset.unwrap_or(0.0);
+        multiplier *= mimic.multiplier.unwrap_or(1.0);
         current = &joints[master];
-        if current.kind.is_none() {
+        if kind(current).is_none() {
             return Err(bad(last, MimicFault::Fixed));
         }
         if !(f64::is_finite(multiplier) && f64::is_finite(offset)) {
@@ -79,13 +79,13 @@ fn follow(
 /// end is revolute if it gets limits so.
 pub(super) fn narrow(
     joint: &mut Joint,
-    follower: &RawJoint,
+    follower: &urdf_rs::Joint,
     by: Follower,
     findings: &mut Vec<Finding>,
 ) {
     /// Limits that were rounded when they were written, in radians or meters.
     const ROUNDED: f64 = 1e-4;
-    let (lower, upper) = follower.range;
+    let (lower, upper) = range(follower);
     let mut ends = [lower, upper].map(|end| (end - by.offset) / by.multiplier);
     if by.multiplier < 0.0 {
         ends.reverse();

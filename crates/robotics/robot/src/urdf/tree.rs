@@ -2,7 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::parts::{RawJoint, RawLink};
+use urdf_rs::{Joint, Link};
+
 use crate::{RobotError, near::near_names};
 
 /// A link's place in the tree.
@@ -34,13 +35,10 @@ pub(super) fn by_name<'a>(
 }
 
 /// Returns every link with the joint it hangs on, depth first, in the order of the file.
-pub(super) fn walk(
-    links: &[RawLink],
-    joints: &[RawJoint],
-) -> Result<Vec<TreePosition>, RobotError> {
+pub(super) fn walk(links: &[Link], joints: &[Joint]) -> Result<Vec<TreePosition>, RobotError> {
     let link_of = by_name("link", links.iter().map(|link| link.name.as_str()))?;
     by_name("joint", joints.iter().map(|joint| joint.name.as_str()))?;
-    let find = |joint: &RawJoint, role: &'static str, name: &str| {
+    let find = |joint: &Joint, role: &'static str, name: &str| {
         link_of
             .get(name)
             .copied()
@@ -55,11 +53,11 @@ pub(super) fn walk(
     // Links that hang on each link, with their joints.
     let mut children: Vec<Vec<(usize, usize)>> = vec![Vec::new(); links.len()];
     for (idx, joint) in joints.iter().enumerate() {
-        let parent = find(joint, "parent", &joint.parent)?;
-        let child = find(joint, "child", &joint.child)?;
+        let parent = find(joint, "parent", &joint.parent.link)?;
+        let child = find(joint, "child", &joint.child.link)?;
         if let Some(first) = parent_joint[child].replace(idx) {
             return Err(RobotError::TwoParents {
-                link: joint.child.clone(),
+                link: joint.child.link.clone(),
                 first: joints[first].name.clone(),
                 second: joint.name.clone(),
             });

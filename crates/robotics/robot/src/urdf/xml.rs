@@ -1,7 +1,12 @@
-//! From text to the elements that a URDF is made of.
+//! From text to elements with their lines, within limits, and back to text.
+//!
+//! `urdf-rs` bounds neither size nor depth, reads a document type, and tells no line of the file.
+
+use std::fmt;
 
 use quick_xml::{
     Reader,
+    escape::escape,
     events::{BytesStart, Event},
 };
 
@@ -17,16 +22,26 @@ const MAX_ATTRIBUTES: usize = 32;
 const MAX_DEPTH: usize = 6;
 
 /// An element with what it holds; text between elements has no meaning in a URDF.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub(super) struct Element {
     pub(super) name: String,
     /// Line of the text on which it begins, from 1.
     pub(super) line: usize,
-    attributes: Vec<(String, String)>,
+    pub(super) attributes: Vec<(String, String)>,
     pub(super) children: Vec<Self>,
 }
 
 impl Element {
+    /// Makes an element that holds nothing.
+    pub(super) fn new(name: &str, line: usize) -> Self {
+        Self {
+            name: name.to_owned(),
+            line,
+            attributes: Vec::new(),
+            children: Vec::new(),
+        }
+    }
+
     /// Returns the value of an attribute.
     pub(super) fn attribute(&self, name: &str) -> Option<&str> {
         self.attributes
@@ -42,6 +57,18 @@ impl Element {
     /// Returns the first child of this name: further ones are passed over, as `urdfdom` does.
     pub(super) fn first(&self, name: &str) -> Option<&Self> {
         self.children.iter().find(|child| child.name == name)
+    }
+}
+
+impl fmt::Display for Element {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "<{}", self.name)?;
+        for (key, value) in &self.attributes {
+            write!(f, " {key}=\"{}\"", escape(value))?;
+        }
+        f.write_str(">")?;
+        self.children.iter().try_for_each(|child| child.fmt(f))?;
+        write!(f, "</{}>", self.name)
     }
 }
 
@@ -143,7 +170,7 @@ fn close(
 }
 
 fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, RobotError> {
-    let mut attributes = Vec::new();
+    let mut element = Element::new(&String::from_utf8_lossy(start.name().as_ref()), line);
     for attribute in start.attributes().take(MAX_ATTRIBUTES) {
         let attribute = attribute.map_err(|source| RobotError::NotXml {
             line,
@@ -155,20 +182,15 @@ fn element(start: &BytesStart<'_>, line: usize) -> Result<Element, RobotError> {
         let key = String::from_utf8_lossy(attribute.key.as_ref()).into_owned();
         if value.contains("${") || value.contains("$(") {
             return Err(RobotError::XacroValue {
-                element: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
+                element: element.name,
                 attribute: key,
                 text: value.into_owned(),
                 line,
             });
         }
-        attributes.push((key, value.into_owned()));
+        element.attributes.push((key, value.into_owned()));
     }
-    Ok(Element {
-        name: String::from_utf8_lossy(start.name().as_ref()).into_owned(),
-        line,
-        attributes,
-        children: Vec::new(),
-    })
+    Ok(element)
 }
 
 /// Counts lines up to places that follow each other in a text.
