@@ -6,7 +6,7 @@ use cgf::{Cgf, HandDerivative, HandMotionState, JointRange, ObjectFeature, Rando
 use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::Point3;
 use rayon::prelude::*;
-use robot::WrongDof;
+use robot::{Depth, WrongDof};
 use schemas::{
     candidates::{Candidate, RefusedDraw},
     objects::Object,
@@ -16,7 +16,7 @@ use spatial::{Object as InObject, Pose, RestingPose, Table, Twist};
 use crate::{
     SampleConfig, SampleError,
     draw::{self, Draw, Source},
-    penetration::{Depth, PenetrationProbe},
+    penetration::{PenetrationProbe, deeper_in},
 };
 
 /// Generator name of the candidates.
@@ -118,7 +118,7 @@ impl MeasuredDraw {
             limit_excess_rad: draw.limit_excess_rad,
             depth_m: draw.depth_m,
             residual_m2: None,
-            refusal: lost.depth.deeper_in(),
+            refusal: deeper_in(lost.depth),
         });
         kept
     }

@@ -2,10 +2,9 @@
 
 use geometry::DistanceField;
 use motion::Step;
-use nalgebra::Point3;
+use nalgebra::{Point3, Vector3};
 use robot::{
-    JointOrder, RobotModel, WrongDof,
-    spheres::{SLACK, SphereCluster, TooLarge, clusters},
+    Depth, HandCollision, JointOrder, Link, RobotModel, Surroundings, WrongDof, spheres::TooLarge,
 };
 use schemas::candidates::{Candidate, Refusal};
 use spatial::{Object, Palm, Pose, Table};
@@ -13,31 +12,39 @@ use spatial::{Object, Palm, Pose, Table};
 /// Collision model of a hand: its collision shapes filled with spheres.
 pub struct CollisionModel<'a> {
     hand: &'a RobotModel,
-    clusters: Vec<SphereCluster>,
+    shapes: HandCollision,
 }
 
-/// Depth of a hand in object and table, in meters; 0 without penetration.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Depth {
-    /// In the object.
-    pub object_m: f64,
-    /// Below the table.
-    pub table_m: f64,
+/// Returns in what a hand is deeper.
+pub(crate) fn deeper_in(depth: Depth) -> Refusal {
+    if depth.object_m >= depth.table_m {
+        Refusal::Object
+    } else {
+        Refusal::Table
+    }
 }
 
-impl Depth {
-    /// Returns the greater of the two, in meters.
-    pub(crate) fn deepest_m(self) -> f64 {
-        self.object_m.max(self.table_m)
+/// An object on a table, in the object's frame.
+struct Scene<'a> {
+    field: &'a DistanceField,
+    table_from_object: &'a Pose<Table, Object>,
+}
+
+impl Surroundings for Scene<'_> {
+    fn object_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        self.field.distance(point_in_object).0
     }
 
-    /// Returns in what the hand is deeper.
-    pub(crate) fn deeper_in(self) -> Refusal {
-        if self.object_m >= self.table_m {
-            Refusal::Object
-        } else {
-            Refusal::Table
-        }
+    fn object_gradient(&self, point_in_object: &Point3<f64>) -> Vector3<f64> {
+        self.field.distance(point_in_object).1
+    }
+
+    fn table_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        (*self.table_from_object * *point_in_object).z
+    }
+
+    fn table_gradient(&self) -> Vector3<f64> {
+        self.table_from_object.rotation.inverse() * Vector3::z()
     }
 }
 
@@ -48,8 +55,8 @@ impl<'a> CollisionModel<'a> {
     ///
     /// Fails if they are far larger than a hand's.
     pub fn new(hand: &'a RobotModel) -> Result<Self, TooLarge> {
-        let clusters = clusters(hand)?;
-        Ok(Self { hand, clusters })
+        let shapes = HandCollision::new(hand)?;
+        Ok(Self { hand, shapes })
     }
 
     /// Returns how deep the hand is in the object of the field and below the table; `q` has the order
@@ -66,25 +73,14 @@ impl<'a> CollisionModel<'a> {
         q: &[f64],
     ) -> Result<Depth, WrongDof> {
         let palm_from_links = self.hand.forward_kinematics(q)?;
-        let mut depth = Depth::default();
-        for cluster in &self.clusters {
-            let object_from_link = *object_from_palm * palm_from_links[cluster.link];
-            let height_m = |center: &Point3<f64>| (*table_from_object * *center).z;
-            let center = object_from_link * cluster.around.center_in_link;
-            let reach_m = cluster.around.radius_m;
-            let may_be_in_object = field.distance(&center).0 < SLACK * reach_m;
-            let may_be_in_table = height_m(&center) < reach_m;
-            if !(may_be_in_object || may_be_in_table) {
-                continue;
-            }
-            for sphere in &cluster.spheres {
-                let center = object_from_link * sphere.center_in_link;
-                let deep_m = sphere.radius_m - field.distance(&center).0;
-                depth.object_m = depth.object_m.max(deep_m);
-                depth.table_m = depth.table_m.max(sphere.radius_m - height_m(&center));
-            }
-        }
-        Ok(depth)
+        let links = palm_from_links.iter().map(|link| *object_from_palm * *link);
+        let object_from_links: Vec<Pose<Object, Link>> = links.collect();
+        let scene = Scene {
+            field,
+            table_from_object,
+        };
+        let place = HandCollision::at(&object_from_links);
+        Ok(self.shapes.depth(&scene, place))
     }
 }
 
@@ -143,12 +139,10 @@ mod tests {
 
     #[test]
     fn a_hand_is_deepest_in_the_object_or_in_the_table() {
-        let check = |object_m: f64, table_m: f64, deepest_m: f64, deeper_in: Refusal| {
+        let check = |object_m: f64, table_m: f64, deepest_m: f64, refusal: Refusal| {
             let depth = Depth { object_m, table_m };
-            assert_eq!(
-                (depth.deepest_m(), depth.deeper_in()),
-                (deepest_m, deeper_in)
-            );
+            let found = (depth.deepest_m(), deeper_in(depth));
+            assert_eq!(found, (deepest_m, refusal));
         };
         check(0.02, 0.01, 0.02, Refusal::Object);
         check(0.01, 0.02, 0.02, Refusal::Table);

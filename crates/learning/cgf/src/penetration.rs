@@ -6,10 +6,7 @@ use candle_core::{CpuStorage, CustomOp1, Device, Layout, Shape, Tensor};
 use geometry::DistanceField;
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use rayon::prelude::*;
-use robot::{
-    RobotModel,
-    spheres::{SLACK, SphereCluster, TooLarge, clusters},
-};
+use robot::{HandCollision, HandSphere, RobotModel, Surroundings, spheres::TooLarge};
 use spatial::{Object, Pose, Table};
 
 use crate::{
@@ -41,26 +38,37 @@ impl PenetrationScene {
     }
 }
 
-/// A hand's collision shapes filled with spheres.
+/// Points are in the frame of the hand's numbers.
+impl Surroundings for PenetrationScene {
+    fn object_m(&self, seen: &Point3<f64>) -> f64 {
+        self.field.distance(&(self.object_from_network * *seen)).0
+    }
+
+    fn object_gradient(&self, seen: &Point3<f64>) -> Vector3<f64> {
+        let (_, away) = self.field.distance(&(self.object_from_network * *seen));
+        self.object_from_network.rotation.inverse() * away
+    }
+
+    fn table_m(&self, seen: &Point3<f64>) -> f64 {
+        (self.table_from_network * *seen).z
+    }
+
+    fn table_gradient(&self) -> Vector3<f64> {
+        self.table_from_network.rotation.inverse() * Vector3::z()
+    }
+}
+
+/// A hand and its collision shapes.
 #[derive(Debug, Clone)]
 pub(crate) struct Body {
     hand: Arc<RobotModel>,
-    clusters: Vec<SphereCluster>,
-}
-
-/// Penetration of a link: the depth of its deepest sphere, that sphere's center in the palm frame, and
-/// the direction out of the object or table, in the frame of the row.
-#[derive(Debug, Clone, Copy)]
-struct Deepest {
-    depth_m: f64,
-    center_in_palm: Vector3<f64>,
-    outwards: Vector3<f64>,
+    shapes: HandCollision,
 }
 
 impl Body {
     pub(crate) fn new(hand: Arc<RobotModel>) -> Result<Self, TooLarge> {
-        let clusters = clusters(&hand)?;
-        Ok(Self { hand, clusters })
+        let shapes = HandCollision::new(&hand)?;
+        Ok(Self { hand, shapes })
     }
 
     /// Computes for each of `(motions × times, 9 + dof)` rows the mean over the links of their squared
@@ -98,10 +106,14 @@ impl Body {
     fn row(&self, row: &[f32], around: &PenetrationScene, gradient: &mut [f32]) -> f32 {
         let posed = Posed::new(&self.hand, row);
         let n_links = posed.palm_from_links.len();
-        let mut deepest = vec![[None; 2]; n_links];
-        for cluster in &self.clusters {
-            search(&posed, cluster, around, &mut deepest[cluster.link]);
-        }
+        let in_palm = |link: usize, center_in_link: &Point3<f64>| {
+            (posed.palm_from_links[link] * *center_in_link).coords
+        };
+        let place = |sphere: &HandSphere| {
+            let in_palm = in_palm(sphere.link, &sphere.sphere.center_in_link);
+            Some(Point3::from(posed.seen(&in_palm)))
+        };
+        let deepest = self.shapes.link_depths(around, place, n_links);
         if deepest.iter().flatten().all(Option::is_none) {
             return 0.0;
         }
@@ -110,60 +122,12 @@ impl Body {
         for (link, deepest) in deepest.iter().enumerate() {
             for deepest in deepest.iter().flatten() {
                 squares += deepest.depth_m * deepest.depth_m;
-                let force = deepest.outwards * (-2.0 * deepest.depth_m / n_links as f64);
-                forces.push(link, &deepest.center_in_palm, &force);
+                let force = deepest.outward * (-2.0 * deepest.depth_m / n_links as f64);
+                forces.push(link, &in_palm(link, &deepest.center_in_link), &force);
             }
         }
         forces.generalized(gradient);
         narrow(squares / n_links as f64)
-    }
-}
-
-/// Looks for spheres of a cluster that are deeper, in the object and in the table.
-fn search(
-    posed: &Posed<'_>,
-    cluster: &SphereCluster,
-    around: &PenetrationScene,
-    deepest: &mut [Option<Deepest>; 2],
-) {
-    let palm_from_link = &posed.palm_from_links[cluster.link];
-    let place = |center_in_link: &Point3<f64>| {
-        let in_palm = (*palm_from_link * *center_in_link).coords;
-        (in_palm, Point3::from(posed.seen(&in_palm)))
-    };
-    let (_, center) = place(&cluster.around.center_in_link);
-    let reach_m = cluster.around.radius_m;
-    let distance =
-        |seen: &Point3<f64>| around.field.distance(&(around.object_from_network * *seen));
-    let height = |seen: &Point3<f64>| (around.table_from_network * *seen).z;
-    let may_be_in = [
-        distance(&center).0 < SLACK * reach_m,
-        height(&center) < reach_m,
-    ];
-    if may_be_in == [false; 2] {
-        return;
-    }
-    for sphere in &cluster.spheres {
-        let (center_in_palm, seen) = place(&sphere.center_in_link);
-        let mut note = |which: usize, depth_m: f64, outwards: &dyn Fn() -> Vector3<f64>| {
-            let known_m = deepest[which].map_or(0.0, |known| known.depth_m);
-            if depth_m > known_m {
-                deepest[which] = Some(Deepest {
-                    depth_m,
-                    center_in_palm,
-                    outwards: outwards(),
-                });
-            }
-        };
-        if may_be_in[0] {
-            let (distance, away) = distance(&seen);
-            let turned = || around.object_from_network.rotation.inverse() * away;
-            note(0, sphere.radius_m - distance, &turned);
-        }
-        if may_be_in[1] {
-            let up = || around.table_from_network.rotation.inverse() * Vector3::z();
-            note(1, sphere.radius_m - height(&seen), &up);
-        }
     }
 }
 

@@ -3,10 +3,7 @@
 use motion::HandState;
 use nalgebra::{Point3, Vector3};
 use posture::Environment;
-use robot::{
-    Link, RobotModel,
-    spheres::{CollisionSphere, SLACK, SphereCluster, clusters},
-};
+use robot::{Clearance, HandCollision, HandSphere, Link, RobotModel};
 use spatial::{Object, Palm, Pose};
 
 use crate::{ApproachError, HandAxes};
@@ -15,7 +12,7 @@ use crate::{ApproachError, HandAxes};
 #[derive(Debug, Clone)]
 pub struct HandBody {
     pub(crate) model: RobotModel,
-    clusters: Vec<SphereCluster>,
+    pub(crate) collision: HandCollision,
     axes: HandAxes,
     flexion: Vec<usize>,
     grasp_q: Vec<f64>,
@@ -27,16 +24,7 @@ pub struct HandBody {
 #[derive(Debug, Clone)]
 pub struct PlacedHand {
     object_from_palm: Pose<Object, Palm>,
-    palm_from_links: Vec<Pose<Palm, Link>>,
-}
-
-/// The least distances of a hand from object and table, in meters, negative inside; infinite without shapes.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Clearance {
-    /// From the object's surface.
-    pub object_m: f64,
-    /// Above the table.
-    pub table_m: f64,
+    object_from_links: Vec<Pose<Object, Link>>,
 }
 
 /// A point where a link touches the object.
@@ -52,30 +40,11 @@ pub struct Touch {
     pub gap_m: f64,
 }
 
-impl Clearance {
-    const FAR: Self = Self {
-        object_m: f64::INFINITY,
-        table_m: f64::INFINITY,
-    };
-
-    /// Returns the least of both, in meters.
-    pub fn least_m(self) -> f64 {
-        self.object_m.min(self.table_m)
-    }
-
-    /// Returns the penetration depth of the hand in object or table, in meters; 0 without penetration.
-    pub fn depth_m(self) -> f64 {
-        (-self.least_m()).max(0.0)
-    }
-}
-
 impl PlacedHand {
     /// Returns the pose of a link in the object's frame; the palm's for a link that does not exist.
     pub fn object_from_link(&self, link: usize) -> Pose<Object, Link> {
-        match self.palm_from_links.get(link) {
-            Some(palm_from_link) => self.object_from_palm * *palm_from_link,
-            None => self.object_from_palm.reinterpret(),
-        }
+        let found = self.object_from_links.get(link);
+        found.map_or(self.object_from_palm.reinterpret(), |pose| *pose)
     }
 }
 
@@ -92,7 +61,7 @@ impl HandBody {
         flexion: &[impl AsRef<str>],
         grasp_q: Vec<f64>,
     ) -> Result<Self, ApproachError> {
-        let clusters = clusters(&model)?;
+        let collision = HandCollision::new(&model)?;
         let flexion = model.require_joints(flexion)?;
         let links = model.links();
         let moves = (0..model.dof()).map(|joint| {
@@ -110,7 +79,7 @@ impl HandBody {
         Ok(Self {
             axes: HandAxes::of(&model, &grasp_q)?,
             grasp_q,
-            clusters,
+            collision,
             flexion,
             moves: moves.collect(),
             model,
@@ -152,9 +121,12 @@ impl HandBody {
     ///
     /// Fails if there is not one position per joint.
     pub fn placed(&self, hand: &HandState<Object>) -> Result<PlacedHand, ApproachError> {
+        let object_from_palm = hand.frame_from_palm;
+        let palm_from_links: Vec<Pose<Palm, Link>> = self.model.forward_kinematics(&hand.q_rad)?;
+        let object_from_links = palm_from_links.iter().map(|link| object_from_palm * *link);
         Ok(PlacedHand {
-            object_from_palm: hand.frame_from_palm,
-            palm_from_links: self.model.forward_kinematics(&hand.q_rad)?,
+            object_from_palm,
+            object_from_links: object_from_links.collect(),
         })
     }
 
@@ -189,20 +161,14 @@ impl HandBody {
         placed: &PlacedHand,
         tolerance_m: f64,
     ) -> bool {
-        self.clusters.iter().all(|cluster| {
-            let object_from_link = placed.object_from_link(cluster.link);
-            let center = object_from_link * cluster.around.center_in_link;
-            let reach_m = cluster.around.radius_m;
-            let may_touch = environment.signed_distance(&center).distance_m < SLACK * reach_m
-                || environment.height_m(&center) < reach_m;
-            !may_touch
-                || cluster.spheres.iter().all(|sphere| {
-                    let center = object_from_link * sphere.center_in_link;
-                    let least_m = sphere.radius_m - tolerance_m;
-                    environment.signed_distance(&center).distance_m >= least_m
-                        && environment.height_m(&center) >= least_m
-                })
-        })
+        let place = HandCollision::at(&placed.object_from_links);
+        let deep = self
+            .collision
+            .find_in(environment, place, |radius_m, center| {
+                let least_m = radius_m - tolerance_m;
+                (!(center.object_m >= least_m && center.table_m >= least_m)).then_some(())
+            });
+        deep.is_none()
     }
 
     fn clearance_of(
@@ -211,26 +177,8 @@ impl HandBody {
         placed: &PlacedHand,
         counts: impl Fn(usize) -> bool,
     ) -> Clearance {
-        let mut least = Clearance::FAR;
-        for cluster in self.clusters.iter().filter(|cluster| counts(cluster.link)) {
-            let object_from_link = placed.object_from_link(cluster.link);
-            let center = object_from_link * cluster.around.center_in_link;
-            let reach_m = cluster.around.radius_m;
-            let off_m = environment.signed_distance(&center).distance_m - SLACK * reach_m;
-            let is_near_object = off_m < least.object_m;
-            let is_near_table = environment.height_m(&center) - reach_m < least.table_m;
-            if !(is_near_object || is_near_table) {
-                continue;
-            }
-            for sphere in &cluster.spheres {
-                let center = object_from_link * sphere.center_in_link;
-                let off_m = environment.signed_distance(&center).distance_m - sphere.radius_m;
-                least.object_m = least.object_m.min(off_m);
-                let off_m = environment.height_m(&center) - sphere.radius_m;
-                least.table_m = least.table_m.min(off_m);
-            }
-        }
-        least
+        let place = HandCollision::at(&placed.object_from_links);
+        self.collision.clearance(environment, place, counts)
     }
 
     /// Returns the points where links are within `tolerance_m` of the object, or inside it: of each group of
@@ -247,21 +195,20 @@ impl HandBody {
     ) -> Result<Vec<Touch>, ApproachError> {
         let placed = self.placed(hand)?;
         let mut touches = Vec::new();
-        for cluster in &self.clusters {
-            let object_from_link = placed.object_from_link(cluster.link);
-            let touch = |sphere: &CollisionSphere| {
-                let center = object_from_link * sphere.center_in_link;
+        for cluster in self.collision.clusters() {
+            let touch = |HandSphere { link, sphere, .. }: HandSphere| {
+                let center = placed.object_from_link(link) * sphere.center_in_link;
                 let distance = environment.signed_distance(&center);
                 let normal_in_object = distance.gradient_in_object.try_normalize(1e-6)?;
                 let gap_m = distance.distance_m - sphere.radius_m;
                 (gap_m <= tolerance_m).then(|| Touch {
-                    link: cluster.link,
+                    link,
                     point_in_object: center - normal_in_object * sphere.radius_m,
                     normal_in_object,
                     gap_m,
                 })
             };
-            let near = cluster.spheres.iter().filter_map(touch);
+            let near = cluster.filter_map(touch);
             touches.extend(near.min_by(|a, b| a.gap_m.total_cmp(&b.gap_m)));
         }
         Ok(touches)

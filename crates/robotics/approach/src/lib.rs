@@ -28,7 +28,7 @@ mod wrenches;
 
 pub use approach_path::ApproachPath;
 pub use axes::HandAxes;
-pub use body::{Clearance, HandBody, PlacedHand, Touch};
+pub use body::{HandBody, PlacedHand, Touch};
 pub use candidate::{Grasp, Reach};
 pub use config::{ApproachConfig, RestChoice};
 pub use error::ApproachError;

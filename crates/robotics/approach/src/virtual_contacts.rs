@@ -1,7 +1,7 @@
 //! Virtual contacts of a hand: points on the inner sides of its links that should touch.
 
 use nalgebra::{Point3, Vector3};
-use robot::{Link, RobotModel, SurfacePoint, spheres::clusters};
+use robot::{HandCollision, Link, SurfacePoint};
 use spatial::{Palm, Pose};
 
 use crate::HandBody;
@@ -14,7 +14,7 @@ const SHORT_M: f64 = 1e-3;
 /// each last link, so that the distal parts count for two.
 pub fn virtual_contacts(body: &HandBody) -> Vec<SurfacePoint> {
     let model = body.model();
-    let reach = Reach::new(model);
+    let reach = Reach(&body.collision);
     let mut contacts = palm_contacts(body, &reach);
     for finger in model.fingers() {
         for (idx, &link) in finger.links.iter().enumerate() {
@@ -60,27 +60,15 @@ fn flexion_axis(body: &HandBody, link: usize) -> Option<Vector3<f64>> {
 }
 
 /// Extents of links, from the spheres that fill their shapes.
-struct Reach {
-    /// Of each link the centers and radii.
-    spheres: Vec<Vec<(Vector3<f64>, f64)>>,
-}
+struct Reach<'a>(&'a HandCollision);
 
-impl Reach {
-    fn new(model: &RobotModel) -> Self {
-        let mut spheres = vec![Vec::new(); model.links().len()];
-        // Shapes too large were refused when the hand was prepared.
-        for cluster in clusters(model).unwrap_or_default() {
-            let of_cluster = cluster.spheres.iter();
-            spheres[cluster.link]
-                .extend(of_cluster.map(|sphere| (sphere.center_in_link.coords, sphere.radius_m)));
-        }
-        Self { spheres }
-    }
-
+impl Reach<'_> {
     /// Returns the extent of a link along a direction, from its origin, in meters.
     fn along(&self, link: usize, way: &Vector3<f64>) -> f64 {
-        let spheres = self.spheres[link].iter();
-        let reach = spheres.map(|(center, radius_m)| center.dot(way) + radius_m);
+        let spheres = self.0.clusters().flatten();
+        let reach = spheres
+            .filter(|sphere| sphere.link == link)
+            .map(|one| one.sphere.center_in_link.coords.dot(way) + one.sphere.radius_m);
         reach.reduce(f64::max).unwrap_or(0.0)
     }
 
@@ -96,7 +84,7 @@ impl Reach {
 }
 
 /// Returns four contacts on the side of the palm that grasps, a quarter of its size from its middle.
-fn palm_contacts(body: &HandBody, reach: &Reach) -> Vec<SurfacePoint> {
+fn palm_contacts(body: &HandBody, reach: &Reach<'_>) -> Vec<SurfacePoint> {
     let axes = body.axes();
     let Some(palm) = body.model().hand_layout().map(|layout| layout.palm) else {
         return Vec::new();

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use geometry::DistanceField;
 use nalgebra::{Point3, Vector3};
+use robot::Surroundings;
 use spatial::RestingPose;
 
 /// An object that lies on a table, in the object frame.
@@ -50,6 +51,24 @@ impl Environment {
     /// Returns the unit vector against gravity.
     pub fn up_in_object(&self) -> Vector3<f64> {
         self.rest.up_in_object.into_inner()
+    }
+}
+
+impl Surroundings for Environment {
+    fn object_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        self.signed_distance(point_in_object).distance_m
+    }
+
+    fn object_gradient(&self, point_in_object: &Point3<f64>) -> Vector3<f64> {
+        self.signed_distance(point_in_object).gradient_in_object
+    }
+
+    fn table_m(&self, point_in_object: &Point3<f64>) -> f64 {
+        self.height_m(point_in_object)
+    }
+
+    fn table_gradient(&self) -> Vector3<f64> {
+        self.up_in_object()
     }
 }
 

@@ -104,26 +104,21 @@ impl EnvironmentTerms<'_> {
         mut found: impl FnMut(usize, SignedDistance, f64),
     ) {
         let hand = self.hand;
-        for (idx, cluster) in hand.clusters.iter().enumerate() {
-            let Some(center) = posed.point(hand.cluster_point(idx)) else {
-                continue;
-            };
+        hand.collision.find(
+            |sphere| posed.point(hand.sphere_point(sphere)),
             // A distance changes by no more than the way gone.
-            if gap(&center).distance_m > SLACK * cluster.radius_m + margin_m {
-                continue;
-            }
-            for sphere in cluster.spheres.clone() {
-                let point = hand.sphere_point(sphere);
-                let (Some(center), Some(radius_m)) = (posed.point(point), hand.radii_m.get(sphere))
-                else {
-                    continue;
-                };
-                let (gap, needed_m) = (gap(&center), radius_m + margin_m);
+            |around, center| {
+                let is_far = gap(center).distance_m > SLACK * around.sphere.radius_m + margin_m;
+                (!is_far).then_some(())
+            },
+            |sphere, center, ()| {
+                let (gap, needed_m) = (gap(center), sphere.sphere.radius_m + margin_m);
                 if gap.distance_m < needed_m {
-                    found(point, gap, needed_m);
+                    found(hand.sphere_point(sphere), gap, needed_m);
                 }
-            }
-        }
+                None::<()>
+            },
+        );
     }
 
     /// Returns the greatest depth of a link inside the object, in meters.

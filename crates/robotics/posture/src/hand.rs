@@ -1,9 +1,7 @@
 //! The robot hand as a solver sees it: points that follow landmarks, spheres that take up room.
 
-use std::ops::Range;
-
 use nalgebra::Point3;
-use robot::{RobotModel, spheres};
+use robot::{HandCollision, HandSphere, RobotModel, spheres};
 use spatial::Palm;
 
 use crate::{CompiledHand, HandTable, PostureError, Root};
@@ -26,10 +24,8 @@ pub struct Hand {
     pub palm_points: Vec<usize>,
     /// Positions of the points in the root link's frame with every joint at the middle of its range.
     in_palm: Vec<Point3<f64>>,
-    /// Radii of the spheres that must stay out of things, in meters, link by link.
-    pub radii_m: Vec<f64>,
-    /// Those spheres in groups of neighbors.
-    pub clusters: Vec<Cluster>,
+    /// Its collision shapes.
+    pub collision: HandCollision,
 }
 
 /// A point of the robot that follows a landmark.
@@ -41,15 +37,6 @@ pub struct HandPoint {
     pub weight: f64,
     /// Radius of the sphere about it, if it is a fingertip.
     pub tip_radius_m: Option<f64>,
-}
-
-/// Neighboring spheres of one link, and a sphere about them all.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cluster {
-    /// Indices of the spheres.
-    pub spheres: Range<usize>,
-    /// Radius of the sphere about them, in meters.
-    pub radius_m: f64,
 }
 
 impl Hand {
@@ -100,23 +87,9 @@ impl Hand {
             .iter()
             .map(|(link, point)| palm_from_links[*link] * *point)
             .collect();
-        let (mut clusters, mut radii_m, mut centers) = (Vec::new(), Vec::new(), Vec::new());
-        for spheres::SphereCluster {
-            link,
-            around,
-            spheres,
-        } in spheres::clusters(&model)?
-        {
-            let first = radii_m.len();
-            radii_m.extend(spheres.iter().map(|sphere| sphere.radius_m));
-            places.extend(spheres.iter().map(|sphere| (link, sphere.center_in_link)));
-            clusters.push(Cluster {
-                spheres: first..radii_m.len(),
-                radius_m: around.radius_m,
-            });
-            centers.push((link, around.center_in_link));
-        }
-        places.extend(centers);
+        let collision = HandCollision::new(&model)?;
+        let spheres = collision.spheres();
+        places.extend(spheres.map(|sphere| (sphere.link, sphere.sphere.center_in_link)));
         Ok(Self {
             compiled: CompiledHand::new(&model, Root::Free, &places)?,
             mid_range,
@@ -124,8 +97,7 @@ impl Hand {
             scale: table.scale,
             points,
             palm_points,
-            radii_m,
-            clusters,
+            collision,
             model,
         })
     }
@@ -146,14 +118,9 @@ impl Hand {
         from_first().all(|way| way.cross(&along).norm() < NEAR_M)
     }
 
-    /// Returns the number of a sphere among the solver's points.
-    pub fn sphere_point(&self, sphere: usize) -> usize {
-        self.points.len() + sphere
-    }
-
-    /// Returns the number of a cluster's center among the solver's points.
-    pub fn cluster_point(&self, cluster: usize) -> usize {
-        self.points.len() + self.radii_m.len() + cluster
+    /// Returns the number of a sphere's center among the solver's points.
+    pub fn sphere_point(&self, sphere: &HandSphere) -> usize {
+        self.points.len() + sphere.number
     }
 
     /// Returns the least distance of a joint to one of its limits, in radians (meters if prismatic);

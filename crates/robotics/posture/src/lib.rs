@@ -43,7 +43,7 @@ pub use environment::{Environment, SignedDistance};
 pub use environment_terms::{CollisionPenalty, ContactTarget, EnvironmentTerms};
 pub use error::PostureError;
 pub use evaluate::Posed;
-pub use hand::{Cluster, Hand, HandPoint};
+pub use hand::{Hand, HandPoint};
 pub use hand_table::{FollowedPoint, HandTable};
 pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};

@@ -44,8 +44,12 @@ pub fn distance_bounds<Frame>(
         };
         of(a.0, &core_a, *direction) - of(b.0, &core_b, -*direction)
     };
+    let corner = |direction: &Vector3<f64>| Corner {
+        difference: farthest(direction),
+        on_first: Vector3::zeros(),
+    };
     let start = a.0.translation.vector - b.0.translation.vector;
-    let [low, high] = to_origin(farthest, start);
+    let Nearest { low, high, .. } = to_origin(corner, start, CLOSE_M, f64::INFINITY);
     let margin = margin_a + margin_b;
     DistanceBounds {
         at_least_m: (low - margin).max(0.0),
@@ -94,7 +98,7 @@ impl Shape {
     }
 
     /// Returns the shape's point that is farthest along a direction of any length in its own frame.
-    fn farthest(&self, direction: &Vector3<f64>) -> Vector3<f64> {
+    pub(crate) fn farthest(&self, direction: &Vector3<f64>) -> Vector3<f64> {
         let along = |radius: f64, part: Vector3<f64>| {
             let length = part.norm();
             if radius > 0.0 && length > 0.0 {
@@ -123,42 +127,153 @@ impl Shape {
     }
 }
 
-/// Returns bounds on the distance of a convex body from the origin; `farthest` gives its point that
-/// is farthest along a direction.
-fn to_origin(farthest: impl Fn(&Vector3<f64>) -> Vector3<f64>, start: Vector3<f64>) -> [f64; 2] {
-    let mut nearest = farthest(&-start);
-    let mut corners = vec![nearest];
+/// A point of the differences of two bodies' points.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Corner {
+    /// The first body's point minus the second's, in meters.
+    pub(crate) difference: Vector3<f64>,
+    /// The first body's point.
+    pub(crate) on_first: Vector3<f64>,
+}
+
+impl Corner {
+    const ZERO: Self = Self {
+        difference: Vector3::new(0.0, 0.0, 0.0),
+        on_first: Vector3::new(0.0, 0.0, 0.0),
+    };
+}
+
+/// One to four corners.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Simplex {
+    corners: [Corner; 4],
+    n: usize,
+}
+
+impl Simplex {
+    fn of(corner: Corner) -> Self {
+        Self {
+            corners: [corner, Corner::ZERO, Corner::ZERO, Corner::ZERO],
+            n: 1,
+        }
+    }
+
+    pub(crate) fn corners(&self) -> &[Corner] {
+        &self.corners[..self.n]
+    }
+
+    /// Adds a corner; there are at most three before.
+    pub(crate) fn push(&mut self, corner: Corner) {
+        self.corners[self.n] = corner;
+        self.n += 1;
+    }
+
+    fn chosen(&self, choice: u32) -> Self {
+        let mut chosen = Self {
+            n: 0,
+            corners: [Corner::ZERO; 4],
+        };
+        for (idx, corner) in self.corners().iter().enumerate() {
+            if choice >> idx & 1 == 1 {
+                chosen.push(*corner);
+            }
+        }
+        chosen
+    }
+
+    /// Returns the first body's point of the point nearest to the origin, where that lies between all of at most three
+    /// corners.
+    pub(crate) fn nearest_on_first(&self) -> Vector3<f64> {
+        match *self.corners() {
+            [a, b] => {
+                let side = b.difference - a.difference;
+                let share = -a.difference.dot(&side) / side.norm_squared();
+                a.on_first.lerp(&b.on_first, share)
+            }
+            [a, b, c] => {
+                let [p, q, r] = [a, b, c].map(|corner| corner.difference);
+                let normal = (q - p).cross(&(r - p));
+                let shares = [q.cross(&r), r.cross(&p), p.cross(&q)].map(|part| part.dot(&normal));
+                let sum = shares[0] + shares[1] + shares[2];
+                (a.on_first * shares[0] + b.on_first * shares[1] + c.on_first * shares[2]) / sum
+            }
+            _ => self.corners[0].on_first,
+        }
+    }
+}
+
+/// The point of the differences of two bodies' points that is nearest to the origin, as far as it is known.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Nearest {
+    /// Bounds of its distance in meters; 0 where the bodies overlap.
+    pub(crate) low: f64,
+    pub(crate) high: f64,
+    pub(crate) difference: Vector3<f64>,
+    /// The corners between which it lies; where the bodies overlap, corners that have the origin between them.
+    pub(crate) simplex: Simplex,
+}
+
+/// Returns the point of a convex body that is nearest to the origin; `farthest` gives its point that is farthest along
+/// a direction.
+///
+/// It stops when the bounds of the distance are `close_m` apart, or the distance is more than `far_m`.
+pub(crate) fn to_origin(
+    farthest: impl Fn(&Vector3<f64>) -> Corner,
+    start: Vector3<f64>,
+    close_m: f64,
+    far_m: f64,
+) -> Nearest {
+    let first = farthest(&-start);
+    let mut nearest = first.difference;
+    let mut simplex = Simplex::of(first);
     let mut low: f64 = 0.0;
     for _ in 0..STEPS {
         let high = nearest.norm();
+        let found = |low: f64, high: f64| Nearest {
+            low,
+            high,
+            difference: nearest,
+            simplex,
+        };
         if high <= TOUCHING_M {
-            return [0.0, high];
+            return found(0.0, high);
         }
         // The body lies beyond the plane through its point that is farthest towards the origin.
         let corner = farthest(&-nearest);
-        low = low.max(corner.dot(&nearest) / high);
-        if high - low <= CLOSE_M {
-            return [low, high];
+        low = low.max(corner.difference.dot(&nearest) / high);
+        if high - low <= close_m || low > far_m {
+            return found(low, high);
         }
+        let mut corners = simplex;
         corners.push(corner);
         let Some((point, kept)) = nearest_of_hull(&corners) else {
-            return [0.0, 0.0];
+            return Nearest {
+                low: 0.0,
+                high: 0.0,
+                difference: Vector3::zeros(),
+                simplex: corners,
+            };
         };
         if point.norm() >= high {
             // Rounding: it comes no nearer.
-            return [low, high];
+            return found(low, high);
         }
-        (nearest, corners) = (point, kept);
+        (nearest, simplex) = (point, kept);
     }
-    [low, nearest.norm()]
+    Nearest {
+        low,
+        high: nearest.norm(),
+        difference: nearest,
+        simplex,
+    }
 }
 
 /// Returns the point nearest to the origin of the hull of at most four points, and those between which
 /// it lies; `None` if the origin is inside a tetrahedron.
-fn nearest_of_hull(corners: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vec<Vector3<f64>>)> {
+fn nearest_of_hull(corners: &Simplex) -> Option<(Vector3<f64>, Simplex)> {
     let mut best: Option<(Vector3<f64>, u32)> = None;
-    for choice in 1..1_u32 << corners.len().min(4) {
-        let Some(point) = nearest_between(&chosen(corners, choice)) else {
+    for choice in 1..1_u32 << corners.n {
+        let Some(point) = nearest_between(&corners.chosen(choice)) else {
             continue;
         };
         if choice.count_ones() == 4 {
@@ -169,27 +284,21 @@ fn nearest_of_hull(corners: &[Vector3<f64>]) -> Option<(Vector3<f64>, Vec<Vector
             best = Some((point, choice));
         }
     }
-    best.map(|(point, choice)| (point, chosen(corners, choice)))
-}
-
-fn chosen(corners: &[Vector3<f64>], choice: u32) -> Vec<Vector3<f64>> {
-    let all = corners.iter().enumerate();
-    all.filter(|(idx, _)| choice >> idx & 1 == 1)
-        .map(|(_, corner)| *corner)
-        .collect()
+    best.map(|(point, choice)| (point, corners.chosen(choice)))
 }
 
 /// Returns the point nearest to the origin of the plane, line or point through these, if it lies between
 /// all of them; for a tetrahedron the origin, if it lies inside.
-fn nearest_between(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
-    match *corners {
-        [a] => Some(a),
-        [a, b] => {
+fn nearest_between(simplex: &Simplex) -> Option<Vector3<f64>> {
+    let [a, b, c, d] = simplex.corners.map(|corner| corner.difference);
+    match simplex.n {
+        1 => Some(a),
+        2 => {
             let side = b - a;
             let share = -a.dot(&side) / side.norm_squared();
             (share > 0.0 && share < 1.0).then(|| a + side * share)
         }
-        [a, b, c] => {
+        3 => {
             // Ericson, *Real-Time Collision Detection*, 2005, §3.4.
             let normal = (b - a).cross(&(c - a));
             let whole = normal.norm_squared();
@@ -197,7 +306,7 @@ fn nearest_between(corners: &[Vector3<f64>]) -> Option<Vector3<f64>> {
             let is_between = shares.iter().all(|part| part.dot(&normal) > 0.0);
             (is_between && whole > 0.0).then(|| normal * (a.dot(&normal) / whole))
         }
-        [a, b, c, d] => {
+        4 => {
             let whole = (b - a).dot(&(c - a).cross(&(d - a)));
             let zero = Vector3::zeros();
             let volume = |p: Vector3<f64>, q: Vector3<f64>, r: Vector3<f64>, s: Vector3<f64>| {

@@ -167,7 +167,7 @@ impl RobotModel {
     }
 
     /// Returns a link, its parent, and so on to the root.
-    fn up_from(&self, link: usize) -> impl Iterator<Item = usize> {
+    pub fn up_from(&self, link: usize) -> impl Iterator<Item = usize> {
         std::iter::successors(Some(link), |&idx| self.links()[idx].parent)
     }
 

@@ -61,6 +61,20 @@ impl RobotModel {
         jacobian
     }
 
+    /// Calls `found` with each joint that moves a link and the velocity of a point fixed to it, in meters per radian (or
+    /// per meter), as the columns of [`RobotModel::geometric_jacobian`].
+    pub(crate) fn each_joint_velocity<Root>(
+        &self,
+        root_from_links: &[Pose<Root, Link>],
+        link: usize,
+        point_in_root: &Point3<f64>,
+        mut found: impl FnMut(usize, Vector3<f64>),
+    ) {
+        for step in self.steps(root_from_links, link) {
+            found(step.joint, step.column(point_in_root));
+        }
+    }
+
     /// Returns the moving joints from a link to the root.
     fn steps<Root>(
         &self,

@@ -1,12 +1,8 @@
 //! The collision check of a configuration: the hand's spheres against object and table.
 
-use nalgebra::Point3;
 use posture::Environment;
-use robot::{
-    RobotModel,
-    spheres::{SLACK, SphereCluster},
-};
-use spatial::Palm;
+use robot::{HandCollision, Link, RobotModel};
+use spatial::{Object, Palm, Pose};
 
 use crate::configuration::Configuration;
 
@@ -14,8 +10,8 @@ use crate::configuration::Configuration;
 pub(crate) struct Obstacles<'a> {
     /// The hand.
     pub(crate) hand: &'a RobotModel,
-    /// The spheres that fill its shapes.
-    pub(crate) spheres: &'a [SphereCluster],
+    /// Its collision shapes.
+    pub(crate) collision: &'a HandCollision,
     /// The object on its table.
     pub(crate) environment: &'a Environment,
 }
@@ -44,33 +40,23 @@ impl Obstacles<'_> {
         mut found: impl FnMut(f64) -> Option<f64>,
     ) -> Option<f64> {
         let palm_from_links = self.hand.link_poses::<Palm>(|joint| at.q[joint]);
-        let off_m = |center: &Point3<f64>| self.environment.signed_distance(center).distance_m;
-        let height_m = |center: &Point3<f64>| self.environment.height_m(center);
-        for cluster in self.spheres {
-            let object_from_link = at.object_from_palm * palm_from_links[cluster.link];
-            let center = object_from_link * cluster.around.center_in_link;
-            let reach_m = cluster.around.radius_m;
-            let may_be_in_object = off_m(&center) < SLACK * reach_m;
-            if !(may_be_in_object || height_m(&center) < reach_m) {
-                continue;
-            }
-            for sphere in &cluster.spheres {
-                let center = object_from_link * sphere.center_in_link;
-                let gap_m = off_m(&center).min(height_m(&center));
-                if let Some(result) = found(sphere.radius_m - gap_m) {
-                    return Some(result);
-                }
-            }
-        }
-        None
+        let links = palm_from_links
+            .iter()
+            .map(|link| at.object_from_palm * *link);
+        let object_from_links: Vec<Pose<Object, Link>> = links.collect();
+        let place = HandCollision::at(&object_from_links);
+        let environment = self.environment;
+        self.collision
+            .find_in(environment, place, |radius_m, center| {
+                found(radius_m - center.least_m())
+            })
     }
 }
 
 #[cfg(test)]
 mod tests {
     use geometry::{DistanceField, TriMesh};
-    use nalgebra::Translation3;
-    use robot::spheres::clusters;
+    use nalgebra::{Point3, Translation3};
     use spatial::{Pose, RestingPose};
 
     use super::*;
@@ -84,13 +70,13 @@ mod tests {
     #[test]
     fn a_ball_is_as_deep_as_it_reaches_into_object_or_table() {
         let model = RobotModel::from_urdf(HAND).unwrap();
-        let spheres = clusters(&model).unwrap();
+        let collision = HandCollision::new(&model).unwrap();
         let high = Point3::new(0.05, 0.05, 0.05);
         let mesh = TriMesh::cuboid(-high, high);
         let field = DistanceField::new(&mesh, 0.0025, 0.025).unwrap().unwrap();
         let obstacles = Obstacles {
             hand: &model,
-            spheres: &spheres,
+            collision: &collision,
             environment: &Environment::new(
                 field,
                 RestingPose::of(&Pose::new(Translation3::new(0.3, 0.1, 0.05).into())),

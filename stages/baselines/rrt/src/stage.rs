@@ -13,7 +13,7 @@ use posture::Environment;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::{JointOrder, spheres::clusters};
+use robot::{HandCollision, JointOrder};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -121,7 +121,7 @@ impl Output for Rrt {
         let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
         let urdf = &inputs.source("hand")?.path;
         let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
-        let spheres = clusters(&hand.model).map_err(|large| RrtError::LargeShapes {
+        let shapes = HandCollision::new(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
         })?;
@@ -140,7 +140,7 @@ impl Output for Rrt {
             let rest = RestingPose::of(&candidate.table_from_object);
             let obstacles = Obstacles {
                 hand: &hand.model,
-                spheres: &spheres,
+                collision: &shapes,
                 environment: &Environment::new(Arc::clone(&field), rest),
             };
             cpu_time::measured(|| {

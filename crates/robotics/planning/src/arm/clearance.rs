@@ -1,7 +1,7 @@
 //! Clearance of the arm's links from the table, from each other and from the hand.
 
 use nalgebra::Vector3;
-use robot::{Link, RobotModel, Shape, distance_bounds};
+use robot::{Kinship, Link, RobotModel, Shape, distance_bounds};
 use spatial::{Base, Pose};
 
 use super::hand::beyond;
@@ -53,55 +53,32 @@ pub(crate) struct LinkPoses {
 impl Clearance {
     /// Takes the shapes of a robot whose link `palm` is the hand's.
     ///
-    /// Pairs of the hand's own links are left out, as the arm does not change their distances; so are
-    /// links on both sides of one joint, which touch there, and those that overlap where all joints
-    /// are at zero, or at the limit nearest to it: neighbors whose shapes are rougher than they are.
+    /// Pairs are those of [`RobotModel::shape_pairs`] without the hand's own, as the arm does not change their distances.
     /// Links with one other between them come near each other by design, and a joint's limits keep
     /// them apart: they may come as near as [`NEIGHBORS_M`].
     pub(crate) fn new(robot: &RobotModel, palm: usize, least_m: f64) -> Self {
         let carried = beyond(robot, palm);
-        let is_hand = |shape: &LinkShape| carried[shape.link];
-        let bodies = bodies(robot);
-        let body = |link: usize| bodies[link];
-        // The body's parent, if it has one.
-        let below = |link: usize| {
-            let parent = robot.links().get(link)?.parent?;
-            Some(body(parent))
+        let is_fixed = |link: usize| {
+            robot
+                .up_from(link)
+                .all(|idx| robot.links()[idx].kind.is_none())
         };
         let shapes = link_shapes(robot);
-        let links = robot.link_poses(|joint| robot.joints()[joint].nearest_zero());
-        let zero: Vec<Pose<Base, Shape>> = shapes.iter().map(|shape| shape.pose(&links)).collect();
-        let mut pairs = Vec::new();
-        for (first, (a, at_a)) in shapes.iter().zip(&zero).enumerate() {
-            for (second, (b, at_b)) in shapes.iter().zip(&zero).enumerate().skip(first + 1) {
-                let [of_a, of_b] = [a, b].map(|shape| body(shape.link));
-                let [under_a, under_b] = [of_a, of_b].map(below);
-                let touch = of_a == of_b || under_a == Some(of_b) || under_b == Some(of_a);
-                let overlap =
-                    || distance_bounds((at_a, &a.shape), (at_b, &b.shape)).at_least_m <= 0.0;
-                if touch || (is_hand(a) && is_hand(b)) || overlap() {
-                    continue;
-                }
-                let near = under_a.and_then(below) == Some(of_b)
-                    || under_b.and_then(below) == Some(of_a)
-                    || (under_a.is_some() && under_a == under_b);
-                pairs.push(Pair {
-                    first,
-                    second,
-                    least_m: if near {
-                        least_m.min(NEIGHBORS_M)
-                    } else {
-                        least_m
-                    },
-                });
-            }
-        }
+        let pairs = robot.shape_pairs(|a, b| !(carried[a] && carried[b]));
+        let pairs = pairs.into_iter().map(|pair| Pair {
+            first: pair.first,
+            second: pair.second,
+            least_m: match pair.kinship {
+                Kinship::Grandparent | Kinship::Siblings => least_m.min(NEIGHBORS_M),
+                Kinship::Far => least_m,
+            },
+        });
         let above = shapes.iter().enumerate();
-        let above = above.filter(|(_, shape)| body(shape.link) != 0 && !is_hand(shape));
+        let above = above.filter(|(_, shape)| !is_fixed(shape.link) && !carried[shape.link]);
         Self {
             above: above.map(|(idx, _)| idx).collect(),
             shapes,
-            pairs,
+            pairs: pairs.collect(),
             least_m,
         }
     }
@@ -284,16 +261,6 @@ fn link_shapes(robot: &RobotModel) -> Vec<LinkShape> {
             })
         })
         .collect()
-}
-
-/// Returns for each link the first one to which it is fixed.
-fn bodies(robot: &RobotModel) -> Vec<usize> {
-    let mut bodies: Vec<usize> = Vec::with_capacity(robot.links().len());
-    for (idx, link) in robot.links().iter().enumerate() {
-        let carrier = link.parent.filter(|_| link.joint.is_none());
-        bodies.push(carrier.map_or(idx, |parent| bodies[parent]));
-    }
-    bodies
 }
 
 #[cfg(test)]

@@ -1,0 +1,217 @@
+//! Penetration depth of two overlapping convex bodies, without allocation.
+//!
+//! Van den Bergen, *Proximity Queries and Penetration Depth Computation on 3D Game Objects*, 2001: a polytope inside
+//! the differences of the bodies' points grows towards their boundary, always where it is nearest to the origin.
+
+use nalgebra::Vector3;
+
+use crate::distance::{Corner, Simplex};
+
+/// Maximum number of corners of the polytope: boxes need 8 to 26, cylinders the more the finer.
+const MAX_CORNERS: usize = 64;
+/// Number of triangles of a closed surface with so many corners.
+const MAX_FACES: usize = 2 * MAX_CORNERS - 4;
+/// The depth is known this well, in meters, unless rounding or the number of corners keeps it from that.
+const CLOSE_M: f64 = 1e-10;
+/// Corners nearer than this to a plane are on it, in meters.
+const FLAT_M: f64 = 1e-12;
+
+/// The shortest way out of an overlap.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct WayOut {
+    /// Its length in meters.
+    pub(crate) depth_m: f64,
+    /// Unit vector along which the second body leaves the first.
+    pub(crate) along: Vector3<f64>,
+    /// The first body's point that is deepest in the second.
+    pub(crate) on_first: Vector3<f64>,
+}
+
+/// A triangle of the polytope.
+#[derive(Debug, Clone, Copy)]
+struct Face {
+    /// Numbers of its corners, counterclockwise from outside.
+    corners: [usize; 3],
+    outward: Vector3<f64>,
+    /// Distance of its plane from the origin, in meters.
+    off_m: f64,
+}
+
+/// A growing polytope.
+struct Polytope {
+    corners: [Corner; MAX_CORNERS],
+    n_corners: usize,
+    faces: [Face; MAX_FACES],
+    n_faces: usize,
+}
+
+/// Returns the shortest way out of an overlap; `None` if the differences of the bodies' points have no volume.
+///
+/// `farthest` gives the corner that is farthest along a direction, and the origin is in the hull of `within`.
+pub(crate) fn way_out(
+    farthest: impl Fn(&Vector3<f64>) -> Corner,
+    within: &Simplex,
+) -> Option<WayOut> {
+    let first = tetrahedron(&farthest, within)?;
+    let mut polytope = Polytope::of(&first)?;
+    loop {
+        let nearest = polytope.nearest()?;
+        let corner = farthest(&nearest.outward);
+        let off_m = corner.difference.dot(&nearest.outward);
+        let is_on_boundary = off_m - nearest.off_m <= CLOSE_M;
+        if is_on_boundary || polytope.n_corners == MAX_CORNERS || !polytope.grow(corner) {
+            return Some(polytope.way_out(&nearest));
+        }
+    }
+}
+
+/// Adds corners to a simplex until it is a tetrahedron.
+fn tetrahedron(
+    farthest: &impl Fn(&Vector3<f64>) -> Corner,
+    within: &Simplex,
+) -> Option<[Corner; 4]> {
+    let mut simplex = *within;
+    loop {
+        let along = match *simplex.corners() {
+            [a] => {
+                // Any direction serves.
+                let ways = [Vector3::x(), Vector3::y(), Vector3::z()];
+                let found = ways
+                    .into_iter()
+                    .flat_map(|way| [way, -way])
+                    .find(|way| (farthest(way).difference - a.difference).norm() > FLAT_M);
+                found?
+            }
+            [a, b] => {
+                let side = b.difference - a.difference;
+                let mut axis = Vector3::zeros();
+                axis[side.iamin()] = 1.0;
+                let across = side.cross(&axis).try_normalize(0.0)?;
+                let ways = [across, side.cross(&across).normalize()];
+                let found = ways
+                    .into_iter()
+                    .flat_map(|way| [way, -way])
+                    .find(|way| (farthest(way).difference - a.difference).dot(way) > FLAT_M);
+                found?
+            }
+            [a, b, c] => {
+                let normal = (b.difference - a.difference).cross(&(c.difference - a.difference));
+                let normal = normal.try_normalize(0.0)?;
+                let found = [normal, -normal]
+                    .into_iter()
+                    .find(|way| (farthest(way).difference - a.difference).dot(way) > FLAT_M);
+                found?
+            }
+            [a, b, c, d] => return Some([a, b, c, d]),
+            _ => return None,
+        };
+        simplex.push(farthest(&along));
+    }
+}
+
+impl Polytope {
+    /// `None` if the corners are in one plane.
+    fn of(tetrahedron: &[Corner; 4]) -> Option<Self> {
+        let [a, b, c, d] = tetrahedron.map(|corner| corner.difference);
+        let volume = (b - a).dot(&(c - a).cross(&(d - a)));
+        // From outside each side is counterclockwise.
+        let sides = if volume > 0.0 {
+            [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]
+        } else {
+            [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
+        };
+        let nowhere = Face {
+            corners: [0; 3],
+            outward: Vector3::zeros(),
+            off_m: f64::INFINITY,
+        };
+        let mut polytope = Self {
+            corners: [tetrahedron[0]; MAX_CORNERS],
+            n_corners: 4,
+            faces: [nowhere; MAX_FACES],
+            n_faces: 0,
+        };
+        polytope.corners[..4].copy_from_slice(tetrahedron);
+        sides
+            .into_iter()
+            .all(|side| polytope.add(side))
+            .then_some(polytope)
+    }
+
+    /// Adds a face; `false` if it has no area or there is no room.
+    fn add(&mut self, corners: [usize; 3]) -> bool {
+        let [a, b, c] = corners.map(|corner| self.corners[corner].difference);
+        let Some(outward) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
+            return false;
+        };
+        let Some(face) = self.faces.get_mut(self.n_faces) else {
+            return false;
+        };
+        *face = Face {
+            corners,
+            outward,
+            off_m: outward.dot(&a),
+        };
+        self.n_faces += 1;
+        true
+    }
+
+    fn nearest(&self) -> Option<Face> {
+        let faces = self.faces[..self.n_faces].iter();
+        faces.min_by(|a, b| a.off_m.total_cmp(&b.off_m)).copied()
+    }
+
+    /// Takes in a corner outside; `false` if rounding makes the surface leak, or there is no room.
+    fn grow(&mut self, corner: Corner) -> bool {
+        // The sides of the faces that see it which are no other's: its horizon.
+        let mut horizon = [[0; 2]; MAX_FACES];
+        let mut n = 0;
+        let mut kept = 0;
+        for idx in 0..self.n_faces {
+            let face = self.faces[idx];
+            if face.outward.dot(&corner.difference) - face.off_m <= FLAT_M {
+                self.faces[kept] = face;
+                kept += 1;
+                continue;
+            }
+            let [a, b, c] = face.corners;
+            for [from, to] in [[a, b], [b, c], [c, a]] {
+                if let Some(shared) = horizon[..n].iter().position(|side| *side == [to, from]) {
+                    n -= 1;
+                    horizon[shared] = horizon[n];
+                } else if n < MAX_FACES {
+                    horizon[n] = [from, to];
+                    n += 1;
+                } else {
+                    return false;
+                }
+            }
+        }
+        self.n_faces = kept;
+        let number = self.n_corners;
+        self.corners[number] = corner;
+        self.n_corners += 1;
+        n > 0
+            && horizon[..n]
+                .iter()
+                .all(|&[from, to]| self.add([from, to, number]))
+    }
+
+    /// Returns the way out through the point of a face's plane nearest to the origin.
+    fn way_out(&self, face: &Face) -> WayOut {
+        let [a, b, c] = face.corners.map(|corner| self.corners[corner]);
+        let [p, q, r] = [a, b, c].map(|corner| corner.difference);
+        let foot = face.outward * face.off_m;
+        let share = |one: Vector3<f64>, two: Vector3<f64>| {
+            (one - foot).cross(&(two - foot)).dot(&face.outward)
+        };
+        let shares = [share(q, r), share(r, p), share(p, q)];
+        let sum = shares[0] + shares[1] + shares[2];
+        WayOut {
+            depth_m: face.off_m.max(0.0),
+            along: face.outward,
+            on_first: (a.on_first * shares[0] + b.on_first * shares[1] + c.on_first * shares[2])
+                / sum,
+        }
+    }
+}
