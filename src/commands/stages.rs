@@ -89,12 +89,15 @@ fn options(kind: &Kind, width: Option<usize>) -> String {
             None if option.required => "required".to_owned(),
             None => "-".to_owned(),
         };
-        let (value, about) = if option.value.len() > MAX_TYPE_WIDTH {
+        let (value, mut about) = if option.value.len() > MAX_TYPE_WIDTH {
             let about = format!("{}: {}", option.about, option.value);
             ("name".to_owned(), about)
         } else {
             (option.value, option.about)
         };
+        if let Some(range) = option.range {
+            about += &format!(" [{range}]");
+        }
         rows.push(vec![option.key, value, default, about]);
     }
     rows.push(vec![

@@ -109,6 +109,8 @@ struct CountConfig {
     root: PathBuf,
 }
 
+impl dataflow::Options for CountConfig {}
+
 /// Copies the files of a folder.
 struct Count<const STAGE: u8>;
 

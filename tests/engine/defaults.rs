@@ -24,6 +24,8 @@ struct NumberConfig<const DEFAULT: u8> {
     number: u8,
 }
 
+impl<const DEFAULT: u8> dataflow::Options for NumberConfig<DEFAULT> {}
+
 fn default<const DEFAULT: u8>() -> u8 {
     DEFAULT
 }

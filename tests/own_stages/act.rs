@@ -14,6 +14,8 @@ pub(crate) struct Act;
 #[serde(deny_unknown_fields)]
 pub(crate) struct ActConfig {}
 
+impl dataflow::Options for ActConfig {}
+
 impl Stage for Act {
     type Config = ActConfig;
     type Error = OwnError;

@@ -18,6 +18,8 @@ pub(crate) struct GatherConfig {
     min_bytes: u64,
 }
 
+impl dataflow::Options for GatherConfig {}
+
 impl<const VERSION: u8> Stage for Gather<VERSION> {
     type Config = GatherConfig;
     type Error = OwnError;

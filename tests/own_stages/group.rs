@@ -20,6 +20,8 @@ pub(crate) struct GroupConfig {
     min_bytes: u64,
 }
 
+impl dataflow::Options for GroupConfig {}
+
 impl<const VERSION: u8> Stage for Group<VERSION> {
     type Config = GroupConfig;
     type Error = OwnError;

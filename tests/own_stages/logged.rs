@@ -18,6 +18,8 @@ pub(crate) struct LoggedConfig {
     objects: BTreeMap<String, [i64; 2]>,
 }
 
+impl dataflow::Options for LoggedConfig {}
+
 dataflow::metrics! {
     /// Metrics of the trials of an object.
     pub(crate) struct Count {

@@ -32,6 +32,8 @@ pub(crate) struct MapConfig {
     chart: bool,
 }
 
+impl dataflow::Options for MapConfig {}
+
 impl<const VERSION: u8> Stage for Map<VERSION> {
     type Config = MapConfig;
     type Error = OwnError;

@@ -43,6 +43,8 @@ pub(crate) struct SplitConfig {
     leave_out: Vec<String>,
 }
 
+impl dataflow::Options for SplitConfig {}
+
 impl<const VERSION: u8> Stage for Split<VERSION> {
     type Config = SplitConfig;
     type Error = OwnError;

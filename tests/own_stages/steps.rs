@@ -23,6 +23,8 @@ pub(crate) struct StepsConfig {
     count: u64,
 }
 
+impl dataflow::Options for StepsConfig {}
+
 /// Progress through the steps.
 #[derive(Debug, Default, Deserialize, Serialize)]
 struct State {

@@ -1,9 +1,10 @@
 //! The effective values of every shipped pipeline file: of every option that affects a result, with
 //! defaults, extended files and shared values.
 //!
-//! `effective/cgf.txt` has them all, the other files their differences from it. A default changed
-//! in the code shows there; `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program effective`
-//! rewrites them.
+//! `effective/defaults.txt` has the default of every option of every kind of stage, `effective/cgf.txt` what
+//! `cgf.toml` sets to something else, and each other file its differences from `cgf.toml` and, of stages
+//! that this does not have, from the defaults. `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program
+//! effective::shipped` rewrites them.
 
 use std::{collections::BTreeMap, env, fs, path::Path};
 
@@ -82,10 +83,33 @@ fn flatten(key: &str, value: &Value, values: &mut BTreeMap<String, String>) {
     }
 }
 
-/// The values, or what of them differs from others.
-fn told(values: &BTreeMap<String, String>, beside: Option<&BTreeMap<String, String>>) -> String {
-    let nothing = BTreeMap::new();
-    let beside = beside.unwrap_or(&nothing);
+/// The default of every option of every kind of stage, by kind and key.
+fn defaults() -> BTreeMap<String, String> {
+    let mut defaults = BTreeMap::new();
+    for kind in pipeline::kinds() {
+        for option in kind.options() {
+            let key = format!("{}.{}", kind.name, option.key);
+            defaults.extend(option.default.map(|default| (key, default)));
+        }
+    }
+    defaults
+}
+
+/// The defaults of the stages of a file, by their keys.
+fn usual(file: &str, defaults: &BTreeMap<String, String>) -> BTreeMap<String, String> {
+    let mut usual = BTreeMap::new();
+    for stage in parsed(file).stages {
+        let of_kind = format!("{}.", stage.kind.name);
+        for (key, default) in defaults {
+            let option = key.strip_prefix(&of_kind);
+            usual.extend(option.map(|key| (format!("{}.{key}", stage.name), default.clone())));
+        }
+    }
+    usual
+}
+
+/// The values that differ from others, and the stages that are left out.
+fn told(values: &BTreeMap<String, String>, beside: &BTreeMap<String, String>) -> String {
     let differ = values
         .iter()
         .filter(|(key, value)| beside.get(*key) != Some(*value));
@@ -104,11 +128,16 @@ fn told(values: &BTreeMap<String, String>, beside: Option<&BTreeMap<String, Stri
 
 #[test]
 fn shipped_files_have_the_golden_effective_values() {
-    let whole = effective("cgf");
+    let (whole, defaults) = (effective("cgf"), defaults());
+    let files = FILES.into_iter().map(|file| {
+        let mut beside = usual(file, &defaults);
+        if file != "cgf" {
+            beside.extend(whole.clone());
+        }
+        (file, told(&effective(file), &beside))
+    });
     let mut faults = Vec::new();
-    for file in FILES {
-        let values = effective(file);
-        let found = told(&values, (file != "cgf").then_some(&whole));
+    for (file, found) in files.chain([("defaults", told(&defaults, &BTreeMap::new()))]) {
         let path = format!("tests/program/effective/{file}.txt");
         if env::var_os("PIPELINE_WRITE_EFFECTIVE").is_some() {
             crate::bench::put(Path::new(&path), &found);

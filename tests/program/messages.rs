@@ -121,7 +121,7 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
             "epochs = 150",
             "epochs = \"many\"",
             &[
-                "`training.epochs` in stage `train` must be a whole number from 0 on, found the text \"many\"",
+                "`training.epochs` in stage `train` must be a whole number from 1 to 1000000, found the text \"many\"",
                 "epochs = \"many\"",
                 "^^^^^^",
             ][..],
@@ -129,12 +129,12 @@ fn a_value_of_a_wrong_type_is_shown_in_its_line() {
         (
             "epochs = 150",
             "epochs = 1.5",
-            &["must be a whole number from 0 on, found the number 1.5"],
+            &["must be a whole number from 1 to 1000000, found the number 1.5"],
         ),
         (
             "epochs = 150",
             "epochs = -1",
-            &["from 0 on, found the number -1"],
+            &["from 1 to 1000000, found the number -1"],
         ),
         (
             "root = \"data/sample\"",

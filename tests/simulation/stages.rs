@@ -37,6 +37,8 @@ pub(super) struct Config {
     n_units: usize,
 }
 
+impl dataflow::Options for Config {}
+
 /// A stage: the first makes parts.
 struct Makes<const IS_FIRST: bool>;
 

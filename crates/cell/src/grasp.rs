@@ -2,8 +2,9 @@
 //!
 //! These types are the wire's own: an option of the simulation does not reach a cell unless it is added here.
 
+use options::OptionFault;
 use serde::{Deserialize, Serialize};
-use simulation::{Protocol, ProtocolName, PullConfig, SettingFault, StrictConfig};
+use simulation::{Protocol, ProtocolName, PullConfig, StrictConfig};
 
 /// Timing of a goal's phases, and the criteria of its success.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -197,10 +198,10 @@ impl Grasp {
 }
 
 impl TryFrom<&Protocol> for Grasp {
-    type Error = SettingFault;
+    type Error = OptionFault;
 
     /// Fails if a cell cannot execute the protocol.
-    fn try_from(protocol: &Protocol) -> Result<Self, SettingFault> {
+    fn try_from(protocol: &Protocol) -> Result<Self, OptionFault> {
         if let Some(fault) = protocol.cell_fault() {
             return Err(fault);
         }

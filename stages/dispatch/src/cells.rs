@@ -100,7 +100,7 @@ pub(crate) fn connect(
             .all(|(a, b)| (a - b).abs() < SAME_PLACE);
         if !is_there {
             return Err(DispatchError::BadOption {
-                key: "arm.table_from_base",
+                key: "arm.table_from_base".to_owned(),
                 problem: format!("{planned:?}, but the cell says that its arm stands at {there:?}"),
             });
         }

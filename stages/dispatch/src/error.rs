@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use cell::CellError;
 use dataflow::Diagnostic;
 use lake::LakeError;
+use options::OptionFault;
 use robot_meshes::LoadError;
-use simulation::SettingFault;
 
 /// Why motions could not be dispatched; a failed motion is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
@@ -16,7 +16,7 @@ pub enum DispatchError {
     #[error("option `{key}` of dispatch cannot be used: {problem}")]
     BadOption {
         /// The option's key.
-        key: &'static str,
+        key: String,
         /// The problem.
         problem: String,
     },
@@ -109,8 +109,8 @@ pub enum DispatchError {
     Lake(#[from] LakeError),
 }
 
-impl From<SettingFault> for DispatchError {
-    fn from(SettingFault { key, problem }: SettingFault) -> Self {
+impl From<OptionFault> for DispatchError {
+    fn from(OptionFault { key, problem }: OptionFault) -> Self {
         Self::BadOption { key, problem }
     }
 }

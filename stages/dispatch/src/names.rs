@@ -23,7 +23,7 @@ impl JointNames {
         hand: &RobotModel,
     ) -> Result<Self, DispatchError> {
         let wrong = |problem: String| DispatchError::BadOption {
-            key: "joint_names",
+            key: "joint_names".to_owned(),
             problem,
         };
         let joints: Vec<&String> = named.keys().collect();

@@ -6,9 +6,7 @@ use std::{
 };
 
 use cell::{Goal, with_causes};
-use dataflow::{
-    Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
-};
+use dataflow::{Context, Inputs, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table,
@@ -80,10 +78,6 @@ impl Stage for Dispatch {
         Object::NAME,
     ];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &DispatchConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the credentials and the robot's URDF, and that the robot can satisfy the options.
     fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {

@@ -2,103 +2,158 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
+use options::{OptionFaults, Options, above, options};
 use schemars::JsonSchema;
 use schemas::demonstrations::Side;
 use serde::{Deserialize, Serialize};
 
 use crate::selection::Split;
 
+/// Maximum number of images of a recording that options speak of: nine hours at 30 per second.
+const MAX_IMAGES: usize = 1_000_000;
+/// Maximum number of points on a surface: 48 MB of them with their normals.
+const MAX_SURFACE_POINTS: usize = 1_000_000;
+/// Maximum number of convex parts of an object.
+const MAX_PARTS: usize = 4096;
+/// Maximum number of objects of a scene.
+const MAX_OBJECTS: usize = 1000;
+/// Greatest length, angle, factor or mass.
+const MAX_SETTING: f64 = 1e6;
+/// Reason for the range of masses.
+const LIFTED: &str = "it is the mass of an object that a hand lifts";
+
 /// Options of `kind = "ingest"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options(also = Self::object_faults)]
 pub struct IngestConfig {
     /// Folder of the dataset
-    #[serde(skip_serializing)]
+    #[option(path)]
     pub root: PathBuf,
     /// Layout of the dataset
-    #[serde(default)]
+    #[option(default)]
     pub format: Format,
     /// Side of the hand in the demonstrations; recordings of the other side are left out or mirrored
     pub hand: Side,
     /// Whether recordings of the other hand are mirrored in the object's own mirror plane
-    #[serde(default)]
+    #[option(default)]
     pub mirror: bool,
     /// Largest distance of an object from its mirror image at which it is mirrored (m): half the
     /// tolerance between cameras
-    #[serde(default = "defaults::max_mirror_error_m")]
+    #[option(
+        default = 0.005, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub max_mirror_error_m: f64,
     /// Folders of the subjects whose recordings are taken; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub subjects: Vec<String>,
     /// Names of the objects whose recordings are taken; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
     /// Part of `DexYCB` that is taken
-    #[serde(default)]
+    #[option(default)]
     pub split: Split,
     /// Images per second of the recordings (Hz); without it, what `track.yml` says, else 30, as DexYCB's cameras
-    #[serde(default)]
+    #[option(
+        default, range = above(0.0, MAX_RATE_HZ),
+        why = "no camera that films a whole hand is faster"
+    )]
     pub rate_hz: Option<f64>,
     /// Source of the hand's landmarks
-    #[serde(default)]
+    #[option(default)]
     pub landmarks: Landmarks,
     /// Folder with the user's own `MANO_RIGHT.pkl` and `MANO_LEFT.pkl`
-    #[serde(default, skip_serializing)]
+    #[option(path, default)]
     pub mano_models: Option<PathBuf>,
     /// Largest distance between cameras that agree on a hand or an object (m): beyond a finger's
     /// thickness they may see different fingers
-    #[serde(default = "defaults::camera_agreement_m")]
+    #[option(
+        default = 0.01, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub camera_agreement_m: f64,
     /// Source of the table's pose
-    #[serde(default)]
+    #[option(default)]
     pub table: TableRule,
     /// Fewest still objects, the grasped one among them, that must agree on a table without a tag:
     /// one alone stands on any of its sides
-    #[serde(default = "defaults::min_table_objects_n")]
+    #[option(
+        default = 2, range = 1..=MAX_OBJECTS,
+        why = "the grasped object counts, and no table holds more"
+    )]
     pub min_table_objects_n: usize,
     /// Rule for the last still image
-    #[serde(default)]
+    #[option(default)]
     pub reach: ReachRule,
     /// Distance from its resting place beyond which a still object has moved (m): a few times the
     /// error of labeled poses
-    #[serde(default = "defaults::move_threshold_m")]
+    #[option(
+        default = 0.004, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub move_threshold_m: f64,
     /// Angle from its resting orientation beyond which a still object has moved (rad), 4°: a few
     /// times the error of labeled poses; unused by "released"
-    #[serde(default = "defaults::move_threshold_rad")]
+    #[option(
+        default = 0.07, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub move_threshold_rad: f64,
     /// Multiple of the object's own jitter at rest that counts as moved, if above the thresholds:
     /// jitter alone hardly ever reaches it; unused by "released"
-    #[serde(default = "defaults::jitter_factor")]
+    #[option(
+        default = 4.0, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub jitter_factor: f64,
     /// Consecutive images (or all that remain) that must show the object displaced: a sixth of a
     /// second at 30 Hz, longer than a label error lasts; unused by "released"
-    #[serde(default = "defaults::settle_n")]
+    #[option(default = 5, range = 1..=MAX_IMAGES, why = "it counts images of a recording")]
     pub settle_n: usize,
     /// Longest gap without a hand that is interpolated (images), a tenth of a second at 30 Hz; a
     /// longer gap inside the reach makes the recording unusable
-    #[serde(default = "defaults::max_gap_n")]
+    #[option(default = 3, range = 0..=MAX_IMAGES, why = "it counts images of a recording")]
     pub max_gap_n: usize,
     /// Fewest steps of a reach: a third of a second at 30 Hz; shorter ones begin in the grasp
-    #[serde(default = "defaults::min_steps_n")]
+    #[option(default = 11, range = 1..=MAX_IMAGES, why = "it counts images of a recording")]
     pub min_steps_n: usize,
     /// Largest distance of a resting object's lowest point from the table (m): beyond it the pose of
     /// object or table is wrong
-    #[serde(default = "defaults::max_table_error_m")]
+    #[option(
+        default = 0.02, range = above(0.0, MAX_SETTING),
+        why = "0 tolerates no noise, and a larger value exceeds any scene"
+    )]
     pub max_table_error_m: f64,
     /// Points on each object's surface: as many as the paper's network sees, and a few more
-    #[serde(default = "defaults::points_n")]
+    #[option(
+        default = 2048, range = 1..=MAX_SURFACE_POINTS,
+        why = "they are sampled and held in memory for each object"
+    )]
     pub points_n: usize,
     /// Most convex parts of each object, for physics: enough for a mug's handle; time per contact
     /// grows with them
-    #[serde(default = "defaults::max_convex_parts_n")]
+    #[option(
+        default = 64, range = 1..=MAX_PARTS,
+        why = "each is a collision shape in every physics step"
+    )]
     pub max_convex_parts_n: usize,
     /// True masses by object name (kg), for objects outside YCB or to override YCB's table
-    #[serde(default)]
+    #[option(default)]
     pub masses_kg: BTreeMap<String, f64>,
     /// Objects missing from the dataset, or with a replacement mesh, by name
-    #[serde(default)]
+    #[option(default)]
     pub meshes: BTreeMap<String, AddedMesh>,
+}
+
+impl IngestConfig {
+    fn object_faults(&self, faults: &mut OptionFaults) {
+        for (object, &kg) in &self.masses_kg {
+            let key = format!("masses_kg.{object}");
+            faults.within(&key, kg, above(0.0, MAX_SETTING), LIFTED);
+        }
+        for (object, mesh) in &self.meshes {
+            faults.of_table(&format!("meshes.{object}"), mesh.faults());
+        }
+    }
 }
 
 /// Images per second of `DexYCB`'s cameras, and of recordings whose rate nobody gives.
@@ -107,13 +162,13 @@ pub(crate) const USUAL_RATE_HZ: f64 = 30.0;
 pub(crate) const MAX_RATE_HZ: f64 = 10_000.0;
 
 /// An object from a file of the user's.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub struct AddedMesh {
     /// Mesh as Wavefront OBJ, in meters
-    #[serde(skip_serializing)]
+    #[option(path)]
     pub file: PathBuf,
     /// True mass, kg
+    #[option(range = above(0.0, MAX_SETTING), why = LIFTED)]
     pub mass_kg: f64,
 }
 
@@ -167,21 +222,4 @@ pub enum ReachRule {
     /// As in the paper's code: the image before the first in which a coordinate of the object is
     /// more than the threshold from that of the first image; each step in the frame of its own image.
     Released,
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn max_mirror_error_m() -> f64 { 0.005 }
-    pub(super) fn camera_agreement_m() -> f64 { 0.01 }
-    pub(super) fn min_table_objects_n() -> usize { 2 }
-    pub(super) fn move_threshold_m() -> f64 { 0.004 }
-    pub(super) fn move_threshold_rad() -> f64 { 0.07 }
-    pub(super) fn jitter_factor() -> f64 { 4.0 }
-    pub(super) fn settle_n() -> usize { 5 }
-    pub(super) fn max_gap_n() -> usize { 3 }
-    pub(super) fn min_steps_n() -> usize { 11 }
-    pub(super) fn max_table_error_m() -> f64 { 0.02 }
-    pub(super) fn points_n() -> usize { 2048 }
-    pub(super) fn max_convex_parts_n() -> usize { 64 }
 }

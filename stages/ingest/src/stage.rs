@@ -5,9 +5,7 @@ mod make;
 mod metrics;
 mod units;
 
-use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
-};
+use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit};
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
 pub use self::metrics::{Agreement, DemonstrationMetrics, ShapeMetrics};
@@ -35,10 +33,6 @@ impl Stage for Ingest {
     const ABOUT: &'static str = "Reads recordings of people grasping objects";
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Shapes, &Demonstrations, &Objects];
-
-    fn check(config: &IngestConfig) -> Vec<OptionFault> {
-        check::faults(config)
-    }
 
     fn prepare(config: &IngestConfig) -> Result<(), IngestError> {
         check::options(config)?;

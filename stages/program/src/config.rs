@@ -6,6 +6,7 @@ use dataflow::{
     ArtifactName, ColumnName, NodeName, OptionFault, OptionFaults, PartitionKey, nearest,
 };
 use lake::Lake;
+use options::{Options, above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, Serializer};
 
@@ -30,55 +31,59 @@ const ALL: &str = "all_";
 const RESERVED_COLUMNS: [&str; 4] = ["run", "pipeline", "stage", "fingerprint"];
 
 /// Options of `kind = "program"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub struct ProgramConfig {
     /// The program and its arguments, without a shell. Every element that names a file counts as code and is
     /// passed as an absolute path: the program starts in a folder of its own.
     pub command: Vec<String>,
     /// Files that decide its output, as patterns such as `judge/**/*.py`: a change of one reruns it. The
     /// files named in `command` are among them without being listed.
-    #[serde(default, skip_serializing)]
+    #[serde(skip_serializing)]
+    #[option(default)]
     pub code: Vec<String>,
     /// Lock file of its environment, e.g. `requirements.txt`: a change reruns it.
-    #[serde(default, skip_serializing)]
+    #[option(path, default)]
     pub lock: Option<PathBuf>,
     /// Files or folders that it reads beside its inputs, by name: copied to `files/NAME`; a change reruns it.
-    #[serde(default, skip_serializing)]
+    #[option(path, default)]
     pub files: BTreeMap<String, PathBuf>,
     /// The artifact that it makes: a kind of this project's, or a table of its own with `columns`.
     pub makes: String,
     /// Columns of a table of its own, by name.
-    #[serde(default)]
+    #[option(default)]
     pub columns: BTreeMap<String, ColumnConfig>,
     /// Kind of item that one partition of a table of its own holds, e.g. `object`: the column of its key.
-    #[serde(default = "defaults::partition")]
+    #[option(default = "part".to_owned())]
     pub partition: String,
     /// `INPUT.COLUMN`: a table of its own has one row for each row of this input, with the same values in the
     /// column of this name.
-    #[serde(default)]
+    #[option(default)]
     pub one_row_per: Option<String>,
     /// The input of which each partition becomes one; without it, all partitions of all inputs become one.
-    #[serde(default)]
+    #[option(default)]
     pub each: Option<String>,
     /// Partitions of the other inputs that it reads, by name, with `each`: the partition of the `same` key (the
     /// default), `all`, as `label:NAME` the one whose key is this label of the partition, or as `where:NAME` every one
     /// whose label of this name is the key of the partition.
-    #[serde(default, serialize_with = "but_the_default")]
+    #[serde(serialize_with = "but_the_default")]
+    #[option(default)]
     pub read: BTreeMap<String, String>,
     /// Names of several partitions that are made of one: each has a run of its own, which gets its name.
-    #[serde(default)]
+    #[option(default)]
     pub fan_out: Vec<String>,
     /// Values for the program; a change of one reruns it.
-    #[serde(default)]
+    #[option(default)]
     pub options: serde_json::Map<String, serde_json::Value>,
     /// Time limit of a unit in seconds, after which it is killed: more than a simulation of a few thousand
     /// motions takes.
-    #[serde(default = "defaults::timeout_s")]
+    #[option(
+        default = 3600.0, range = above(0.0, MAX_TIMEOUT_S),
+        why = "a program that hangs must end"
+    )]
     pub timeout_s: f64,
     /// Memory limit of a unit, all its processes together, in megabytes: half of a small workstation's. Enforced
     /// on Linux.
-    #[serde(default = "defaults::memory_mb")]
+    #[option(default = 8000, range = 10..=MAX_MEMORY_MB, why = "less starts no interpreter")]
     pub memory_mb: u64,
 }
 
@@ -92,18 +97,17 @@ fn but_the_default<S: Serializer>(
 }
 
 /// A column of a table.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 #[schemars(inline)]
 pub struct ColumnConfig {
     /// Its type.
     #[serde(rename = "type")]
     pub kind: ColumnType,
     /// Unit of its numbers, e.g. `m`.
-    #[serde(default)]
+    #[option(default)]
     pub unit: Option<String>,
     /// Its meaning.
-    #[serde(default)]
+    #[option(default)]
     pub about: String,
 }
 
@@ -156,7 +160,7 @@ impl ProgramConfig {
 
     /// Returns the faults of the options beyond their types; `known` are the artifacts of this project that a program
     /// can make.
-    pub(crate) fn faults(&self, known: &[KnownArtifact]) -> Vec<OptionFault> {
+    pub(crate) fn faults_for(&self, known: &[KnownArtifact]) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         if self.command.first().is_none_or(String::is_empty) {
             faults.note(
@@ -205,11 +209,7 @@ impl ProgramConfig {
                 format!("has the date `{date}`: write it as text, in quotes"),
             );
         }
-        let why = "a program that hangs must end";
-        faults.above("timeout_s", self.timeout_s, 0.0, MAX_TIMEOUT_S, why);
-        let why = "less starts no interpreter";
-        faults.within("memory_mb", self.memory_mb, 10..=MAX_MEMORY_MB, why);
-        faults.found()
+        [faults.found(), self.faults()].concat()
     }
 
     fn check_artifact(&self, known: &[KnownArtifact], faults: &mut OptionFaults) {
@@ -384,12 +384,4 @@ fn date_in(key: &str, value: &serde_json::Value) -> Option<String> {
         serde_json::Value::Array(values) => values.iter().find_map(|value| date_in(key, value)),
         _ => None,
     }
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn partition() -> String { "part".to_owned() }
-    pub(super) fn timeout_s() -> f64 { 3600.0 }
-    pub(super) fn memory_mb() -> u64 { 8000 }
 }

@@ -68,7 +68,7 @@ impl<A: Artifacts> Stage for Program<A> {
     const OUTPUTS: Outputs<Self> = &[&Self::OUTPUT];
 
     fn check(config: &ProgramConfig) -> Vec<OptionFault> {
-        config.faults(A::KNOWN)
+        config.faults_for(A::KNOWN)
     }
 
     fn check_wired(

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -57,10 +57,6 @@ impl Stage for Refine {
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &RefineConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand and its table.
     fn prepare(config: &RefineConfig) -> Result<(), RefineError> {

@@ -1,8 +1,8 @@
 //! The stage: one unit, of everything that is wired to it.
 
 use dataflow::{
-    Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile,
-    Stage, Sum, Unit, counted,
+    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
+    Unit, counted,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -66,10 +66,6 @@ impl Stage for Report {
     const INPUTS: &'static [&'static str] = &[];
     const OPTIONAL_INPUTS: &'static [&'static str] = INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &ReportConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 }
 
 impl Output for Report {

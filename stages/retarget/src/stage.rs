@@ -6,8 +6,7 @@ mod retargeted;
 use std::path::Path;
 
 use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage,
-    Unit,
+    Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
 };
 use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
@@ -33,10 +32,6 @@ impl Stage for Retarget {
     const ABOUT: &'static str = "Retargets human demonstrations to a robot hand";
     const INPUTS: &'static [&'static str] = &[Demonstration::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];
-
-    fn check(config: &RetargetConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), RetargetError> {

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::{OptionFault, OptionFaults};
+use options::{OptionFaults, above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -24,67 +24,84 @@ const MAX_DEPTH_M: f64 = 10.0;
 const MAX_RECORDED: usize = 1000;
 
 /// Options of `kind = "sample"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options(also = Self::combined_faults)]
 pub struct SampleConfig {
     /// File of the robot hand, or its URDF alone; its collision shapes are measured against object and table
-    #[serde(skip_serializing)]
+    #[option(path)]
     pub hand: PathBuf,
     /// Weights of the checkpoint: the last, because the held-out loss hardly rises
     /// when the learning rate falls to zero
-    #[serde(default)]
+    #[option(default)]
     pub epoch: CheckpointWeights,
     /// Objects that get motions, by name; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
     /// Motions per object: enough for a success rate within 12 points; paper: 10000
-    #[serde(default = "defaults::per_object")]
+    #[option(default = 64, range = 1..=MAX_MOTIONS, why = "each motion costs time and disk space")]
     pub per_object: usize,
     /// Steps of each motion, at equal times, at least 2: the paper's
-    #[serde(default = "defaults::steps")]
+    #[option(
+        default = 40, range = 2..=MAX_STEPS,
+        why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz"
+    )]
     pub steps: usize,
     /// Time from the first step to the grasp, s: a person's reach takes about as long
-    #[serde(default = "defaults::duration_s")]
+    #[option(
+        default = 1.5, range = above(0.0, MAX_DURATION_S),
+        why = "reaching for an object takes seconds"
+    )]
     pub duration_s: f64,
     /// Share of the motions whose latent code is sampled from a demonstration's posterior, in 0..=1, the
     /// others from the standard normal distribution: half seen grasps, half new ones; paper: 0
-    #[serde(default = "defaults::demonstrated_share")]
+    #[option(default = 0.5, range = 0.0..=1.0, why = "it is a share")]
     pub demonstrated_share: f64,
     /// Names of these demonstrations, of any object; empty: all training demonstrations of the same
     /// object
-    #[serde(default)]
+    #[option(default)]
     pub demonstrations: Vec<String>,
     /// Factor on the standard deviation of sampled codes: the distribution itself, as in the paper
-    #[serde(default = "defaults::spread")]
+    #[option(
+        default = 1.0, range = 0.0..=MAX_FACTOR,
+        why = "it scales a standard deviation of 1, and no training code is farther out"
+    )]
     pub spread: f64,
     /// Most latent codes sampled for a motion until its hand stays out of object and table; if none does,
     /// the shallowest is kept; refused samples are rows of `candidates` too. One: motions are refined
     /// instead; paper: 1
-    #[serde(default = "defaults::draws")]
+    #[option(
+        default = 1, range = 1..=MAX_DRAWS,
+        why = "each sample is decoded and checked for penetration"
+    )]
     pub draws: usize,
     /// Tolerated penetration of object or table (m): as deep as a squeeze presses; unused if `draws`
     /// is 1
-    #[serde(default = "defaults::max_depth_m")]
+    #[option(
+        default = 0.004, range = 0.0..=MAX_DEPTH_M,
+        why = "no object that a hand can hold is deeper"
+    )]
     pub max_depth_m: f64,
     /// Names of two demonstrations: latent codes are not sampled but go from the one's mean to the
     /// other's in equal steps, in the first one's resting orientation; empty: they are sampled
-    #[serde(default)]
+    #[option(default)]
     pub path: Vec<String>,
     /// Resting orientations of the object: those that people grasp it in
-    #[serde(default)]
+    #[option(default)]
     pub rests: RestingPoses,
     /// Unit vector against gravity, object frame, for `rests = "given"`
-    #[serde(default)]
+    #[option(default)]
     pub rest_up: Option<[f64; 3]>,
     /// Noise on the object's points, for a study: normally distributed and new for each motion, with a standard
     /// deviation along each axis of this share of the object's extent (0); paper: 0 to 1
-    #[serde(default)]
+    #[option(default, range = 0.0..=MAX_FACTOR, why = "it is a share of the object's extent")]
     pub point_noise: f64,
     /// Whose shape the function sees, for a study: that of the object itself, or of the next one by name
-    #[serde(default)]
+    #[option(default)]
     pub shape: SeenShape,
     /// Motions per object that are shown side by side in one recording for a viewer (0)
-    #[serde(default)]
+    #[option(
+        default, range = 0..=MAX_RECORDED,
+        why = "they are shown side by side in one recording"
+    )]
     pub recorded_per_object: usize,
 }
 
@@ -120,14 +137,13 @@ impl SampleConfig {
         self.draws > 1 && self.path.is_empty()
     }
 
-    /// Returns what is wrong with the options.
-    pub(crate) fn faults(&self) -> Vec<OptionFault> {
-        let mut faults = OptionFaults::default();
-        let least = if self.path.is_empty() { 1 } else { 2 };
-        let why = "each motion costs time and disk space, and a path needs its two ends";
-        faults.within("per_object", self.per_object, least..=MAX_MOTIONS, why);
-        let why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz";
-        faults.within("steps", self.steps, 2..=MAX_STEPS, why);
+    fn combined_faults(&self, faults: &mut OptionFaults) {
+        if !self.path.is_empty() && self.per_object == 1 {
+            faults.note(
+                "per_object",
+                "is 1, and must be at least 2: a path needs its two ends",
+            );
+        }
         let steps = self.per_object.saturating_mul(self.steps);
         if self.per_object <= MAX_MOTIONS && self.steps <= MAX_STEPS && steps > MAX_STEPS_HELD {
             let problem = format!(
@@ -137,21 +153,6 @@ impl SampleConfig {
             );
             faults.note("per_object", problem);
         }
-        let why = "reaching for an object takes seconds";
-        faults.above("duration_s", self.duration_s, 0.0, MAX_DURATION_S, why);
-        let why = "it scales a standard deviation of 1, and no training code is farther out";
-        faults.within("spread", self.spread, 0.0..=MAX_FACTOR, why);
-        let why = "it is a share of the object's extent";
-        faults.within("point_noise", self.point_noise, 0.0..=MAX_FACTOR, why);
-        let share = self.demonstrated_share;
-        faults.within("demonstrated_share", share, 0.0..=1.0, "it is a share");
-        let why = "each sample is decoded and checked for penetration";
-        faults.within("draws", self.draws, 1..=MAX_DRAWS, why);
-        let why = "no object that a hand can hold is deeper";
-        faults.within("max_depth_m", self.max_depth_m, 0.0..=MAX_DEPTH_M, why);
-        let why = "they are shown side by side in one recording";
-        let recorded = self.recorded_per_object;
-        faults.within("recorded_per_object", recorded, 0..=MAX_RECORDED, why);
         if !matches!(self.path.len(), 0 | 2) {
             let problem = format!("is {:?}, and must be two names or none", self.path);
             faults.note("path", problem);
@@ -176,7 +177,6 @@ impl SampleConfig {
             }
             (RestingPoses::Seen | RestingPoses::Stable, None) => {}
         }
-        faults.found()
     }
 }
 
@@ -189,16 +189,4 @@ pub enum CheckpointWeights {
     /// Those after the last epoch.
     #[default]
     Last,
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn per_object() -> usize { 64 }
-    pub(super) fn steps() -> usize { 40 }
-    pub(super) fn duration_s() -> f64 { 1.5 }
-    pub(super) fn demonstrated_share() -> f64 { 0.5 }
-    pub(super) fn spread() -> f64 { 1.0 }
-    pub(super) fn draws() -> usize { 1 }
-    pub(super) fn max_depth_m() -> f64 { 0.004 }
 }

@@ -2,9 +2,7 @@
 
 mod candidates;
 
-use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-};
+use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
     trajectories::Trajectory,
@@ -38,10 +36,6 @@ impl Stage for Sample {
         Trajectory::NAME,
     ];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &SampleConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), SampleError> {

@@ -2,10 +2,8 @@
 
 use std::path::PathBuf;
 
-use dataflow::{OptionFault, OptionFaults};
-use schemars::JsonSchema;
+use options::{OptionFaults, Options, options};
 use schemas::rollouts::Verdict;
-use serde::{Deserialize, Serialize};
 use simulation::{Protocol, Rollout, SceneConfig, SceneRandomization};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
@@ -22,59 +20,61 @@ const MAX_TRIED: usize = 1_000_000;
 const MAX_PENETRATION_M: f64 = 1.0;
 
 /// Options of `kind = "screen"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options(also = Self::combined_faults)]
 pub struct ScreenConfig {
     /// File of the robot hand, or its URDF alone; the root link is the palm.
-    #[serde(skip_serializing)]
+    #[option(path)]
     pub hand: PathBuf,
     /// Number of accepted rollouts per object recorded for a viewer: a recording has about 1 MB.
-    #[serde(default = "defaults::recorded_per_object")]
+    #[option(default = 2, range = 0..=MAX_RECORDED, why = "each recording takes about 1 MB")]
     pub recorded_per_object: usize,
     /// Number of failed rollouts per object recorded likewise, the first of each reason before a second
     /// of any; a motion refused on geometry alone, or whose simulation diverged, has none.
-    #[serde(default = "defaults::recorded_failures_per_object")]
+    #[option(default = 1, range = 0..=MAX_RECORDED, why = "each recording takes about 1 MB")]
     pub recorded_failures_per_object: usize,
     /// Noise on the object's position, for a study: each motion is executed as if the object were
     /// shifted by normally distributed lengths, with a standard deviation along each axis of this
     /// share of the object's extent (0); paper: 0 to 0.1
-    #[serde(default)]
+    #[option(default, range = 0.0..=MAX_POSE_NOISE, why = "it is a share of the object's extent")]
     pub pose_noise: f64,
     /// Deepest that the hand may be in an object that it holds, in meters; deeper is `too_deep`: soft
     /// fingertips yield by that much.
-    #[serde(default = "defaults::max_penetration_m")]
+    #[option(
+        default = 0.005, range = 0.0..=MAX_PENETRATION_M,
+        why = "no object of a hand's size is deeper"
+    )]
     pub max_penetration_m: f64,
     /// Trials of accepted motions under sampled errors.
-    #[serde(default)]
+    #[option(default, table)]
     pub robustness: RobustnessConfig,
     /// The physical scene.
+    #[option(table)]
     pub scene: SceneConfig,
     /// Execution of a motion and its conditions of success.
     pub protocol: Protocol,
 }
 
 /// Trials of accepted motions under sampled errors.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct RobustnessConfig {
     /// Number of trials of each motion (16), 0 for none: its share of them is uncertain by an eighth.
+    #[option(
+        default = 16, range = 0..=MAX_TRIALS,
+        why = "each simulates every tried motion once more"
+    )]
     pub trials: usize,
     /// Number of accepted motions per object that are tried, the first ones (16): each costs as much as
     /// `trials` candidates.
+    #[option(
+        default = 16, range = 0..=MAX_TRIED,
+        why = "each is simulated `robustness.trials` times"
+    )]
     pub per_object: usize,
     /// Bounds of the sampled errors.
+    #[option(default)]
     pub errors: SceneRandomization,
-}
-
-impl Default for RobustnessConfig {
-    fn default() -> Self {
-        Self {
-            trials: 16,
-            per_object: 16,
-            errors: SceneRandomization::default(),
-        }
-    }
 }
 
 impl ScreenConfig {
@@ -103,53 +103,18 @@ impl ScreenConfig {
         }
     }
 
-    /// Returns what is wrong with the options beyond their types.
-    pub(crate) fn faults(&self) -> Vec<OptionFault> {
-        let mut faults = OptionFaults::default();
-        for (key, recorded) in [
-            ("recorded_per_object", self.recorded_per_object),
-            (
-                "recorded_failures_per_object",
-                self.recorded_failures_per_object,
-            ),
-        ] {
-            let why = "each recording takes about 1 MB";
-            faults.within(key, recorded, 0..=MAX_RECORDED, why);
-        }
-        let why = "it is a share of the object's extent";
-        faults.within("pose_noise", self.pose_noise, 0.0..=MAX_POSE_NOISE, why);
-        let why = "no object of a hand's size is deeper";
-        let depth_m = self.max_penetration_m;
-        faults.within("max_penetration_m", depth_m, 0.0..=MAX_PENETRATION_M, why);
-        let RobustnessConfig {
-            trials,
-            per_object,
-            errors,
-        } = &self.robustness;
-        let why = "each simulates every tried motion once more";
-        faults.within("robustness.trials", *trials, 0..=MAX_TRIALS, why);
-        let why = "each is simulated `robustness.trials` times";
-        faults.within("robustness.per_object", *per_object, 0..=MAX_TRIED, why);
-        faults.of_table("robustness.errors", errors.faults(&self.scene));
-        faults.of_table("scene", self.scene.faults());
-        faults.of_table("protocol", self.protocol.faults(&self.scene));
+    fn combined_faults(&self, faults: &mut OptionFaults) {
+        let errors = &self.robustness.errors;
+        faults.of_table("robustness.errors", errors.faults_in(&self.scene));
+        faults.of_table("protocol", self.protocol.faults_in(&self.scene));
         if !self.protocol.name.is_table_lift() {
             let Self {
                 scene, protocol, ..
             } = self.resolved();
             faults.of_table("scene", scene.faults());
-            faults.of_table("protocol", protocol.faults(&scene));
+            faults.of_table("protocol", protocol.faults_in(&scene));
         }
-        faults.found()
     }
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn recorded_per_object() -> usize { 2 }
-    pub(super) fn recorded_failures_per_object() -> usize { 1 }
-    pub(super) fn max_penetration_m() -> f64 { 0.005 }
 }
 
 /// Options of a screen for a hand with a joint `j`, for tests.

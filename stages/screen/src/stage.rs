@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-};
+use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -50,10 +48,6 @@ impl Stage for Screen {
     const ABOUT: &'static str = "Judges candidate motions in physics";
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self, &RobustnessTrials];
-
-    fn check(config: &ScreenConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {

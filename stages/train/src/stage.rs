@@ -4,8 +4,7 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{CgfError, HandDistance, Trained, Trainer, TrainingDevice, TrainingSet};
 use dataflow::{
-    Context, Inputs, Max, Mean, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage,
-    Sum, Unit,
+    Context, Inputs, Max, Mean, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
 };
 use lake::ReadInputs;
 use robot::RobotModel;
@@ -62,10 +61,6 @@ impl Stage for Train {
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Surface::NAME, FieldInfo::NAME];
     const OPTIONAL_INPUTS: &'static [&'static str] = &[Candidates::NAME, Rollouts::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &TrainConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand's description, that it has the links that are named as tips, and that this program can
     /// compute on the device.

@@ -2,6 +2,7 @@
 
 use std::{any::Any, collections::BTreeMap, ops::Range, sync::Arc};
 
+use options::OptionFault;
 use serde::{Deserialize, de::IntoDeserializer};
 use serde_json::Value;
 use toml_edit::InlineTable;
@@ -10,9 +11,9 @@ use crate::{
     advice::{BoxedDiagnostic, Diagnostic},
     code::Code,
     context::{Context, Inputs},
+    file_fault::FileFault,
     metrics::MissingMetric,
     name::NodeName,
-    option_faults::{FileFault, OptionFault},
     outcome::Outcome,
     output::OutputInfo,
     record::RecordOutcome,
@@ -76,6 +77,8 @@ pub struct OptionInfo {
     pub about: String,
     /// Its default, if it may be left out.
     pub default: Option<String>,
+    /// Its range with the reason, if it has one.
+    pub range: Option<String>,
     /// Whether the file must set it.
     pub required: bool,
 }
@@ -468,10 +471,29 @@ fn collect_options(root: &Value, schema: &Value, prefix: &str, options: &mut Vec
                 .get("default")
                 .filter(|_| target.get("properties").is_none())
                 .map(ToString::to_string),
+            range: range_of(property),
             required: required.contains(&name.as_str()),
         });
         collect_options(root, target, &key, options);
     }
+}
+
+/// The range that [`options::describe`] added to a schema: `from 1 to 100: …`.
+fn range_of(schema: &Value) -> Option<String> {
+    let why = schema.get("why")?.as_str()?;
+    let bounds = [
+        ("minimum", "from"),
+        ("exclusiveMinimum", "above"),
+        ("maximum", "to"),
+        ("exclusiveMaximum", "below"),
+    ];
+    let bounds = bounds.iter().filter_map(|(key, word)| {
+        let bound = schema.get(key)?;
+        let float = bound.as_f64().filter(|_| bound.is_f64());
+        let bound = float.map_or_else(|| bound.to_string(), |bound| bound.to_string());
+        Some(format!("{word} {bound}"))
+    });
+    Some(format!("{}: {why}", bounds.collect::<Vec<_>>().join(" ")))
 }
 
 pub(crate) fn resolve<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {
@@ -520,6 +542,8 @@ mod tests {
         #[serde(default, serialize_with = "positive")]
         weights: Vec<f64>,
     }
+
+    impl options::Options for Config {}
 
     fn positive<T: serde::Serializer>(weights: &[f64], serializer: T) -> Result<T::Ok, T::Error> {
         if weights.iter().any(|weight| *weight < 0.0) {

@@ -30,13 +30,13 @@ mod digest;
 mod error;
 mod event;
 mod executor;
+mod file_fault;
 mod fingerprint;
 mod graph;
 mod inheritance;
 mod kind;
 mod metrics;
 mod name;
-mod option_faults;
 mod options;
 mod outcome;
 mod output;
@@ -71,6 +71,7 @@ mod unit_runner;
 mod work_item;
 mod workers;
 
+pub use ::options::{OptionFault, OptionFaults, Options};
 pub use advice::{BoxedDiagnostic, Diagnostic, with_causes};
 pub use canonical_form::Form;
 pub use code::Code;
@@ -79,6 +80,7 @@ pub use digest::{Digest, InvalidDigest};
 pub use error::{Failure, FileError, LeftOut, Problem};
 pub use event::{Event, Events, Fraction};
 pub use executor::{Executor, OnOutcome, UnitOutcome, Wave};
+pub use file_fault::FileFault;
 pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
 pub use kind::{Complete, Kind, OptionInfo};
@@ -89,7 +91,6 @@ pub use name::{
     ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,
     StageName, UnitName, text_of,
 };
-pub use option_faults::{FileFault, OptionFault, OptionFaults};
 pub use options::{FreshAll, RunOptions};
 pub use outcome::{Labels, Outcome};
 pub use output::{Execution, OptionsUsed, OutputInfo};

@@ -6,6 +6,7 @@ use std::{
     marker::PhantomData,
 };
 
+use options::{OptionFault, Options};
 use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
@@ -13,9 +14,9 @@ use crate::{
     advice::{BoxedDiagnostic, Diagnostic},
     code::Code,
     context::{Context, Inputs},
+    file_fault::FileFault,
     metrics::{Metrics, MissingMetric},
     name::NodeName,
-    option_faults::{FileFault, OptionFault},
     outcome::Outcome,
     output::{Execution, OptionsUsed, OutputInfo},
     record::RecordOutcome,
@@ -32,8 +33,8 @@ pub trait Stage: Sized + 'static {
     ///
     /// Its serialized form is part of the fingerprint. A path to a file or folder whose content is
     /// among the unit's [`Unit::files`] is left out of it with
-    /// `#[serde(skip_serializing)]`.
-    type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
+    /// `#[option(path)]`.
+    type Config: Options + DeserializeOwned + Serialize + JsonSchema + Send + Sync;
     /// Why the stage could not be prepared.
     type Error: Diagnostic;
 
@@ -59,9 +60,9 @@ pub trait Stage: Sized + 'static {
     /// Returns the faults of the options beyond their types, from the options alone; called
     /// whenever a pipeline file is read.
     ///
-    /// An option that determines memory or time has bounds here, each with its reason.
-    fn check(_config: &Self::Config) -> Vec<OptionFault> {
-        Vec::new()
+    /// An option that determines memory or time has a range, with its reason.
+    fn check(config: &Self::Config) -> Vec<OptionFault> {
+        config.faults()
     }
 
     /// As [`Stage::check`], of options that name inputs, with the inputs and the source of each;

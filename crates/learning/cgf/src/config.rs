@@ -1,15 +1,11 @@
 //! Options of the network and its training.
 
-use std::{
-    fmt::{Debug, Display},
-    ops::RangeInclusive,
-};
-
 use candle_core::Device;
+use options::{OptionFault, OptionFaults, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, InvalidOption, hand_numbers::PALM_WIDTH};
+use crate::{CgfError, hand_numbers::PALM_WIDTH};
 
 /// Fewest surface points that still show an object's shape.
 const MIN_POINTS: usize = 32;
@@ -31,46 +27,70 @@ const MAX_EPOCHS: usize = 1_000_000;
 const MAX_BATCH: usize = 1_000_000;
 /// Greatest weight, rate or length.
 const MAX_VALUE: f64 = 1e12;
+/// Reason for the bound [`MAX_VALUE`].
+const SQUARES: &str = "squares of larger values lose precision in a sum";
+/// Reason for the bound [`MAX_WIDTH`].
+const OF_WIDTHS: &str = "the number of weights grows with the square of a width";
 /// Smallest norm to which gradients are clipped.
 const MIN_NORM: f64 = 1e-12;
 
 /// Widths and shapes of the network (section III-B of the paper; `README.md` names the tensors).
-#[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+// The widths are for hundreds of motions of tens of objects.
+#[options(also = Self::width_faults)]
+#[derive(PartialEq, Eq)]
 pub struct NetworkConfig {
     /// Surface points of the object that the network sees: a quarter of the paper's give the same
     /// grasps in a fraction of the time; paper: 2000
+    #[option(
+        default = 512, range = MIN_POINTS..=MAX_POINTS,
+        why = "time and memory grow with the number of points"
+    )]
     pub points: usize,
     /// Widths of the point network's layers, the last is that of the object feature: enough for tens
     /// of objects; paper: [64, 128, 1024]
+    #[option(default = vec![64, 128, 256])]
     pub point_widths: Vec<usize>,
     /// Steps of a motion that the encoder sees, as many as the released code's
+    #[option(
+        default = 20, range = 1..=MAX_TIMES,
+        why = "the encoder's input grows with the number of steps"
+    )]
     pub encoder_steps: usize,
     /// Widths of the layers applied to each of these steps, those of the released code
+    #[option(default = vec![256, 64])]
     pub hand_widths: Vec<usize>,
     /// Widths of the encoder's layers before mean and variance, as the released code's last:
     /// `[256]`
+    #[option(default = vec![256])]
     pub encoder_widths: Vec<usize>,
     /// Dimensions of the latent code z: hundreds of motions do not use more; paper: 256
+    #[option(default = 16, range = 1..=MAX_WIDTH, why = OF_WIDTHS)]
     pub latent_dim: usize,
     /// Widths of the decoder's hidden layers, those of the released code; paper: [512, 256]
+    #[option(default = vec![256, 512, 256])]
     pub decoder_widths: Vec<usize>,
     /// Activation of encoder and decoder: "silu" gives motions accelerations; paper: "relu", which has
     /// no second derivative in time
+    #[option(default)]
     pub activation: Activation,
     /// Frame in which the network sees object and hand: once refined, motions of "resting" succeed on unseen
     /// objects 27 points more often than those of the paper's "object"
+    #[option(default)]
     pub frame: InputFrame,
     /// Steps of a motion that the encoder sees: with equally spaced ones the motion's length does not
     /// matter; released code: "recorded"
+    #[option(default)]
     pub encoder_times: EncoderTimes,
     /// Encoding of the palm's rotation: columns are continuous; released code: "`axis_angle`"
+    #[option(default)]
     pub encoder_rotation: EncoderRotation,
     /// Bound on the variance of the posterior: no wider than the prior, so that one motion cannot ruin
     /// a training; paper: "free"
+    #[option(default)]
     pub latent_variance: LatentVariance,
     /// Range of the decoder's joint positions: within limits, so that a controller can execute every
     /// motion; paper: "free"
+    #[option(default)]
     pub joints: JointOutputs,
 }
 
@@ -143,112 +163,126 @@ pub enum Activation {
 }
 
 /// Training options of the network.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
+#[derive(PartialEq)]
 pub struct TrainingConfig {
     /// Device for training, "cpu" if absent; "cuda" and "metal" need a program built with that feature
-    #[serde(default)]
+    #[option(default)]
     pub device: TrainingDevice,
     /// Passes over all trajectories: minutes, after which the held-out loss hardly improves; paper:
     /// 1000
-    #[serde(default = "defaults::epochs")]
+    #[option(
+        default = 150, range = 1..=MAX_EPOCHS,
+        why = "the training curve has a row for each epoch"
+    )]
     pub epochs: usize,
     /// Epochs between two validations on held-out motions: far enough apart to cost little; the last
     /// epoch is always validated
-    #[serde(default = "defaults::validation_epochs")]
+    #[option(default = 5, range = 1..=MAX_EPOCHS, why = "it is a number of epochs")]
     pub validation_epochs: usize,
     /// Trajectories per step of the optimizer: few, so that some hundred motions give enough steps;
     /// paper: 32
-    #[serde(default = "defaults::batch")]
+    #[option(default = 8, range = 1..=MAX_BATCH, why = "a step holds the whole batch in memory")]
     pub batch: usize,
     /// Adam's learning rate at the start: falls to zero within the few epochs; paper: 5e-4
-    #[serde(default = "defaults::learning_rate")]
+    #[option(default = 2e-3, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub learning_rate: f64,
     /// Norm to which gradients are clipped; absent: never, as in the paper
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[option(
+        default, range = MIN_NORM..=MAX_VALUE,
+        why = "a smaller norm stops training, and a larger one never clips"
+    )]
     pub max_gradient_norm: Option<f64>,
     /// Decay of the learning rate: to zero at the last epoch; paper: "halving"
-    #[serde(default)]
+    #[option(default)]
     pub schedule: Schedule,
     /// Epochs after which `schedule = "halving"` halves the learning rate, the paper's
-    #[serde(default = "defaults::halving_epochs")]
+    #[option(default = 500, range = 1..=MAX_EPOCHS, why = "it is a number of epochs")]
     pub halving_epochs: usize,
     /// Last steps of every motion that are always trained on, as in the released code: the grasp
     /// matters most
-    #[serde(default = "defaults::grasp_steps")]
+    #[option(
+        default = 5, range = 1..=MAX_TIMES,
+        why = "each is decoded for every motion of a batch"
+    )]
     pub grasp_steps: usize,
     /// Weight of each of these steps in the losses, relative to every other time: contact needs more
     /// precision than the approach; paper: 1
-    #[serde(default = "defaults::grasp_weight")]
+    #[option(default = 5.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub grasp_weight: f64,
     /// Further times of every motion, redrawn each epoch: a dozen with those of the grasp; released
     /// code: 20
-    #[serde(default = "defaults::random_times")]
+    #[option(
+        default = 7, range = 0..=MAX_TIMES,
+        why = "each is decoded for every motion of a batch"
+    )]
     pub random_times: usize,
     /// Distribution of these further times: continuous, so that the motion is a function of time;
     /// released code: "recorded"
-    #[serde(default)]
+    #[option(default)]
     pub times: Times,
     /// Draws of a latent code's noise: one for each motion, as in sampling; released code:
     /// "`per_time`"
-    #[serde(default)]
+    #[option(default)]
     pub latent_noise: LatentNoise,
     /// Initialization of the weights: layers preserve the variance of their inputs; released code:
     /// "torch"
-    #[serde(default)]
+    #[option(default)]
     pub initialization: Initialization,
     /// Rotation of object and hand together during training: about the vertical, which takes the
     /// fingertips' error on unseen objects from 54 to 40 mm; released code: "released"
-    #[serde(default)]
+    #[option(default)]
     pub augmentation: Augmentation,
     /// Units of the network's outputs and of the position loss: with standardized ones meters and
     /// radians count equally; paper: "physical"
-    #[serde(default)]
+    #[option(default)]
     pub outputs: Outputs,
     /// Share of the epochs after which the point network's batch statistics are frozen: the second
     /// half is trained with the statistics of sampling; paper: 1
-    #[serde(default = "defaults::fixed_statistics_after")]
+    #[option(default = 0.5, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub fixed_statistics_after: f64,
     /// Reduction of squared errors: with the mean, weights do not depend on the number of times and
     /// links; paper: "sum"
-    #[serde(default)]
+    #[option(default)]
     pub reduction: Reduction,
     /// Weight of the outputs' squared errors, in the units of `outputs`: the reference for the others;
     /// paper: 1
-    #[serde(default = "defaults::q_weight")]
+    #[option(default = 1.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub q_weight: f64,
     /// Weight of the translation's squared errors, in the units of `outputs`, in addition to
     /// `q_weight`: none, as in the paper; released code: 10
-    #[serde(default)]
+    #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub translation_weight: f64,
     /// Weight of the link origins' squared distances, 1/m²: 10 cm count as much as a standard
     /// deviation of the outputs; paper: 10
-    #[serde(default = "defaults::origins_weight")]
+    #[option(default = 100.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub origins_weight: f64,
     /// Weight of the squared errors of the first two columns of the links' rotations: none, as in
     /// the paper; released code: 0.5
-    #[serde(default)]
+    #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub rotations_weight: f64,
     /// Weight of the latent code's divergence from the standard normal, 1/nat: with ten times as
     /// much, the error on unseen objects rises by 8 mm; paper: 1e-3
-    #[serde(default = "defaults::kl_weight")]
+    #[option(default = 2e-3, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub kl_weight: f64,
     /// Weight of the fingertips' squared distances from contact, 1/m²: twice that of the links,
     /// because the fingertips hold the object; paper: 50
-    #[serde(default = "defaults::contact_weight")]
+    #[option(default = 200.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub contact_weight: f64,
     /// Weight of the squared depths of the links in object and table, 1/m²: depths are millimeters
     /// where distances are centimeters; paper: 0
-    #[serde(default = "defaults::penetration_weight")]
+    #[option(default = 5000.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub penetration_weight: f64,
     /// Target of the contact loss for the fingertips at the grasp: they touch, and do not penetrate by
     /// their radius; paper: "`touch_center`"
-    #[serde(default)]
+    #[option(default)]
     pub contact: Contact,
     /// Names of the hand's fingertip links; no default in a stage: each hand has its own
     pub tips: Vec<String>,
     /// Radius of the fingertips about their links' origins, m; no default: each hand has its own;
     /// unused by "`touch_center`"
+    #[option(range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub tip_radius_m: f64,
 }
 
@@ -393,27 +427,6 @@ impl TrainingDevice {
     }
 }
 
-impl Default for NetworkConfig {
-    /// Returns widths for hundreds of motions of tens of objects; the options give the reasons.
-    fn default() -> Self {
-        Self {
-            points: 512,
-            point_widths: vec![64, 128, 256],
-            encoder_steps: 20,
-            hand_widths: vec![256, 64],
-            encoder_widths: vec![256],
-            latent_dim: 16,
-            decoder_widths: vec![256, 512, 256],
-            activation: Activation::default(),
-            frame: InputFrame::default(),
-            encoder_times: EncoderTimes::default(),
-            encoder_rotation: EncoderRotation::default(),
-            latent_variance: LatentVariance::default(),
-            joints: JointOutputs::default(),
-        }
-    }
-}
-
 impl NetworkConfig {
     /// Returns the encoder's input dimension per step for a hand of `dof` joints.
     pub(crate) fn encoder_inputs(&self, dof: usize) -> usize {
@@ -423,18 +436,7 @@ impl NetworkConfig {
         }
     }
 
-    /// Checks every value.
-    ///
-    /// # Errors
-    ///
-    /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), InvalidOption> {
-        let why = "time and memory grow with the number of points";
-        check("points", self.points, MIN_POINTS..=MAX_POINTS, why)?;
-        let why = "the encoder's input grows with the number of steps";
-        check("encoder_steps", self.encoder_steps, 1..=MAX_TIMES, why)?;
-        let why = "the number of weights grows with the square of a width";
-        check("latent_dim", self.latent_dim, 1..=MAX_WIDTH, why)?;
+    fn width_faults(&self, faults: &mut OptionFaults) {
         let parts = [
             ("point_widths", &self.point_widths),
             ("hand_widths", &self.hand_widths),
@@ -444,30 +446,25 @@ impl NetworkConfig {
         for (key, widths) in parts {
             let is_width = |width: &usize| (1..=MAX_WIDTH).contains(width);
             if !(1..=MAX_LAYERS).contains(&widths.len()) || !widths.iter().all(is_width) {
-                let expected = format!("1 to {MAX_LAYERS} widths from 1 to {MAX_WIDTH}: {why}");
-                return Err(InvalidOption {
-                    key,
-                    value: format!("{widths:?}"),
-                    expected,
-                });
+                let problem = format!(
+                    "is {widths:?}, and must be 1 to {MAX_LAYERS} widths from 1 to {MAX_WIDTH}: {OF_WIDTHS}"
+                );
+                faults.note(key, problem);
             }
         }
         let weights_n = self.weight_count();
-        if weights_n <= MAX_WEIGHTS {
-            return Ok(());
+        if !faults.is_empty() || weights_n <= MAX_WEIGHTS {
+            return;
         }
         let widest = parts
             .into_iter()
             .max_by_key(|(_, widths)| widths.iter().max());
         let (key, widths) = widest.unwrap_or(("decoder_widths", &self.decoder_widths));
-        Err(InvalidOption {
-            key,
-            value: format!("{widths:?}"),
-            expected: format!(
-                "less: the network has {weights_n} weights and may have {MAX_WEIGHTS}, of which five \
-                 numbers each are held in memory"
-            ),
-        })
+        let problem = format!(
+            "is {widths:?}, and must be less: the network has {weights_n} weights and may have \
+             {MAX_WEIGHTS}, of which five numbers each are held in memory"
+        );
+        faults.note(key, problem);
     }
 
     /// Returns the approximate number of weights; those of a hand's joints are not counted.
@@ -496,59 +493,12 @@ impl NetworkConfig {
 }
 
 impl TrainingConfig {
-    /// Checks every value.
-    ///
-    /// # Errors
-    ///
-    /// Returns the first invalid value.
-    pub fn check(&self) -> Result<(), InvalidOption> {
-        let per_epoch = "the training curve has a row for each epoch";
-        check("epochs", self.epochs, 1..=MAX_EPOCHS, per_epoch)?;
-        let epochs = "it is a number of epochs";
-        check(
-            "validation_epochs",
-            self.validation_epochs,
-            1..=MAX_EPOCHS,
-            epochs,
-        )?;
-        check(
-            "halving_epochs",
-            self.halving_epochs,
-            1..=MAX_EPOCHS,
-            epochs,
-        )?;
-        let why = "a step holds the whole batch in memory";
-        check("batch", self.batch, 1..=MAX_BATCH, why)?;
-        let why = "each is decoded for every motion of a batch";
-        check("grasp_steps", self.grasp_steps, 1..=MAX_TIMES, why)?;
-        check("random_times", self.random_times, 0..=MAX_TIMES, why)?;
-        let not_negative = |key, value: f64| {
-            let why = "squares of larger values lose precision in a sum";
-            check(key, value, 0.0..=MAX_VALUE, why)
-        };
-        not_negative("learning_rate", self.learning_rate)?;
-        not_negative("grasp_weight", self.grasp_weight)?;
-        if let Some(norm) = self.max_gradient_norm {
-            let why = "a smaller norm stops training, and a larger one never clips";
-            check("max_gradient_norm", norm, MIN_NORM..=MAX_VALUE, why)?;
-        }
-        not_negative("fixed_statistics_after", self.fixed_statistics_after)?;
-        not_negative("tip_radius_m", self.tip_radius_m)?;
-        not_negative("q_weight", self.q_weight)?;
-        not_negative("translation_weight", self.translation_weight)?;
-        not_negative("rotations_weight", self.rotations_weight)?;
-        not_negative("origins_weight", self.origins_weight)?;
-        not_negative("kl_weight", self.kl_weight)?;
-        not_negative("contact_weight", self.contact_weight)?;
-        not_negative("penetration_weight", self.penetration_weight)
-    }
-
     /// Checks that a step of training this network can be held in memory.
     ///
     /// # Errors
     ///
     /// Fails if it cannot.
-    pub fn check_memory(&self, network: &NetworkConfig) -> Result<(), InvalidOption> {
+    pub fn check_memory(&self, network: &NetworkConfig) -> Result<(), OptionFault> {
         let sum = |widths: &[usize]| widths.iter().copied().fold(0, usize::saturating_add);
         let times = self.grasp_steps.saturating_add(self.random_times);
         let of_motion = [
@@ -564,16 +514,14 @@ impl TrainingConfig {
             return Ok(());
         }
         let most = (MAX_ACTIVATIONS / of_motion.max(1)).max(1);
-        Err(InvalidOption {
-            key: "batch",
-            value: self.batch.to_string(),
-            expected: format!(
-                "at most {most} with this network: a step holds 4 bytes for each output of each \
-                 layer, here {:.0} GB of at most {:.0} GB",
-                numbers as f64 * 4e-9,
-                MAX_ACTIVATIONS as f64 * 4e-9
-            ),
-        })
+        let problem = format!(
+            "is {}, and must be at most {most} with this network: a step holds 4 bytes for each output of \
+             each layer, here {:.0} GB of at most {:.0} GB",
+            self.batch,
+            numbers as f64 * 4e-9,
+            MAX_ACTIVATIONS as f64 * 4e-9
+        );
+        Err(OptionFault::new("batch", problem))
     }
 
     /// Returns the learning rate of an epoch, counted from 0.
@@ -585,41 +533,4 @@ impl TrainingConfig {
         };
         self.learning_rate * factor
     }
-}
-
-/// Refuses a value outside its bounds; the error gives the reason for the bounds.
-pub(crate) fn check<N: PartialOrd + Copy + Debug + Display>(
-    key: &'static str,
-    value: N,
-    bounds: RangeInclusive<N>,
-    why: &str,
-) -> Result<(), InvalidOption> {
-    if bounds.contains(&value) {
-        return Ok(());
-    }
-    let (least, most) = bounds.into_inner();
-    Err(InvalidOption {
-        key,
-        value: format!("{value:?}"),
-        expected: format!("from {least} to {most}: {why}"),
-    })
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn epochs() -> usize { 150 }
-    pub(super) fn validation_epochs() -> usize { 5 }
-    pub(super) fn batch() -> usize { 8 }
-    pub(super) fn learning_rate() -> f64 { 2e-3 }
-    pub(super) fn halving_epochs() -> usize { 500 }
-    pub(super) fn grasp_steps() -> usize { 5 }
-    pub(super) fn grasp_weight() -> f64 { 5.0 }
-    pub(super) fn random_times() -> usize { 7 }
-    pub(super) fn fixed_statistics_after() -> f64 { 0.5 }
-    pub(super) fn q_weight() -> f64 { 1.0 }
-    pub(super) fn origins_weight() -> f64 { 100.0 }
-    pub(super) fn kl_weight() -> f64 { 2e-3 }
-    pub(super) fn contact_weight() -> f64 { 200.0 }
-    pub(super) fn penetration_weight() -> f64 { 5000.0 }
 }

@@ -81,7 +81,7 @@ pub enum CgfError {
     },
     /// A value of the configuration cannot be used.
     #[error(transparent)]
-    Config(#[from] InvalidOption),
+    Config(#[from] options::OptionFault),
     /// The decoder was given numbers of another network.
     #[error("`{what}` has {found} numbers, the network takes {expected}")]
     WrongWidth {
@@ -151,28 +151,4 @@ pub enum CgfError {
     /// The tensor library failed.
     #[error("a tensor operation failed")]
     Tensors(#[from] candle_core::Error),
-}
-
-/// An option whose value cannot be used.
-#[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
-#[error("`{key}` is {value}, expected {expected}")]
-pub struct InvalidOption {
-    /// Its key.
-    pub key: &'static str,
-    /// Its value.
-    pub value: String,
-    /// Valid values and the reason.
-    pub expected: String,
-}
-
-impl From<InvalidOption> for (&'static str, String) {
-    /// Returns the key, and what is wrong, to be read after the key.
-    fn from(option: InvalidOption) -> Self {
-        let InvalidOption {
-            key,
-            value,
-            expected,
-        } = option;
-        (key, format!("is {value}, and must be {expected}"))
-    }
 }

@@ -46,7 +46,7 @@ pub use config::{
 pub use curve::Epoch;
 pub use data::{RestingObject, TrainingMotion};
 pub use decoder::{HandDerivative, HandMotionState};
-pub use error::{CgfError, InvalidOption};
+pub use error::CgfError;
 pub use hand_numbers::Normalization;
 pub use limits::JointRange;
 pub use model::{Cgf, Description, EncodedDemonstration, HandDistance, ObjectFeature, Posterior};

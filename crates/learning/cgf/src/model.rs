@@ -4,6 +4,7 @@ use std::path::Path;
 
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
+use options::Options;
 use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
 use spatial::{Pose, RestingPose, Table};

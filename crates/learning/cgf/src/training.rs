@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use geometry::DistanceField;
+use options::Options;
 use robot::RobotModel;
 use schemas::{checkpoint::VERSION, training::Split};
 

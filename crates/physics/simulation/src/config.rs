@@ -2,79 +2,107 @@
 
 mod drives;
 
+use options::{above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 pub use self::drives::{ControllerKind, DriveConfig, PalmDriveConfig};
 use crate::{
     protocols::{ProtocolName, PublishedSettings},
+    settings::{
+        MAX_DURATION_S, MAX_LINKS, MAX_SETTING, MAX_STEP_S, MAX_STEPS_PER_CONTROL, MAX_SUBSTEPS,
+        MIN_STEP_S, SINGLE_PRECISION,
+    },
     shortcuts::Shortcuts,
 };
 
 /// The physical scene: object, table, hand and time steps.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options(also = Self::combined_faults)]
+#[derive(PartialEq)]
 #[schemars(inline)]
 pub struct SceneConfig {
     /// Friction coefficient of every surface (hand, object, table): that of rubber fingertips on
     /// most things.
-    #[serde(default = "defaults::friction")]
+    #[option(default = 1.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub friction: f64,
     /// Friction coefficient of the table's surface, if it is not that of the others: a contact has the mean of
     /// its two surfaces.
-    #[serde(default)]
+    #[option(default, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub table_friction: Option<f64>,
     /// Mass of the object in kilograms, in place of its true mass; inertias change in proportion.
-    #[serde(default)]
+    #[option(
+        default, range = above(0.0, MAX_SETTING),
+        why = "an object without mass cannot be simulated"
+    )]
     pub object_mass_kg: Option<f64>,
     /// Density of the object's convex parts, in kilograms per cubic meter, which gives its mass in place of its
     /// true mass.
-    #[serde(default)]
+    #[option(
+        default, range = above(0.0, MAX_SETTING),
+        why = "an object without mass cannot be simulated"
+    )]
     pub object_density_kg_per_m3: Option<f64>,
     /// Support of the object: the `table`, or `nothing`, without gravity.
-    #[serde(default)]
+    #[option(default)]
     pub support: Support,
     /// Factor on the object's mass and inertia.
-    #[serde(default = "defaults::mass_scale")]
+    #[option(
+        default = 1.0, range = above(0.0, MAX_SETTING),
+        why = "physics needs a positive mass and stiffness"
+    )]
     pub mass_scale: f64,
     /// Factor on the masses and inertias of the hand's links, known to its controller.
-    #[serde(default = "defaults::hand_mass_scale")]
+    #[option(
+        default = 1.0, range = above(0.0, MAX_SETTING),
+        why = "physics needs a positive mass and stiffness"
+    )]
     pub hand_mass_scale: f64,
     /// Displacement of the object from its estimated pose: none.
-    #[serde(default)]
+    #[option(default, table)]
     pub object_offset: Offset,
     /// Physics time step in seconds: half of it costs twice as much, and drives are implicit.
-    #[serde(default = "defaults::time_step_s")]
+    #[option(
+        default = 0.004, range = MIN_STEP_S..=MAX_STEP_S,
+        why = "shorter steps vanish in 32-bit rounding, longer ones miss contacts"
+    )]
     pub time_step_s: f64,
     /// Solver substeps in one physics step, between which contacts keep their normals (1): with 2, a
     /// step costs a quarter more.
-    #[serde(default = "defaults::substeps")]
+    #[option(default = 1, range = 1..=MAX_SUBSTEPS, why = "more have no effect")]
     pub substeps: u32,
     /// Physics steps in one control step: with the default step, 50 commands a second.
-    #[serde(default = "defaults::steps_per_control")]
+    #[option(
+        default = 5, range = 1..=MAX_STEPS_PER_CONTROL,
+        why = "controllers take commands more often"
+    )]
     pub steps_per_control: u32,
     /// Distance in meters below which contacts are computed: yields a third as many constraint rows
     /// as the engine's default.
-    #[serde(default = "defaults::prediction_m")]
+    #[option(default = 0.002, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub prediction_m: f64,
     /// Relative motion of two touching shapes, in meters, up to which their contact points and normals
     /// are kept instead of computed again (0): the engine's default, 50 mm, accepts grasps that slip, and
     /// with 1 mm held cans turn back and forth.
-    #[serde(default = "defaults::contact_recycle_m")]
+    #[option(default = 0.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub contact_recycle_m: f64,
     /// Whether different fingers touch each other (false); links of one finger, and the palm, never do.
-    #[serde(default)]
+    #[option(default)]
     pub fingers_touch: bool,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
-    #[serde(default = "defaults::settle_s")]
+    #[option(
+        default = 1.0, range = 0.0..=MAX_DURATION_S,
+        why = "an object that moves for longer will not come to rest"
+    )]
     pub settle_s: f64,
     /// Drives of the finger joints.
+    #[option(table)]
     pub drive: DriveConfig,
     /// Drives of the palm's six coordinates (none): without them it follows its path exactly.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[option(default, table)]
     pub palm_drive: Option<PalmDriveConfig>,
     /// Simulation steps omitted because they cannot change the verdict.
-    #[serde(default)]
+    #[option(default, table)]
     pub shortcuts: Shortcuts,
 }
 
@@ -133,15 +161,18 @@ pub enum Support {
 }
 
 /// A planar displacement on the table.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct Offset {
     /// Displacement along the table's x axis in meters.
+    #[option(default, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub x_m: f64,
     /// Displacement along the table's y axis in meters.
+    #[option(default, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub y_m: f64,
     /// Rotation about the vertical through the object's origin in radians.
+    #[option(default, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub yaw_rad: f64,
 }
 
@@ -177,8 +208,8 @@ impl Approach {
 }
 
 /// Execution and success criteria of a motion.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
+#[derive(PartialEq)]
 #[schemars(inline)]
 pub struct Protocol {
     /// Name of the protocol: `table_lift`, by the options below, or a published one, which replaces most of
@@ -190,78 +221,78 @@ pub struct Protocol {
     /// Behavior of the fingers during the reach: they `follow` the motion, as in the paper, or, by a
     /// script that is not the motion, stay `open` until the closing, so that they do not knock the
     /// object over; or the hand starts at the grasp (`at_grasp`).
-    #[serde(default)]
+    #[option(default)]
     pub approach: Approach,
     /// Duration of the reach, to which a motion is stretched, in seconds: that of a person from
     /// near the object; of the closing, if the hand starts at the grasp.
-    #[serde(default = "defaults::reach_s")]
+    #[option(default = 0.8, range = above(0.0, MAX_DURATION_S), why = "reaching takes seconds")]
     pub reach_s: f64,
     /// Last part of the reach, as a fraction of it, in which the fingers close: 0.2 s of 0.8 s.
-    #[serde(default = "defaults::close_fraction")]
+    #[option(default = 0.25, range = 0.0..=1.0, why = "it is a share of the reach")]
     pub close_fraction: f64,
     /// Names of the joints that open and squeeze; positive positions flex; no default, for each
     /// hand has its own.
     pub flexion_joints: Vec<String>,
     /// Angle by which these joints are opened during the reach, in radians: some centimeters at the tips.
-    #[serde(default = "defaults::open_rad")]
+    #[option(default = 0.3, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub open_rad: f64,
     /// Angle beyond their final positions to which these joints are commanded to squeeze, in radians: with
     /// a stiffness of 20 Nm/rad more than the drive's torque.
-    #[serde(default = "defaults::squeeze_rad")]
+    #[option(default = 0.15, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub squeeze_rad: f64,
     /// Duration of the ramp to the squeeze in seconds: slower than the fingers swing.
-    #[serde(default = "defaults::squeeze_s")]
+    #[option(default = 0.3, range = 0.0..=MAX_DURATION_S, why = "a grasp takes seconds")]
     pub squeeze_s: f64,
     /// Pause between squeeze and lift in seconds: motions settle.
-    #[serde(default = "defaults::pause_s")]
+    #[option(default = 0.3, range = 0.0..=MAX_DURATION_S, why = "a grasp takes seconds")]
     pub pause_s: f64,
     /// Height of the lift in meters: clears the table with every object of a hand's size.
-    #[serde(default = "defaults::lift_m")]
+    #[option(default = 0.15, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub lift_m: f64,
     /// Duration of the lift in seconds: brisk, so that weak grasps fail.
-    #[serde(default = "defaults::lift_s")]
+    #[option(default = 0.4, range = 0.0..=MAX_DURATION_S, why = "a grasp takes seconds")]
     pub lift_s: f64,
     /// Time for which the lifted object must be held, in seconds: reveals slow slip.
-    #[serde(default = "defaults::hold_s")]
+    #[option(default = 2.0, range = 0.0..=MAX_DURATION_S, why = "a grasp takes seconds")]
     pub hold_s: f64,
     /// Rise of the object in meters above which it counts as lifted, from the end of the lift on: a
     /// little more than half of the lift.
-    #[serde(default = "defaults::lifted_m")]
+    #[option(default = 0.08, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub lifted_m: f64,
     /// Hand links that must touch the object at the end: with one it only balances.
-    #[serde(default = "defaults::min_links")]
+    #[option(default = 2, range = 0..=MAX_LINKS, why = "no hand has more links")]
     pub min_links: u32,
     /// Largest speed of the object in the hand over the last half second, in meters per second: a
     /// faster one soon leaves the hand.
-    #[serde(default = "defaults::max_slip_m_per_s")]
+    #[option(default = 0.01, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub max_slip_m_per_s: f64,
     /// Displacement of the object before the squeeze that counts as knocked over, in meters: the
     /// fingers no longer close around it.
-    #[serde(default = "defaults::knocked_m")]
+    #[option(default = 0.03, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub knocked_m: f64,
     /// Rotation of the object before the squeeze that counts as knocked over, in radians: 34°, past
     /// which most things fall.
-    #[serde(default = "defaults::knocked_rad")]
+    #[option(default = 0.6, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub knocked_rad: f64,
     /// Largest excess of a commanded joint position over its limits, in radians: the drive stops at
     /// the limit.
-    #[serde(default = "defaults::limit_tolerance_rad")]
+    #[option(default = 0.1, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub limit_tolerance_rad: f64,
     /// Largest commanded depth of the hand below the table, in meters: fingers yield by that much.
-    #[serde(default = "defaults::table_tolerance_m")]
+    #[option(default = 0.01, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub table_tolerance_m: f64,
     /// Largest commanded depth of the hand inside the object before the closing, in meters: the
     /// object yields by that much.
-    #[serde(default = "defaults::early_tolerance_m")]
+    #[option(default = 0.02, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub early_tolerance_m: f64,
     /// Conditions that many benchmarks leave out.
-    #[serde(default)]
+    #[option(default, table)]
     pub strict: StrictConfig,
     /// Trial of the squeezed object: `lift` (the default) or `six_directions`.
-    #[serde(default)]
+    #[option(default)]
     pub trial: Trial,
     /// The pulls of `six_directions`.
-    #[serde(default)]
+    #[option(default, table)]
     pub pull: PullConfig,
     /// Settings of a published protocol for which there is no option; [`Protocol::resolved`] sets them.
     #[serde(skip)]
@@ -280,48 +311,41 @@ impl Protocol {
 }
 
 /// Conditions of a success that many benchmarks leave out.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct StrictConfig {
     /// Fingers that must touch the object at the end, the palm counting as one (2): links of a single
     /// finger only balance it.
+    #[option(default = 2, range = 0..=MAX_LINKS, why = "no hand has more links")]
     pub min_fingers: u32,
     /// Largest angular speed of the object in the hand over the last half second, in radians per second
     /// (0.2): 5 cm from its origin that is the speed of a slip.
+    #[option(default = 0.2, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub max_spin_rad_per_s: f64,
     /// Largest commanded depth of the palm below the table, in meters (0.002): unlike a finger, it does
     /// not yield.
+    #[option(default = 0.002, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub palm_table_tolerance_m: f64,
     /// Largest depth of the hand inside the object where it starts, in meters (0.002): contact pushes
     /// the object away at once.
+    #[option(default = 0.002, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub start_tolerance_m: f64,
     /// Largest net force of object and table on the hand for a tenth of a second, in newtons (none): an arm
     /// stops or yields at some multiple of its payload, the palm here at nothing.
     // Goals of cells that do not know it stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[option(default, range = above(0.0, MAX_SETTING), why = "every grasp loads the palm")]
     pub max_palm_force_n: Option<f64>,
     /// Largest net torque of object and table on the hand about the palm's origin for a tenth of a second, in
     /// newton meters (none).
     #[serde(skip_serializing_if = "Option::is_none")]
+    #[option(default, range = above(0.0, MAX_SETTING), why = "every grasp loads the palm")]
     pub max_palm_torque_nm: Option<f64>,
     /// Until when a displaced object counts as knocked over (`squeeze`): a squeeze may pull it to the
     /// palm from farther away, and hold it well.
+    #[option(default)]
     pub knocked_until: KnockedUntil,
-}
-
-impl Default for StrictConfig {
-    fn default() -> Self {
-        Self {
-            min_fingers: 2,
-            max_spin_rad_per_s: 0.2,
-            palm_table_tolerance_m: 0.002,
-            start_tolerance_m: 0.002,
-            max_palm_force_n: None,
-            max_palm_torque_nm: None,
-            knocked_until: KnockedUntil::default(),
-        }
-    }
 }
 
 /// Until when a displaced object counts as knocked over.
@@ -351,59 +375,24 @@ pub enum Trial {
 }
 
 /// The pulls of the trial `six_directions`, one after the other.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+// The defaults are those of `DexGraspBench`.
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct PullConfig {
     /// Force over the object's mass, in newtons per kilogram (10).
+    #[option(default = 10.0, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub force_n_per_kg: f64,
     /// Duration of each pull in seconds (2).
+    #[option(default = 2.0, range = 0.0..=MAX_DURATION_S, why = "a grasp takes seconds")]
     pub pull_s: f64,
     /// Displacement in the hand, since the first pull, that counts as lost, in meters (0.05).
+    #[option(default = 0.05, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub max_displacement_m: f64,
     /// Rotation in the hand, since the first pull, that counts as lost, in radians (15 degrees).
+    #[option(
+        default = 15.0_f64.to_radians(), range = -MAX_SETTING..=MAX_SETTING,
+        why = SINGLE_PRECISION
+    )]
     pub max_rotation_rad: f64,
-}
-
-impl Default for PullConfig {
-    /// `DexGraspBench`'s.
-    fn default() -> Self {
-        Self {
-            force_n_per_kg: 10.0,
-            pull_s: 2.0,
-            max_displacement_m: 0.05,
-            max_rotation_rad: 15.0_f64.to_radians(),
-        }
-    }
-}
-
-/// Defaults of options; the options' docs give the reasons.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn friction() -> f64 { 1.0 }
-    pub(super) fn mass_scale() -> f64 { 1.0 }
-    pub(super) fn hand_mass_scale() -> f64 { 1.0 }
-    pub(super) fn time_step_s() -> f64 { 0.004 }
-    pub(super) fn substeps() -> u32 { 1 }
-    pub(super) fn steps_per_control() -> u32 { 5 }
-    pub(super) fn prediction_m() -> f64 { 0.002 }
-    pub(super) fn contact_recycle_m() -> f64 { 0.0 }
-    pub(super) fn settle_s() -> f64 { 1.0 }
-    pub(super) fn reach_s() -> f64 { 0.8 }
-    pub(super) fn close_fraction() -> f64 { 0.25 }
-    pub(super) fn open_rad() -> f64 { 0.3 }
-    pub(super) fn squeeze_rad() -> f64 { 0.15 }
-    pub(super) fn squeeze_s() -> f64 { 0.3 }
-    pub(super) fn pause_s() -> f64 { 0.3 }
-    pub(super) fn lift_m() -> f64 { 0.15 }
-    pub(super) fn lift_s() -> f64 { 0.4 }
-    pub(super) fn hold_s() -> f64 { 2.0 }
-    pub(super) fn lifted_m() -> f64 { 0.08 }
-    pub(super) fn min_links() -> u32 { 2 }
-    pub(super) fn max_slip_m_per_s() -> f64 { 0.01 }
-    pub(super) fn knocked_m() -> f64 { 0.03 }
-    pub(super) fn knocked_rad() -> f64 { 0.6 }
-    pub(super) fn limit_tolerance_rad() -> f64 { 0.1 }
-    pub(super) fn table_tolerance_m() -> f64 { 0.01 }
-    pub(super) fn early_tolerance_m() -> f64 { 0.02 }
 }

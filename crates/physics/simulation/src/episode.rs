@@ -2,6 +2,7 @@
 
 use motion::HandState;
 use nalgebra::Vector3;
+use options::OptionFault;
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -9,7 +10,6 @@ use crate::{
     error::SimulationError,
     hand::LinkShape,
     judge::IMPLAUSIBLE_SPEED,
-    settings::SettingFault,
     settled_scene::SettledScene,
     units::meters,
     world::{Overflow, World},
@@ -47,16 +47,16 @@ impl SettledScene {
     pub fn begin(&self, start: &HandState<Object>) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller.follows_motion() {
             let problem = "looks ahead, and the next command is not known: choose `pd`";
-            return Err(SettingFault::new("drive.controller", problem).into());
+            return Err(OptionFault::new("drive.controller", problem).into());
         }
         if self.scene.palm_drive.is_some() {
             let problem =
                 "needs the whole path beforehand, and the next command is not known: leave it out";
-            return Err(SettingFault::new("palm_drive", problem).into());
+            return Err(OptionFault::new("palm_drive", problem).into());
         }
         if self.scene.delay_steps() > 0 {
             let problem = "must be 0: commands take effect at once";
-            return Err(SettingFault::new("drive.delay_s", problem).into());
+            return Err(OptionFault::new("drive.delay_s", problem).into());
         }
         if start.q_rad.len() != self.model.dof() || start.q_rad.iter().any(|q| !q.is_finite()) {
             let message = format!("{:?} are not positions of its joints", start.q_rad);

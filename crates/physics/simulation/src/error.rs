@@ -1,6 +1,6 @@
 //! Why a scene cannot be simulated.
 
-use crate::settings::SettingFault;
+use options::OptionFault;
 
 /// Why a scene cannot be simulated at all; a motion that fails is a verdict, not an error.
 #[derive(Debug, Clone, PartialEq, thiserror::Error)]
@@ -65,7 +65,7 @@ pub enum SimulationError {
     Motion(String),
     /// A setting is out of its bounds.
     #[error(transparent)]
-    Setting(#[from] SettingFault),
+    Setting(#[from] OptionFault),
     /// The object alone on the table went out of bounds.
     #[error("object does not come to rest: it left the table, or the simulation overflowed")]
     Unsettled,

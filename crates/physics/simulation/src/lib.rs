@@ -53,6 +53,5 @@ pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRol
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::Verdict;
 pub use script::{Flexion, Phase, Setpoint};
-pub use settings::SettingFault;
 pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;

@@ -1,12 +1,11 @@
 //! Errors between what a motion was made for and what is really there.
 
+use options::{OptionFault, OptionFaults, Options, options};
 use rand::Rng;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use crate::{
     config::{Offset, SceneConfig},
-    settings::{Faults, MAX_DELAY_S, SettingFault},
+    settings::MAX_DELAY_S,
 };
 
 /// Greatest error of a position in meters, and of an angle in radians.
@@ -16,34 +15,30 @@ const MAX_SCALE: f64 = 100.0;
 
 /// Bounds of errors between what a motion was made for and what is really there; each error is drawn
 /// uniformly within them.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options(also = Self::scale_faults)]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct SceneRandomization {
     /// Largest error of the object's position along each axis of the table, in meters (0.005): that of a
     /// depth camera.
+    #[option(
+        default = 0.005, range = 0.0..=MAX_ERROR,
+        why = "an object farther off is out of reach"
+    )]
     pub position_m: f64,
     /// Largest error of the object's yaw on the table, in radians (5 degrees): that of a depth camera.
+    #[option(default = 5.0_f64.to_radians(), range = 0.0..=MAX_ERROR, why = "it is an angle")]
     pub yaw_rad: f64,
     /// Least and greatest factor on the scene's friction coefficient (0.6 to 1.2): from dusty to clean rubber.
+    #[option(default = [0.6, 1.2])]
     pub friction_scale: [f64; 2],
     /// Least and greatest factor on the scene's mass of the object (0.8 to 1.2): a package is rarely full.
+    #[option(default = [0.8, 1.2])]
     pub mass_scale: [f64; 2],
     /// Longest delay of the fingers behind their commands, in seconds, in addition to the drives' own (0.04):
     /// two of 50 commands a second.
+    #[option(default = 0.04)]
     pub delay_s: f64,
-}
-
-impl Default for SceneRandomization {
-    fn default() -> Self {
-        Self {
-            position_m: 0.005,
-            yaw_rad: 5.0_f64.to_radians(),
-            friction_scale: [0.6, 1.2],
-            mass_scale: [0.8, 1.2],
-            delay_s: 0.04,
-        }
-    }
 }
 
 impl SceneRandomization {
@@ -82,11 +77,15 @@ impl SceneRandomization {
     }
 
     /// Returns what is wrong with the bounds of a scene's errors.
-    pub fn faults(&self, scene: &SceneConfig) -> Vec<SettingFault> {
-        let mut faults = Faults::default();
-        let why = "an object farther off is out of reach";
-        faults.within("position_m", self.position_m, 0.0, MAX_ERROR, why);
-        faults.within("yaw_rad", self.yaw_rad, 0.0, MAX_ERROR, "it is an angle");
+    pub fn faults_in(&self, scene: &SceneConfig) -> Vec<OptionFault> {
+        let mut faults = OptionFaults::default();
+        let most_s = (MAX_DELAY_S - scene.drive.delay_s).max(0.0);
+        let why = "added to `drive.delay_s`, a longer delay cannot be controlled";
+        faults.within("delay_s", self.delay_s, 0.0..=most_s, why);
+        [self.faults(), faults.found()].concat()
+    }
+
+    fn scale_faults(&self, faults: &mut OptionFaults) {
         for (key, [least, greatest]) in [
             ("friction_scale", self.friction_scale),
             ("mass_scale", self.mass_scale),
@@ -100,10 +99,6 @@ impl SceneRandomization {
                 faults.note(key, problem);
             }
         }
-        let most_s = (MAX_DELAY_S - scene.drive.delay_s).max(0.0);
-        let why = "added to `drive.delay_s`, a longer delay cannot be controlled";
-        faults.within("delay_s", self.delay_s, 0.0, most_s, why);
-        faults.0
     }
 }
 
@@ -179,9 +174,9 @@ mod tests {
 
     #[test]
     fn bounds_that_cannot_be_simulated_are_named() {
-        let faults = |errors: SceneRandomization| -> Vec<&'static str> {
-            let found = errors.faults(&scene());
-            found.iter().map(|fault| fault.key).collect()
+        let faults = |errors: SceneRandomization| -> Vec<String> {
+            let found = errors.faults_in(&scene());
+            found.into_iter().map(|fault| fault.key).collect()
         };
         let errors = SceneRandomization::default();
         assert!(faults(errors).is_empty());

@@ -2,6 +2,7 @@
 
 use motion::{HandState, Motion, Rates};
 use nalgebra::Vector3;
+use options::OptionFault;
 use robot::RobotModel;
 use spatial::{Object, Palm, Pose, Table};
 
@@ -9,7 +10,6 @@ use crate::{
     config::{Approach, Protocol, SceneConfig, Trial},
     desired::Desired,
     error::SimulationError,
-    settings::SettingFault,
 };
 
 /// The ways in which an object is pulled.
@@ -120,7 +120,7 @@ impl Script {
         }
         if !protocol.name.is_table_lift() && protocol.published.is_none() {
             let problem = "stands for settings that were not taken: call `Protocol::resolved`";
-            return Err(SettingFault::new("name", problem).into());
+            return Err(OptionFault::new("name", problem).into());
         }
         let writer = Writer {
             motion,

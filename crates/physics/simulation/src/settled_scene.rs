@@ -3,6 +3,7 @@
 use geometry::SurfaceDistance;
 use motion::{Motion, Rates};
 use nalgebra::{UnitQuaternion, Vector3};
+use options::Options;
 use rapier3d::prelude::{RigidBodyHandle, SharedShape};
 use robot::RobotModel;
 use schemas::rollouts::Verdict;

@@ -1,7 +1,6 @@
 //! Parts of a rollout that are omitted because they cannot change the verdict.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use options::options;
 
 /// Parts of a rollout that are omitted because they cannot change the verdict; all of them by
 /// default.
@@ -10,16 +9,19 @@ use serde::{Deserialize, Serialize};
 /// compares the verdicts. (Skipping the reach up to where the hand comes near the object is not
 /// among them: the fingers then arrive slightly elsewhere, and grasps that hold by chance fail by
 /// chance.) A rollout whose steps are recorded always runs to its end.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(Copy, PartialEq, Eq)]
 #[schemars(inline)]
 pub struct Shortcuts {
     /// Motions refused on geometry alone are not simulated (true). Without it they are simulated
     /// and then refused.
+    #[option(default = true)]
     pub refused: bool,
     /// A rollout ends as soon as the object lies or falls below the whole hand (true).
+    #[option(default = true)]
     pub lost: bool,
     /// A rollout ends as soon as the object has rested in the hand for a while (true).
+    #[option(default = true)]
     pub settled: bool,
 }
 
@@ -36,10 +38,4 @@ impl Shortcuts {
         lost: true,
         settled: true,
     };
-}
-
-impl Default for Shortcuts {
-    fn default() -> Self {
-        Self::ALL
-    }
 }

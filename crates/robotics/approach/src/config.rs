@@ -1,5 +1,6 @@
 //! Options of the way to a grasp.
 
+use options::{above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -13,42 +14,41 @@ const MAX_BACK_OFF_M: f64 = 1.0;
 const MAX_OPENING_RAD: f64 = std::f64::consts::PI;
 
 /// The way to a grasp, and how the object lies.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
+#[derive(Copy, PartialEq)]
 pub struct ApproachConfig {
     /// Steps of each motion, at equal times, at least 2: as many as `sample` has, the paper's
-    #[serde(default = "defaults::steps")]
+    #[option(
+        default = 40, range = 2..=MAX_STEPS,
+        why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz"
+    )]
     pub steps: usize,
     /// Time from the first step to the grasp (s): as in `sample`
-    #[serde(default = "defaults::duration_s")]
+    #[option(
+        default = 1.5, range = above(0.0, MAX_DURATION_S),
+        why = "reaching for an object takes seconds"
+    )]
     pub duration_s: f64,
     /// Share of the time, at the end, in which the hand goes from the pregrasp to the grasp (1): that in which
     /// refined motions close
-    #[serde(default = "defaults::closing_share")]
+    #[option(
+        default = 0.25, range = 0.01..=0.99,
+        why = "it is a share of the motion, and both parts take time"
+    )]
     pub closing_share: f64,
     /// Distance by which the palm is backed off in the pregrasp (m): half an object's width, so that open fingers
     /// pass it
-    #[serde(default = "defaults::back_off_m")]
+    #[option(
+        default = 0.05, range = 0.0..=MAX_BACK_OFF_M,
+        why = "no hand starts to grasp farther away"
+    )]
     pub back_off_m: f64,
     /// Angle by which the flexion joints are opened in the pregrasp (rad): opens the fingers by about 3 cm
-    #[serde(default = "defaults::opening_rad")]
+    #[option(default = 0.4, range = 0.0..=MAX_OPENING_RAD, why = "no finger opens farther")]
     pub opening_rad: f64,
     /// Resting orientations of the object: those in which people grasp it
-    #[serde(default)]
+    #[option(default)]
     pub rests: RestChoice,
-}
-
-impl Default for ApproachConfig {
-    fn default() -> Self {
-        Self {
-            steps: defaults::steps(),
-            duration_s: defaults::duration_s(),
-            closing_share: defaults::closing_share(),
-            back_off_m: defaults::back_off_m(),
-            opening_rad: defaults::opening_rad(),
-            rests: RestChoice::default(),
-        }
-    }
 }
 
 /// Choice of an object's resting orientations.
@@ -62,49 +62,10 @@ pub enum RestChoice {
     Stable,
 }
 
-impl ApproachConfig {
-    /// Returns the invalid options, each with its key and the reason.
-    pub fn faults(&self) -> Vec<(&'static str, String)> {
-        let mut faults = dataflow::OptionFaults::default();
-        let why = "a motion needs two steps, and the upper limit is ten seconds at 1000 Hz";
-        faults.within("steps", self.steps, 2..=MAX_STEPS, why);
-        let why = "reaching for an object takes seconds";
-        faults.above("duration_s", self.duration_s, 0.0, MAX_DURATION_S, why);
-        let why = "it is a share of the motion, and both parts take time";
-        faults.within("closing_share", self.closing_share, 0.01..=0.99, why);
-        let why = "no hand starts to grasp farther away";
-        faults.within("back_off_m", self.back_off_m, 0.0..=MAX_BACK_OFF_M, why);
-        let why = "no finger opens farther";
-        faults.within("opening_rad", self.opening_rad, 0.0..=MAX_OPENING_RAD, why);
-        let found = faults.found().into_iter();
-        let keys = [
-            "steps",
-            "duration_s",
-            "closing_share",
-            "back_off_m",
-            "opening_rad",
-        ];
-        found
-            .filter_map(|fault| {
-                let key = keys.into_iter().find(|key| *key == fault.key)?;
-                Some((key, fault.problem))
-            })
-            .collect()
-    }
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn steps() -> usize { 40 }
-    pub(super) fn duration_s() -> f64 { 1.5 }
-    pub(super) fn closing_share() -> f64 { 0.25 }
-    pub(super) fn back_off_m() -> f64 { 0.05 }
-    pub(super) fn opening_rad() -> f64 { 0.4 }
-}
-
 #[cfg(test)]
 mod tests {
+    use options::Options;
+
     use super::*;
 
     #[test]
@@ -118,7 +79,7 @@ mod tests {
             opening_rad: f64::NAN,
             rests: RestChoice::Seen,
         };
-        let keys: Vec<&str> = bad.faults().into_iter().map(|(key, _)| key).collect();
+        let keys: Vec<String> = bad.faults().into_iter().map(|fault| fault.key).collect();
         assert_eq!(
             keys,
             [

@@ -12,8 +12,8 @@ mod palm_path;
 mod path;
 mod trace;
 
+use options::{OptionFault, Options};
 use robot::{Chain, Link, RobotModel, WrongDof};
-use simulation::SettingFault;
 use spatial::{Base, Pose, Table};
 
 use crate::limits::MotionLimits;
@@ -51,9 +51,9 @@ impl Arm {
         config: &ArmConfig,
         robot: &RobotModel,
         hand: &RobotModel,
-    ) -> Result<Self, SettingFault> {
-        config.check()?;
-        let of_palm = |err: robot::RobotError| SettingFault::new("arm.palm", err.to_string());
+    ) -> Result<Self, OptionFault> {
+        config.check().map_err(|fault| fault.within("arm"))?;
+        let of_palm = |err: robot::RobotError| OptionFault::new("arm.palm", err.to_string());
         let palm = robot.require_link(&config.palm).map_err(of_palm)?;
         let chain = Chain::to_link(robot, &config.palm).map_err(of_palm)?;
         if chain.dof() != JOINTS {
@@ -61,13 +61,13 @@ impl Arm {
                 "{} joints lead from the arm's base to it, not {JOINTS}",
                 chain.dof()
             );
-            return Err(SettingFault::new("arm.palm", problem));
+            return Err(OptionFault::new("arm.palm", problem));
         }
         let fingers = hand::joints_of_hand(robot, &chain, palm, hand)?;
         let joints = || chain.model().joints().iter();
         if let Some(joint) = joints().find(|joint| joint.velocity <= 0.0) {
             let problem = format!("it gives joint `{}` no speed", joint.name);
-            return Err(SettingFault::new("arm.robot", problem));
+            return Err(OptionFault::new("arm.robot", problem));
         }
         let limits = joints().map(|joint| MotionLimits {
             max_velocity: joint.velocity * config.velocity_scale,

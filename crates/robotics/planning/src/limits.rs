@@ -2,56 +2,49 @@
 
 use motion::JointRates;
 use nalgebra::Vector3;
+use options::{OptionFault, Options, above, options};
 use robot::RobotModel;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
-use simulation::SettingFault;
 use spatial::{Peaks, Twist};
 
 /// Largest slowdown factor accepted.
 const MAX_SLOWDOWN: f64 = 1000.0;
+/// Greatest speed or acceleration accepted.
+const MAX_RATE: f64 = 1e6;
+/// Reason for the ranges of speeds and accelerations.
+const TAKES_TIME: &str = "a motion takes time, and no arm or hand is faster";
 
 /// Limits on the speeds of palm and joints; a motion is slowed down until it keeps them.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(PartialEq)]
 #[schemars(inline)]
 pub struct LimitsConfig {
     /// Largest speed of every joint (rad/s; m/s if prismatic); if absent, each joint's from the
     /// URDF.
+    #[option(default, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub joint_velocity_rad_per_s: Option<f64>,
     /// Largest acceleration of every joint (rad/s²; m/s² if prismatic): small drives reach full
     /// speed in a tenth of a second.
+    #[option(default = 50.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub joint_acceleration_rad_per_s2: f64,
     /// Largest speed of the palm's origin (m/s): that of an industrial arm's end.
+    #[option(default = 1.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_speed_m_per_s: f64,
     /// Largest acceleration of the palm's origin (m/s²): that of gravity.
+    #[option(default = 10.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_acceleration_m_per_s2: f64,
     /// Largest angular speed of the palm (rad/s): half a turn in a second, an xArm's joints'.
+    #[option(default = 3.14, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_turn_rad_per_s: f64,
     /// Largest angular acceleration of the palm (rad/s²): an xArm's joints'.
+    #[option(default = 20.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_turn_acceleration_rad_per_s2: f64,
     /// Largest slowdown factor of a motion relative to the requested duration; a slower one is not
     /// sent: it is another motion.
-    pub max_slowdown: f64,
-}
-
-impl Default for LimitsConfig {
-    /// Returns the limits of a small arm and hand; the options' docs give the reasons.
-    #[expect(
-        clippy::approx_constant,
-        reason = "a speed from a data sheet, not the number π"
+    #[option(
+        default = 5.0, range = 1.0..=MAX_SLOWDOWN,
+        why = "a goal holds every point of a motion"
     )]
-    fn default() -> Self {
-        Self {
-            joint_velocity_rad_per_s: None,
-            joint_acceleration_rad_per_s2: 50.0,
-            palm_speed_m_per_s: 1.0,
-            palm_acceleration_m_per_s2: 10.0,
-            palm_turn_rad_per_s: 3.14,
-            palm_turn_acceleration_rad_per_s2: 20.0,
-            max_slowdown: 5.0,
-        }
-    }
+    pub max_slowdown: f64,
 }
 
 /// The limits of one hand.
@@ -83,8 +76,8 @@ pub(crate) struct LimitedRates {
 
 impl Limits {
     /// Creates the limits of a hand.
-    pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, SettingFault> {
-        config.check()?;
+    pub(crate) fn new(config: &LimitsConfig, hand: &RobotModel) -> Result<Self, OptionFault> {
+        config.check().map_err(|fault| fault.within("limits"))?;
         let velocity = |joint: &robot::Joint| {
             let max_velocity = config.joint_velocity_rad_per_s.unwrap_or(joint.velocity);
             if max_velocity > 0.0 {
@@ -97,10 +90,7 @@ impl Limits {
                 "the URDF gives joint `{}` no speed, so that this option must",
                 joint.name
             );
-            Err(SettingFault::new(
-                "limits.joint_velocity_rad_per_s",
-                problem,
-            ))
+            Err(OptionFault::new("limits.joint_velocity_rad_per_s", problem))
         };
         Ok(Self {
             config: config.clone(),
@@ -183,50 +173,6 @@ impl LimitedRates {
             return f64::INFINITY;
         }
         speed.max(change.sqrt())
-    }
-}
-
-impl LimitsConfig {
-    /// Checks the limits beyond their types.
-    ///
-    /// # Errors
-    ///
-    /// Fails with the first limit that is out of range.
-    pub fn check(&self) -> Result<(), SettingFault> {
-        let positive = [
-            (
-                "limits.joint_velocity_rad_per_s",
-                self.joint_velocity_rad_per_s.unwrap_or(1.0),
-            ),
-            (
-                "limits.joint_acceleration_rad_per_s2",
-                self.joint_acceleration_rad_per_s2,
-            ),
-            ("limits.palm_speed_m_per_s", self.palm_speed_m_per_s),
-            (
-                "limits.palm_acceleration_m_per_s2",
-                self.palm_acceleration_m_per_s2,
-            ),
-            ("limits.palm_turn_rad_per_s", self.palm_turn_rad_per_s),
-            (
-                "limits.palm_turn_acceleration_rad_per_s2",
-                self.palm_turn_acceleration_rad_per_s2,
-            ),
-        ];
-        for (key, value) in positive {
-            if !(value.is_finite() && value > 0.0) {
-                let problem = format!("{value:?} is not more than 0");
-                return Err(SettingFault::new(key, problem));
-            }
-        }
-        if (1.0..=MAX_SLOWDOWN).contains(&self.max_slowdown) {
-            return Ok(());
-        }
-        let problem = format!(
-            "{:?} is not from 1 to {MAX_SLOWDOWN}: a goal holds every point of a motion",
-            self.max_slowdown
-        );
-        Err(SettingFault::new("limits.max_slowdown", problem))
     }
 }
 

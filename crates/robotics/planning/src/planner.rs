@@ -2,8 +2,9 @@
 
 use motion::{JointTrack, Motion, MotionSpline, PalmTrajectory};
 use nalgebra::Vector3;
+use options::OptionFault;
 use robot::{Joint, JointKind, RobotModel};
-use simulation::{Approach, Flexion, Protocol, SettingFault};
+use simulation::{Approach, Flexion, Protocol};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -67,7 +68,7 @@ impl<'a> Planner<'a> {
     /// # Errors
     ///
     /// Fails if an option is invalid, in itself or for this robot.
-    pub fn new(config: &PlannerConfig<'a>) -> Result<Self, SettingFault> {
+    pub fn new(config: &PlannerConfig<'a>) -> Result<Self, OptionFault> {
         let PlannerConfig {
             hand,
             arm,
@@ -79,14 +80,14 @@ impl<'a> Planner<'a> {
         let arm = arm.transpose()?;
         let limits = Limits::new(limits, hand)?;
         let flexion = Flexion::new(protocol, hand)
-            .map_err(|err| SettingFault::new("protocol.flexion_joints", err.to_string()))?;
+            .map_err(|err| OptionFault::new("protocol.flexion_joints", err.to_string()))?;
         if let Some(fault) = protocol.cell_fault() {
             return Err(fault);
         }
         let path_s = protocol.path_s();
         if !(path_s.is_finite() && path_s > 0.0) {
             let problem = format!("it leaves the palm {path_s} s for its path");
-            return Err(SettingFault::new("protocol.reach_s", problem));
+            return Err(OptionFault::new("protocol.reach_s", problem));
         }
         Ok(Self {
             hand,

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use hand_files::{HandFileError, HandFiles};
 use lake::{ReadInputs, WriteArtifact};
@@ -67,10 +66,6 @@ impl Stage for CemMpc {
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &CemMpcConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand and its table, and that the hand can be simulated as the options say.
     fn prepare(config: &CemMpcConfig) -> Result<(), CemMpcError> {

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use approach::{Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -73,10 +72,6 @@ impl Stage for Eigengrasp {
     const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &EigengraspConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand.
     fn prepare(config: &EigengraspConfig) -> Result<(), EigengraspError> {

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -67,10 +66,6 @@ impl Stage for ForceClosure {
     const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &ForceClosureConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand and its table.
     fn prepare(config: &ForceClosureConfig) -> Result<(), ForceClosureError> {

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use approach::ApproachConfig;
 use cgf::grasp_tta::{AdaptationConfig, GraspNetworkConfig, GraspTrainingConfig, TermWeights};
-use dataflow::{OptionFault, OptionFaults};
+use options::{OptionFaults, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -15,43 +15,45 @@ const MIN_HAND_POINTS: usize = 32;
 const MAX_HAND_POINTS: usize = 100_000;
 
 /// Options of `kind = "grasp_tta"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options(also = Self::combined_faults)]
 pub struct GraspTtaConfig {
     /// File of the robot hand, or its URDF alone; the root link is the palm
-    #[serde(skip_serializing)]
+    #[option(path)]
     pub hand: PathBuf,
     /// Names of the joints that bend the fingers, each with growing positions
     pub flexion_joints: Vec<String>,
     /// Objects to grasp, by name; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
     /// Objects whose demonstrations are not learned from, by name
-    #[serde(default)]
+    #[option(default)]
     pub unseen_objects: Vec<String>,
     /// Grasps per object: the published number
-    #[serde(default = "defaults::per_object")]
+    #[option(default = 200, range = 1..=MAX_GRASPS, why = "each is adapted and simulated")]
     pub per_object: usize,
     /// Points on the hand's surface: about as many as the published hand has vertices
-    #[serde(default = "defaults::hand_points")]
+    #[option(
+        default = 800, range = MIN_HAND_POINTS..=MAX_HAND_POINTS,
+        why = "each is compared with every point of the object"
+    )]
     pub hand_points: usize,
     /// Shapes of the networks
-    #[serde(default)]
+    #[option(default, table)]
     pub network: GraspNetworkConfig,
     /// Training of the networks
-    #[serde(default)]
+    #[option(default, table)]
     pub training: GraspTrainingConfig,
     /// Weights of the terms of a grasp's loss
-    #[serde(default)]
+    #[option(default, table)]
     pub terms: TermWeights,
     /// Test-time adaptation of a grasp
-    #[serde(default)]
+    #[option(default, table)]
     pub adaptation: AdaptationConfig,
     /// Whether fingers close on the object after the adaptation: they do not, as published
-    #[serde(default)]
+    #[option(default)]
     pub finish: Finish,
     /// The way to the grasp, and how the object lies
-    #[serde(default)]
+    #[option(default, table)]
     pub approach: ApproachConfig,
 }
 
@@ -68,36 +70,12 @@ pub enum Finish {
 }
 
 impl GraspTtaConfig {
-    /// Returns the faults of the options beyond their types.
-    pub(crate) fn faults(&self) -> Vec<OptionFault> {
-        let mut faults = OptionFaults::default();
-        let why = "each is adapted and simulated";
-        faults.within("per_object", self.per_object, 1..=MAX_GRASPS, why);
-        let why = "each is compared with every point of the object";
-        let bounds = MIN_HAND_POINTS..=MAX_HAND_POINTS;
-        faults.within("hand_points", self.hand_points, bounds, why);
+    fn combined_faults(&self, faults: &mut OptionFaults) {
         if self.flexion_joints.is_empty() {
             faults.note(
                 "flexion_joints",
                 "is empty, and hands touch with what they bend",
             );
         }
-        for (table, checked) in [
-            ("network", self.network.check()),
-            ("training", self.training.check()),
-            ("terms", self.terms.check()),
-            ("adaptation", self.adaptation.check()),
-        ] {
-            faults.of_table(table, checked.err().into_iter().collect());
-        }
-        faults.of_table("approach", self.approach.faults());
-        faults.found()
     }
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn per_object() -> usize { 200 }
-    pub(super) fn hand_points() -> usize { 800 }
 }

@@ -1,7 +1,7 @@
 //! The stage and its outputs: the networks, and candidates from them.
 
 use approach::HandBody;
-use dataflow::{OptionFault, Outputs, Stage};
+use dataflow::{Outputs, Stage};
 use schemas::{Table, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory};
 
 use crate::{
@@ -19,10 +19,6 @@ impl Stage for GraspTta {
     const ABOUT: &'static str = "Samples grasps from learned networks, adapts each to its object";
     const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&LearnedNetworks, &AdaptedCandidates];
-
-    fn check(config: &GraspTtaConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand.
     fn prepare(config: &GraspTtaConfig) -> Result<(), GraspTtaError> {

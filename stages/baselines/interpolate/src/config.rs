@@ -1,13 +1,11 @@
 //! Options of `kind = "interpolate"`.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use options::options;
 
 /// Options of `kind = "interpolate"`.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub struct InterpolateConfig {
     /// Objects whose motions are replaced, by name; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
 }

@@ -1,13 +1,11 @@
 //! Options of `kind = "replay"`.
 
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use options::options;
 
 /// Options of `kind = "replay"`.
-#[derive(Debug, Clone, Default, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub struct ReplayConfig {
     /// Objects whose trajectories are offered, by name; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
 }

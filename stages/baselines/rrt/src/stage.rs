@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    Context, Inputs, Line, Max, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -64,10 +63,6 @@ impl Stage for Rrt {
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &RrtConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 
     /// Checks the hand and its table.
     fn prepare(config: &RrtConfig) -> Result<(), RrtError> {

@@ -1,6 +1,6 @@
 //! Options of `kind = "transfer"`.
 
-use dataflow::{OptionFault, OptionFaults};
+use options::options;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -8,17 +8,16 @@ use serde::{Deserialize, Serialize};
 const MAX_MOTIONS: usize = 100_000;
 
 /// Options of `kind = "transfer"`.
-#[derive(Debug, Clone, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub struct TransferConfig {
     /// Demonstrations that are transferred to an object
-    #[serde(default)]
+    #[option(default)]
     pub from: TransferSource,
     /// Objects that get motions, by name; empty: all
-    #[serde(default)]
+    #[option(default)]
     pub objects: Vec<String>,
     /// Most motions per object: as many as of a function in the studies
-    #[serde(default = "defaults::per_object")]
+    #[option(default = 40, range = 1..=MAX_MOTIONS, why = "each motion is simulated later")]
     pub per_object: usize,
 }
 
@@ -34,20 +33,4 @@ pub enum TransferSource {
     Other,
     /// The mean of the object's own, one for each resting orientation.
     Mean,
-}
-
-impl TransferConfig {
-    /// Returns what is wrong with the options.
-    pub(crate) fn faults(&self) -> Vec<OptionFault> {
-        let mut faults = OptionFaults::default();
-        let why = "each motion is simulated later";
-        faults.within("per_object", self.per_object, 1..=MAX_MOTIONS, why);
-        faults.found()
-    }
-}
-
-/// Values of options that a pipeline file leaves out; the options say why.
-#[rustfmt::skip]
-mod defaults {
-    pub(super) fn per_object() -> usize { 40 }
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit, UnknownPartition,
+    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    UnknownPartition,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::Motion;
@@ -49,10 +49,6 @@ impl Stage for Transfer {
     const ABOUT: &'static str = "Applies demonstrations to other objects, without learning";
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
-
-    fn check(config: &TransferConfig) -> Vec<OptionFault> {
-        config.faults()
-    }
 }
 
 impl Output for Transfer {

@@ -5,12 +5,12 @@ use std::{
     path::Path,
 };
 
-use dataflow::{OptionFault, OptionFaults, SourceFile};
+use dataflow::SourceFile;
 use schemas::demonstrations::Side;
 
 use super::units;
 use crate::{
-    config::{Format, IngestConfig, Landmarks, MAX_RATE_HZ},
+    config::{Format, IngestConfig, Landmarks},
     dexycb,
     error::IngestError,
     folders::plain,
@@ -18,62 +18,6 @@ use crate::{
     reader::{ListedRecording, MAX_MESH_BYTES, Reader},
     selection::{self, Cameras, Selection},
 };
-
-/// Maximum number of images of a recording that options speak of: nine hours at 30 per second.
-const MAX_IMAGES: usize = 1_000_000;
-/// Maximum number of points on a surface: 48 MB of them with their normals.
-const MAX_SURFACE_POINTS: usize = 1_000_000;
-/// Maximum number of convex parts of an object.
-const MAX_PARTS: usize = 4096;
-/// Maximum number of objects of a scene.
-const MAX_OBJECTS: usize = 1000;
-/// Greatest length, angle, factor or mass.
-const MAX_SETTING: f64 = 1e6;
-
-/// Returns what is wrong with the options beyond their types.
-pub(super) fn faults(config: &IngestConfig) -> Vec<OptionFault> {
-    let mut faults = OptionFaults::default();
-    let why = "no camera that films a whole hand is faster";
-    if let Some(rate_hz) = config.rate_hz {
-        faults.above("rate_hz", rate_hz, 0.0, MAX_RATE_HZ, why);
-    }
-    for (key, number) in [
-        ("max_mirror_error_m", config.max_mirror_error_m),
-        ("camera_agreement_m", config.camera_agreement_m),
-        ("move_threshold_m", config.move_threshold_m),
-        ("move_threshold_rad", config.move_threshold_rad),
-        ("jitter_factor", config.jitter_factor),
-        ("max_table_error_m", config.max_table_error_m),
-    ] {
-        let why = "0 tolerates no noise, and a larger value exceeds any scene";
-        faults.above(key, number, 0.0, MAX_SETTING, why);
-    }
-    for (key, number, least) in [
-        ("settle_n", config.settle_n, 1),
-        ("max_gap_n", config.max_gap_n, 0),
-        ("min_steps_n", config.min_steps_n, 1),
-    ] {
-        let why = "it counts images of a recording";
-        faults.within(key, number, least..=MAX_IMAGES, why);
-    }
-    let objects = config.min_table_objects_n;
-    let why = "the grasped object counts, and no table holds more";
-    faults.within("min_table_objects_n", objects, 1..=MAX_OBJECTS, why);
-    let why = "they are sampled and held in memory for each object";
-    faults.within("points_n", config.points_n, 1..=MAX_SURFACE_POINTS, why);
-    let why = "each is a collision shape in every physics step";
-    let parts = config.max_convex_parts_n;
-    faults.within("max_convex_parts_n", parts, 1..=MAX_PARTS, why);
-    let masses = config.masses_kg.iter();
-    let masses = masses.map(|(object, &kg)| (format!("masses_kg.{object}"), kg));
-    let meshes = config.meshes.iter();
-    let added = meshes.map(|(object, mesh)| (format!("meshes.{object}.mass_kg"), mesh.mass_kg));
-    for (key, kg) in masses.chain(added) {
-        let why = "it is the mass of an object that a hand lifts";
-        faults.above(&key, kg, 0.0, MAX_SETTING, why);
-    }
-    faults.found()
-}
 
 /// Refuses options that name files that are not there.
 pub(super) fn options(config: &IngestConfig) -> Result<(), IngestError> {

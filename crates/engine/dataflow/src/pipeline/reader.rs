@@ -6,6 +6,7 @@ use std::{
     path::Path,
 };
 
+use options::OptionFault;
 use serde::{Deserialize, de::IntoDeserializer};
 use toml_edit::{InlineTable, Key, Value};
 
@@ -16,10 +17,10 @@ use super::{
 };
 use crate::{
     error::{FileError, Problem},
+    file_fault::place_of,
     inheritance::{EXTENDS, Extended, WITHOUT},
     kind::Kind,
     name::{ArtifactName, NodeName, PipelineName, StageName},
-    option_faults::{OptionFault, place_of},
     overrides::Override,
     resources::Resources,
     shared::{SHARED, SharedUse},

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use options::Options;
 use schemas::grasp_networks::VERSION;
 use serde::{Deserialize, Serialize};
 

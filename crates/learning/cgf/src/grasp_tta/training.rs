@@ -5,6 +5,7 @@ use std::{collections::BTreeMap, f64::consts::PI, sync::Arc};
 use candle_core::Tensor;
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
+use options::Options;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use spatial::{Pose, Table};

@@ -1,32 +1,45 @@
 //! The drives of fingers and palm.
 
+use options::{above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use crate::settings::{MAX_DELAY_S, MAX_SETTING, SINGLE_PRECISION};
+
+/// Time in which the released simulation corrects the palm, in seconds.
+const RELEASED_TIME_S: f64 = 0.03;
+
 /// The drive of each finger joint: a torque that a [`ControllerKind`] asks for, clamped.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct DriveConfig {
     /// The torque law: `pd`, which knows only the command, `pd_velocity`, `pd_velocity_interpolated` or
     /// `pd_feedforward`.
-    #[serde(default)]
+    #[option(default)]
     pub controller: ControllerKind,
     /// Stiffness in newton meters per radian; no default, for each hand has its own.
+    #[option(range = above(0.0, MAX_SETTING), why = "physics needs a positive mass and stiffness")]
     pub stiffness: f64,
     /// Damping in newton meter seconds per radian; no default, for each hand has its own.
+    #[option(range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub damping: f64,
     /// Largest torque in newton meters; no default, for each hand has its own.
+    #[option(range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub torque_limit: f64,
     /// Inertia of the rotor as felt at the joint, in kilogram square meters; no default, for each
     /// hand has its own.
+    #[option(range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub armature: f64,
     /// Stiffness of the mechanical end stops in newton meters per radian: at the torque of small
     /// drives they give by a fraction of a degree.
-    #[serde(default = "stop_stiffness")]
+    #[option(default = 200.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub stop_stiffness: f64,
     /// Delay until a finger's command takes effect, in seconds, rounded to whole physics steps (0).
-    #[serde(default)]
+    #[option(
+        default, range = 0.0..=MAX_DELAY_S,
+        why = "a hand with a longer delay cannot be controlled"
+    )]
     pub delay_s: f64,
 }
 
@@ -67,38 +80,26 @@ impl ControllerKind {
 /// The defaults are those of the released simulation of Ye et al., *Learning Continuous Grasping Function with a
 /// Dexterous Hand from Human Demonstrations*, 2023 (`scripts/sim.py`): a velocity of (target − current)/0.03 s,
 /// dampings of 200 Ns/m and 50 Nms/rad, and limits of 200 N and 50 Nm.
-#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize, JsonSchema)]
-#[serde(deny_unknown_fields, default)]
+#[options]
+#[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct PalmDriveConfig {
     /// Stiffness along an axis in newtons per meter (6,667).
+    #[option(default = 200.0 / RELEASED_TIME_S, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub stiffness_n_per_m: f64,
     /// Damping along an axis in newton seconds per meter (200).
+    #[option(default = 200.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub damping_ns_per_m: f64,
     /// Largest force along an axis in newtons (200).
+    #[option(default = 200.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub force_limit_n: f64,
     /// Stiffness about an axis in newton meters per radian (1,667).
+    #[option(default = 50.0 / RELEASED_TIME_S, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub stiffness_nm_per_rad: f64,
     /// Damping about an axis in newton meter seconds per radian (50).
+    #[option(default = 50.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub damping_nms_per_rad: f64,
     /// Largest torque about an axis in newton meters (50).
+    #[option(default = 50.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub torque_limit_nm: f64,
-}
-
-impl Default for PalmDriveConfig {
-    fn default() -> Self {
-        const TIME_S: f64 = 0.03;
-        Self {
-            stiffness_n_per_m: 200.0 / TIME_S,
-            damping_ns_per_m: 200.0,
-            force_limit_n: 200.0,
-            stiffness_nm_per_rad: 50.0 / TIME_S,
-            damping_nms_per_rad: 50.0,
-            torque_limit_nm: 50.0,
-        }
-    }
-}
-
-fn stop_stiffness() -> f64 {
-    200.0
 }

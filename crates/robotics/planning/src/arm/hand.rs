@@ -1,7 +1,7 @@
 //! The hand on the arm, and the hand for which motions are made.
 
+use options::OptionFault;
 use robot::{Chain, Joint, JointKind, Link, RobotModel};
-use simulation::SettingFault;
 use spatial::{Base, Palm, Pose};
 
 /// Tolerance on link poses between the two descriptions, in meters and radians.
@@ -20,7 +20,7 @@ pub(crate) fn joints_of_hand(
     chain: &Chain,
     palm: usize,
     hand: &RobotModel,
-) -> Result<Vec<usize>, SettingFault> {
+) -> Result<Vec<usize>, OptionFault> {
     let carried = beyond(robot, palm);
     let is_carried = |link: usize| carried[link];
     let joints = hand
@@ -95,7 +95,7 @@ fn off(a: &Pose<Palm, Link>, b: &Pose<Palm, Link>) -> f64 {
     distance.max(turn)
 }
 
-fn wrong(problem: &str) -> SettingFault {
+fn wrong(problem: &str) -> OptionFault {
     let problem = format!("the links below `arm.palm` differ from the hand in `hand`: {problem}");
-    SettingFault::new("arm.robot", problem)
+    OptionFault::new("arm.robot", problem)
 }
