@@ -7,7 +7,8 @@ use std::{
 
 use cell::{Goal, with_causes};
 use dataflow::{
-    Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, OptionFault, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -69,7 +70,6 @@ dataflow::metrics! {
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
-    type Error = DispatchError;
 
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and records their outcomes";
@@ -86,18 +86,18 @@ impl Stage for Dispatch {
     }
 
     /// Checks the credentials and the robot's URDF, and that the robot can satisfy the options.
-    fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
-        config.credentials()?;
+    fn prepare(config: &DispatchConfig) -> Result<(), BoxedDiagnostic> {
+        config.credentials().map_err(DispatchError::from)?;
         let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
-        robots.planner(config).map(drop)
+        robots.planner(config)?;
+        Ok(())
     }
 }
 
 impl Output for Dispatch {
     type Stage = Self;
     type Metrics = DispatchMetrics;
-    type Error = DispatchError;
 
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;
@@ -113,7 +113,7 @@ impl Output for Dispatch {
         }
     }
 
-    fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
+    fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let of_hand = robot_meshes::sources(&config.hand)?;
         let of_arm = match &config.arm {
             Some(arm) => robot_meshes::sources(&arm.robot)?,
@@ -155,7 +155,7 @@ impl Output for Dispatch {
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<DispatchMetrics>, DispatchError> {
+    ) -> Result<Outcome<DispatchMetrics>, BoxedDiagnostic> {
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
@@ -228,7 +228,7 @@ fn send(
     candidates: &Candidates,
     motions: Queue<'_>,
     cx: &Context,
-) -> Result<ObjectExecutions, DispatchError> {
+) -> Result<ObjectExecutions, BoxedDiagnostic> {
     let names = JointNames::new(&config.joint_names, robots.whole())?;
     // Find infeasible motions before anything moves or a cell is queried.
     let goals = planned(config, robots, &names, candidates, motions)?;
@@ -336,7 +336,7 @@ fn connect(
     first: &Goal,
     ledger: &Ledger,
     cx: &Context,
-) -> Result<Connected, DispatchError> {
+) -> Result<Connected, BoxedDiagnostic> {
     let key = match config.cell.as_str() {
         SIMULATED => None,
         _ => Some(signing_key(cx.effects_folder())?),
@@ -351,7 +351,7 @@ fn connect(
         match open.into_iter().find(is_now) {
             Some(OpenGoal { goal, goal_id, .. }) => {
                 let candidate_id = goal.map_or("?".to_owned(), |goal| goal.candidate_id);
-                unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err))
+                unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err)).into()
             }
             None => err,
         }
@@ -359,7 +359,7 @@ fn connect(
 }
 
 /// Opens the memory of what was sent to the configured cell; there is none of a cell that ends with this process.
-fn ledger(config: &DispatchConfig, cx: &Context) -> Result<Ledger, DispatchError> {
+fn ledger(config: &DispatchConfig, cx: &Context) -> Result<Ledger, BoxedDiagnostic> {
     if config.cell == SIMULATED {
         return Ok(Ledger::none());
     }

@@ -6,12 +6,13 @@ mod metrics;
 mod units;
 
 use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
+    BoxedDiagnostic, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Unit,
 };
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
 pub use self::metrics::{Agreement, DemonstrationMetrics, ShapeMetrics};
-use crate::{config::IngestConfig, error::IngestError, reader};
+use crate::{config::IngestConfig, reader};
 
 /// Names of the pipeline file's meshes, among the files of a unit, begin so.
 const MESHES: &str = "meshes/";
@@ -29,7 +30,6 @@ pub enum Ingest {}
 
 impl Stage for Ingest {
     type Config = IngestConfig;
-    type Error = IngestError;
 
     const KIND: &'static str = "ingest";
     const ABOUT: &'static str = "Reads recordings of people grasping objects";
@@ -40,9 +40,9 @@ impl Stage for Ingest {
         check::faults(config)
     }
 
-    fn prepare(config: &IngestConfig) -> Result<(), IngestError> {
+    fn prepare(config: &IngestConfig) -> Result<(), BoxedDiagnostic> {
         check::options(config)?;
-        check::chosen(config, reader::reader(config).as_ref())
+        Ok(check::chosen(config, reader::reader(config).as_ref())?)
     }
 }
 
@@ -52,14 +52,13 @@ pub struct Shapes;
 impl Output for Shapes {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
-    type Error = IngestError;
 
     const ARTIFACT: &'static str = "shapes";
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: OptionsUsed = OptionsUsed::Only(&["points_n", "max_convex_parts_n"]);
 
-    fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units::shapes(config)
     }
 
@@ -67,7 +66,7 @@ impl Output for Shapes {
         config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+    ) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
         make::shape(config, inputs, cx)
     }
 }
@@ -78,7 +77,6 @@ pub struct Demonstrations;
 impl Output for Demonstrations {
     type Stage = Ingest;
     type Metrics = DemonstrationMetrics;
-    type Error = IngestError;
 
     const ARTIFACT: &'static str = Demonstration::NAME;
     const SCHEMA: &'static str = Demonstration::VERSION;
@@ -95,7 +93,7 @@ impl Output for Demonstrations {
         "max_convex_parts_n",
     ]);
 
-    fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units::demonstrations(config, scope)
     }
 
@@ -103,7 +101,7 @@ impl Output for Demonstrations {
         config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<DemonstrationMetrics>, IngestError> {
+    ) -> Result<Outcome<DemonstrationMetrics>, BoxedDiagnostic> {
         make::demonstration(config, inputs, cx)
     }
 }
@@ -114,14 +112,13 @@ pub struct Objects;
 impl Output for Objects {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
-    type Error = IngestError;
 
     const ARTIFACT: &'static str = Object::NAME;
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = Object::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
 
-    fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(units::objects(scope))
     }
 
@@ -129,7 +126,7 @@ impl Output for Objects {
         _config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+    ) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
         make::object(inputs, cx)
     }
 }

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
-    Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -51,7 +51,6 @@ dataflow::metrics! {
 
 impl Stage for Refine {
     type Config = RefineConfig;
-    type Error = RefineError;
 
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
@@ -63,7 +62,7 @@ impl Stage for Refine {
     }
 
     /// Checks the hand and its table.
-    fn prepare(config: &RefineConfig) -> Result<(), RefineError> {
+    fn prepare(config: &RefineConfig) -> Result<(), BoxedDiagnostic> {
         hand_files::load(&config.hand, &config.hand_table)?;
         Ok(())
     }
@@ -72,7 +71,6 @@ impl Stage for Refine {
 impl Output for Refine {
     type Stage = Self;
     type Metrics = RefineMetrics;
-    type Error = RefineError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -89,11 +87,8 @@ impl Output for Refine {
         format!("{best}, palm moved {:.0} mm", 1000.0 * metrics.palm_moved_m)
     });
 
-    fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, RefineError> {
-        let given = scope.partitions(Candidates::NAME);
-        if given.is_empty() {
-            return Err(RefineError::NoCandidates);
-        }
+    fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let given = scope.some(Candidates::NAME, "to refine")?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
@@ -112,7 +107,7 @@ impl Output for Refine {
         config: &RefineConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<RefineMetrics>, RefineError> {
+    ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
         };
@@ -154,7 +149,7 @@ impl Output for Refine {
                     let id = candidate.candidate_id;
                     return Ok(Outcome::skipped(format!("candidate `{id}`: {err}")));
                 }
-                Err(err) => return Err(err),
+                Err(err) => return Err(err.into()),
             }
         }
         let drawn_n = refined.len() as f64;

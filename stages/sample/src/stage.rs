@@ -3,14 +3,15 @@
 mod candidates;
 
 use dataflow::{
-    Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
     trajectories::Trajectory,
 };
 
-use crate::{SampleConfig, SampleError};
+use crate::SampleConfig;
 
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
@@ -27,7 +28,6 @@ dataflow::metrics! {
 
 impl Stage for Sample {
     type Config = SampleConfig;
-    type Error = SampleError;
 
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Samples motions for each object from a grasping function";
@@ -44,7 +44,7 @@ impl Stage for Sample {
     }
 
     /// Checks the hand's URDF.
-    fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
+    fn prepare(config: &SampleConfig) -> Result<(), BoxedDiagnostic> {
         Ok(robot_meshes::load(&config.hand).map(drop)?)
     }
 }
@@ -52,7 +52,6 @@ impl Stage for Sample {
 impl Output for Sample {
     type Stage = Self;
     type Metrics = SampleMetrics;
-    type Error = SampleError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -60,7 +59,7 @@ impl Output for Sample {
     /// `objects` only redraws units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         candidates::units(config, scope)
     }
 
@@ -68,7 +67,7 @@ impl Output for Sample {
         config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SampleMetrics>, SampleError> {
+    ) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
         candidates::make(config, inputs, cx)
     }
 }

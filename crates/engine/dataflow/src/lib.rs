@@ -33,6 +33,7 @@ mod executor;
 mod fingerprint;
 mod graph;
 mod inheritance;
+mod input_error;
 mod kind;
 mod metrics;
 mod name;
@@ -81,6 +82,7 @@ pub use event::{Event, Events, Fraction};
 pub use executor::{Executor, OnOutcome, UnitOutcome, Wave};
 pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
+pub use input_error::InputError;
 pub use kind::{Complete, Kind, OptionInfo};
 pub use metrics::{
     Aggregate, Max, Mean, MetricValues, Metrics, MissingMetric, ScalarAggregate, Sum, With,
@@ -104,7 +106,7 @@ pub use report::Report;
 pub use resources::Resources;
 pub use retry_scheduler::UnitReport;
 pub use run::{NodeReport, RunReport, run};
-pub use scope::{Partition, RunFacts, Scope, SkippedItem, UnknownPartition};
+pub use scope::{Partition, RunFacts, Scope, SkippedItem};
 pub use single_unit::{WorkItemRunner, make_one};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;

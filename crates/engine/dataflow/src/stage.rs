@@ -10,7 +10,7 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    advice::{BoxedDiagnostic, Diagnostic},
+    advice::BoxedDiagnostic,
     code::Code,
     context::{Context, Inputs},
     metrics::{Metrics, MissingMetric},
@@ -34,8 +34,6 @@ pub trait Stage: Sized + 'static {
     /// among the unit's [`Unit::files`] is left out of it with
     /// `#[serde(skip_serializing)]`.
     type Config: DeserializeOwned + Serialize + JsonSchema + Send + Sync;
-    /// Why the stage could not be prepared.
-    type Error: Diagnostic;
 
     /// The value of `kind` in the pipeline file.
     const KIND: &'static str;
@@ -84,7 +82,7 @@ pub trait Stage: Sized + 'static {
     /// # Errors
     ///
     /// Fails if those resources cannot be used at all.
-    fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
+    fn prepare(_config: &Self::Config) -> Result<(), BoxedDiagnostic> {
         Ok(())
     }
 }
@@ -118,8 +116,6 @@ pub trait Output: Sync + 'static {
     type Stage: Stage;
     /// Metrics of a partition; `()` for none.
     type Metrics: Metrics;
-    /// Why a unit could not be made.
-    type Error: Diagnostic;
 
     /// The artifact's name, e.g. `demonstrations`: also the name of its table.
     const ARTIFACT: &'static str;
@@ -159,7 +155,7 @@ pub trait Output: Sync + 'static {
     /// # Errors
     ///
     /// Fails if there is nothing to work on.
-    fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
+    fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic>;
 
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
@@ -170,7 +166,7 @@ pub trait Output: Sync + 'static {
         config: &ConfigOf<Self>,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Self::Metrics>, Self::Error>;
+    ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic>;
 }
 
 /// The configuration of an output's stage.
@@ -283,7 +279,7 @@ impl<O: Output> OutputOf<O::Stage> for O {
     }
 
     fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        Ok(O::units(config, scope)?)
+        O::units(config, scope)
     }
 
     fn make(

@@ -1,5 +1,6 @@
 //! Errors of planning a hand's approach.
 
+use dataflow::Diagnostic;
 use robot::{JointMismatch, RobotError, WrongDof, spheres::TooLarge};
 
 /// Reason why no approach can be planned for a hand.
@@ -34,9 +35,8 @@ pub enum ApproachError {
     Motion(#[from] motion::MotionError),
 }
 
-impl ApproachError {
-    /// Returns the advice for the user, if there is any.
-    pub fn hint(&self) -> Option<String> {
+impl Diagnostic for ApproachError {
+    fn hint(&self) -> Option<String> {
         match self {
             Self::NoPalmSide => {
                 Some("`pipeline doctor --robot URDF` shows which fingers were found".to_owned())

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
-use hand_files::{HandFileError, HandFiles};
+use hand_files::HandFiles;
 use lake::{ReadInputs, WriteArtifact};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -61,7 +61,6 @@ dataflow::metrics! {
 
 impl Stage for CemMpc {
     type Config = CemMpcConfig;
-    type Error = CemMpcError;
 
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
@@ -73,20 +72,20 @@ impl Stage for CemMpc {
     }
 
     /// Checks the hand and its table, and that the hand can be simulated as the options say.
-    fn prepare(config: &CemMpcConfig) -> Result<(), CemMpcError> {
+    fn prepare(config: &CemMpcConfig) -> Result<(), BoxedDiagnostic> {
         let config = config.resolved();
         let (hand, _) = load_hand(&config.hand, &config.hand_table)?;
         check_hand(&config.scene, &hand).map_err(|source| CemMpcError::Simulation {
             path: config.hand.clone(),
             source,
-        })
+        })?;
+        Ok(())
     }
 }
 
 impl Output for CemMpc {
     type Stage = Self;
     type Metrics = CemMpcMetrics;
-    type Error = CemMpcError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -106,13 +105,9 @@ impl Output for CemMpc {
         )
     });
 
-    fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, CemMpcError> {
-        if scope.partitions(Candidates::NAME).is_empty() {
-            return Err(CemMpcError::NoCandidates);
-        }
-        let chosen = scope
-            .chosen(Candidates::NAME, &config.objects)
-            .map_err(CemMpcError::UnknownObject)?;
+    fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Candidates::NAME, "to control")?;
+        let chosen = scope.chosen(Candidates::NAME, Candidates::PARTITION, &config.objects)?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
@@ -130,7 +125,7 @@ impl Output for CemMpc {
         config: &CemMpcConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+    ) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
         let config = config.resolved();
         let Some(object) = inputs.optional::<Object>()? else {
             return Ok(Outcome::skipped("object missing"));
@@ -236,30 +231,28 @@ impl Scenes {
 }
 
 /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.
-fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
     if source.is_of_object() {
         return Ok(Outcome::skipped(source.to_string()));
     }
-    Err(CemMpcError::Simulation {
-        path: urdf.to_owned(),
-        source,
-    })
+    let path = urdf.to_owned();
+    Err(CemMpcError::Simulation { path, source }.into())
 }
 
 /// Reads a hand and its table, and finds the links of its fingertips.
-fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingertips), CemMpcError> {
-    let model = robot_meshes::load(urdf_path)
-        .map_err(HandFileError::from)?
-        .model;
+fn load_hand(
+    urdf_path: &Path,
+    table_path: &Path,
+) -> Result<(RobotModel, Fingertips), BoxedDiagnostic> {
+    let model = robot_meshes::load(urdf_path)?.model;
     let table = hand_files::load_table(table_path)?;
     let tips = Fingertips::new(&model, &table).map_err(|source| CemMpcError::Hand {
         path: urdf_path.to_owned(),
         source,
     })?;
     if tips.is_empty() {
-        return Err(CemMpcError::NoFingertip {
-            path: table_path.to_owned(),
-        });
+        let path = table_path.to_owned();
+        return Err(CemMpcError::NoFingertip { path }.into());
     }
     Ok((model, tips))
 }

@@ -2,10 +2,12 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts};
+use approach::{
+    ApproachError, Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts,
+};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -26,7 +28,7 @@ use schemas::{
 use spatial::RestingPose;
 
 use crate::{
-    EigengraspConfig, EigengraspError,
+    EigengraspConfig,
     basis::Basis,
     run::{Finished, Run, RunResult},
 };
@@ -67,7 +69,6 @@ dataflow::metrics! {
 
 impl Stage for Eigengrasp {
     type Config = EigengraspConfig;
-    type Error = EigengraspError;
 
     const KIND: &'static str = "eigengrasp";
     const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
@@ -79,7 +80,7 @@ impl Stage for Eigengrasp {
     }
 
     /// Checks the hand.
-    fn prepare(config: &EigengraspConfig) -> Result<(), EigengraspError> {
+    fn prepare(config: &EigengraspConfig) -> Result<(), BoxedDiagnostic> {
         let model = robot_meshes::load(&config.hand)?.model;
         let middle = model.mid_range();
         HandBody::new(model, &config.flexion_joints, middle)?;
@@ -90,7 +91,6 @@ impl Stage for Eigengrasp {
 impl Output for Eigengrasp {
     type Stage = Self;
     type Metrics = EigengraspMetrics;
-    type Error = EigengraspError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -107,13 +107,9 @@ impl Output for Eigengrasp {
         )
     });
 
-    fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, EigengraspError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(EigengraspError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(EigengraspError::UnknownObject)?;
+    fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Object::NAME, "to grasp")?;
+        let objects = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
         let files = HandFiles::without_table(&config.hand)?;
         let units = approach::units(scope, objects, &[lake::table::FILE]);
         Ok(units.map(|unit| files.added_to(unit)).collect())
@@ -123,7 +119,7 @@ impl Output for Eigengrasp {
         config: &EigengraspConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<EigengraspMetrics>, EigengraspError> {
+    ) -> Result<Outcome<EigengraspMetrics>, BoxedDiagnostic> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
         };
@@ -188,7 +184,7 @@ struct Annealer<'a> {
 
 impl Annealer<'_> {
     /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), EigengraspError> {
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), ApproachError> {
         let runs: Vec<(RestingPose, RunResult)> = (0..self.config.runs)
             .into_par_iter()
             .map(|number| {
@@ -196,7 +192,7 @@ impl Annealer<'_> {
                 let (rest, made) = run?;
                 Ok((rest, RunResult { cpu_s, ..made }))
             })
-            .collect::<Result<_, EigengraspError>>()?;
+            .collect::<Result<_, ApproachError>>()?;
         let mut spent = RunResult::default();
         let mut ranked = Vec::new();
         for (rest, made) in runs {
@@ -216,7 +212,7 @@ impl Annealer<'_> {
     }
 
     /// Makes the run of a number, from random numbers of its own.
-    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), EigengraspError> {
+    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), ApproachError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.rests.at(rng.random());
@@ -268,7 +264,7 @@ fn metrics(
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Partition};
     use schemas::candidates::Origin;
 
     use super::*;

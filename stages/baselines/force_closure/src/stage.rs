@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -61,7 +61,6 @@ dataflow::metrics! {
 
 impl Stage for ForceClosure {
     type Config = ForceClosureConfig;
-    type Error = ForceClosureError;
 
     const KIND: &'static str = "force_closure";
     const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
@@ -73,7 +72,7 @@ impl Stage for ForceClosure {
     }
 
     /// Checks the hand and its table.
-    fn prepare(config: &ForceClosureConfig) -> Result<(), ForceClosureError> {
+    fn prepare(config: &ForceClosureConfig) -> Result<(), BoxedDiagnostic> {
         let hand = hand_files::load(&config.hand, &config.hand_table)?;
         tips(&hand)?;
         let joints = &config.flexion_joints;
@@ -85,7 +84,6 @@ impl Stage for ForceClosure {
 impl Output for ForceClosure {
     type Stage = Self;
     type Metrics = ForceClosureMetrics;
-    type Error = ForceClosureError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -109,13 +107,9 @@ impl Output for ForceClosure {
         }
     });
 
-    fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, ForceClosureError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(ForceClosureError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(ForceClosureError::UnknownObject)?;
+    fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Object::NAME, "to grasp")?;
+        let objects = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = approach::units(scope, objects, &[lake::table::FILE]);
         Ok(units.map(|unit| files.added_to(unit)).collect())
@@ -125,7 +119,7 @@ impl Output for ForceClosure {
         config: &ForceClosureConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ForceClosureMetrics>, ForceClosureError> {
+    ) -> Result<Outcome<ForceClosureMetrics>, BoxedDiagnostic> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
         };
@@ -156,7 +150,7 @@ impl Output for ForceClosure {
                 let (made, cpu_s) = cpu_time::measured(|| maker.candidate(number));
                 Ok((made?, cpu_s))
             })
-            .collect::<Result<_, ForceClosureError>>()?;
+            .collect::<Result<_, BoxedDiagnostic>>()?;
         let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let made = measured.into_iter().filter_map(|(made, _)| made);
         let made: Vec<(Candidate, FoundGrasp)> = made.collect();
@@ -191,10 +185,7 @@ struct Maker<'a> {
 impl Maker<'_> {
     /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
     /// palm.
-    fn candidate(
-        &self,
-        number: usize,
-    ) -> Result<Option<(Candidate, FoundGrasp)>, ForceClosureError> {
+    fn candidate(&self, number: usize) -> Result<Option<(Candidate, FoundGrasp)>, BoxedDiagnostic> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.rests.at(rng.random());
@@ -282,7 +273,7 @@ pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Partition};
     use schemas::candidates::Origin;
 
     use super::*;

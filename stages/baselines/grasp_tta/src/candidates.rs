@@ -7,7 +7,9 @@ use cgf::{
     Random, RestingObject,
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
 };
-use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit,
+};
 use geometry::DistanceField;
 use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
@@ -57,7 +59,6 @@ dataflow::metrics! {
 impl Output for AdaptedCandidates {
     type Stage = GraspTta;
     type Metrics = GraspTtaMetrics;
-    type Error = GraspTtaError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -75,13 +76,9 @@ impl Output for AdaptedCandidates {
         )
     });
 
-    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(GraspTtaError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(GraspTtaError::UnknownObject)?;
+    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Object::NAME, "to grasp")?;
+        let objects = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
         let networks = scope.partitions(grasp_networks::NAME).iter();
         let networks = networks.map(|model| model.key.as_str());
         let files = HandFiles::without_table(&config.hand)?;
@@ -94,7 +91,7 @@ impl Output for AdaptedCandidates {
         config: &GraspTtaConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<GraspTtaMetrics>, GraspTtaError> {
+    ) -> Result<Outcome<GraspTtaMetrics>, BoxedDiagnostic> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
         };
@@ -104,8 +101,8 @@ impl Output for AdaptedCandidates {
         let joints = model.joint_names();
         let files = inputs.artifact(grasp_networks::NAME)?;
         let [weights, description] = [grasp_networks::WEIGHTS, grasp_networks::DESCRIPTION];
-        let networks =
-            GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)?;
+        let networks = GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)
+            .map_err(GraspTtaError::from)?;
         // Unseen objects' demonstrations give neither starts nor the mean grasp.
         let mut trajectories: Vec<Trajectory> = inputs.all()?;
         let seen = &networks.description().objects;

@@ -1,12 +1,13 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, candidates::Candidates};
 
-use crate::{InterpolateConfig, InterpolateError, line::line};
+use crate::{InterpolateConfig, line::line};
 
 /// Replaces each motion by the straight line between its ends.
 pub struct Interpolate;
@@ -21,7 +22,6 @@ dataflow::metrics! {
 
 impl Stage for Interpolate {
     type Config = InterpolateConfig;
-    type Error = InterpolateError;
 
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
@@ -32,7 +32,6 @@ impl Stage for Interpolate {
 impl Output for Interpolate {
     type Stage = Self;
     type Metrics = InterpolateMetrics;
-    type Error = InterpolateError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -44,13 +43,9 @@ impl Output for Interpolate {
     /// `objects` only chooses units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
-        if scope.partitions(Candidates::NAME).is_empty() {
-            return Err(InterpolateError::NoCandidates);
-        }
-        let chosen = scope
-            .chosen(Candidates::NAME, &config.objects)
-            .map_err(InterpolateError::UnknownObject)?;
+    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Candidates::NAME, "to interpolate")?;
+        let chosen = scope.chosen(Candidates::NAME, Candidates::PARTITION, &config.objects)?;
         let units = chosen.into_iter().map(|given| {
             let object = given.key.as_str();
             Unit::new(object)
@@ -65,7 +60,7 @@ impl Output for Interpolate {
         _config: &InterpolateConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<InterpolateMetrics>, InterpolateError> {
+    ) -> Result<Outcome<InterpolateMetrics>, BoxedDiagnostic> {
         let given: Candidates = inputs.one()?;
         let mut lines = Vec::with_capacity(given.candidates.len());
         for motion in &given.candidates {
@@ -93,7 +88,7 @@ impl Output for Interpolate {
 mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::{Candidate, DrawSource};
@@ -210,7 +205,10 @@ mod tests {
         let unknown = units(&["cup"], &scope).unwrap_err();
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));
-        let nothing = units(&[], &Scope::default());
-        assert!(matches!(nothing, Err(InterpolateError::NoCandidates)));
+        let nothing = units(&[], &Scope::default()).unwrap_err();
+        assert_eq!(
+            nothing.to_string(),
+            "there are no candidates to interpolate"
+        );
     }
 }

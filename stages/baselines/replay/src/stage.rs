@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 
 use dataflow::{
-    Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, UnknownPartition,
+    BoxedDiagnostic, Context, InputError, Inputs, Line, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
-use lake::{ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadInputs, WriteArtifact};
 use motion::{HandRates, MotionError, palm_acceleration};
 use schemas::{
     Table,
@@ -34,7 +35,6 @@ const OBJECT: &str = "object";
 
 impl Stage for Replay {
     type Config = ReplayConfig;
-    type Error = ReplayError;
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
@@ -45,7 +45,6 @@ impl Stage for Replay {
 impl Output for Replay {
     type Stage = Self;
     type Metrics = ReplayMetrics;
-    type Error = ReplayError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -55,20 +54,14 @@ impl Output for Replay {
         format!("{} objects → {candidates} candidates", summary.n_made)
     });
 
-    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
-        let trajectories = scope.partitions(Trajectory::NAME);
-        if trajectories.is_empty() {
-            return Err(ReplayError::NoTrajectories);
-        }
+    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let trajectories = scope.some(Trajectory::NAME, "to replay")?;
         let known: BTreeSet<&str> = trajectories
             .iter()
             .filter_map(|t| t.label(OBJECT))
             .collect();
         if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
-            return Err(ReplayError::UnknownObject(UnknownPartition {
-                name: object.clone(),
-                known: known.into_iter().map(str::to_owned).collect(),
-            }));
+            return Err(InputError::unknown(Trajectory::NAME, OBJECT, object, known).into());
         }
         let chosen = |object: &&str| {
             config.objects.is_empty() || config.objects.iter().any(|name| name == object)
@@ -92,10 +85,12 @@ impl Output for Replay {
         _config: &ReplayConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
+    ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
         let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs.all()?;
-        let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
+        let first = trajectories.first().ok_or(LakeError::MissingInput {
+            what: Trajectory::NAME,
+        })?;
         if let Some(other) = trajectories
             .iter()
             .find(|t| t.motion.joints() != first.motion.joints())
@@ -104,7 +99,8 @@ impl Output for Replay {
                 object: object.to_string(),
                 first: first.sequence.clone(),
                 second: other.sequence.clone(),
-            });
+            }
+            .into());
         }
         cx.write(&Candidates {
             object: object.to_string(),
@@ -112,7 +108,8 @@ impl Output for Replay {
             candidates: trajectories
                 .iter()
                 .map(candidate)
-                .collect::<Result<_, _>>()?,
+                .collect::<Result<_, _>>()
+                .map_err(ReplayError::from)?,
         })?;
         let metrics = ReplayMetrics {
             candidates: trajectories.len() as f64,
@@ -186,7 +183,7 @@ mod tests {
     fn run(
         trajectories: &[Trajectory],
         folder: &std::path::Path,
-    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
+    ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
         let artifacts = trajectories
             .iter()
             .map(|trajectory| {
@@ -251,7 +248,11 @@ mod tests {
             &[trajectory("a", &["j"]), trajectory("b", &["k"])],
             folder.path(),
         );
-        assert!(matches!(err, Err(ReplayError::DifferentHands { second, .. }) if second == "b"));
+        let err = err.unwrap_err();
+        assert!(matches!(
+            err.downcast_ref(),
+            Some(ReplayError::DifferentHands { second, .. }) if second == "b"
+        ));
     }
 
     #[test]

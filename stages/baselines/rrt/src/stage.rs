@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
@@ -58,7 +58,6 @@ dataflow::metrics! {
 
 impl Stage for Rrt {
     type Config = RrtConfig;
-    type Error = RrtError;
 
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
@@ -70,7 +69,7 @@ impl Stage for Rrt {
     }
 
     /// Checks the hand and its table.
-    fn prepare(config: &RrtConfig) -> Result<(), RrtError> {
+    fn prepare(config: &RrtConfig) -> Result<(), BoxedDiagnostic> {
         hand_files::load(&config.hand, &config.hand_table)?;
         Ok(())
     }
@@ -79,7 +78,6 @@ impl Stage for Rrt {
 impl Output for Rrt {
     type Stage = Self;
     type Metrics = RrtMetrics;
-    type Error = RrtError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -92,11 +90,8 @@ impl Output for Rrt {
         format!("{n} grasps, {reachable} reachable → {paths} paths, {checks:.0} checks each")
     });
 
-    fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, RrtError> {
-        let given = scope.partitions(Candidates::NAME);
-        if given.is_empty() {
-            return Err(RrtError::NoCandidates);
-        }
+    fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let given = scope.some(Candidates::NAME, "to plan ways to")?;
         let files = HandFiles::of(&config.hand, &config.hand_table)?;
         let units = given.iter().map(|given| {
             let object = given.key.as_str();
@@ -114,7 +109,7 @@ impl Output for Rrt {
         config: &RrtConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<RrtMetrics>, RrtError> {
+    ) -> Result<Outcome<RrtMetrics>, BoxedDiagnostic> {
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
         };

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit, UnknownPartition,
+    BoxedDiagnostic, Context, InputError, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output,
+    Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::Motion;
@@ -43,7 +43,6 @@ const OBJECT: &str = "object";
 
 impl Stage for Transfer {
     type Config = TransferConfig;
-    type Error = TransferError;
 
     const KIND: &'static str = "transfer";
     const ABOUT: &'static str = "Applies demonstrations to other objects, without learning";
@@ -58,7 +57,6 @@ impl Stage for Transfer {
 impl Output for Transfer {
     type Stage = Self;
     type Metrics = TransferMetrics;
-    type Error = TransferError;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -70,10 +68,8 @@ impl Output for Transfer {
     /// `objects` only chooses units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, TransferError> {
-        let chosen = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(TransferError::UnknownObject)?;
+    fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let chosen = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
         let chosen = chosen.into_iter().map(|object| object.key.as_str());
         let trajectories = scope.partitions(Trajectory::NAME);
         let unit = |object: &str| {
@@ -106,7 +102,7 @@ impl Output for Transfer {
         config: &TransferConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TransferMetrics>, TransferError> {
+    ) -> Result<Outcome<TransferMetrics>, BoxedDiagnostic> {
         let name = cx.partition().as_str();
         let objects: Vec<Object> = inputs.all()?;
         let trajectories: Vec<Trajectory> = inputs.all()?;
@@ -121,14 +117,13 @@ impl Output for Transfer {
             return Err(TransferError::DifferentHands {
                 first: first.sequence.clone(),
                 second: other.sequence.clone(),
-            });
+            }
+            .into());
         }
         let object = objects.iter().find(|object| object.name == name);
         let object = object.ok_or_else(|| {
-            TransferError::UnknownObject(UnknownPartition {
-                name: name.to_owned(),
-                known: objects.iter().map(|known| known.name.clone()).collect(),
-            })
+            let known = objects.iter().map(|known| known.name.as_str());
+            InputError::unknown(Object::NAME, Object::PARTITION, name, known)
         })?;
         let motions = match config.from {
             TransferSource::Mean => means(object, &trajectories)?,
@@ -232,7 +227,7 @@ fn nearest<'a>(
     object: &Object,
     objects: &'a [Object],
     trajectories: &[Trajectory],
-) -> Result<&'a str, TransferError> {
+) -> Result<&'a str, BoxedDiagnostic> {
     let sides_of = |object: &Object| {
         let lacks = || TransferError::Incomplete {
             object: object.name.clone(),
@@ -253,8 +248,11 @@ fn nearest<'a>(
             best = Some((distance, &other.name));
         }
     }
-    best.map(|(_, name)| name)
-        .ok_or(TransferError::NoTrajectories)
+    let none = InputError::Empty {
+        input: Trajectory::NAME,
+        to_do: "of other objects to carry over",
+    };
+    Ok(best.map(|(_, name)| name).ok_or(none)?)
 }
 
 /// Carries demonstrations to an object, box to box; its resting orientations take turns, each as often as it was
