@@ -121,6 +121,7 @@ impl<const STAGE: u8> Stage for Count<STAGE> {
 impl<const STAGE: u8> Output for Count<STAGE> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "counts";
     const SCHEMA: &'static str = "any/1";
@@ -172,6 +173,7 @@ struct Picture<const STAGE: u8>;
 impl<const STAGE: u8> Output for Picture<STAGE> {
     type Stage = Count<STAGE>;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "picture";
     const SCHEMA: &'static str = "any/1";

@@ -40,6 +40,7 @@ impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
 impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "numbers";
     const SCHEMA: &'static str = "numbers/1";

@@ -28,6 +28,7 @@ impl Stage for Act {
 impl Output for Act {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "acts";
     const SCHEMA: &'static str = "acts/1";

@@ -32,6 +32,7 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
 impl<const VERSION: u8> Output for Gather<VERSION> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "whole";
     const SCHEMA: &'static str = "whole/1";

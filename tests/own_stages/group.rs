@@ -35,6 +35,7 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
 impl<const VERSION: u8> Output for Group<VERSION> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "groups";
     const SCHEMA: &'static str = "groups/1";

@@ -43,6 +43,7 @@ impl Stage for Logged {
 impl Output for Logged {
     type Stage = Self;
     type Metrics = Count;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;

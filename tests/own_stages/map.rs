@@ -45,6 +45,7 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
 impl<const VERSION: u8> Output for Map<VERSION> {
     type Stage = Self;
     type Metrics = Bytes;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";

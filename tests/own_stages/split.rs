@@ -56,6 +56,7 @@ impl<const VERSION: u8> Stage for Split<VERSION> {
 impl<const VERSION: u8> Output for Split<VERSION> {
     type Stage = Self;
     type Metrics = Bytes;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";

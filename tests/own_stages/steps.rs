@@ -56,6 +56,7 @@ impl<const VERSION: u8> Stage for Steps<VERSION> {
 impl<const VERSION: u8> Output for Steps<VERSION> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "sum";
     const SCHEMA: &'static str = "sum/1";

@@ -43,6 +43,7 @@ impl<const IS_FIRST: bool> Stage for Makes<IS_FIRST> {
 impl<const IS_FIRST: bool> Output for Makes<IS_FIRST> {
     type Stage = Self;
     type Metrics = ();
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";

@@ -98,6 +98,7 @@ impl Stage for Dispatch {
 impl Output for Dispatch {
     type Stage = Self;
     type Metrics = DispatchMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;

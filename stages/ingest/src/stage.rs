@@ -52,6 +52,7 @@ pub struct Shapes;
 impl Output for Shapes {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "shapes";
     const SCHEMA: &'static str = Object::VERSION;
@@ -77,6 +78,7 @@ pub struct Demonstrations;
 impl Output for Demonstrations {
     type Stage = Ingest;
     type Metrics = DemonstrationMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Demonstration::NAME;
     const SCHEMA: &'static str = Demonstration::VERSION;
@@ -112,6 +114,7 @@ pub struct Objects;
 impl Output for Objects {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Object::NAME;
     const SCHEMA: &'static str = Object::VERSION;

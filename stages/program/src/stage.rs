@@ -85,6 +85,7 @@ impl<A: Artifacts> Stage for Program<A> {
 impl<A: Artifacts> Output for Program<A> {
     type Stage = Self;
     type Metrics = ProgramMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "artifact";
     const SCHEMA: &'static str = "of `makes`";

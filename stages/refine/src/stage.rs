@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use dataflow::{
-    BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output,
-    Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Max, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::Environment;
+use lake::{ReadArtifact, WriteArtifact};
+use posture::{Environment, Hand};
 use rayon::prelude::*;
 use schemas::{
     Table,
@@ -49,12 +49,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, its distances, the object and the hand.
+    pub struct RefineInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to refine";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The object.
+        own object: Object, or "object missing";
+    }
+    files {
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for Refine {
     type Config = RefineConfig;
 
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME, Object::NAME];
+    const INPUTS: &'static [&'static str] = RefineInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &RefineConfig) -> Vec<OptionFault> {
@@ -71,6 +89,7 @@ impl Stage for Refine {
 impl Output for Refine {
     type Stage = Self;
     type Metrics = RefineMetrics;
+    type Inputs<'a> = RefineInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -88,43 +107,26 @@ impl Output for Refine {
     });
 
     fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let given = scope.some(Candidates::NAME, "to refine")?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = given.iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(FieldInfo::NAME, scope)
-                .reading_own(Object::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+        let units = RefineInputs::units(scope, &[])?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &RefineConfig,
-        inputs: &Inputs,
+        inputs: RefineInputs,
         cx: &Context,
     ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let Some(object) = inputs.optional::<Object>()? else {
-            return Ok(Outcome::skipped("object missing"));
-        };
+        let RefineInputs {
+            candidates: given,
+            field,
+            object,
+            hand,
+        } = inputs;
+        let field = Arc::new(field);
         let payload = Payload {
             center_of_mass_in_object: object.center_of_mass_m.into(),
             mass_kg: object.mass_kg,
         };
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-        let field = Arc::new(field);
-        let hand = hand_files::load(
-            &inputs.source("hand")?.path,
-            &inputs.source("hand_table")?.path,
-        )?;
-        let given: Candidates = inputs.one()?;
         let tried: Vec<(Candidate, TimedRefinement)> = given
             .candidates
             .into_par_iter()
@@ -264,7 +266,7 @@ fn best(
 mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::{Artifact, SourceFile};
+    use dataflow::{Artifact, Inputs, SourceFile};
     use schemas::candidates::{DrawSource, ObjectSplit, Origin};
     use spatial::Pose;
 
@@ -386,7 +388,7 @@ mod tests {
         ];
         let inputs = Inputs::new(artifacts, files.to_vec());
         let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
-        let outcome = Refine::make(config, &inputs, &cx).unwrap();
+        let outcome = Refine::read_and_make(config, &inputs, &cx).unwrap();
         let made = matches!(outcome, Outcome::Made(_));
         let read = made.then(|| lake::table::read(&artifact(&out)).unwrap());
         (outcome, read)

@@ -74,6 +74,7 @@ impl Stage for Report {
 impl Output for Report {
     type Stage = Self;
     type Metrics = PageMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "page";
     const SCHEMA: &'static str = "page/1";

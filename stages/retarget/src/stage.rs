@@ -50,6 +50,7 @@ pub struct DistanceFields;
 impl Output for DistanceFields {
     type Stage = Retarget;
     type Metrics = FieldMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = FieldInfo::NAME;
     const SCHEMA: &'static str = FieldInfo::VERSION;
@@ -88,6 +89,7 @@ pub struct Trajectories;
 impl Output for Trajectories {
     type Stage = Retarget;
     type Metrics = TrajectoryMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Trajectory::NAME;
     const SCHEMA: &'static str = Trajectory::VERSION;

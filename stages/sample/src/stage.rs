@@ -52,6 +52,7 @@ impl Stage for Sample {
 impl Output for Sample {
     type Stage = Self;
     type Metrics = SampleMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;

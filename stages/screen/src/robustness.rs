@@ -41,6 +41,7 @@ dataflow::metrics! {
 impl Output for RobustnessTrials {
     type Stage = Screen;
     type Metrics = RobustnessMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = RobustnessTable::NAME;
     const SCHEMA: &'static str = RobustnessTable::VERSION;

@@ -72,6 +72,7 @@ impl Stage for Screen {
 impl Output for Screen {
     type Stage = Self;
     type Metrics = ScreenMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Rollouts::NAME;
     const SCHEMA: &'static str = Rollouts::VERSION;

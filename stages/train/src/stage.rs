@@ -89,6 +89,7 @@ impl Stage for Train {
 impl Output for Train {
     type Stage = Self;
     type Metrics = TrainMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = checkpoint::NAME;
     const SCHEMA: &'static str = checkpoint::VERSION;

@@ -564,6 +564,7 @@ mod tests {
     impl<const FAULT: u8> Output for Declared<FAULT> {
         type Stage = Self;
         type Metrics = ();
+        type Inputs<'a> = &'a Inputs;
 
         const ARTIFACT: &'static str = "nothing";
         const SCHEMA: &'static str = "nothing/1";

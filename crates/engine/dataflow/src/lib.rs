@@ -75,7 +75,7 @@ mod workers;
 pub use advice::{BoxedDiagnostic, Diagnostic, with_causes};
 pub use canonical_form::Form;
 pub use code::Code;
-pub use context::{Artifact, Context, Inputs};
+pub use context::{Artifact, Context, Inputs, UnitInputs};
 pub use digest::{Digest, InvalidDigest};
 pub use error::{Failure, FileError, LeftOut, Problem};
 pub use event::{Event, Events, Fraction};

@@ -12,7 +12,7 @@ use serde::{Serialize, de::DeserializeOwned};
 use crate::{
     advice::BoxedDiagnostic,
     code::Code,
-    context::{Context, Inputs},
+    context::{Context, Inputs, UnitInputs},
     metrics::{Metrics, MissingMetric},
     name::NodeName,
     option_faults::{FileFault, OptionFault},
@@ -116,6 +116,8 @@ pub trait Output: Sync + 'static {
     type Stage: Stage;
     /// Metrics of a partition; `()` for none.
     type Metrics: Metrics;
+    /// What a unit reads: a type that declares it, or `&'a Inputs` for an output that reads its inputs itself.
+    type Inputs<'a>: UnitInputs<'a>;
 
     /// The artifact's name, e.g. `demonstrations`: also the name of its table.
     const ARTIFACT: &'static str;
@@ -164,9 +166,25 @@ pub trait Output: Sync + 'static {
     /// Fails if the whole stage cannot continue. One bad item is [`Outcome::Skipped`] instead.
     fn make(
         config: &ConfigOf<Self>,
-        inputs: &Inputs,
+        inputs: Self::Inputs<'_>,
         cx: &Context,
     ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic>;
+
+    /// Reads the inputs of a partition and makes it, as a run does.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an input cannot be read, and as [`Output::make`] does.
+    fn read_and_make(
+        config: &ConfigOf<Self>,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic> {
+        match Self::Inputs::read(inputs)? {
+            Ok(inputs) => Self::make(config, inputs, cx),
+            Err(reason) => Ok(Outcome::skipped(reason)),
+        }
+    }
 }
 
 /// The configuration of an output's stage.
@@ -288,6 +306,6 @@ impl<O: Output> OutputOf<O::Stage> for O {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, BoxedDiagnostic> {
-        Ok(O::make(config, inputs, cx)?.stored())
+        Ok(O::read_and_make(config, inputs, cx)?.stored())
     }
 }

@@ -1,6 +1,6 @@
 //! The stage: one unit per object.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
@@ -59,12 +59,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, the object and the hand.
+    pub struct CemMpcInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to control";
+        /// The object.
+        own object: Object, or "object missing";
+    }
+    files {
+        /// The hand's URDF.
+        urdf: PathBuf = hand_files::urdf;
+        /// The hand and the links of its fingertips.
+        hand: (RobotModel, Fingertips) = |inputs: &Inputs| {
+            load_hand(&hand_files::urdf(inputs)?, &inputs.source("hand_table")?.path)
+        };
+    }
+}
+
 impl Stage for CemMpc {
     type Config = CemMpcConfig;
 
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
+    const INPUTS: &'static [&'static str] = CemMpcInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &CemMpcConfig) -> Vec<OptionFault> {
@@ -86,6 +104,7 @@ impl Stage for CemMpc {
 impl Output for CemMpc {
     type Stage = Self;
     type Metrics = CemMpcMetrics;
+    type Inputs<'a> = CemMpcInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -106,33 +125,22 @@ impl Output for CemMpc {
     });
 
     fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        scope.some(Candidates::NAME, "to control")?;
-        let chosen = scope.chosen(Candidates::NAME, Candidates::PARTITION, &config.objects)?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = chosen.into_iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(Object::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+        let units = CemMpcInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &CemMpcConfig,
-        inputs: &Inputs,
+        inputs: CemMpcInputs,
         cx: &Context,
     ) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
         let config = config.resolved();
-        let Some(object) = inputs.optional::<Object>()? else {
-            return Ok(Outcome::skipped("object missing"));
-        };
-        let urdf = &inputs.source("hand")?.path;
-        let (hand, tips) = load_hand(urdf, &inputs.source("hand_table")?.path)?;
-        let mut given: Candidates = inputs.one()?;
+        let CemMpcInputs {
+            candidates: mut given,
+            object,
+            urdf,
+            hand: (hand, tips),
+        } = inputs;
         given.candidates.truncate(config.per_object);
         let joints = hand.joint_names();
         JointOrder::new(&given.joints, &joints).map_err(|source| CemMpcError::AnotherHand {
@@ -142,7 +150,7 @@ impl Output for CemMpc {
         })?;
         let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
             Ok(scenes) => scenes,
-            Err(source) => return failed(urdf, source),
+            Err(source) => return failed(&urdf, source),
         };
         let scene = &config.scene;
         let speeds = Speeds {
@@ -174,7 +182,7 @@ impl Output for CemMpc {
             all_s += cpu_s;
             match controlled {
                 Ok(controlled) => made.push(controlled),
-                Err(ControlError::Simulation(source)) => return failed(urdf, source),
+                Err(ControlError::Simulation(source)) => return failed(&urdf, source),
                 Err(ControlError::Motion(err)) => {
                     let name = &candidate.candidate_id;
                     return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));

@@ -6,18 +6,18 @@ use approach::{
     ApproachError, Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts,
 };
 use dataflow::{
-    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
-    Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
 use nalgebra::Point3;
 use posture::Environment;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::SurfacePoint;
+use robot::{RobotModel, SurfacePoint};
 use schemas::{
     Table,
     candidates::Candidates,
@@ -67,12 +67,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object, its distances, every demonstration and the hand.
+    pub struct EigengraspInputs {
+        /// The object.
+        each object: Object, "to grasp";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The demonstrations.
+        all trajectories: Trajectory [lake::table::FILE];
+    }
+    files {
+        /// The hand's model.
+        model: RobotModel = hand_files::model;
+    }
+}
+
 impl Stage for Eigengrasp {
     type Config = EigengraspConfig;
 
     const KIND: &'static str = "eigengrasp";
     const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
-    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const INPUTS: &'static [&'static str] = EigengraspInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &EigengraspConfig) -> Vec<OptionFault> {
@@ -91,6 +109,7 @@ impl Stage for Eigengrasp {
 impl Output for Eigengrasp {
     type Stage = Self;
     type Metrics = EigengraspMetrics;
+    type Inputs<'a> = EigengraspInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -108,25 +127,21 @@ impl Output for Eigengrasp {
     });
 
     fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        scope.some(Object::NAME, "to grasp")?;
-        let objects = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
-        let files = HandFiles::without_table(&config.hand)?;
-        let units = approach::units(scope, objects, &[lake::table::FILE]);
-        Ok(units.map(|unit| files.added_to(unit)).collect())
+        let units = EigengraspInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units))
     }
 
     fn make(
         config: &EigengraspConfig,
-        inputs: &Inputs,
+        inputs: EigengraspInputs,
         cx: &Context,
     ) -> Result<Outcome<EigengraspMetrics>, BoxedDiagnostic> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let object: Object = inputs.one()?;
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-        let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
+        let EigengraspInputs {
+            object,
+            field,
+            trajectories,
+            model,
+        } = inputs;
         let joints = model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
         let basis = Basis::of(&grasps(&trajectories, &joints)?, config.eigengrasps)?;
@@ -283,7 +298,7 @@ mod tests {
         let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
         let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = Eigengrasp::make(config, &inputs, &cx).unwrap();
+        let outcome = Eigengrasp::read_and_make(config, &inputs, &cx).unwrap();
         let made = Artifact {
             key: "box".parse().unwrap(),
             labels: BTreeMap::new(),

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
-    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionFault, OptionsUsed, Outcome, Output,
-    Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Mean, OptionFault, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
 use nalgebra::Point3;
 use posture::{Environment, Hand};
 use rand::{Rng, SeedableRng};
@@ -59,12 +59,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object, its distances, every demonstration and the hand.
+    pub struct ForceClosureInputs {
+        /// The object.
+        each object: Object, "to grasp";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The demonstrations.
+        all trajectories: Trajectory [lake::table::FILE];
+    }
+    files {
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for ForceClosure {
     type Config = ForceClosureConfig;
 
     const KIND: &'static str = "force_closure";
     const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
-    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const INPUTS: &'static [&'static str] = ForceClosureInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &ForceClosureConfig) -> Vec<OptionFault> {
@@ -84,6 +102,7 @@ impl Stage for ForceClosure {
 impl Output for ForceClosure {
     type Stage = Self;
     type Metrics = ForceClosureMetrics;
+    type Inputs<'a> = ForceClosureInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -108,27 +127,22 @@ impl Output for ForceClosure {
     });
 
     fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        scope.some(Object::NAME, "to grasp")?;
-        let objects = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = approach::units(scope, objects, &[lake::table::FILE]);
-        Ok(units.map(|unit| files.added_to(unit)).collect())
+        let units = ForceClosureInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &ForceClosureConfig,
-        inputs: &Inputs,
+        inputs: ForceClosureInputs,
         cx: &Context,
     ) -> Result<Outcome<ForceClosureMetrics>, BoxedDiagnostic> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let object: Object = inputs.one()?;
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
+        let ForceClosureInputs {
+            object,
+            field,
+            trajectories,
+            hand,
+        } = inputs;
         let field = Arc::new(field);
-        let [urdf, table] = [inputs.source("hand")?, inputs.source("hand_table")?];
-        let hand = hand_files::load(&urdf.path, &table.path)?;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
         let joints = hand.model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
@@ -292,7 +306,7 @@ mod tests {
         let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
         let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = ForceClosure::make(config, &inputs, &cx).unwrap();
+        let outcome = ForceClosure::read_and_make(config, &inputs, &cx).unwrap();
         let made = Artifact {
             key: "box".parse().unwrap(),
             labels: BTreeMap::new(),

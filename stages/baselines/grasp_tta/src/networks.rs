@@ -44,6 +44,7 @@ dataflow::metrics! {
 impl Output for LearnedNetworks {
     type Stage = GraspTta;
     type Metrics = GraspNetworksMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = grasp_networks::NAME;
     const SCHEMA: &'static str = grasp_networks::VERSION;

@@ -59,7 +59,7 @@ mod tests {
         let out = root.join(format!("{}-{key}", O::ARTIFACT));
         fs::create_dir(&out).unwrap();
         let cx = Context::detached(&key.parse().unwrap(), seed, &out);
-        let outcome = O::make(config, &grasp_fixture::inputs(artifacts), &cx);
+        let outcome = O::read_and_make(config, &grasp_fixture::inputs(artifacts), &cx);
         (out, outcome)
     }
 

@@ -45,6 +45,7 @@ impl Stage for Replay {
 impl Output for Replay {
     type Stage = Self;
     type Metrics = ReplayMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;

@@ -1,15 +1,15 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 use dataflow::{
-    BoxedDiagnostic, Context, Inputs, Line, Max, OptionFault, OptionsUsed, Outcome, Output,
-    Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Max, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::Environment;
+use lake::{ReadArtifact, WriteArtifact};
+use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -56,12 +56,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, its distances and the hand.
+    pub struct RrtInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to plan ways to";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+    }
+    files {
+        /// The hand's URDF.
+        urdf: PathBuf = hand_files::urdf;
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for Rrt {
     type Config = RrtConfig;
 
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
+    const INPUTS: &'static [&'static str] = RrtInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn check(config: &RrtConfig) -> Vec<OptionFault> {
@@ -78,6 +96,7 @@ impl Stage for Rrt {
 impl Output for Rrt {
     type Stage = Self;
     type Metrics = RrtMetrics;
+    type Inputs<'a> = RrtInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -91,36 +110,26 @@ impl Output for Rrt {
     });
 
     fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let given = scope.some(Candidates::NAME, "to plan ways to")?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = given.iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(FieldInfo::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+        let units = RrtInputs::units(scope, &[])?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &RrtConfig,
-        inputs: &Inputs,
+        inputs: RrtInputs,
         cx: &Context,
     ) -> Result<Outcome<RrtMetrics>, BoxedDiagnostic> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
-        let urdf = &inputs.source("hand")?.path;
-        let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
+        let RrtInputs {
+            candidates: given,
+            field,
+            urdf,
+            hand,
+        } = inputs;
+        let field = Arc::new(field);
         let spheres = clusters(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
         })?;
-        let given: Candidates = inputs.one()?;
         let joints = hand.model.joint_names();
         JointOrder::new(&given.joints, &joints).map_err(|source| RrtError::AnotherHand {
             object: given.object.clone(),

@@ -57,6 +57,7 @@ impl Stage for Transfer {
 impl Output for Transfer {
     type Stage = Self;
     type Metrics = TransferMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;

@@ -57,6 +57,7 @@ pub struct TrialsReport;
 impl Output for TrialsReport {
     type Stage = Dispatch;
     type Metrics = TrialsMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;

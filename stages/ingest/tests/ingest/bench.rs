@@ -122,7 +122,7 @@ impl Bench {
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone());
         let cx = Context::detached(&unit.partition.parse().unwrap(), 7, &folder);
-        Ok(O::make(&self.config, &inputs, &cx)?.stored())
+        Ok(O::read_and_make(&self.config, &inputs, &cx)?.stored())
     }
 
     /// Folder of an artifact's files.

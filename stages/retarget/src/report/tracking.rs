@@ -31,6 +31,7 @@ pub struct TrackingReport;
 impl Output for TrackingReport {
     type Stage = Retarget;
     type Metrics = TrackingMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = TrackingSummary::NAME;
     const SCHEMA: &'static str = TrackingSummary::VERSION;

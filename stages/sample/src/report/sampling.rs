@@ -58,6 +58,7 @@ pub struct SamplingReport;
 impl Output for SamplingReport {
     type Stage = Sample;
     type Metrics = SamplingMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;

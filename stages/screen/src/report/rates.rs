@@ -51,6 +51,7 @@ pub struct RatesReport;
 impl Output for RatesReport {
     type Stage = Screen;
     type Metrics = RatesMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = SuccessRates::NAME;
     const SCHEMA: &'static str = SuccessRates::VERSION;

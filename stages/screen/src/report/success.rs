@@ -54,6 +54,7 @@ pub struct SuccessReport;
 impl Output for SuccessReport {
     type Stage = Screen;
     type Metrics = SuccessMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;

@@ -38,6 +38,7 @@ pub struct LatentsReport;
 impl Output for LatentsReport {
     type Stage = Train;
     type Metrics = LatentMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;

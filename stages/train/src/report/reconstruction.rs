@@ -82,6 +82,7 @@ pub struct ReconstructionReport;
 impl Output for ReconstructionReport {
     type Stage = Train;
     type Metrics = ReconstructionMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;

@@ -79,6 +79,7 @@ pub struct TrainingReport;
 impl Output for TrainingReport {
     type Stage = Train;
     type Metrics = TrainingMetrics;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;

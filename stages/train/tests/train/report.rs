@@ -67,7 +67,7 @@ impl Trained {
         folder: &Path,
     ) -> Result<O::Metrics, BoxedDiagnostic> {
         let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder);
-        match O::make(&self.config, &self.inputs, &cx)? {
+        match O::read_and_make(&self.config, &self.inputs, &cx)? {
             Outcome::Made(made) => Ok(made),
             Outcome::Labeled(..) | Outcome::Provisional(_) => panic!("not made"),
             Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
