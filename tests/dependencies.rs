@@ -112,7 +112,10 @@ fn no_crate_but_the_program_depends_on_a_stage() {
     assert!(dependencies["pipeline"].iter().any(is_stage));
     for (name, dependencies) in dependencies.iter().filter(|(name, _)| *name != "pipeline") {
         let stage = dependencies.iter().find(|name| is_stage(name));
-        assert_eq!(stage, None, "stages meet in schemas, and `{name}` imports one");
+        assert_eq!(
+            stage, None,
+            "stages meet in schemas, and `{name}` imports one"
+        );
     }
 }
 

@@ -134,6 +134,37 @@ impl Scope {
         Ok(all.iter().filter(is_chosen).collect())
     }
 
+    /// Returns the keys of an input's partitions by a label's values: of those that an option names, of all if it
+    /// names none. Partitions without the label are left out.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the option names a value that no partition has.
+    pub fn chosen_by_label(
+        &self,
+        input: &'static str,
+        label: &'static str,
+        names: &[String],
+    ) -> Result<BTreeMap<&str, Vec<&PartitionKey>>, InputError> {
+        let mut by_label: BTreeMap<&str, Vec<&PartitionKey>> = BTreeMap::new();
+        for partition in self.partitions(input) {
+            if let Some(value) = partition.label(label) {
+                by_label.entry(value).or_default().push(&partition.key);
+            }
+        }
+        let unknown = |name: &&String| !by_label.contains_key(name.as_str());
+        if let Some(name) = names.iter().find(unknown) {
+            return Err(InputError::unknown(
+                input,
+                label,
+                name,
+                by_label.into_keys(),
+            ));
+        }
+        by_label.retain(|value, _| names.is_empty() || names.iter().any(|name| name == value));
+        Ok(by_label)
+    }
+
     /// Returns the partitions of an input, or of an output of this stage that is made earlier,
     /// ordered by key.
     pub fn partitions(&self, name: &str) -> &[Partition] {

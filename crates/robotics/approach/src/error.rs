@@ -24,6 +24,14 @@ pub enum ApproachError {
         /// Difference of its joints from the hand's.
         source: JointMismatch,
     },
+    /// Trajectories are of hands with different joints.
+    #[error("trajectories `{first}` and `{second}` are of different hands")]
+    DifferentHands {
+        /// A sequence.
+        first: String,
+        /// A sequence whose hand has other joints.
+        second: String,
+    },
     /// There is no trajectory, and so no place where motions start.
     #[error("there is no trajectory that a motion could start like")]
     NoStart,
@@ -46,6 +54,9 @@ impl Diagnostic for ApproachError {
             Self::AnotherHand { .. } => Some(
                 "give the stage the URDF with which `retarget` made the trajectories".to_owned(),
             ),
+            Self::DifferentHands { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::NoStart => Some("wire `inputs.trajectories` to a `retarget` stage".to_owned()),
             Self::Dof(_) | Self::Motion(_) => None,
         }

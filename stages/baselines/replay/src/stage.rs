@@ -1,12 +1,10 @@
 //! The stage: one unit per object.
 
-use std::collections::BTreeSet;
-
 use dataflow::{
-    BoxedDiagnostic, Context, InputError, Inputs, Line, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Diagnostic, Inputs, Line, Outcome, Output, Outputs, PartitionKey,
+    Scope, Stage, Sum, Unit,
 };
-use lake::{LakeError, ReadInputs, WriteArtifact};
+use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, MotionError, palm_acceleration};
 use schemas::{
     Table,
@@ -14,7 +12,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-use crate::{ReplayConfig, ReplayError};
+use crate::ReplayConfig;
 
 /// Offers retargeted demonstrations as candidates.
 pub struct Replay;
@@ -32,6 +30,13 @@ const GENERATOR: &str = "demonstration";
 
 /// The label of a trajectory that names its object.
 const OBJECT: &str = "object";
+
+/// A trajectory changes too fast for its rates to be numbers.
+#[derive(Debug, thiserror::Error)]
+#[error("the palm's acceleration in a trajectory overflows")]
+pub struct ReplayError(#[from] MotionError);
+
+impl Diagnostic for ReplayError {}
 
 impl Stage for Replay {
     type Config = ReplayConfig;
@@ -56,30 +61,13 @@ impl Output for Replay {
     });
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let trajectories = scope.some(Trajectory::NAME, "to replay")?;
-        let known: BTreeSet<&str> = trajectories
-            .iter()
-            .filter_map(|t| t.label(OBJECT))
-            .collect();
-        if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
-            return Err(InputError::unknown(Trajectory::NAME, OBJECT, object, known).into());
-        }
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+        scope.some(Trajectory::NAME, "to replay")?;
+        let by_object = scope.chosen_by_label(Trajectory::NAME, OBJECT, &config.objects)?;
+        let unit = |(object, trajectories)| {
+            let unit = Unit::new(object).with_label(OBJECT, object);
+            unit.reading::<&PartitionKey>(Trajectory::NAME, trajectories)
         };
-        Ok(known
-            .into_iter()
-            .filter(chosen)
-            .map(|object| {
-                let of_object = trajectories
-                    .iter()
-                    .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
-                    .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object)
-                    .with_label(OBJECT, object)
-                    .reading(Trajectory::NAME, of_object)
-            })
-            .collect())
+        Ok(by_object.into_iter().map(unit).collect())
     }
 
     fn make(
@@ -87,40 +75,22 @@ impl Output for Replay {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
-        let object = cx.partition();
         let trajectories: Vec<Trajectory> = inputs.all()?;
-        let first = trajectories.first().ok_or(LakeError::MissingInput {
-            what: Trajectory::NAME,
-        })?;
-        if let Some(other) = trajectories
-            .iter()
-            .find(|t| t.motion.joints() != first.motion.joints())
-        {
-            return Err(ReplayError::DifferentHands {
-                object: object.to_string(),
-                first: first.sequence.clone(),
-                second: other.sequence.clone(),
-            }
-            .into());
-        }
-        cx.write(&Candidates {
-            object: object.to_string(),
-            joints: first.motion.joints().clone(),
-            candidates: trajectories
-                .iter()
-                .map(candidate)
-                .collect::<Result<_, _>>()
-                .map_err(ReplayError::from)?,
-        })?;
-        let metrics = ReplayMetrics {
-            candidates: trajectories.len() as f64,
+        let candidates = trajectories.iter().map(candidate);
+        let candidates = Candidates {
+            object: cx.partition().to_string(),
+            joints: approach::joints_of(&trajectories)?.unwrap_or_default(),
+            candidates: candidates.collect::<Result<_, ReplayError>>()?,
         };
-        Ok(Outcome::Made(metrics))
+        cx.write(&candidates)?;
+        Ok(Outcome::Made(ReplayMetrics {
+            candidates: trajectories.len() as f64,
+        }))
     }
 }
 
 /// Returns a trajectory as the motion that it is.
-fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
+fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
     let motion = &trajectory.motion;
     let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
     Ok(Candidate {
@@ -249,11 +219,8 @@ mod tests {
             &[trajectory("a", &["j"]), trajectory("b", &["k"])],
             folder.path(),
         );
-        let err = err.unwrap_err();
-        assert!(matches!(
-            err.downcast_ref(),
-            Some(ReplayError::DifferentHands { second, .. }) if second == "b"
-        ));
+        let err = err.unwrap_err().to_string();
+        assert_eq!(err, "trajectories `a` and `b` are of different hands");
     }
 
     #[test]

@@ -15,26 +15,9 @@ pub enum TransferError {
         /// The missing property.
         lacks: &'static str,
     },
-    /// The trajectories are of hands with different joints.
-    #[error("trajectories `{first}` and `{second}` are of different hands")]
-    DifferentHands {
-        /// A sequence.
-        first: String,
-        /// A sequence whose hand has other joints.
-        second: String,
-    },
     /// A motion has rates that are no numbers.
     #[error("a motion is too fast for its rates to be numbers")]
     Motion(#[from] MotionError),
 }
 
-impl Diagnostic for TransferError {
-    fn hint(&self) -> Option<String> {
-        match self {
-            Self::DifferentHands { .. } => {
-                Some("make them again with `pipeline run FILE --fresh`".to_owned())
-            }
-            Self::Incomplete { .. } | Self::Motion(_) => None,
-        }
-    }
-}
+impl Diagnostic for TransferError {}

@@ -1,7 +1,5 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
-
 use dataflow::{
     BoxedDiagnostic, Context, InputError, Inputs, Line, OptionFault, OptionsUsed, Outcome, Output,
     Outputs, Scope, Stage, Sum, Unit,
@@ -107,20 +105,9 @@ impl Output for Transfer {
         let name = cx.partition().as_str();
         let objects: Vec<Object> = inputs.all()?;
         let trajectories: Vec<Trajectory> = inputs.all()?;
-        let Some(first) = trajectories.first() else {
+        let Some(joints) = approach::joints_of(&trajectories)? else {
             return Ok(Outcome::skipped("no demonstration to carry over"));
         };
-        let joints = Arc::clone(first.motion.joints());
-        if let Some(other) = trajectories
-            .iter()
-            .find(|other| *other.motion.joints() != joints)
-        {
-            return Err(TransferError::DifferentHands {
-                first: first.sequence.clone(),
-                second: other.sequence.clone(),
-            }
-            .into());
-        }
         let object = objects.iter().find(|object| object.name == name);
         let object = object.ok_or_else(|| {
             let known = objects.iter().map(|known| known.name.as_str());

@@ -1,7 +1,5 @@
 //! Tracking error of one object's trajectories.
 
-use std::collections::BTreeMap;
-
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit, counted,
 };
@@ -50,14 +48,8 @@ impl Output for TrackingReport {
 
     /// One unit per object that has trajectories.
     fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        for trajectory in scope.partitions(Trajectory::NAME) {
-            if let Some(object) = trajectory.label("object") {
-                let keys = by_object.entry(object).or_default();
-                keys.push(trajectory.key.as_str());
-            }
-        }
-        Ok(by_object
+        Ok(scope
+            .chosen_by_label(Trajectory::NAME, "object", &[])?
             .into_iter()
             .map(|(object, keys)| {
                 Unit::new(object)
