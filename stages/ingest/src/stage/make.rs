@@ -193,7 +193,7 @@ pub(super) fn object(
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),
     };
-    Ok(write_object(cx, &object, &mesh, Repairs::default())?)
+    write_object(cx, &object, &mesh, Repairs::default())
 }
 
 /// Writes an object's table, its mesh and its surface.
