@@ -13,10 +13,9 @@ use std::{
 };
 
 use cell::{Access, CellError, ServiceConfig, SimulatedCell};
-use dataflow::{Diagnostic, missing};
+use dataflow::{BoxedDiagnostic, Diagnostic, missing};
 use lake::{Lake, table};
 use robot::{RobotError, RobotModel};
-use robot_meshes::LoadError;
 use signal_hook::{
     consts::{SIGINT, SIGTERM},
     iterator::Signals,
@@ -56,7 +55,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
             )
         })?;
     let config = simulated_cell(options, args.listen.clone());
-    let mut config = config.map_err(CommandError::with_hint(Diagnostic::hint))?;
+    let mut config = config.map_err(CommandError::with_hint(BoxedDiagnostic::hint))?;
     let journal = args.journal.clone();
     let journal = journal.unwrap_or_else(|| program.lake.join("cells").join(&config.name));
     config.service = ServiceConfig {
@@ -84,7 +83,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     let hand = RobotModel::from_urdf(&urdf);
     let hand = hand.map_err(CommandError::with_hint(RobotError::hint))?;
     let hand = robot_meshes::with_mesh_shapes(hand, path);
-    let hand = hand.map_err(CommandError::with_hint(LoadError::hint))?;
+    let hand = hand.map_err(CommandError::with_hint(Diagnostic::hint))?;
     // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;

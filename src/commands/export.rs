@@ -8,13 +8,14 @@ mod rerun;
 
 use std::path::PathBuf;
 
+use dataflow::Diagnostic;
 use formats::{Export, FormatError, GraspTimes};
 
 use self::{folder::Folder, gather::GatheredMotions, motion::motion};
 use crate::{
     arguments::{DexgraspbenchArgs, ExportArgs, ExportFormat, GlbArgs, LerobotArgs, MotionsArgs},
     command_line::Program,
-    commands::{lookup, report::failed},
+    commands::lookup,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -33,7 +34,9 @@ fn glb(program: &Program, args: &GlbArgs) -> Result<CommandOutcome, CommandError
     let lake = program.open_lake()?;
     let run = lookup::run(&lake, args.run.as_deref())?;
     let motion = motion(program, &lake, &run, args)?;
-    let bytes = motion.to_glb(&args.name, usize::MAX).map_err(failed)?;
+    let bytes = motion
+        .to_glb(&args.name, usize::MAX)
+        .map_err(CommandError::with_hint(Diagnostic::hint))?;
     let path = args.out.clone();
     let path = path.unwrap_or_else(|| PathBuf::from(format!("{}.glb", args.name)));
     lake::write_atomic(&path, &bytes)?;

@@ -2,10 +2,11 @@
 
 use std::{collections::BTreeMap, path::Path};
 
-use dataflow::{Artifact, Diagnostic, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem};
+use dataflow::{
+    Artifact, BoxedDiagnostic, Diagnostic, Inputs, NodeName, RecordOutcome, RunFacts, SkippedItem,
+};
 use lake::{Lake, Run};
-use robot_meshes::LoadError;
-use stage_report::{Facts, INPUTS, PageData, Report, ReportConfig, ReportError, render};
+use stage_report::{Facts, INPUTS, PageData, Report, ReportConfig, render};
 
 use crate::{
     arguments::ReportArgs,
@@ -42,7 +43,7 @@ pub(crate) fn report(program: &Program, args: &ReportArgs) -> Result<CommandOutc
         };
         runs.push((name, gathered));
     }
-    let files = render(&runs).map_err(failed)?;
+    let files = render(&runs).map_err(CommandError::with_hint(Diagnostic::hint))?;
     for (name, bytes) in &files {
         lake::write_atomic(&args.out.join(name), bytes)?;
     }
@@ -57,14 +58,8 @@ pub(crate) type Hand = (String, robot::RobotModel);
 /// Reads a hand, of its file or its URDF, with its meshes.
 pub(crate) fn hand(path: &Path) -> Result<Hand, CommandError> {
     let urdf = hand_files::urdf_of(path).map_err(CommandError::with_hint(Diagnostic::hint))?;
-    let loaded = robot_meshes::load(&urdf).map_err(CommandError::with_hint(LoadError::hint))?;
+    let loaded = robot_meshes::load(&urdf).map_err(CommandError::with_hint(Diagnostic::hint))?;
     Ok((robot::plain_urdf(&loaded.urdf), loaded.model))
-}
-
-/// Returns the failure of a report.
-pub(crate) fn failed(err: ReportError) -> CommandError {
-    let hint = err.hint();
-    CommandError::failed(err, hint)
 }
 
 /// Reads what a page shows of a run, with the times that its records have.
@@ -122,7 +117,8 @@ fn gathered(
     let facts = Facts::recorded(facts, &left_out);
     let inputs = Inputs::new(artifacts, Vec::new());
     let hand = hand.map(|(urdf, model)| (urdf.as_str(), model));
-    let mut gathered = PageData::read(config, facts, &inputs, hand).map_err(failed)?;
+    let mut gathered = PageData::read(config, facts, &inputs, hand)
+        .map_err(CommandError::with_hint(BoxedDiagnostic::hint))?;
     gathered.seconds = seconds;
     // They are relative to a page in the lake.
     for motion in &mut gathered.motions {

@@ -3,8 +3,9 @@
 use std::{collections::BTreeSet, fs, io, path::Path, path::PathBuf};
 
 use dataflow::{
-    Code, Context, Diagnostic, Inputs, Kind, Line, Lines, OptionsUsed, Outcome, Output, Outputs,
-    Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan, run,
+    BoxedDiagnostic, Code, Context, Diagnostic, Inputs, Kind, Line, Lines, OptionsUsed, Outcome,
+    Output, Outputs, Pipeline, Report, RunOptions, Scope, SourceFile, Stage, Unit, UnitState, plan,
+    run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
@@ -95,11 +96,7 @@ fn pipeline(place: &Path, code: [u8; 2]) -> Pipeline {
 #[error("cannot use a file")]
 struct CountError(#[from] io::Error);
 
-impl Diagnostic for CountError {
-    fn hint(&self) -> Option<String> {
-        None
-    }
-}
+impl Diagnostic for CountError {}
 
 /// Options of `kind = "count"`.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -116,7 +113,6 @@ struct Count<const STAGE: u8>;
 
 impl<const STAGE: u8> Stage for Count<STAGE> {
     type Config = CountConfig;
-    type Error = CountError;
 
     const KIND: &'static str = "count";
     const ABOUT: &'static str = "Copies files";
@@ -127,16 +123,16 @@ impl<const STAGE: u8> Stage for Count<STAGE> {
 impl<const STAGE: u8> Output for Count<STAGE> {
     type Stage = Self;
     type Metrics = ();
-    type Error = CountError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "counts";
     const SCHEMA: &'static str = "any/1";
     const PARTITION: &'static str = "file";
 
-    fn units(config: &CountConfig, _scope: &Scope) -> Result<Vec<Unit>, CountError> {
+    fn units(config: &CountConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let mut units = Vec::new();
-        for entry in fs::read_dir(&config.root)? {
-            let path = entry?.path();
+        for entry in fs::read_dir(&config.root).map_err(CountError)? {
+            let path = entry.map_err(CountError)?.path();
             if let Some(name) = path.file_stem().filter(|_| path.extension().is_some()) {
                 let unit = Unit::new(name.to_string_lossy());
                 units.push(unit.with_file(SourceFile::named_by_file(&path)));
@@ -145,10 +141,15 @@ impl<const STAGE: u8> Output for Count<STAGE> {
         Ok(units)
     }
 
-    fn make(_: &CountConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
+    fn make(
+        _: &CountConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         // What follows has other bytes, so that whatever reads them is made again too.
         for file in inputs.files() {
-            let text = format!("{STAGE} {}", fs::read_to_string(&file.path)?);
+            let text = fs::read_to_string(&file.path).map_err(CountError)?;
+            let text = format!("{STAGE} {text}");
             put(cx.folder(), "count.txt", &text);
         }
         Ok(Outcome::Made(()))
@@ -174,7 +175,7 @@ struct Picture<const STAGE: u8>;
 impl<const STAGE: u8> Output for Picture<STAGE> {
     type Stage = Count<STAGE>;
     type Metrics = ();
-    type Error = CountError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "picture";
     const SCHEMA: &'static str = "any/1";
@@ -182,14 +183,14 @@ impl<const STAGE: u8> Output for Picture<STAGE> {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<()>> = Some(|summary| format!("{} pictures", summary.n_made));
 
-    fn units(_: &CountConfig, scope: &Scope) -> Result<Vec<Unit>, CountError> {
+    fn units(_: &CountConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let counts = scope.partitions("counts").iter();
         Ok(counts
             .map(|count| Unit::new(&count.key).reading("counts", [&count.key]))
             .collect())
     }
 
-    fn make(_: &CountConfig, _: &Inputs, cx: &Context) -> Result<Outcome<()>, CountError> {
+    fn make(_: &CountConfig, _: &Inputs, cx: &Context) -> Result<Outcome<()>, BoxedDiagnostic> {
         put(cx.folder(), "picture.svg", "<svg/>");
         Ok(Outcome::Made(()))
     }

@@ -1,14 +1,14 @@
 //! Only an option's value counts, not whether it is set in the pipeline file or is the default.
 
 use dataflow::{
-    Cause, Code, Context, Inputs, Kind, Line, Outcome, Output, Outputs, Pipeline, RunOptions,
-    Scope, Stage, Unit, UnitState, plan, run,
+    BoxedDiagnostic, Cause, Code, Context, Inputs, Kind, Line, Outcome, Output, Outputs, Pipeline,
+    RunOptions, Scope, Stage, Unit, UnitState, plan, run,
 };
 use lake::Lake;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{own_stages::OwnError, place::Place};
+use crate::place::Place;
 
 /// The code, which does not change.
 const CODE: Code = Code { parts: "number=1" };
@@ -32,7 +32,6 @@ fn default<const DEFAULT: u8>() -> u8 {
 
 impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
     type Config = NumberConfig<DEFAULT>;
-    type Error = OwnError;
 
     const KIND: &'static str = "number";
     const ABOUT: &'static str = "Writes a number";
@@ -43,14 +42,17 @@ impl<const DEFAULT: u8> Stage for Number<DEFAULT> {
 impl<const DEFAULT: u8> Output for Number<DEFAULT> {
     type Stage = Self;
     type Metrics = ();
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "numbers";
     const SCHEMA: &'static str = "numbers/1";
     const PARTITION: &'static str = "number";
     const LINE: Option<Line<()>> = Some(|summary| format!("{} numbers", summary.n_made));
 
-    fn units(_config: &NumberConfig<DEFAULT>, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(
+        _config: &NumberConfig<DEFAULT>,
+        _scope: &Scope,
+    ) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(vec![Unit::new("all")])
     }
 
@@ -58,7 +60,7 @@ impl<const DEFAULT: u8> Output for Number<DEFAULT> {
         config: &NumberConfig<DEFAULT>,
         _inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<()>, OwnError> {
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         let path = cx.folder().join("number.txt");
         lake::write_atomic(&path, config.number.to_string().as_bytes())?;
         Ok(Outcome::Made(()))

@@ -1,10 +1,12 @@
 //! `act`: what must not be done twice, as moving a robot.
 
-use dataflow::{Context, Execution, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Execution, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, hooks};
+use super::hooks;
 
 /// Acts once for each partition.
 pub(crate) struct Act;
@@ -18,7 +20,6 @@ impl dataflow::Options for ActConfig {}
 
 impl Stage for Act {
     type Config = ActConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "act";
     const ABOUT: &'static str = "Acts once for each partition";
@@ -29,7 +30,7 @@ impl Stage for Act {
 impl Output for Act {
     type Stage = Self;
     type Metrics = ();
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "acts";
     const SCHEMA: &'static str = "acts/1";
@@ -37,13 +38,17 @@ impl Output for Act {
     const EXECUTION: Execution = Execution::Physical;
     const LINE: Option<Line<()>> = Some(|summary| format!("{} acts", summary.n_made));
 
-    fn units(_config: &ActConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(_config: &ActConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let parts = scope.partitions("parts").iter();
         let units = parts.map(|part| Unit::new(&part.key).reading("parts", [&part.key]));
         Ok(units.collect())
     }
 
-    fn make(_config: &ActConfig, _inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+    fn make(
+        _config: &ActConfig,
+        _inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         hooks::started::<Self>(cx)?;
         hooks::fail("acting")?;
         lake::write_atomic(&cx.folder().join("acted"), b"acted")?;

@@ -1,10 +1,12 @@
 //! `gather`: all partitions become one table.
 
-use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, bytes, hooks};
+use super::{bytes, hooks};
 
 /// Counts the bytes of all partitions.
 pub(crate) struct Gather<const VERSION: u8>;
@@ -22,7 +24,6 @@ impl dataflow::Options for GatherConfig {}
 
 impl<const VERSION: u8> Stage for Gather<VERSION> {
     type Config = GatherConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "gather";
     const ABOUT: &'static str = "Counts the bytes of all partitions";
@@ -33,14 +34,14 @@ impl<const VERSION: u8> Stage for Gather<VERSION> {
 impl<const VERSION: u8> Output for Gather<VERSION> {
     type Stage = Self;
     type Metrics = ();
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "whole";
     const SCHEMA: &'static str = "whole/1";
     const PARTITION: &'static str = "of";
     const LINE: Option<Line<()>> = Some(|summary| format!("{} table of all parts", summary.n_made));
 
-    fn units(_config: &GatherConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(_config: &GatherConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let keys = scope.partitions("parts").iter().map(|part| &part.key);
         // Whether the parts have tables, and their labels, makes no difference here.
         let unit = Unit::new("all")
@@ -49,7 +50,11 @@ impl<const VERSION: u8> Output for Gather<VERSION> {
         Ok(vec![unit])
     }
 
-    fn make(config: &GatherConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+    fn make(
+        config: &GatherConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         hooks::started::<Self>(cx)?;
         let mut tallies = Vec::new();
         for part in inputs.artifacts("parts") {

@@ -2,11 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, PartitionKey, Scope, Stage,
+    Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::{OwnError, bytes, hooks};
+use super::{bytes, hooks};
 
 /// Counts the bytes of each group of partitions.
 pub(crate) struct Group<const VERSION: u8>;
@@ -24,7 +27,6 @@ impl dataflow::Options for GroupConfig {}
 
 impl<const VERSION: u8> Stage for Group<VERSION> {
     type Config = GroupConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "group";
     const ABOUT: &'static str = "Counts the bytes of the partitions of each group";
@@ -35,14 +37,14 @@ impl<const VERSION: u8> Stage for Group<VERSION> {
 impl<const VERSION: u8> Output for Group<VERSION> {
     type Stage = Self;
     type Metrics = ();
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "groups";
     const SCHEMA: &'static str = "groups/1";
     const PARTITION: &'static str = "letter";
     const LINE: Option<Line<()>> = Some(|summary| format!("{} groups", summary.n_made));
 
-    fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(_config: &GroupConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let mut groups: BTreeMap<&str, Vec<&PartitionKey>> = BTreeMap::new();
         for part in scope.partitions("parts") {
             let group = part.label("group").unwrap_or("other");
@@ -54,7 +56,11 @@ impl<const VERSION: u8> Output for Group<VERSION> {
             .collect())
     }
 
-    fn make(config: &GroupConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+    fn make(
+        config: &GroupConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         hooks::started::<Self>(cx)?;
         let mut tallies = Vec::new();
         for part in inputs.artifacts("parts") {

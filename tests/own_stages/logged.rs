@@ -3,8 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
-use lake::{LakeError, WriteArtifact};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+};
+use lake::WriteArtifact;
 use schemars::JsonSchema;
 use schemas::executions::Outcome::{Failed, Succeeded};
 use schemas::{Table, tally::Tally, trials::AllTrials, trials::Trials};
@@ -33,7 +35,6 @@ pub(crate) struct Logged;
 
 impl Stage for Logged {
     type Config = LoggedConfig;
-    type Error = LakeError;
 
     const KIND: &'static str = "logged";
     const ABOUT: &'static str = "Takes trials that a person wrote down";
@@ -44,7 +45,7 @@ impl Stage for Logged {
 impl Output for Logged {
     type Stage = Self;
     type Metrics = Count;
-    type Error = LakeError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
@@ -52,11 +53,15 @@ impl Output for Logged {
     const LINE: Option<Line<Count>> =
         Some(|summary| format!("{} trials by hand", summary.metrics.trials_n));
 
-    fn units(_config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, LakeError> {
+    fn units(_config: &LoggedConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(vec![Unit::new("all")])
     }
 
-    fn make(config: &LoggedConfig, _: &Inputs, cx: &Context) -> Result<Outcome<Count>, LakeError> {
+    fn make(
+        config: &LoggedConfig,
+        _: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Count>, BoxedDiagnostic> {
         let trials = config.objects.iter();
         let trials = trials.map(|(object, &[succeeded, failed])| Trials {
             object: object.clone(),

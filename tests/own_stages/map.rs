@@ -1,12 +1,13 @@
 //! `map`: each partition becomes one.
 
-use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+};
 use lake::ReadInputs;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{
-    OwnError,
     bytes::{self, Bytes, Change},
     hooks,
 };
@@ -36,7 +37,6 @@ impl dataflow::Options for MapConfig {}
 
 impl<const VERSION: u8> Stage for Map<VERSION> {
     type Config = MapConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "map";
     const ABOUT: &'static str = "Changes the bytes of each partition";
@@ -47,14 +47,14 @@ impl<const VERSION: u8> Stage for Map<VERSION> {
 impl<const VERSION: u8> Output for Map<VERSION> {
     type Stage = Self;
     type Metrics = Bytes;
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
     const LINE: Option<Line<Bytes>> = Some(|summary| format!("{} parts mapped", summary.n_made));
 
-    fn units(_config: &MapConfig, scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(_config: &MapConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let parts = scope.partitions("parts").iter();
         Ok(parts
             .map(|part| {
@@ -65,7 +65,11 @@ impl<const VERSION: u8> Output for Map<VERSION> {
             .collect())
     }
 
-    fn make(config: &MapConfig, inputs: &Inputs, cx: &Context) -> Result<Outcome<Bytes>, OwnError> {
+    fn make(
+        config: &MapConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<Bytes>, BoxedDiagnostic> {
         hooks::started::<Self>(cx)?;
         let part = inputs.artifact("parts")?;
         let change = Change {

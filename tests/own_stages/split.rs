@@ -3,7 +3,8 @@
 use std::{fs, path::PathBuf};
 
 use dataflow::{
-    Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
+    BoxedDiagnostic, Context, Inputs, Labels, Line, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Unit,
 };
 use lake::LakeError;
 use schemars::JsonSchema;
@@ -47,7 +48,6 @@ impl dataflow::Options for SplitConfig {}
 
 impl<const VERSION: u8> Stage for Split<VERSION> {
     type Config = SplitConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "split";
     const ABOUT: &'static str = "Reads the files of a folder";
@@ -58,7 +58,7 @@ impl<const VERSION: u8> Stage for Split<VERSION> {
 impl<const VERSION: u8> Output for Split<VERSION> {
     type Stage = Self;
     type Metrics = Bytes;
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
@@ -66,7 +66,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
     const LINE: Option<Line<Bytes>> =
         Some(|summary| format!("{} files → {} parts", summary.item_count(), summary.n_made));
 
-    fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(config: &SplitConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let entries = fs::read_dir(&config.root).map_err(OwnError::at(&config.root))?;
         let mut units = Vec::new();
         for entry in entries {
@@ -83,7 +83,7 @@ impl<const VERSION: u8> Output for Split<VERSION> {
         config: &SplitConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Bytes>, OwnError> {
+    ) -> Result<Outcome<Bytes>, BoxedDiagnostic> {
         hooks::started::<Self>(cx)?;
         let is_named = |names: &[String]| names.iter().any(|name| *cx.partition() == **name);
         if is_named(&config.leave_out) {

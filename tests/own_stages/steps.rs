@@ -2,7 +2,9 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -46,7 +48,6 @@ impl State {
 
 impl<const VERSION: u8> Stage for Steps<VERSION> {
     type Config = StepsConfig;
-    type Error = OwnError;
 
     const KIND: &'static str = "steps";
     const ABOUT: &'static str = "Adds up the numbers of steps";
@@ -57,18 +58,22 @@ impl<const VERSION: u8> Stage for Steps<VERSION> {
 impl<const VERSION: u8> Output for Steps<VERSION> {
     type Stage = Self;
     type Metrics = ();
-    type Error = OwnError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "sum";
     const SCHEMA: &'static str = "sum/1";
     const PARTITION: &'static str = "of";
     const LINE: Option<Line<()>> = Some(|summary| format!("{} sum of steps", summary.n_made));
 
-    fn units(_config: &StepsConfig, _scope: &Scope) -> Result<Vec<Unit>, OwnError> {
+    fn units(_config: &StepsConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(vec![Unit::new("steps")])
     }
 
-    fn make(config: &StepsConfig, _inputs: &Inputs, cx: &Context) -> Result<Outcome<()>, OwnError> {
+    fn make(
+        config: &StepsConfig,
+        _inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<()>, BoxedDiagnostic> {
         let path = cx.resume_folder().join("state.json");
         let mut state = State::read(&path)?;
         while state.done < config.count {

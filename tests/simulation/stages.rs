@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use dataflow::{
-    Code, Context, Diagnostic, Inputs, Kind, Line, Outcome, Output, Outputs, Scope, Stage, Unit,
+    BoxedDiagnostic, Code, Context, Inputs, Kind, Line, Outcome, Output, Outputs, Scope, Stage,
+    Unit,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -15,16 +16,6 @@ const LONGEST_MS: u64 = 20_000;
 
 /// Name of the file of a part.
 const DATA: &str = "data.bin";
-
-#[derive(Debug, thiserror::Error)]
-#[error(transparent)]
-pub(super) struct StageError(#[from] lake::LakeError);
-
-impl Diagnostic for StageError {
-    fn hint(&self) -> Option<String> {
-        None
-    }
-}
 
 /// Options of both kinds.
 #[derive(Debug, Deserialize, Serialize, JsonSchema)]
@@ -44,7 +35,6 @@ struct Makes<const IS_FIRST: bool>;
 
 impl<const IS_FIRST: bool> Stage for Makes<IS_FIRST> {
     type Config = Config;
-    type Error = StageError;
 
     const KIND: &'static str = if IS_FIRST { "first" } else { "second" };
     const ABOUT: &'static str = "Takes time";
@@ -55,14 +45,14 @@ impl<const IS_FIRST: bool> Stage for Makes<IS_FIRST> {
 impl<const IS_FIRST: bool> Output for Makes<IS_FIRST> {
     type Stage = Self;
     type Metrics = ();
-    type Error = StageError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "parts";
     const SCHEMA: &'static str = "parts/1";
     const PARTITION: &'static str = "part";
     const LINE: Option<Line<()>> = Some(|summary| format!("{} parts", summary.n_made));
 
-    fn units(config: &Config, scope: &Scope) -> Result<Vec<Unit>, StageError> {
+    fn units(config: &Config, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let first = (0..config.n_units).map(|number| Unit::new(format!("p{number}")));
         if IS_FIRST {
             return Ok(first.collect());
@@ -73,7 +63,7 @@ impl<const IS_FIRST: bool> Output for Makes<IS_FIRST> {
             .collect())
     }
 
-    fn make(config: &Config, _: &Inputs, cx: &Context) -> Result<Outcome<()>, StageError> {
+    fn make(config: &Config, _: &Inputs, cx: &Context) -> Result<Outcome<()>, BoxedDiagnostic> {
         let unit = format!("{}/{}", Self::KIND, cx.partition());
         let seen = Seen::of(config.seed);
         seen.begun(&unit);

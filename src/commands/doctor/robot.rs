@@ -8,7 +8,7 @@ use std::{
     path::Path,
 };
 
-use dataflow::missing;
+use dataflow::{Diagnostic, missing};
 use hand_files::HandFile;
 use robot::{DynamicsModel, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Severity};
 use robot_meshes::LoadError;

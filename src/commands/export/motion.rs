@@ -1,6 +1,6 @@
 //! The motion that is asked for: of a recording, of a candidate, or of a rollout that is executed again.
 
-use dataflow::{Artifact, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Artifact, Diagnostic, NodeName, RecordOutcome, UnitRef};
 use lake::{Lake, Run, recording, table};
 use schemas::{
     Table,
@@ -18,7 +18,7 @@ use crate::{
     command_line::Program,
     commands::{
         lookup,
-        report::{Hand, failed, hand},
+        report::{Hand, hand},
     },
     outcome::CommandError,
 };
@@ -76,7 +76,8 @@ fn read(
 ) -> Result<RecordedMotion, CommandError> {
     let contents = recording::read(path)?;
     let hand = hand.map(|(urdf, model)| (urdf.as_str(), model));
-    RecordedMotion::read(&args.name, &contents, hand).map_err(failed)
+    RecordedMotion::read(&args.name, &contents, hand)
+        .map_err(CommandError::with_hint(Diagnostic::hint))
 }
 
 /// The artifact of a unit; `None` if it was collected, skipped or filtered.
@@ -161,7 +162,8 @@ fn candidate(
             Some(given) => given,
             None => hand(&rerun::hand_of(program, run)?)?,
         };
-        return of_candidate(found, &all.joints, &object, &model).map_err(failed);
+        return of_candidate(found, &all.joints, &object, &model)
+            .map_err(CommandError::with_hint(Diagnostic::hint));
     }
     Err(unknown(args))
 }

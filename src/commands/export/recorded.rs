@@ -1,13 +1,13 @@
 //! A motion as it was measured, from its recording.
 
-use dataflow::Artifact;
+use dataflow::{Artifact, Diagnostic};
 use formats::{Episode, EpisodeStep, FormatError};
 use lake::recording;
 use robot::RobotModel;
 use stage_report::RecordedMotion;
 
 use super::gather::joints;
-use crate::{commands::report::failed, outcome::CommandError};
+use crate::outcome::CommandError;
 
 /// Returns the recorded motion of a candidate, if it was recorded: with an arm where the recording has one, and
 /// the pose of the hand's root link as the palm's.
@@ -24,7 +24,8 @@ pub(super) fn episode(
     let Some(path) = artifact.file(&format!("{candidate}.mcap")) else {
         return Ok(None);
     };
-    let motion = RecordedMotion::read(candidate, &recording::read(path)?, None).map_err(failed)?;
+    let motion = RecordedMotion::read(candidate, &recording::read(path)?, None)
+        .map_err(CommandError::with_hint(Diagnostic::hint))?;
     let palm = hand
         .links()
         .first()

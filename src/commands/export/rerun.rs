@@ -2,7 +2,9 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
-use dataflow::{Context, Inputs, Override, Pipeline, SourceFile, Stage, StageEntry, UnitRef};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Override, Pipeline, SourceFile, Stage, StageEntry, UnitRef,
+};
 use lake::{Lake, Run};
 use schemas::{Table, candidates::Candidates, objects::Object};
 use stage_screen::{Screen, record_alone};
@@ -106,9 +108,7 @@ pub(super) fn rollout(
     let folder = tempfile::tempdir().map_err(|err| CommandError::failed(err, None))?;
     let seed = stage.unit_seed(pipeline.seed, &unit.partition);
     let cx = Context::detached(&unit.partition, seed, folder.path());
-    record_alone(options, &inputs, &cx, candidate).map_err(|err| {
-        let hint = dataflow::Diagnostic::hint(&err);
-        CommandError::failed(err, hint)
-    })?;
+    record_alone(options, &inputs, &cx, candidate)
+        .map_err(CommandError::with_hint(BoxedDiagnostic::hint))?;
     Ok(folder)
 }

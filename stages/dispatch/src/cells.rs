@@ -10,6 +10,7 @@ use cell::{
     Capabilities, CellArm, CellClient, CellError, ControllerInfo, Goal, ModelMismatch,
     PalmTrajectory, ServiceConfig, SigningKey, SimulatedCell, SimulatedCellConfig, Terms,
 };
+use dataflow::BoxedDiagnostic;
 use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
 use simulation::ObjectShape;
@@ -61,7 +62,7 @@ pub(crate) fn connect(
     object: &Object,
     goal: &Goal,
     key: Option<SigningKey>,
-) -> Result<Connected, DispatchError> {
+) -> Result<Connected, BoxedDiagnostic> {
     let simulated = if config.cell == SIMULATED {
         let cell = simulated(config, robots)?;
         cell.put_object(&object.name, ObjectShape::from_artifact(object));
@@ -73,25 +74,32 @@ pub(crate) fn connect(
         .as_ref()
         .map_or(config.cell.as_str(), |cell| cell.endpoint());
     let client = CellClient::connect_as(
-        config.credentials()?.as_ref(),
+        config.credentials().map_err(DispatchError::from)?.as_ref(),
         endpoint,
         &config.cell_name,
         config.answer_timeout(),
-    )?;
+    )
+    .map_err(DispatchError::from)?;
     let client = match key {
         Some(key) => client.signing_with(key),
         None => client,
     };
-    let capabilities = client.capabilities(config.answer_timeout())?;
+    let capabilities = client
+        .capabilities(config.answer_timeout())
+        .map_err(DispatchError::from)?;
     if capabilities.robot != robots.digest() {
         return Err(DispatchError::OtherRobot {
             cell: capabilities.cell,
             hand: config.hand.clone(),
-        });
+        }
+        .into());
     }
     check_controllers(&capabilities, goal)?;
     let planned = config.arm.as_ref();
-    let planned = planned.map(ArmConfig::table_from_base).transpose()?;
+    let planned = planned
+        .map(ArmConfig::table_from_base)
+        .transpose()
+        .map_err(DispatchError::from)?;
     let planned = planned.map(|pose| pose.to_array());
     if let (Some(planned), Some(there)) = (planned, capabilities.table_from_base) {
         let is_there = planned
@@ -102,7 +110,8 @@ pub(crate) fn connect(
             return Err(DispatchError::BadOption {
                 key: "arm.table_from_base".to_owned(),
                 problem: format!("{planned:?}, but the cell says that its arm stands at {there:?}"),
-            });
+            }
+            .into());
         }
     }
     let first = match &simulated {
@@ -117,7 +126,10 @@ pub(crate) fn connect(
 }
 
 /// Returns a cell's first answer in this run, if the present one says nothing else.
-fn first_of_run(config: &DispatchConfig, now: Capabilities) -> Result<Capabilities, DispatchError> {
+fn first_of_run(
+    config: &DispatchConfig,
+    now: Capabilities,
+) -> Result<Capabilities, BoxedDiagnostic> {
     let mut first = FIRST.lock().unwrap_or_else(PoisonError::into_inner);
     let key = (config.cell.clone(), config.cell_name.clone());
     let first = first.entry(key).or_insert_with(|| now.clone());
@@ -126,26 +138,25 @@ fn first_of_run(config: &DispatchConfig, now: Capabilities) -> Result<Capabiliti
             clock_unix_ms: now.clock_unix_ms,
             ..first.clone()
         }),
-        Some(change) => Err(CellError::Changed {
-            cell: now.cell,
-            change,
+        Some(change) => {
+            let cell = now.cell;
+            Err(DispatchError::from(CellError::Changed { cell, change }).into())
         }
-        .into()),
     }
 }
 
 /// Checks that a cell has the goals' controllers.
-fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), DispatchError> {
+fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), BoxedDiagnostic> {
     let wrong = |problem: String| DispatchError::Controllers {
         cell: cell.cell.clone(),
         problem,
     };
     let [carrier, hand] = cell.controllers.as_slice() else {
         let problem = format!("it has {} controllers, not two", cell.controllers.len());
-        return Err(wrong(problem));
+        return Err(wrong(problem).into());
     };
     if matches!(goal.carrier, PalmTrajectory::Palm(_)) && cell.palm.is_none() {
-        return Err(wrong("it says no limits of its palm".to_owned()));
+        return Err(wrong("it says no limits of its palm".to_owned()).into());
     }
     let none = Vec::new();
     let moved = match &goal.carrier {
@@ -198,7 +209,7 @@ fn check_controller(
 pub fn simulated_cell(
     config: &DispatchConfig,
     listen: String,
-) -> Result<SimulatedCellConfig, DispatchError> {
+) -> Result<SimulatedCellConfig, BoxedDiagnostic> {
     let arm = config.arm.as_ref().map(|options| {
         let urdf = fs::read_to_string(&options.robot).map_err(|source| {
             robot_meshes::LoadError::ReadUrdf {
@@ -206,7 +217,7 @@ pub fn simulated_cell(
                 source,
             }
         })?;
-        arm_of(options, urdf)
+        Ok::<_, BoxedDiagnostic>(arm_of(options, urdf)?)
     });
     let (name, simulated) = (config.cell_name.clone(), config.simulated.clone());
     Ok(setup(name, listen, simulated, arm.transpose()?))

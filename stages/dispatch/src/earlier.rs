@@ -9,15 +9,15 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Artifact, Digest};
-use lake::Lake;
+use dataflow::{Artifact, BoxedDiagnostic, Digest};
+use lake::{Lake, LakeError};
 use schemas::{
     Table,
     executions::{Execution, Executions, Outcome},
 };
 use serde::{Deserialize, Serialize};
 
-use crate::{DispatchError, config::SIMULATED, ledger::failed};
+use crate::{config::SIMULATED, ledger::failed};
 
 /// Says that the goals were taken over.
 const TAKEN_OVER: &str = "taken_over";
@@ -42,8 +42,8 @@ pub(crate) struct EarlierGoal {
 /// Has every goal that version 4 recorded in the lake kept, once.
 pub(crate) fn take_over(
     effects: &Path,
-    keep: impl Fn(&EarlierGoal) -> Result<(), DispatchError>,
-) -> Result<(), DispatchError> {
+    keep: impl Fn(&EarlierGoal) -> Result<(), LakeError>,
+) -> Result<(), BoxedDiagnostic> {
     let done = effects.join(TAKEN_OVER);
     if done.exists() {
         return Ok(());
@@ -60,7 +60,7 @@ pub(crate) fn take_over(
 }
 
 /// Goals of interrupted units: they may have ended, at whichever cell.
-fn noted(root: &Path) -> Result<Vec<EarlierGoal>, DispatchError> {
+fn noted(root: &Path) -> Result<Vec<EarlierGoal>, BoxedDiagnostic> {
     let mut goals = Vec::new();
     for folder in folders_of(&root.join(RESUME))? {
         for path in files_of(&folder, "sent")? {
@@ -78,7 +78,7 @@ fn noted(root: &Path) -> Result<Vec<EarlierGoal>, DispatchError> {
 }
 
 /// Goals in tables of executions, but those at cells that ended with their run.
-fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, DispatchError> {
+fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, BoxedDiagnostic> {
     let mut goals = Vec::new();
     for object in folders_of(&root.join("every").join(Executions::NAME))? {
         for unit in folders_of(&object)? {
@@ -115,7 +115,7 @@ fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, DispatchError>
 }
 
 /// Whether a unit may have sent its goals to a cell that outlived the run.
-fn is_at_lasting_cell(lake: &Lake, unit: &Digest) -> Result<bool, DispatchError> {
+fn is_at_lasting_cell(lake: &Lake, unit: &Digest) -> Result<bool, BoxedDiagnostic> {
     let record = lake.record(unit)?;
     Ok(record.is_none_or(|record| {
         let cell = record.fingerprint.recipe.config.get("cell");
@@ -128,20 +128,20 @@ fn stem(path: &Path) -> String {
     stem.to_string_lossy().into_owned()
 }
 
-fn folders_of(path: &Path) -> Result<Vec<PathBuf>, DispatchError> {
+fn folders_of(path: &Path) -> Result<Vec<PathBuf>, BoxedDiagnostic> {
     let mut entries = entries_of(path)?;
     entries.retain(|entry| entry.is_dir());
     Ok(entries)
 }
 
-fn files_of(path: &Path, ending: &str) -> Result<Vec<PathBuf>, DispatchError> {
+fn files_of(path: &Path, ending: &str) -> Result<Vec<PathBuf>, BoxedDiagnostic> {
     let mut entries = entries_of(path)?;
     entries.retain(|entry| entry.extension().is_some_and(|found| found == ending));
     Ok(entries)
 }
 
 /// Returns what is in a folder, in the order of names; nothing if there is no such folder.
-fn entries_of(path: &Path) -> Result<Vec<PathBuf>, DispatchError> {
+fn entries_of(path: &Path) -> Result<Vec<PathBuf>, BoxedDiagnostic> {
     if !path.is_dir() {
         return Ok(Vec::new());
     }

@@ -4,9 +4,7 @@ use std::path::PathBuf;
 
 use cell::CellError;
 use dataflow::Diagnostic;
-use lake::LakeError;
 use options::OptionFault;
-use robot_meshes::LoadError;
 
 /// Why motions could not be dispatched; a failed motion is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
@@ -20,9 +18,6 @@ pub enum DispatchError {
         /// The problem.
         problem: String,
     },
-    /// The robot cannot be loaded.
-    #[error(transparent)]
-    LoadRobot(#[from] LoadError),
     /// The cell cannot be reached or started.
     #[error(transparent)]
     Cell(#[from] CellError),
@@ -104,9 +99,6 @@ pub enum DispatchError {
         /// The motion.
         candidate_id: String,
     },
-    /// An artifact or the record of what was sent cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl From<OptionFault> for DispatchError {
@@ -125,7 +117,6 @@ impl Diagnostic for DispatchError {
                 "end it, or take any free port with `--set dispatch.listen=tcp/127.0.0.1:0`".to_owned(),
             ),
             Self::Cell(err) => err.hint(),
-            Self::LoadRobot(err) => err.hint(),
             Self::OtherRobot { .. } => Some(
                 "set `hand` of every stage to the URDF that the cell was started with".to_owned(),
             ),
@@ -150,7 +141,6 @@ impl Diagnostic for DispatchError {
             Self::NoCandidate { .. } => {
                 Some("wire `candidates` to the stage whose motions were screened".to_owned())
             }
-            Self::Lake(err) => err.hint(),
             Self::Report { .. } | Self::CandidateName { .. } => None,
         }
     }

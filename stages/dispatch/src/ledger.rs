@@ -30,13 +30,11 @@ use std::{
 use cell::{
     Acceptance, Capabilities, Goal, GoalMessage, Rejection, Report, SendRecord, SigningKey,
 };
+use dataflow::BoxedDiagnostic;
 use lake::LakeError;
 use serde::{Deserialize, Serialize};
 
-use crate::{
-    DispatchError,
-    earlier::{EarlierGoal, take_over},
-};
+use crate::earlier::{EarlierGoal, take_over};
 
 /// Folder of the cells' ledgers.
 const CELLS: &str = "cells";
@@ -127,7 +125,7 @@ impl CellFacts {
 }
 
 /// Returns the key that signs this lake's goals, and leaves its public part in a file for cells.
-pub(crate) fn signing_key(effects: &Path) -> Result<SigningKey, DispatchError> {
+pub(crate) fn signing_key(effects: &Path) -> Result<SigningKey, BoxedDiagnostic> {
     let key = SigningKey::open(effects);
     let key = key.map_err(|source| failed("read or write the key in", effects, source))?;
     let (public, line) = (effects.join(PUBLIC_KEY), format!("{}\n", key.name()));
@@ -149,7 +147,7 @@ impl Ledger {
         effects: &Path,
         cell: &str,
         waiting: impl FnOnce(),
-    ) -> Result<Self, DispatchError> {
+    ) -> Result<Self, BoxedDiagnostic> {
         let folder = effects.join(CELLS).join(cell);
         fs::create_dir_all(&folder).map_err(|source| failed("create", &folder, source))?;
         let path = folder.join(LOCK);
@@ -161,7 +159,7 @@ impl Ledger {
                 lock.lock()
                     .map_err(|source| failed("lock", &path, source))?;
             }
-            Err(TryLockError::Error(source)) => return Err(failed("lock", &path, source)),
+            Err(TryLockError::Error(source)) => return Err(failed("lock", &path, source).into()),
         }
         let earlier = effects.join(EARLIER);
         take_over(effects, |goal: &EarlierGoal| {
@@ -169,7 +167,7 @@ impl Ledger {
             let folder = goal.cell.as_ref().map_or(earlier.clone(), of_cell);
             let line = serde_json::to_vec(goal).unwrap_or_default();
             let path = folder.join(format!("{}.{EARLIER}", goal.goal_id));
-            Ok(lake::write_atomic(&path, &line)?)
+            lake::write_atomic(&path, &line)
         })?;
         Ok(Self {
             folders: Some(Folders {
@@ -181,7 +179,7 @@ impl Ledger {
     }
 
     /// Looks a goal up.
-    pub(crate) fn history(&self, goal_id: &str) -> Result<GoalHistory, DispatchError> {
+    pub(crate) fn history(&self, goal_id: &str) -> Result<GoalHistory, BoxedDiagnostic> {
         let Some(report) = self.read(goal_id, REPORT)? else {
             // An accepted goal is never free, whatever else is left of it.
             let is_refused = self.has(goal_id, REFUSED)? && !self.has(goal_id, ACCEPTED)?;
@@ -208,7 +206,7 @@ impl Ledger {
     }
 
     /// Returns the goals that this version sent and whose end is not known, in the order of their ids.
-    pub(crate) fn open_goals(&self) -> Result<Vec<OpenGoal>, DispatchError> {
+    pub(crate) fn open_goals(&self) -> Result<Vec<OpenGoal>, BoxedDiagnostic> {
         let Some(Folders { cell: folder, .. }) = &self.folders else {
             return Ok(Vec::new());
         };
@@ -236,21 +234,21 @@ impl Ledger {
     }
 
     /// Records that a cell never took a goal before it expired: it may be sent again, to any journal.
-    pub(crate) fn free(&self, goal_id: &str) -> Result<(), DispatchError> {
+    pub(crate) fn free(&self, goal_id: &str) -> Result<(), LakeError> {
         self.write(goal_id, REFUSED, b"expired")
     }
 
     /// Records the report on a goal.
-    pub(crate) fn conclude(&self, report: &Report) -> Result<(), DispatchError> {
+    pub(crate) fn conclude(&self, report: &Report) -> Result<(), LakeError> {
         self.write(&report.goal_id, REPORT, &report.to_bytes())
     }
 
     /// Records that a run ends because the outcome of a goal is unknown.
-    pub(crate) fn tell(&self, goal_id: &str) -> Result<(), DispatchError> {
+    pub(crate) fn tell(&self, goal_id: &str) -> Result<(), LakeError> {
         self.write(goal_id, TOLD, b"")
     }
 
-    fn open_goal(&self, goal_id: &str) -> Result<OpenGoal, DispatchError> {
+    fn open_goal(&self, goal_id: &str) -> Result<OpenGoal, BoxedDiagnostic> {
         let told = self.has(goal_id, TOLD)?;
         let goal_id = goal_id.to_owned();
         if let Some(earlier) = self.read_earlier(&goal_id)? {
@@ -308,7 +306,7 @@ impl Ledger {
     }
 
     /// Reads a goal of version 4.
-    fn read_earlier(&self, goal_id: &str) -> Result<Option<Vec<u8>>, DispatchError> {
+    fn read_earlier(&self, goal_id: &str) -> Result<Option<Vec<u8>>, LakeError> {
         let Some(folders) = &self.folders else {
             return Ok(None);
         };
@@ -318,7 +316,7 @@ impl Ledger {
         }
     }
 
-    fn has(&self, goal_id: &str, ending: &str) -> Result<bool, DispatchError> {
+    fn has(&self, goal_id: &str, ending: &str) -> Result<bool, LakeError> {
         let Some(path) = self.file(goal_id, ending) else {
             return Ok(false);
         };
@@ -326,16 +324,16 @@ impl Ledger {
         exists.map_err(|source| failed("read", &path, source))
     }
 
-    fn read(&self, goal_id: &str, ending: &str) -> Result<Option<Vec<u8>>, DispatchError> {
+    fn read(&self, goal_id: &str, ending: &str) -> Result<Option<Vec<u8>>, LakeError> {
         match self.file(goal_id, ending) {
             Some(path) => read(&path),
             None => Ok(None),
         }
     }
 
-    fn write(&self, goal_id: &str, ending: &str, bytes: &[u8]) -> Result<(), DispatchError> {
+    fn write(&self, goal_id: &str, ending: &str, bytes: &[u8]) -> Result<(), LakeError> {
         match self.file(goal_id, ending) {
-            Some(path) => Ok(lake::write_atomic(&path, bytes)?),
+            Some(path) => lake::write_atomic(&path, bytes),
             None => Ok(()),
         }
     }
@@ -400,7 +398,7 @@ impl SendRecord for Ledger {
     }
 }
 
-fn read(path: &Path) -> Result<Option<Vec<u8>>, DispatchError> {
+fn read(path: &Path) -> Result<Option<Vec<u8>>, LakeError> {
     match fs::read(path) {
         Ok(bytes) => Ok(Some(bytes)),
         Err(err) if err.kind() == ErrorKind::NotFound => Ok(None),
@@ -409,10 +407,10 @@ fn read(path: &Path) -> Result<Option<Vec<u8>>, DispatchError> {
 }
 
 /// Returns the error of a file of the ledger.
-pub(crate) fn failed(action: &'static str, path: &Path, source: io::Error) -> DispatchError {
-    DispatchError::Lake(LakeError::Io {
+pub(crate) fn failed(action: &'static str, path: &Path, source: io::Error) -> LakeError {
+    LakeError::Io {
         action,
         path: path.to_owned(),
         source,
-    })
+    }
 }

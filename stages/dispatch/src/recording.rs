@@ -3,6 +3,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use cell::{Goal, JointTrack, PalmTrajectory, Report, Sample};
+use dataflow::BoxedDiagnostic;
 use lake::recording::Recording;
 use robot::{JointOrder, WrongDof};
 use schemas::{
@@ -40,7 +41,7 @@ pub(crate) fn record(
     goal: &Goal,
     report: &Report,
     folder: &Path,
-) -> Result<(), DispatchError> {
+) -> Result<(), BoxedDiagnostic> {
     if report.samples.is_empty() {
         return Ok(());
     }

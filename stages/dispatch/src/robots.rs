@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use cell::robot_digest;
+use dataflow::BoxedDiagnostic;
 use planning::{ArmConfig, ArmSetup, Planner, PlannerConfig};
 use robot::RobotModel;
 use robot_meshes::LoadedRobot;
@@ -32,15 +33,15 @@ impl Robots {
     pub(crate) fn load<'a>(
         config: &'a DispatchConfig,
         hand: &Path,
-        arm: impl FnOnce(&'a ArmConfig) -> Result<&'a Path, DispatchError>,
-    ) -> Result<Self, DispatchError> {
+        arm: impl FnOnce(&'a ArmConfig) -> Result<&'a Path, BoxedDiagnostic>,
+    ) -> Result<Self, BoxedDiagnostic> {
         let hand = robot_meshes::load(hand)?;
         let arm_robot = |options| {
             let LoadedRobot { urdf, model } = robot_meshes::load(arm(options)?)?;
-            Ok::<_, DispatchError>(ArmRobot {
+            Ok::<_, BoxedDiagnostic>(ArmRobot {
                 model,
                 urdf,
-                table_from_base: options.table_from_base()?,
+                table_from_base: options.table_from_base().map_err(DispatchError::from)?,
             })
         };
         let arm = config.arm.as_ref().map(arm_robot).transpose()?;

@@ -7,6 +7,7 @@ use cell::{
     PalmTrajectory, Patience, Recovered, Rejection, RejectionCode, Report, SendRecord, Terms,
     check_palm, with_causes,
 };
+use dataflow::BoxedDiagnostic;
 use lake::LakeError;
 use robot::Joint;
 use schemas::executions::Outcome;
@@ -72,7 +73,7 @@ pub(crate) struct Sender<'a> {
 impl Sender<'_> {
     /// Learns the end of every goal that was sent to this cell, before anything is sent. A higher `attempt` than
     /// a goal's says that a person has looked: it may stay without an end.
-    pub(crate) fn settle(&self) -> Result<(), DispatchError> {
+    pub(crate) fn settle(&self) -> Result<(), BoxedDiagnostic> {
         for open in self.ledger.open_goals()? {
             let id = open.goal_id.clone();
             let candidate_id = open.goal.as_ref().map_or("?", |goal| &goal.candidate_id);
@@ -83,7 +84,7 @@ impl Sender<'_> {
                     let is_here = open.journal.as_ref() == Some(&self.terms.capabilities().journal);
                     let recover = || self.client.recover(&id, goal, self.joints, self.patience());
                     match is_here.then(recover) {
-                        Some(Recovered::Report(report)) => self.ledger.conclude(&report),
+                        Some(Recovered::Report(report)) => Ok(self.ledger.conclude(&report)?),
                         Some(_) | None => Ok(()),
                     }
                 }
@@ -98,7 +99,7 @@ impl Sender<'_> {
     pub(crate) fn execute_or_resume(
         &self,
         goal: &Goal,
-    ) -> Result<Result<Sent, Refusal>, DispatchError> {
+    ) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
         let mut goal = goal.clone();
         loop {
             let sent = match self.execute(&goal)? {
@@ -114,7 +115,8 @@ impl Sender<'_> {
                     candidate_id: goal.candidate_id,
                     goal_id: sent.report.goal_id,
                     message: sent.report.message,
-                });
+                }
+                .into());
             }
             if !self.config.resume_stopped {
                 return Ok(Ok(sent));
@@ -127,7 +129,7 @@ impl Sender<'_> {
     ///
     /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
     /// this robot until a person has looked, and the next run queries the cell again.
-    fn execute(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
+    fn execute(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
         let id = goal.encode().goal_id;
         if let GoalHistory::Ended { report, cell } = self.ledger.history(&id)? {
             // One that a person stopped while this run waited for it is not sent again by this run.
@@ -161,7 +163,7 @@ impl Sender<'_> {
         Some(Refusal::Limits(refused.reason))
     }
 
-    fn send_or_recover(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, DispatchError> {
+    fn send_or_recover(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
         let id = goal.encode().goal_id;
         let sent = |report: Report, during: ExecutedDuring, cell: CellFacts| Sent {
             goal: goal.clone(),
@@ -191,7 +193,7 @@ impl Sender<'_> {
                 return Ok(Err(Refusal::Long { bytes, most }));
             }
             GoalResult::Unknown(message) => {
-                return Err(self.tell(&goal.candidate_id, &id, message)?);
+                return Err(self.tell(&goal.candidate_id, &id, message)?.into());
             }
         };
         let (report, during) = done;
@@ -202,7 +204,8 @@ impl Sender<'_> {
                     cell: self.cell().to_owned(),
                     candidate_id: goal.candidate_id.clone(),
                     reason: rejection.reason.clone(),
-                });
+                }
+                .into());
             }
             Some(_) => {}
             None => self.conclude(goal, &report, false)?,
@@ -216,7 +219,7 @@ impl Sender<'_> {
         &self,
         goal: Option<&Goal>,
         open: &OpenGoal,
-    ) -> Result<Option<Report>, DispatchError> {
+    ) -> Result<Option<Report>, BoxedDiagnostic> {
         let id = open.goal_id.as_str();
         let Some(goal) = goal else {
             let message = format!(
@@ -224,7 +227,7 @@ impl Sender<'_> {
                  looked at the robot, remove it",
                 self.cell()
             );
-            return Err(self.tell("?", id, message)?);
+            return Err(self.tell("?", id, message)?.into());
         };
         let here = &self.terms.capabilities().journal;
         // Another cell's `never_taken` says nothing about the cell that received the goal.
@@ -232,7 +235,7 @@ impl Sender<'_> {
             let message = format!(
                 "it was sent to the cell with journal `{to}`, the one that answers has `{here}`"
             );
-            return Err(self.tell(&goal.candidate_id, id, message)?);
+            return Err(self.tell(&goal.candidate_id, id, message)?.into());
         }
         match self.client.recover(id, goal, self.joints, self.patience()) {
             Recovered::Report(report) => {
@@ -248,7 +251,7 @@ impl Sender<'_> {
                 Ok(Some(report))
             }
             Recovered::Untrusted(report) => {
-                Err(self.tell(&goal.candidate_id, id, report.message)?)
+                Err(self.tell(&goal.candidate_id, id, report.message)?.into())
             }
             Recovered::NeverTaken if !open.accepted => {
                 let asked_ms = self.terms.capabilities().clock_unix_ms;
@@ -265,24 +268,26 @@ impl Sender<'_> {
                     ),
                     None => "the cell accepted it and now denies it".to_owned(),
                 };
-                Err(self.tell(&goal.candidate_id, id, message)?)
+                Err(self.tell(&goal.candidate_id, id, message)?.into())
             }
-            Recovered::NoAnswer(message) => Err(self.tell(&goal.candidate_id, id, message)?),
+            Recovered::NoAnswer(message) => Err(self.tell(&goal.candidate_id, id, message)?.into()),
         }
     }
 
     /// Records a report. One that says `unknown` ends the run instead, unless a run has ended because of it
     /// before, so that a person has been told, or the options say otherwise.
-    fn conclude(&self, goal: &Goal, report: &Report, told: bool) -> Result<(), DispatchError> {
+    fn conclude(&self, goal: &Goal, report: &Report, told: bool) -> Result<(), BoxedDiagnostic> {
         let goes_on = told || self.config.after_unknown == AfterUnknown::Continue;
         if report.outcome == Outcome::Unknown && !goes_on {
             let message = format!("the cell says so: {}", report.message);
-            return Err(self.tell(&goal.candidate_id, &report.goal_id, message)?);
+            return Err(self
+                .tell(&goal.candidate_id, &report.goal_id, message)?
+                .into());
         }
-        self.ledger.conclude(report)
+        Ok(self.ledger.conclude(report)?)
     }
 
-    fn is_open(&self, goal_id: &str) -> Result<bool, DispatchError> {
+    fn is_open(&self, goal_id: &str) -> Result<bool, BoxedDiagnostic> {
         Ok(matches!(
             self.ledger.history(goal_id)?,
             GoalHistory::Open(_)
@@ -295,7 +300,7 @@ impl Sender<'_> {
         candidate_id: &str,
         goal_id: &str,
         message: String,
-    ) -> Result<DispatchError, DispatchError> {
+    ) -> Result<DispatchError, BoxedDiagnostic> {
         self.ledger.tell(goal_id)?;
         Ok(unknown(
             self.cell(),

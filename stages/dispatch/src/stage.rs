@@ -6,7 +6,9 @@ use std::{
 };
 
 use cell::{Goal, with_causes};
-use dataflow::{Context, Inputs, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
+};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table,
@@ -67,7 +69,6 @@ dataflow::metrics! {
 
 impl Stage for Dispatch {
     type Config = DispatchConfig;
-    type Error = DispatchError;
 
     const KIND: &'static str = "dispatch";
     const ABOUT: &'static str = "Sends accepted motions to a robot cell and records their outcomes";
@@ -80,18 +81,19 @@ impl Stage for Dispatch {
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the credentials and the robot's URDF, and that the robot can satisfy the options.
-    fn prepare(config: &DispatchConfig) -> Result<(), DispatchError> {
-        config.credentials()?;
+    fn prepare(config: &DispatchConfig) -> Result<(), BoxedDiagnostic> {
+        config.credentials().map_err(DispatchError::from)?;
         let robots = Robots::load(config, &config.hand, |arm| Ok(arm.robot.as_path()))?;
         JointNames::new(&config.joint_names, robots.whole())?;
-        robots.planner(config).map(drop)
+        robots.planner(config)?;
+        Ok(())
     }
 }
 
 impl Output for Dispatch {
     type Stage = Self;
     type Metrics = DispatchMetrics;
-    type Error = DispatchError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Executions::NAME;
     const SCHEMA: &'static str = Executions::VERSION;
@@ -107,7 +109,7 @@ impl Output for Dispatch {
         }
     }
 
-    fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
+    fn units(config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let of_hand = robot_meshes::sources(&config.hand)?;
         let of_arm = match &config.arm {
             Some(arm) => robot_meshes::sources(&arm.robot)?,
@@ -149,7 +151,7 @@ impl Output for Dispatch {
         config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<DispatchMetrics>, DispatchError> {
+    ) -> Result<Outcome<DispatchMetrics>, BoxedDiagnostic> {
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
@@ -222,7 +224,7 @@ fn send(
     candidates: &Candidates,
     motions: Queue<'_>,
     cx: &Context,
-) -> Result<ObjectExecutions, DispatchError> {
+) -> Result<ObjectExecutions, BoxedDiagnostic> {
     let names = JointNames::new(&config.joint_names, robots.whole())?;
     // Find infeasible motions before anything moves or a cell is queried.
     let goals = planned(config, robots, &names, candidates, motions)?;
@@ -330,7 +332,7 @@ fn connect(
     first: &Goal,
     ledger: &Ledger,
     cx: &Context,
-) -> Result<Connected, DispatchError> {
+) -> Result<Connected, BoxedDiagnostic> {
     let key = match config.cell.as_str() {
         SIMULATED => None,
         _ => Some(signing_key(cx.effects_folder())?),
@@ -345,7 +347,7 @@ fn connect(
         match open.into_iter().find(is_now) {
             Some(OpenGoal { goal, goal_id, .. }) => {
                 let candidate_id = goal.map_or("?".to_owned(), |goal| goal.candidate_id);
-                unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err))
+                unknown(&config.cell_name, &candidate_id, goal_id, with_causes(&err)).into()
             }
             None => err,
         }
@@ -353,7 +355,7 @@ fn connect(
 }
 
 /// Opens the memory of what was sent to the configured cell; there is none of a cell that ends with this process.
-fn ledger(config: &DispatchConfig, cx: &Context) -> Result<Ledger, DispatchError> {
+fn ledger(config: &DispatchConfig, cx: &Context) -> Result<Ledger, BoxedDiagnostic> {
     if config.cell == SIMULATED {
         return Ok(Ledger::none());
     }

@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::{
-    Artifact, Context, Diagnostic, Inputs, Outcome, Output, SourceFile, Stage, Summary,
+    Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary,
 };
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Isometry3, Vector3};
@@ -166,7 +166,7 @@ struct Ran {
     folder: tempfile::TempDir,
 }
 
-fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, DispatchError> {
+fn run(change: impl Fn(&mut DispatchConfig), verdict: Verdict) -> Result<Ran, BoxedDiagnostic> {
     run_given(change, verdict, &RobustnessTable::new())
 }
 
@@ -174,7 +174,7 @@ fn run_given(
     change: impl Fn(&mut DispatchConfig),
     verdict: Verdict,
     robustness: &RobustnessTable,
-) -> Result<Ran, DispatchError> {
+) -> Result<Ran, BoxedDiagnostic> {
     let work = tempfile::tempdir().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut config = config();
@@ -350,7 +350,10 @@ fn a_cell_with_other_controllers_is_sent_nothing() {
         Verdict::Held,
     );
     let err = err.map(|_| ()).unwrap_err();
-    assert!(matches!(err, DispatchError::Controllers { .. }), "{err}");
+    assert!(
+        matches!(err.downcast_ref(), Some(DispatchError::Controllers { .. })),
+        "{err}"
+    );
     let text = err.to_string();
     for part in ["`hand` has no joint `ah_joint00`", "nothing was sent"] {
         assert!(text.contains(part), "{text}");

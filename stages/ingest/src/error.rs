@@ -8,7 +8,6 @@ use std::{
 };
 
 use dataflow::Diagnostic;
-use lake::LakeError;
 
 use crate::{npz::NpzError, yaml::YamlError};
 
@@ -148,9 +147,6 @@ pub enum IngestError {
         /// The object's name.
         object: String,
     },
-    /// Something in the lake could not be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl Diagnostic for IngestError {
@@ -207,7 +203,6 @@ impl Diagnostic for IngestError {
             Self::NoMesh { object, .. } | Self::Mesh { object, .. } => Some(format!(
                 "correct `file` below `[stages.ingest.meshes.{object}]`"
             )),
-            Self::Lake(source) => source.hint(),
             Self::NoneChosen { .. } => Some(
                 "change `hand`, `subjects`, `objects` or `split`, or take both hands with \
                  `mirror = true`"

@@ -5,11 +5,13 @@ mod make;
 mod metrics;
 mod units;
 
-use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Unit,
+};
 use schemas::{Table, demonstrations::Demonstration, objects::Object};
 
 pub use self::metrics::{Agreement, DemonstrationMetrics, ShapeMetrics};
-use crate::{config::IngestConfig, error::IngestError, reader};
+use crate::{config::IngestConfig, reader};
 
 /// Names of the pipeline file's meshes, among the files of a unit, begin so.
 const MESHES: &str = "meshes/";
@@ -27,16 +29,15 @@ pub enum Ingest {}
 
 impl Stage for Ingest {
     type Config = IngestConfig;
-    type Error = IngestError;
 
     const KIND: &'static str = "ingest";
     const ABOUT: &'static str = "Reads recordings of people grasping objects";
     const INPUTS: &'static [&'static str] = &[];
     const OUTPUTS: Outputs<Self> = &[&Shapes, &Demonstrations, &Objects];
 
-    fn prepare(config: &IngestConfig) -> Result<(), IngestError> {
+    fn prepare(config: &IngestConfig) -> Result<(), BoxedDiagnostic> {
         check::options(config)?;
-        check::chosen(config, reader::reader(config).as_ref())
+        Ok(check::chosen(config, reader::reader(config).as_ref())?)
     }
 }
 
@@ -46,14 +47,14 @@ pub struct Shapes;
 impl Output for Shapes {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
-    type Error = IngestError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "shapes";
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
     const OPTIONS: OptionsUsed = OptionsUsed::Only(&["points_n", "max_convex_parts_n"]);
 
-    fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units::shapes(config)
     }
 
@@ -61,7 +62,7 @@ impl Output for Shapes {
         config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+    ) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
         make::shape(config, inputs, cx)
     }
 }
@@ -72,7 +73,7 @@ pub struct Demonstrations;
 impl Output for Demonstrations {
     type Stage = Ingest;
     type Metrics = DemonstrationMetrics;
-    type Error = IngestError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Demonstration::NAME;
     const SCHEMA: &'static str = Demonstration::VERSION;
@@ -89,7 +90,7 @@ impl Output for Demonstrations {
         "max_convex_parts_n",
     ]);
 
-    fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units::demonstrations(config, scope)
     }
 
@@ -97,7 +98,7 @@ impl Output for Demonstrations {
         config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<DemonstrationMetrics>, IngestError> {
+    ) -> Result<Outcome<DemonstrationMetrics>, BoxedDiagnostic> {
         make::demonstration(config, inputs, cx)
     }
 }
@@ -108,14 +109,14 @@ pub struct Objects;
 impl Output for Objects {
     type Stage = Ingest;
     type Metrics = ShapeMetrics;
-    type Error = IngestError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Object::NAME;
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = Object::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
 
-    fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, IngestError> {
+    fn units(_config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(units::objects(scope))
     }
 
@@ -123,7 +124,7 @@ impl Output for Objects {
         _config: &IngestConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ShapeMetrics>, IngestError> {
+    ) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
         make::object(inputs, cx)
     }
 }

@@ -11,8 +11,8 @@ use std::{
 
 use arrow_schema::Schema;
 use dataflow::{
-    Context, FileFault, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome, Output,
-    OutputNames, Outputs, Scope, Stage, Sum, Unit, Wiring,
+    BoxedDiagnostic, Context, FileFault, Inputs, Line, NodeName, OptionFault, OptionsUsed, Outcome,
+    Output, OutputNames, Outputs, Scope, Stage, Sum, Unit, Wiring,
 };
 
 use crate::{
@@ -57,7 +57,6 @@ impl<A: Artifacts> Program<A> {
 
 impl<A: Artifacts> Stage for Program<A> {
     type Config = ProgramConfig;
-    type Error = ProgramError;
 
     const KIND: &'static str = "program";
     const ABOUT: &'static str = "Runs a program of your own for each partition";
@@ -86,7 +85,7 @@ impl<A: Artifacts> Stage for Program<A> {
 impl<A: Artifacts> Output for Program<A> {
     type Stage = Self;
     type Metrics = ProgramMetrics;
-    type Error = ProgramError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "artifact";
     const SCHEMA: &'static str = "of `makes`";
@@ -118,7 +117,7 @@ impl<A: Artifacts> Output for Program<A> {
         }
     }
 
-    fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, ProgramError> {
+    fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units(config, scope)
     }
 
@@ -126,7 +125,7 @@ impl<A: Artifacts> Output for Program<A> {
         config: &ProgramConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ProgramMetrics>, ProgramError> {
+    ) -> Result<Outcome<ProgramMetrics>, BoxedDiagnostic> {
         if let Some(input) = inputs.fact(LACKS) {
             return Ok(Outcome::skipped(format!(
                 "`{input}` has no partition for it: `read.{input}` says which it reads, e.g. \"all\""
@@ -172,14 +171,14 @@ impl<A: Artifacts> Output for Program<A> {
                     .unwrap_or_else(|| "the program gave no reason".to_owned());
                 return Ok(Outcome::skipped(reason));
             }
-            _ => return Err(failure(config, &command, &ended, &log)),
+            _ => return Err(failure(config, &command, &ended, &log).into()),
         }
         if let Some(violation) = folder.violation()? {
-            return Err(failed(violation));
+            return Err(failed(violation).into());
         }
         let made = folder.made()?.map_err(&failed)?;
         if let Some(violation) = folder::unread(&made, config.timeout_s, until)? {
-            return Err(failed(violation));
+            return Err(failed(violation).into());
         }
         let asked = schema.iter().map(|_| lake::table::FILE);
         let asked = asked.chain(
@@ -192,7 +191,8 @@ impl<A: Artifacts> Output for Program<A> {
                 return Err(failed(FolderViolation {
                     problem: format!("ended well, but there is no `out/{name}`"),
                     advice: "write it into the folder in which the program starts",
-                }));
+                })
+                .into());
             }
         }
         let mut metrics = ProgramMetrics {

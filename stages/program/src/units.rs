@@ -1,6 +1,6 @@
 //! The units of a program: which partitions it makes, and what each of them reads.
 
-use dataflow::{Scope, SourceFile, Unit};
+use dataflow::{BoxedDiagnostic, Scope, SourceFile, Unit};
 
 use crate::{
     code,
@@ -16,7 +16,7 @@ pub(crate) const FAN_OUT: &str = "one of several, `fan_out`";
 pub(crate) const LACKS: &str = "lacks its partition of";
 
 /// Lists the units.
-pub(crate) fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, ProgramError> {
+pub(crate) fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let sources = code::sources(config)?;
     let mut units = Vec::new();
     let Some(each) = &config.each else {
@@ -34,7 +34,8 @@ pub(crate) fn units(config: &ProgramConfig, scope: &Scope) -> Result<Vec<Unit>, 
     if scope.partitions(each).is_empty() {
         return Err(ProgramError::NoPartitions {
             input: each.clone(),
-        });
+        }
+        .into());
     }
     for partition in scope.partitions(each) {
         let mut unit = Unit::new(&partition.key)

@@ -2,14 +2,14 @@
 
 use std::{collections::BTreeMap, fs, path::Path, sync::Arc};
 
-use dataflow::{Artifact, Context, Inputs, Outcome, Output};
+use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output};
 use motion::{HandRates, JointRates, Motion, Step};
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     rollouts::{Rollout, Rollouts, Verdict},
 };
 use spatial::{Pose, Twist};
-use stage_program::{Program, ProgramConfig, ProgramError, Shipped};
+use stage_program::{Program, ProgramConfig, Shipped};
 use tempfile::TempDir;
 
 fn candidates() -> Candidates {
@@ -52,7 +52,7 @@ fn rollouts() -> Rollouts {
 }
 
 /// Has a program copy this table, of which the text is edited on the way, as its rollouts.
-fn made(rollouts: &Rollouts) -> Result<f64, ProgramError> {
+fn made(rollouts: &Rollouts) -> Result<f64, BoxedDiagnostic> {
     let folder = TempDir::new().unwrap();
     let part = |name: &str| {
         let path = folder.path().join(name);
@@ -66,7 +66,7 @@ fn made(rollouts: &Rollouts) -> Result<f64, ProgramError> {
 }
 
 /// Has a program copy a file as what it makes.
-fn run(folder: &TempDir, makes: &str, table: &Path, made: &Path) -> Result<f64, ProgramError> {
+fn run(folder: &TempDir, makes: &str, table: &Path, made: &Path) -> Result<f64, BoxedDiagnostic> {
     let config: ProgramConfig = serde_json::from_value(serde_json::json!({
         "command": ["cp", table, "out/part.parquet"],
         "makes": makes,

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use dataflow::{
-    Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit,
+    BoxedDiagnostic, Context, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
+    Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::Environment;
+use lake::{ReadArtifact, WriteArtifact};
+use posture::{Environment, Hand};
 use rayon::prelude::*;
 use schemas::{
     Table,
@@ -49,17 +49,34 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, its distances, the object and the hand.
+    pub struct RefineInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to refine";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The object.
+        own object: Object, or "object missing";
+    }
+    files {
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for Refine {
     type Config = RefineConfig;
-    type Error = RefineError;
 
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME, Object::NAME];
+    const INPUTS: &'static [&'static str] = RefineInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand and its table.
-    fn prepare(config: &RefineConfig) -> Result<(), RefineError> {
+    fn prepare(config: &RefineConfig) -> Result<(), BoxedDiagnostic> {
         hand_files::load(&config.hand, &config.hand_table)?;
         Ok(())
     }
@@ -68,7 +85,7 @@ impl Stage for Refine {
 impl Output for Refine {
     type Stage = Self;
     type Metrics = RefineMetrics;
-    type Error = RefineError;
+    type Inputs<'a> = RefineInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -85,47 +102,27 @@ impl Output for Refine {
         format!("{best}, palm moved {:.0} mm", 1000.0 * metrics.palm_moved_m)
     });
 
-    fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, RefineError> {
-        let given = scope.partitions(Candidates::NAME);
-        if given.is_empty() {
-            return Err(RefineError::NoCandidates);
-        }
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = given.iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(FieldInfo::NAME, scope)
-                .reading_own(Object::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+    fn units(config: &RefineConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let units = RefineInputs::units(scope, &[])?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &RefineConfig,
-        inputs: &Inputs,
+        inputs: RefineInputs,
         cx: &Context,
-    ) -> Result<Outcome<RefineMetrics>, RefineError> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let Some(object) = inputs.optional::<Object>()? else {
-            return Ok(Outcome::skipped("object missing"));
-        };
+    ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
+        let RefineInputs {
+            candidates: given,
+            field,
+            object,
+            hand,
+        } = inputs;
+        let field = Arc::new(field);
         let payload = Payload {
             center_of_mass_in_object: object.center_of_mass_m.into(),
             mass_kg: object.mass_kg,
         };
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-        let field = Arc::new(field);
-        let hand = hand_files::load(
-            &inputs.source("hand")?.path,
-            &inputs.source("hand_table")?.path,
-        )?;
-        let given: Candidates = inputs.one()?;
         let tried: Vec<(Candidate, TimedRefinement)> = given
             .candidates
             .into_par_iter()
@@ -150,7 +147,7 @@ impl Output for Refine {
                     let id = candidate.candidate_id;
                     return Ok(Outcome::skipped(format!("candidate `{id}`: {err}")));
                 }
-                Err(err) => return Err(err),
+                Err(err) => return Err(err.into()),
             }
         }
         let drawn_n = refined.len() as f64;
@@ -265,7 +262,7 @@ fn best(
 mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::{Artifact, SourceFile};
+    use dataflow::{Artifact, Inputs, SourceFile};
     use schemas::candidates::{DrawSource, ObjectSplit, Origin};
     use spatial::Pose;
 
@@ -387,7 +384,7 @@ mod tests {
         ];
         let inputs = Inputs::new(artifacts, files.to_vec());
         let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
-        let outcome = Refine::make(config, &inputs, &cx).unwrap();
+        let outcome = Refine::read_and_make(config, &inputs, &cx).unwrap();
         let made = matches!(outcome, Outcome::Made(_));
         let read = made.then(|| lake::table::read(&artifact(&out)).unwrap());
         (outcome, read)

@@ -2,16 +2,11 @@
 
 use dataflow::Diagnostic;
 use glb::GlbError;
-use lake::LakeError;
-use robot_meshes::LoadError;
 
 /// Why a page could not be made.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReportError {
-    /// The hand cannot be loaded.
-    #[error(transparent)]
-    LoadRobot(#[from] LoadError),
     /// Facts of the pipeline cannot be written or read.
     #[error("facts of the pipeline are not as this program writes them")]
     Facts(#[from] serde_json::Error),
@@ -40,16 +35,11 @@ pub enum ReportError {
     /// A file cannot be compressed.
     #[error("a motion cannot be compressed")]
     Compress(#[source] std::io::Error),
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl Diagnostic for ReportError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::LoadRobot(err) => err.hint(),
-            Self::Lake(err) => err.hint(),
             Self::Recording { .. } | Self::Stray { .. } => {
                 Some("make it again with `pipeline run … --fresh`".to_owned())
             }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Artifact, Inputs};
+use dataflow::{Artifact, BoxedDiagnostic, Inputs};
 use lake::{ReadInputs, recording, table};
 use robot::RobotModel;
 use schemas::{
@@ -83,7 +83,7 @@ impl PageData {
         facts: Facts,
         inputs: &Inputs,
         hand: Option<(&str, &RobotModel)>,
-    ) -> Result<Self, ReportError> {
+    ) -> Result<Self, BoxedDiagnostic> {
         let counted = |input: &str| {
             let is_wired = facts.run.wired.contains_key(input);
             is_wired.then(|| inputs.artifacts(input).len())
@@ -131,7 +131,7 @@ impl PageData {
         config: &ReportConfig,
         artifacts: &[Artifact],
         hand: Option<(&str, &RobotModel)>,
-    ) -> Result<(), ReportError> {
+    ) -> Result<(), BoxedDiagnostic> {
         let mut recorded: Vec<(&Artifact, &str, Recorded<'_>)> = Vec::new();
         for artifact in artifacts {
             let rollouts = self.rollouts.get(artifact.key.as_str());
@@ -202,7 +202,7 @@ fn keys(artifacts: &[Artifact]) -> Vec<String> {
 }
 
 /// Counts the draws of all candidates; `None` if they are not wired.
-fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, ReportError> {
+fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, BoxedDiagnostic> {
     if !facts.run.wired.contains_key(Candidates::NAME) {
         return Ok(None);
     }

@@ -1,8 +1,8 @@
 //! The stage: one unit, of everything that is wired to it.
 
 use dataflow::{
-    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum,
-    Unit, counted,
+    BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Sum, Unit, counted,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -11,7 +11,7 @@ use schemas::{
     success::Successes, training::Training, trajectories::Trajectory,
 };
 
-use crate::{Facts, PageData, ReportConfig, ReportError, render::render, sections::result};
+use crate::{Facts, PageData, ReportConfig, render::render, sections::result};
 
 /// Everything that a report may read.
 pub const INPUTS: &[&str] = &[
@@ -59,7 +59,6 @@ dataflow::metrics! {
 
 impl Stage for Report {
     type Config = ReportConfig;
-    type Error = ReportError;
 
     const KIND: &'static str = "report";
     const ABOUT: &'static str = "Makes one page of a run's results, with motions to look at";
@@ -71,7 +70,7 @@ impl Stage for Report {
 impl Output for Report {
     type Stage = Self;
     type Metrics = PageMetrics;
-    type Error = ReportError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = "page";
     const SCHEMA: &'static str = "page/1";
@@ -87,7 +86,7 @@ impl Output for Report {
         )
     });
 
-    fn units(config: &ReportConfig, scope: &Scope) -> Result<Vec<Unit>, ReportError> {
+    fn units(config: &ReportConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let facts = Facts::of(scope, INPUTS);
         let mut unit = unit(config, &facts)?;
         for &input in INPUTS {
@@ -104,7 +103,7 @@ impl Output for Report {
         config: &ReportConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<PageMetrics>, ReportError> {
+    ) -> Result<Outcome<PageMetrics>, BoxedDiagnostic> {
         let loaded = robot_meshes::load(&inputs.source("hand")?.path)?;
         let urdf = robot::plain_urdf(&loaded.urdf);
         let facts = Facts::from_facts(inputs.facts())?;
@@ -131,7 +130,7 @@ impl Output for Report {
 /// # Errors
 ///
 /// Fails if the hand cannot be read, or facts not be written.
-pub fn unit(config: &ReportConfig, facts: &Facts) -> Result<Unit, ReportError> {
+pub fn unit(config: &ReportConfig, facts: &Facts) -> Result<Unit, BoxedDiagnostic> {
     let unit = Unit::new(ALL).with_file_of_form(
         SourceFile::named("hand", &config.hand),
         robot_meshes::URDF_FORM,

@@ -4,7 +4,6 @@ use std::path::PathBuf;
 
 use dataflow::Diagnostic;
 use hand_files::HandFileError;
-use lake::LakeError;
 use motion::MotionError;
 use posture::{PostureError, SolverError};
 use robot::WrongDof;
@@ -60,15 +59,9 @@ pub enum RetargetError {
         /// The problem.
         source: Box<Self>,
     },
-    /// There is no demonstration at all.
-    #[error("there are no demonstrations to retarget")]
-    NoDemonstrations,
     /// There is no object at all.
     #[error("there are no objects, so that no demonstration has one")]
     NoObjects,
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl From<SolverError> for RetargetError {
@@ -95,13 +88,12 @@ impl Diagnostic for RetargetError {
             Self::PalmPointsInLine { .. } => {
                 Some("add a point on the root link beside that line, e.g. for `wrist`".to_owned())
             }
-            Self::Lake(err) => err.hint(),
-            Self::NoDemonstrations | Self::NoObjects | Self::Motion(_) | Self::Dof(_) => None,
+            Self::NoObjects | Self::Motion(_) | Self::Dof(_) => None,
         }
     }
 
     fn missing_input(&self) -> Option<&'static str> {
         // Objects are those of demonstrations: where there are none, these say why.
-        matches!(self, Self::NoDemonstrations | Self::NoObjects).then_some("demonstrations")
+        matches!(self, Self::NoObjects).then_some("demonstrations")
     }
 }

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use dataflow::BoxedDiagnostic;
 use geometry::TriMesh;
 use lake::recording::Recording;
 use robot::RobotModel;
@@ -23,7 +24,7 @@ pub(crate) fn record(
     mesh: &TriMesh,
     trajectory: &Trajectory,
     folder: &Path,
-) -> Result<(), RetargetError> {
+) -> Result<(), BoxedDiagnostic> {
     let vertices_m: Vec<[f64; 3]> = mesh.vertices_m.iter().map(|&p| p.into()).collect();
     let scene = RecordingScene {
         urdf,
@@ -58,7 +59,9 @@ pub(crate) fn record(
                 time_s: step.time_s,
                 table_from_root: table_from_object * step.frame_from_palm,
                 table_from_object,
-                root_from_links: &model.forward_kinematics(&step.q_rad)?,
+                root_from_links: &model
+                    .forward_kinematics(&step.q_rad)
+                    .map_err(RetargetError::from)?,
                 q_rad: &step.q_rad,
                 q_velocity_rad_per_s: &step.rates.joints.velocity,
             },

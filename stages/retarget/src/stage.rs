@@ -6,7 +6,8 @@ mod retargeted;
 use std::path::Path;
 
 use dataflow::{
-    Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile, Stage, Unit,
+    BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Unit,
 };
 use posture::{Hand, HandTable, PostureError};
 use robot_meshes::LoadedRobot;
@@ -26,7 +27,6 @@ pub enum Retarget {}
 
 impl Stage for Retarget {
     type Config = RetargetConfig;
-    type Error = RetargetError;
 
     const KIND: &'static str = "retarget";
     const ABOUT: &'static str = "Retargets human demonstrations to a robot hand";
@@ -34,9 +34,9 @@ impl Stage for Retarget {
     const OUTPUTS: Outputs<Self> = &[&DistanceFields, &Trajectories];
 
     /// Checks that the hand has every link that its table names.
-    fn prepare(config: &RetargetConfig) -> Result<(), RetargetError> {
+    fn prepare(config: &RetargetConfig) -> Result<(), BoxedDiagnostic> {
         let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
-        check_wrist(config, &hand)
+        Ok(check_wrist(config, &hand)?)
     }
 }
 
@@ -46,17 +46,17 @@ pub struct DistanceFields;
 impl Output for DistanceFields {
     type Stage = Retarget;
     type Metrics = FieldMetrics;
-    type Error = RetargetError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = FieldInfo::NAME;
     const SCHEMA: &'static str = FieldInfo::VERSION;
     const PARTITION: &'static str = FieldInfo::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::Only(&["field_spacing_m"]);
 
-    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
+    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let objects = scope.partitions(Object::NAME);
         if objects.is_empty() {
-            return Err(RetargetError::NoObjects);
+            return Err(RetargetError::NoObjects.into());
         }
         let unit = |object: &str| {
             Unit::new(object)
@@ -74,7 +74,7 @@ impl Output for DistanceFields {
         config: &RetargetConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<FieldMetrics>, RetargetError> {
+    ) -> Result<Outcome<FieldMetrics>, BoxedDiagnostic> {
         fields::make(config, inputs, cx)
     }
 }
@@ -85,18 +85,15 @@ pub struct Trajectories;
 impl Output for Trajectories {
     type Stage = Retarget;
     type Metrics = TrajectoryMetrics;
-    type Error = RetargetError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Trajectory::NAME;
     const SCHEMA: &'static str = Trajectory::VERSION;
     const PARTITION: &'static str = Trajectory::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["field_spacing_m"]);
 
-    fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-        let demonstrations = scope.partitions(Demonstration::NAME);
-        if demonstrations.is_empty() {
-            return Err(RetargetError::NoDemonstrations);
-        }
+    fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let demonstrations = scope.some(Demonstration::NAME, "to retarget")?;
         let (objects, fields) = (
             scope.partitions(Object::NAME),
             scope.partitions(FieldInfo::NAME),
@@ -134,7 +131,7 @@ impl Output for Trajectories {
         config: &RetargetConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
+    ) -> Result<Outcome<TrajectoryMetrics>, BoxedDiagnostic> {
         retargeted::make(config, inputs, cx)
     }
 }

@@ -1,19 +1,14 @@
 //! Why no motions could be drawn.
 
 use cgf::CgfError;
-use dataflow::{Diagnostic, UnknownPartition};
-use lake::LakeError;
+use dataflow::Diagnostic;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof, spheres::TooLarge};
-use robot_meshes::LoadError;
 
 /// Why no motions could be drawn.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SampleError {
-    /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{}`", .0.name)]
-    UnknownObject(UnknownPartition),
     /// The function is to see another object's shape, and there is none.
     #[error("`shape` is \"other\", and there is no other object than `{0}`")]
     NoOther(String),
@@ -28,9 +23,6 @@ pub enum SampleError {
         /// Those that it was trained on, or that were kept back.
         known: Vec<String>,
     },
-    /// The robot cannot be loaded.
-    #[error(transparent)]
-    LoadRobot(#[from] LoadError),
     /// Motions are of another hand.
     #[error("the {what} was made for another hand")]
     AnotherHand {
@@ -48,9 +40,6 @@ pub enum SampleError {
     /// The collision shapes are far larger than a hand's.
     #[error(transparent)]
     LargeShapes(#[from] TooLarge),
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
     /// The grasping function cannot be used.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -59,7 +48,6 @@ pub enum SampleError {
 impl Diagnostic for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::UnknownDemonstration { name, known } => {
                 let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
                 let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
@@ -79,8 +67,6 @@ impl Diagnostic for SampleError {
             ),
             Self::LargeShapes(_) => Some("URDFs are in meters".to_owned()),
             Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Lake(err) => err.hint(),
-            Self::LoadRobot(err) => err.hint(),
             Self::Cgf(
                 CgfError::Weights(_)
                 | CgfError::Description(_)

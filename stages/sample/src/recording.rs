@@ -6,6 +6,7 @@
 use std::{collections::BTreeMap, path::Path};
 
 use ::motion::Step;
+use dataflow::BoxedDiagnostic;
 use geometry::TriMesh;
 use lake::recording::Recording;
 use nalgebra::{Isometry3, Point3};
@@ -56,7 +57,7 @@ pub(crate) fn record(
     stage: &RecordingContext<'_>,
     motions: &[&Candidate],
     folder: &Path,
-) -> Result<(), SampleError> {
+) -> Result<(), BoxedDiagnostic> {
     let names: Vec<&str> = motions.iter().map(|m| m.candidate_id.as_str()).collect();
     let about = [
         ("schema", Candidates::VERSION),
@@ -86,9 +87,12 @@ pub(crate) fn record(
                 continue;
             };
             time_ns = motion::stamp_ns(step.time_s);
-            let q = stage.order.apply(&step.q_rad)?;
-            let q_velocity = stage.order.apply(&step.rates.joints.velocity)?;
-            transforms.extend(shown.poses(step, &q, time_ns)?);
+            let q = stage.order.apply(&step.q_rad).map_err(SampleError::from)?;
+            let q_velocity = stage
+                .order
+                .apply(&step.rates.joints.velocity)
+                .map_err(SampleError::from)?;
+            transforms.extend(shown.poses(step, &q, time_ns).map_err(SampleError::from)?);
             let names = shown.joints();
             let joints = motion::joint_state(time_ns, &names, &q, &q_velocity);
             recording.write(&format!("/{}/joint_states", shown.frame), time_ns, &joints)?;

@@ -2,13 +2,16 @@
 
 mod candidates;
 
-use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
+};
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
     trajectories::Trajectory,
 };
 
-use crate::{SampleConfig, SampleError};
+use crate::SampleConfig;
 
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
@@ -25,7 +28,6 @@ dataflow::metrics! {
 
 impl Stage for Sample {
     type Config = SampleConfig;
-    type Error = SampleError;
 
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Samples motions for each object from a grasping function";
@@ -38,7 +40,7 @@ impl Stage for Sample {
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand's URDF.
-    fn prepare(config: &SampleConfig) -> Result<(), SampleError> {
+    fn prepare(config: &SampleConfig) -> Result<(), BoxedDiagnostic> {
         Ok(robot_meshes::load(&config.hand).map(drop)?)
     }
 }
@@ -46,7 +48,7 @@ impl Stage for Sample {
 impl Output for Sample {
     type Stage = Self;
     type Metrics = SampleMetrics;
-    type Error = SampleError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -54,7 +56,7 @@ impl Output for Sample {
     /// `objects` only redraws units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         candidates::units(config, scope)
     }
 
@@ -62,7 +64,7 @@ impl Output for Sample {
         config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SampleMetrics>, SampleError> {
+    ) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
         candidates::make(config, inputs, cx)
     }
 }

@@ -1,11 +1,11 @@
 //! One candidate alone, as its unit executes it.
 
-use dataflow::{Context, Inputs};
+use dataflow::{BoxedDiagnostic, Context, Inputs};
 use schemas::rollouts::Rollout as Row;
 use simulation::TraceMode;
 
 use crate::{
-    ScreenConfig, ScreenError,
+    ScreenConfig,
     recording::{RecordingContext, record},
     screened::Screened,
 };
@@ -22,7 +22,7 @@ pub fn record_alone(
     inputs: &Inputs,
     cx: &Context,
     candidate_id: &str,
-) -> Result<bool, ScreenError> {
+) -> Result<bool, BoxedDiagnostic> {
     let Some(screened) = Screened::read(inputs, cx)? else {
         return Ok(false);
     };

@@ -3,18 +3,13 @@
 use std::path::PathBuf;
 
 use dataflow::Diagnostic;
-use lake::LakeError;
 use robot::{JointMismatch, WrongDof};
-use robot_meshes::LoadError;
 use simulation::SimulationError;
 
 /// Why candidates could not be screened.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ScreenError {
-    /// The robot cannot be loaded.
-    #[error(transparent)]
-    LoadRobot(#[from] LoadError),
     /// The hand and the options do not go together, whatever is screened.
     #[error("cannot simulate the hand `{}`", path.display())]
     Options {
@@ -43,9 +38,6 @@ pub enum ScreenError {
         /// The difference of their joints from the hand's.
         source: JointMismatch,
     },
-    /// There is nothing to screen.
-    #[error("there are no candidates to screen")]
-    NoCandidates,
     /// A rollout is of a candidate that there is not.
     #[error("a rollout of `{partition}` is of `{candidate}`, which is not among the candidates")]
     UnknownCandidate {
@@ -57,15 +49,11 @@ pub enum ScreenError {
     /// A rollout has another number of joints than the hand.
     #[error("a rollout cannot be recorded")]
     Dof(#[from] WrongDof),
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl Diagnostic for ScreenError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::LoadRobot(err) => err.hint(),
             Self::Options { source, .. } | Self::Simulation { source, .. } => {
                 source.hint().or_else(|| {
                     Some("`pipeline stages screen` lists every option with its unit".to_owned())
@@ -77,12 +65,7 @@ impl Diagnostic for ScreenError {
             Self::UnknownCandidate { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())
             }
-            Self::Lake(err) => err.hint(),
-            Self::NoCandidates | Self::Dof(_) => None,
+            Self::Dof(_) => None,
         }
-    }
-
-    fn missing_input(&self) -> Option<&'static str> {
-        matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::Path};
 
+use dataflow::BoxedDiagnostic;
 use lake::recording::Recording;
 use robot::RobotModel;
 use schemas::{
@@ -35,7 +36,7 @@ pub(crate) fn record(
     row: &Row,
     rollout: &Rollout,
     folder: &Path,
-) -> Result<(), ScreenError> {
+) -> Result<(), BoxedDiagnostic> {
     let Some(Trace { steps }) = &rollout.trace else {
         return Ok(());
     };
@@ -77,7 +78,10 @@ pub(crate) fn record(
             time_s: step.time_s,
             table_from_root: step.table_from_palm.reinterpret(),
             table_from_object: step.table_from_object,
-            root_from_links: &stage.model.forward_kinematics(&step.q)?,
+            root_from_links: &stage
+                .model
+                .forward_kinematics(&step.q)
+                .map_err(ScreenError::from)?,
             q_rad: &step.q,
             q_velocity_rad_per_s: &[],
         };

@@ -1,6 +1,6 @@
 //! Trials of accepted motions under drawn errors.
 
-use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -41,7 +41,7 @@ dataflow::metrics! {
 impl Output for RobustnessTrials {
     type Stage = Screen;
     type Metrics = RobustnessMetrics;
-    type Error = ScreenError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = RobustnessTable::NAME;
     const SCHEMA: &'static str = RobustnessTable::VERSION;
@@ -49,7 +49,7 @@ impl Output for RobustnessTrials {
     const OPTIONS: OptionsUsed =
         OptionsUsed::Except(&["recorded_per_object", "recorded_failures_per_object"]);
 
-    fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+    fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let rollouts = scope.partitions(Rollouts::NAME);
         let units = units(config, scope, rollouts)?.into_iter().zip(rollouts);
         let unit = |(unit, rollouts): (Unit, &dataflow::Partition)| {
@@ -63,7 +63,7 @@ impl Output for RobustnessTrials {
         config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<RobustnessMetrics>, ScreenError> {
+    ) -> Result<Outcome<RobustnessMetrics>, BoxedDiagnostic> {
         let rollouts: Rollouts = inputs.one()?;
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("object missing"));

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::{Context, Inputs, Outcome, Partition, Scope, SourceFile, Unit};
+use dataflow::{BoxedDiagnostic, Context, Inputs, Outcome, Partition, Scope, SourceFile, Unit};
 use lake::ReadInputs;
 use robot::{JointOrder, RobotModel};
 use schemas::{Table, candidates::Candidates, objects::Object};
@@ -29,7 +29,7 @@ pub(crate) fn units(
     config: &ScreenConfig,
     scope: &Scope,
     partitions: &[Partition],
-) -> Result<Vec<Unit>, ScreenError> {
+) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let meshes = robot_meshes::sources(&config.hand)?;
     let unit = |partition: &Partition| {
         // An object that is missing is planned without, and skipped.
@@ -48,7 +48,7 @@ pub(crate) fn units(
 
 impl Screened {
     /// Reads a unit's inputs; nothing if the object is missing.
-    pub(crate) fn read(inputs: &Inputs, cx: &Context) -> Result<Option<Self>, ScreenError> {
+    pub(crate) fn read(inputs: &Inputs, cx: &Context) -> Result<Option<Self>, BoxedDiagnostic> {
         let urdf = inputs.source("hand")?.path.clone();
         let loaded = robot_meshes::load(&urdf)?;
         let (xml, hand) = (robot::plain_urdf(&loaded.urdf), loaded.model);
@@ -62,7 +62,8 @@ impl Screened {
                 partition,
                 path: urdf,
                 source,
-            });
+            }
+            .into());
         }
         Ok(Some(Self {
             partition,
@@ -84,7 +85,7 @@ impl Screened {
     pub(crate) fn skip_or_fail<M>(
         &self,
         source: SimulationError,
-    ) -> Result<Outcome<M>, ScreenError> {
+    ) -> Result<Outcome<M>, BoxedDiagnostic> {
         if source.is_of_object() {
             return Ok(Outcome::skipped(source.to_string()));
         }
@@ -92,6 +93,7 @@ impl Screened {
             partition: self.partition.clone(),
             path: self.urdf.clone(),
             source,
-        })
+        }
+        .into())
     }
 }

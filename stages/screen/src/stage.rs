@@ -2,7 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
+};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -42,7 +45,6 @@ dataflow::metrics! {
 
 impl Stage for Screen {
     type Config = ScreenConfig;
-    type Error = ScreenError;
 
     const KIND: &'static str = "screen";
     const ABOUT: &'static str = "Judges candidate motions in physics";
@@ -50,7 +52,7 @@ impl Stage for Screen {
     const OUTPUTS: Outputs<Self> = &[&Self, &RobustnessTrials];
 
     /// Checks that the hand can be read, and be simulated as the options say.
-    fn prepare(config: &ScreenConfig) -> Result<(), ScreenError> {
+    fn prepare(config: &ScreenConfig) -> Result<(), BoxedDiagnostic> {
         let config = config.resolved();
         let hand = robot_meshes::load(&config.hand)?.model;
         check_hand(&config.scene, &hand)
@@ -58,14 +60,15 @@ impl Stage for Screen {
             .map_err(|source| ScreenError::Options {
                 path: config.hand.clone(),
                 source,
-            })
+            })?;
+        Ok(())
     }
 }
 
 impl Output for Screen {
     type Stage = Self;
     type Metrics = ScreenMetrics;
-    type Error = ScreenError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Rollouts::NAME;
     const SCHEMA: &'static str = Rollouts::VERSION;
@@ -73,11 +76,8 @@ impl Output for Screen {
 
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["robustness"]);
 
-    fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
-        let candidates = scope.partitions(Candidates::NAME);
-        if candidates.is_empty() {
-            return Err(ScreenError::NoCandidates);
-        }
+    fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let candidates = scope.some(Candidates::NAME, "to screen")?;
         units(config, scope, candidates)
     }
 
@@ -85,7 +85,7 @@ impl Output for Screen {
         config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ScreenMetrics>, ScreenError> {
+    ) -> Result<Outcome<ScreenMetrics>, BoxedDiagnostic> {
         let Some(screened) = Screened::read(inputs, cx)? else {
             return Ok(Outcome::skipped("object missing"));
         };

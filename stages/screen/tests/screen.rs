@@ -3,12 +3,13 @@
 use std::{collections::BTreeMap, f64::consts::TAU, fs, path::Path};
 
 use dataflow::{
-    Artifact, Context, Diagnostic, Inputs, Outcome, Output, Partition, Scope, SourceFile, Stage,
-    Summary,
+    Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile,
+    Stage, Summary,
 };
 use motion::{HandRates, Motion, Step};
 use nalgebra::{Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
+use robot_meshes::LoadError;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     objects::{self, RestingOrientation},
@@ -210,7 +211,7 @@ fn run(
     object: &objects::Object,
     candidates: &Candidates,
     folder: &Path,
-) -> Result<Outcome<ScreenMetrics>, ScreenError> {
+) -> Result<Outcome<ScreenMetrics>, BoxedDiagnostic> {
     let [made, motions, out] = ["objects", "candidates", "out"].map(|name| folder.join(name));
     for folder in [&made, &motions, &out] {
         fs::create_dir(folder).unwrap();
@@ -504,7 +505,10 @@ fn a_protocol_that_does_not_fit_the_hand_fails_the_stage() {
     config.protocol.flexion_joints[0] = "joint_99.0".to_owned();
     let folder = tempfile::tempdir().unwrap();
     let error = run(&config, &can(0.35), &three(), folder.path()).unwrap_err();
-    assert!(matches!(error, ScreenError::Simulation { .. }));
+    assert!(matches!(
+        error.downcast_ref(),
+        Some(ScreenError::Simulation { .. })
+    ));
     assert!(error.hint().unwrap().contains("joint_1.0"));
 }
 
@@ -527,20 +531,16 @@ fn each_unit_reads_its_object_and_the_hand() {
     assert_eq!(units[0].reads["objects"], ["can"]);
     assert!(units[1].reads["objects"].is_empty());
     assert_eq!(units[0].files[0].name, "hand");
-    assert!(matches!(
-        Screen::units(&config(), &Scope::default()),
-        Err(ScreenError::NoCandidates)
-    ));
+    let nothing = Screen::units(&config(), &Scope::default()).unwrap_err();
+    assert_eq!(nothing.missing_input(), Some("candidates"));
 }
 
 #[test]
 fn the_hand_is_found_to_be_missing_before_anything_runs() {
     let mut config = config();
     config.hand = "no/such/hand.urdf".into();
-    assert!(matches!(
-        Screen::prepare(&config),
-        Err(ScreenError::LoadRobot(_))
-    ));
+    let err = Screen::prepare(&config).unwrap_err();
+    assert!(err.downcast_ref::<LoadError>().is_some(), "{err}");
     config.hand = HAND.into();
     assert!(Screen::prepare(&config).is_ok());
     let xml = fs::read_to_string(HAND).unwrap();
@@ -554,7 +554,10 @@ fn options_that_do_not_go_with_the_hand_are_refused_before_anything_runs() {
     let described = fs::read_to_string(HAND).unwrap();
     let refused = |config: &ScreenConfig| {
         let err = Screen::prepare(config).unwrap_err();
-        assert!(matches!(err, ScreenError::Options { .. }), "{err:?}");
+        assert!(
+            matches!(err.downcast_ref(), Some(ScreenError::Options { .. })),
+            "{err:?}"
+        );
         let cause = std::error::Error::source(&err).unwrap().to_string();
         (cause, err.hint().unwrap_or_default())
     };
@@ -628,7 +631,7 @@ fn the_meshes_of_a_hand_are_read_beside_its_urdf() {
     assert_eq!(names, ["hand", "tip.obj"]);
     // Whatever is wrong with it is known before anything runs.
     let err = Screen::prepare(&config).unwrap_err();
-    assert!(matches!(err, ScreenError::LoadRobot(_)), "{err}");
+    assert!(err.downcast_ref::<LoadError>().is_some(), "{err}");
     fs::remove_file(folder.path().join("tip.obj")).unwrap();
     let err = Screen::prepare(&config).unwrap_err();
     assert!(err.to_string().contains("which is not there"), "{err}");

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 
 use cgf::{TrainingMotion, TrainingSet};
-use dataflow::{Inputs, Scope};
+use dataflow::{BoxedDiagnostic, Inputs, Scope};
 use lake::ReadInputs;
 use schemas::{
     Table,
@@ -24,7 +24,7 @@ use crate::{TrainError, set::track};
 pub(crate) fn partitions(
     scope: &Scope,
     is_seen: impl Fn(&str) -> bool,
-) -> Result<Vec<&str>, TrainError> {
+) -> Result<Vec<&str>, BoxedDiagnostic> {
     let [candidates, rollouts] = [Candidates::NAME, Rollouts::NAME].map(|name| {
         let partitions = scope.partitions(name).iter();
         let keys = partitions.map(|partition| partition.key.as_str());
@@ -43,7 +43,8 @@ pub(crate) fn partitions(
             } else {
                 Candidates::NAME
             },
-        });
+        }
+        .into());
     }
     Ok(candidates.into_iter().collect())
 }
@@ -62,7 +63,7 @@ pub(crate) fn read(
     set: &TrainingSet,
     joints: &[String],
     per_object: usize,
-) -> Result<Vec<TrainingMotion>, TrainError> {
+) -> Result<Vec<TrainingMotion>, BoxedDiagnostic> {
     let mut found = Vec::new();
     let candidates: Vec<Candidates> = inputs.all()?;
     let rollouts: Vec<Rollouts> = inputs.all()?;

@@ -3,11 +3,9 @@
 use std::{io, path::PathBuf};
 
 use cgf::CgfError;
-use dataflow::{Diagnostic, UnknownPartition};
-use lake::LakeError;
+use dataflow::Diagnostic;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
-use robot_meshes::LoadError;
 
 use crate::Fold;
 
@@ -29,9 +27,6 @@ pub enum TrainError {
         /// Number of objects that have trajectories.
         objects_n: usize,
     },
-    /// A name in the configuration is not an object of the lake.
-    #[error("there is no object `{}`", .0.name)]
-    UnknownObject(UnknownPartition),
     /// A trajectory's maker did not label it with its object.
     #[error("trajectory `{sequence}` has no label `object`")]
     NoObject {
@@ -60,9 +55,6 @@ pub enum TrainError {
         /// Its name.
         candidate: String,
     },
-    /// The robot cannot be loaded.
-    #[error(transparent)]
-    LoadRobot(#[from] LoadError),
     /// A trajectory or an accepted motion belongs to another hand.
     #[error("motion `{sequence}` was made for another hand")]
     AnotherHand {
@@ -96,9 +88,6 @@ pub enum TrainError {
         /// Why it failed.
         source: io::Error,
     },
-    /// An artifact cannot be read.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
     /// Training failed.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -113,7 +102,6 @@ impl Diagnostic for TrainError {
             Self::EmptyFold { .. } => {
                 Some("choose fewer folds than objects in `unseen_fold`".to_owned())
             }
-            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::OneOfTwo { .. } | Self::NoRollout { .. } => Some(
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
                     .to_owned(),
@@ -121,8 +109,6 @@ impl Diagnostic for TrainError {
             Self::AnotherHand { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
-            Self::Lake(err) => err.hint(),
-            Self::LoadRobot(err) => err.hint(),
             Self::NoObject { .. } | Self::NoRests { .. } => {
                 Some("make it again with `pipeline run FILE --fresh`".to_owned())
             }

@@ -10,7 +10,8 @@ mod training;
 
 use cgf::Description;
 use dataflow::{
-    Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit, counted,
+    BoxedDiagnostic, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
+    counted,
 };
 use lake::{ReadArtifact, ReadInputs};
 use schemas::{checkpoint, training::Split};
@@ -58,7 +59,10 @@ pub(crate) fn shown(figure: Option<f64>, decimals: usize) -> String {
 }
 
 /// Units that read what a checkpoint says of itself.
-pub(crate) fn of_description(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+pub(crate) fn of_description(
+    config: &TrainConfig,
+    scope: &Scope,
+) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let files = [checkpoint::LAST.description];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -71,7 +75,10 @@ pub(crate) fn of_description(config: &TrainConfig, scope: &Scope) -> Result<Vec<
 }
 
 /// Units that read a function and what it was trained on.
-pub(crate) fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+pub(crate) fn of_function(
+    config: &TrainConfig,
+    scope: &Scope,
+) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let files = [checkpoint::LAST.description, checkpoint::LAST.weights];
     let trained = trained(config, scope)?;
     Ok(trained
@@ -86,7 +93,7 @@ pub(crate) fn of_function(config: &TrainConfig, scope: &Scope) -> Result<Vec<Uni
 fn trained(
     config: &TrainConfig,
     scope: &Scope,
-) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, TrainError> {
+) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, BoxedDiagnostic> {
     let units = Train::units(config, scope)?.into_iter();
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(units.zip(models.map(|model| model.key.clone())))
@@ -103,11 +110,9 @@ pub(crate) fn shown_split(split: Split) -> String {
 }
 
 /// Everything about the trained function but its weights.
-pub(crate) fn description(inputs: &Inputs) -> Result<Description, TrainError> {
+pub(crate) fn description(inputs: &Inputs) -> Result<Description, BoxedDiagnostic> {
     let model = inputs.artifact(checkpoint::NAME)?;
-    Ok(Description::read(
-        model.path(checkpoint::LAST.description)?,
-    )?)
+    Ok(Description::read(model.path(checkpoint::LAST.description)?).map_err(TrainError::from)?)
 }
 
 /// The mean of numbers; not a number if there are none.

@@ -8,7 +8,7 @@ use std::{
 };
 
 use cgf::{Epoch, Trainer};
-use dataflow::Context;
+use dataflow::{BoxedDiagnostic, Context};
 
 use crate::TrainError;
 
@@ -34,7 +34,7 @@ impl Saver {
     pub(crate) fn resume(
         cx: &Context,
         trainer: &mut Trainer,
-    ) -> Result<(Self, SavedTraining), TrainError> {
+    ) -> Result<(Self, SavedTraining), BoxedDiagnostic> {
         let folder = cx.resume_folder();
         let saver = Self {
             state: folder.join(STATE),
@@ -60,7 +60,7 @@ impl Saver {
     }
 
     /// Notes an epoch that is done, and saves the state if it is time to.
-    pub(crate) fn note(&mut self, trainer: &Trainer) -> Result<(), TrainError> {
+    pub(crate) fn note(&mut self, trainer: &Trainer) -> Result<(), BoxedDiagnostic> {
         if let Some(epoch) = trainer.curve().last() {
             let written = File::options()
                 .append(true)
@@ -71,7 +71,7 @@ impl Saver {
         }
         if self.saved.elapsed() >= self.pause {
             let started = Instant::now();
-            lake::write_atomic(&self.state, &trainer.state()?)?;
+            lake::write_atomic(&self.state, &trainer.state().map_err(TrainError::from)?)?;
             self.saved = Instant::now();
             self.pause = MIN_INTERVAL.max(started.elapsed() * SHARE);
         }

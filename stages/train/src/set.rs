@@ -3,7 +3,7 @@
 use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{Random, RestingObject, TrainingMotion, TrainingSet};
-use dataflow::{Inputs, UnknownPartition};
+use dataflow::{BoxedDiagnostic, InputError, Inputs};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
 use motion::{Motion, MotionError};
@@ -27,7 +27,7 @@ const HELD_OUT: u64 = 3;
 /// # Errors
 ///
 /// Fails if an artifact cannot be read, or a trajectory is of another hand or of no object.
-pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainError> {
+pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, BoxedDiagnostic> {
     let objects = inputs.all::<Surface>()?.into_iter();
     let known: BTreeMap<String, Surface> = objects
         .map(|object| (object.name.clone(), object))
@@ -46,10 +46,8 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, TrainErro
     for artifact in inputs.artifacts("trajectories") {
         let trajectory: Trajectory = table::read(artifact)?;
         let object = known.get(&trajectory.object).ok_or_else(|| {
-            TrainError::UnknownObject(UnknownPartition {
-                name: trajectory.object.clone(),
-                known: known.keys().cloned().collect(),
-            })
+            let known = known.keys().map(String::as_str);
+            InputError::unknown(Surface::NAME, Surface::PARTITION, &trajectory.object, known)
         })?;
         let rests = object.rests.iter().map(|orientation| orientation.rest);
         let nearest = trajectory.rest.nearest(rests);

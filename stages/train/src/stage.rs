@@ -4,7 +4,8 @@ use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
 use cgf::{CgfError, HandDistance, Trained, Trainer, TrainingDevice, TrainingSet};
 use dataflow::{
-    Context, Inputs, Max, Mean, Outcome, Output, Outputs, Scope, SourceFile, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Max, Mean, Outcome, Output, Outputs, Scope, SourceFile,
+    Stage, Sum, Unit,
 };
 use lake::ReadInputs;
 use robot::RobotModel;
@@ -54,7 +55,6 @@ const UNSTATED: &str = "source and terms not stated";
 
 impl Stage for Train {
     type Config = TrainConfig;
-    type Error = TrainError;
 
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
@@ -64,11 +64,11 @@ impl Stage for Train {
 
     /// Checks the hand's description, that it has the links that are named as tips, and that this program can
     /// compute on the device.
-    fn prepare(config: &TrainConfig) -> Result<(), TrainError> {
+    fn prepare(config: &TrainConfig) -> Result<(), BoxedDiagnostic> {
         let hand = robot_meshes::load(&config.hand)?.model;
         let mut tips = config.training.tips.iter();
         if let Some(link) = tips.find(|tip| hand.link(tip).is_none()) {
-            return Err(CgfError::UnknownLink { link: link.clone() }.into());
+            return Err(TrainError::from(CgfError::UnknownLink { link: link.clone() }).into());
         }
         let lacking = match config.training.device {
             TrainingDevice::Cuda if !cfg!(feature = "cuda") => Some("cuda"),
@@ -76,7 +76,7 @@ impl Stage for Train {
             TrainingDevice::Cpu | TrainingDevice::Cuda | TrainingDevice::Metal => None,
         };
         match lacking {
-            Some(feature) => Err(CgfError::NotBuiltFor { feature }.into()),
+            Some(feature) => Err(TrainError::from(CgfError::NotBuiltFor { feature }).into()),
             None => Ok(()),
         }
     }
@@ -85,17 +85,15 @@ impl Stage for Train {
 impl Output for Train {
     type Stage = Self;
     type Metrics = TrainMetrics;
-    type Error = TrainError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = checkpoint::NAME;
     const SCHEMA: &'static str = checkpoint::VERSION;
     const PARTITION: &'static str = checkpoint::PARTITION;
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         for names in [&config.objects, &config.unseen_objects] {
-            scope
-                .chosen(Surface::NAME, names)
-                .map_err(TrainError::UnknownObject)?;
+            scope.chosen(Surface::NAME, Surface::PARTITION, names)?;
         }
         let trajectories = scope.partitions(Trajectory::NAME);
         let mut objects = BTreeSet::new();
@@ -118,13 +116,15 @@ impl Output for Train {
             return Err(TrainError::EmptyFold {
                 fold,
                 objects_n: objects.len(),
-            });
+            }
+            .into());
         }
         let unseen = unseen(config, &objects);
         if unseen.len() == objects.len() {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
-            });
+            }
+            .into());
         }
         let accepted = accepted::partitions(scope, |object| {
             objects.contains(object) && !unseen.contains(object)
@@ -159,7 +159,7 @@ impl Output for Train {
         config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrainMetrics>, TrainError> {
+    ) -> Result<Outcome<TrainMetrics>, BoxedDiagnostic> {
         let hand = Arc::new(hand(inputs)?);
         let mut set = set::read(inputs, &hand.joint_names())?;
         set::split(&mut set, config, cx.seed());
@@ -179,7 +179,8 @@ impl Output for Train {
         ] {
             cgf.set_data(terms.lines().map(str::to_owned).collect());
             let file = |name| cx.folder().join(name);
-            cgf.save(&file(files.weights), &file(files.description))?;
+            cgf.save(&file(files.weights), &file(files.description))
+                .map_err(TrainError::from)?;
         }
         Ok(Outcome::Made(TrainMetrics {
             accepted: (accepted_n > 0).then_some(accepted_n as f64),
@@ -193,7 +194,7 @@ impl Output for Train {
 /// # Errors
 ///
 /// Fails if its description or a mesh of it cannot be read.
-pub fn hand(inputs: &Inputs) -> Result<RobotModel, TrainError> {
+pub fn hand(inputs: &Inputs) -> Result<RobotModel, BoxedDiagnostic> {
     Ok(robot_meshes::load(&inputs.source("hand")?.path)?.model)
 }
 
@@ -203,10 +204,11 @@ fn train(
     set: &TrainingSet,
     hand: &Arc<RobotModel>,
     cx: &Context,
-) -> Result<Trained, TrainError> {
+) -> Result<Trained, BoxedDiagnostic> {
     let epochs = config.training.epochs;
     let (network, training) = (&config.network, &config.training);
-    let mut trainer = Trainer::new(set, hand, network, training, cx.seed())?;
+    let mut trainer =
+        Trainer::new(set, hand, network, training, cx.seed()).map_err(TrainError::from)?;
     let (mut saver, found) = Saver::resume(cx, &mut trainer)?;
     let resumed = trainer.curve().len();
     let share = |done: usize| done as f64 / epochs as f64;
@@ -221,7 +223,7 @@ fn train(
     }
     let started = Instant::now();
     while !trainer.is_done() {
-        let epoch = *trainer.train_epoch()?;
+        let epoch = *trainer.train_epoch().map_err(TrainError::from)?;
         saver.note(&trainer)?;
         let done = epoch.epoch;
         let left = resume::time_left(started, done - resumed, epochs - done);
@@ -231,7 +233,7 @@ fn train(
         }
         cx.progress(share(done), &format!("{message}, {left}"));
     }
-    Ok(trainer.finish()?)
+    Ok(trainer.finish().map_err(TrainError::from)?)
 }
 
 impl TrainMetrics {

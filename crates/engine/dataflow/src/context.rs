@@ -5,7 +5,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use crate::{name::PartitionKey, source_file::SourceFile};
+use crate::{advice::BoxedDiagnostic, name::PartitionKey, source_file::SourceFile};
 
 /// Reports a unit's progress: a fraction in 0..=1 and a message.
 pub(crate) type Progress<'a> = dyn Fn(f64, &str) + Send + Sync + 'a;
@@ -141,6 +141,23 @@ impl Inputs {
     /// Returns the files outside the lake, in the order in which the unit named them.
     pub fn files(&self) -> &[SourceFile] {
         &self.files
+    }
+}
+
+/// What a unit reads, as [`Output::make`](crate::Output::make) takes it.
+pub trait UnitInputs<'a>: Sized {
+    /// Reads the inputs of a unit; the inner error is the reason for which it is skipped.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an input cannot be read.
+    fn read(inputs: &'a Inputs) -> Result<Result<Self, String>, BoxedDiagnostic>;
+}
+
+/// Inputs that the output reads itself.
+impl<'a> UnitInputs<'a> for &'a Inputs {
+    fn read(inputs: &'a Inputs) -> Result<Result<Self, String>, BoxedDiagnostic> {
+        Ok(Ok(inputs))
     }
 }
 

@@ -233,7 +233,7 @@ impl<S: Stage> Configured for ConfiguredStage<S> {
         if let Some(generate) = &self.parts.generate {
             generate(&self.options)?;
         }
-        Ok(S::prepare(&self.options)?)
+        S::prepare(&self.options)
     }
 
     fn units(&self, output_idx: usize, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
@@ -566,7 +566,6 @@ mod tests {
 
     impl Stage for Fixture {
         type Config = Config;
-        type Error = Nothing;
 
         const KIND: &'static str = "fixture";
         const ABOUT: &'static str = "Makes nothing";
@@ -579,7 +578,6 @@ mod tests {
 
     impl<const FAULT: u8> Stage for Declared<FAULT> {
         type Config = Config;
-        type Error = Nothing;
 
         const KIND: &'static str = "declared";
         const ABOUT: &'static str = "Makes nothing";
@@ -590,7 +588,7 @@ mod tests {
     impl<const FAULT: u8> Output for Declared<FAULT> {
         type Stage = Self;
         type Metrics = ();
-        type Error = Nothing;
+        type Inputs<'a> = &'a Inputs;
 
         const ARTIFACT: &'static str = "nothing";
         const SCHEMA: &'static str = "nothing/1";
@@ -606,12 +604,12 @@ mod tests {
             Some(|_| String::new())
         };
 
-        fn units(_: &Config, _: &Scope) -> Result<Vec<Unit>, Nothing> {
-            Err(Nothing)
+        fn units(_: &Config, _: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+            Err(Nothing.into())
         }
 
-        fn make(_: &Config, _: &Inputs, _: &Context) -> Result<Outcome<()>, Nothing> {
-            Err(Nothing)
+        fn make(_: &Config, _: &Inputs, _: &Context) -> Result<Outcome<()>, BoxedDiagnostic> {
+            Err(Nothing.into())
         }
     }
 

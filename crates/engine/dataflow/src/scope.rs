@@ -10,7 +10,7 @@ use std::{
 
 use serde::{Deserialize, Serialize};
 
-use crate::{name::PartitionKey, outcome::Labels, record::RecordOutcome};
+use crate::{input_error::InputError, name::PartitionKey, outcome::Labels, record::RecordOutcome};
 
 /// The input partitions from which a stage lists its units.
 #[derive(Debug, Clone, Default)]
@@ -93,51 +93,82 @@ impl Scope {
         self.partitions.keys().map(String::as_str)
     }
 
-    /// Returns the partitions of an input that an option names, all of them if it names none.
+    /// Returns the partitions of an input without which there is nothing `to_do`, e.g. `to refine`.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is none.
+    pub fn some(
+        &self,
+        input: &'static str,
+        to_do: &'static str,
+    ) -> Result<&[Partition], InputError> {
+        match self.partitions(input) {
+            [] => Err(InputError::Empty { input, to_do }),
+            some => Ok(some),
+        }
+    }
+
+    /// Returns the partitions of an input, each of one item such as an `object`, that an option names, all of
+    /// them if it names none.
     ///
     /// # Errors
     ///
     /// Fails if the option names a partition that the input does not have.
     pub fn chosen(
         &self,
-        input: &str,
+        input: &'static str,
+        item: &'static str,
         names: &[String],
-    ) -> Result<Vec<&Partition>, UnknownPartition> {
+    ) -> Result<Vec<&Partition>, InputError> {
         let all = self.partitions(input);
         if let Some(name) = names
             .iter()
             .find(|name| !all.iter().any(|known| known.key == ***name))
         {
-            return Err(UnknownPartition {
-                name: name.clone(),
-                known: all.iter().map(|known| known.key.to_string()).collect(),
-            });
+            let known = all.iter().map(|known| known.key.as_str());
+            return Err(InputError::unknown(input, item, name, known));
         }
         let is_chosen =
             |known: &&Partition| names.is_empty() || names.iter().any(|name| known.key == **name);
         Ok(all.iter().filter(is_chosen).collect())
     }
 
+    /// Returns the keys of an input's partitions by a label's values: of those that an option names, of all if it
+    /// names none. Partitions without the label are left out.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the option names a value that no partition has.
+    pub fn chosen_by_label(
+        &self,
+        input: &'static str,
+        label: &'static str,
+        names: &[String],
+    ) -> Result<BTreeMap<&str, Vec<&PartitionKey>>, InputError> {
+        let mut by_label: BTreeMap<&str, Vec<&PartitionKey>> = BTreeMap::new();
+        for partition in self.partitions(input) {
+            if let Some(value) = partition.label(label) {
+                by_label.entry(value).or_default().push(&partition.key);
+            }
+        }
+        let unknown = |name: &&String| !by_label.contains_key(name.as_str());
+        if let Some(name) = names.iter().find(unknown) {
+            return Err(InputError::unknown(
+                input,
+                label,
+                name,
+                by_label.into_keys(),
+            ));
+        }
+        by_label.retain(|value, _| names.is_empty() || names.iter().any(|name| name == value));
+        Ok(by_label)
+    }
+
     /// Returns the partitions of an input, or of an output of this stage that is made earlier,
     /// ordered by key.
     pub fn partitions(&self, name: &str) -> &[Partition] {
         self.partitions.get(name).map_or(&[], Vec::as_slice)
-    }
-}
-
-/// An option names a partition that the input does not have.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct UnknownPartition {
-    /// The name.
-    pub name: String,
-    /// The partitions of the input.
-    pub known: Vec<String>,
-}
-
-impl UnknownPartition {
-    /// Returns what may be named instead.
-    pub fn hint(&self) -> String {
-        format!("there are: {}", self.known.join(", "))
     }
 }
 

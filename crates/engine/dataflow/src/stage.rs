@@ -11,9 +11,9 @@ use schemars::JsonSchema;
 use serde::{Serialize, de::DeserializeOwned};
 
 use crate::{
-    advice::{BoxedDiagnostic, Diagnostic},
+    advice::BoxedDiagnostic,
     code::Code,
-    context::{Context, Inputs},
+    context::{Context, Inputs, UnitInputs},
     file_fault::FileFault,
     metrics::{Metrics, MissingMetric},
     name::NodeName,
@@ -35,8 +35,6 @@ pub trait Stage: Sized + 'static {
     /// among the unit's [`Unit::files`] is left out of it with
     /// `#[option(path)]`.
     type Config: Options + DeserializeOwned + Serialize + JsonSchema + Send + Sync;
-    /// Why the stage could not be prepared.
-    type Error: Diagnostic;
 
     /// The value of `kind` in the pipeline file.
     const KIND: &'static str;
@@ -85,7 +83,7 @@ pub trait Stage: Sized + 'static {
     /// # Errors
     ///
     /// Fails if those resources cannot be used at all.
-    fn prepare(_config: &Self::Config) -> Result<(), Self::Error> {
+    fn prepare(_config: &Self::Config) -> Result<(), BoxedDiagnostic> {
         Ok(())
     }
 }
@@ -119,8 +117,8 @@ pub trait Output: Sync + 'static {
     type Stage: Stage;
     /// Metrics of a partition; `()` for none.
     type Metrics: Metrics;
-    /// Why a unit could not be made.
-    type Error: Diagnostic;
+    /// What a unit reads: a type that declares it, or `&'a Inputs` for an output that reads its inputs itself.
+    type Inputs<'a>: UnitInputs<'a>;
 
     /// The artifact's name, e.g. `demonstrations`: also the name of its table.
     const ARTIFACT: &'static str;
@@ -160,7 +158,7 @@ pub trait Output: Sync + 'static {
     /// # Errors
     ///
     /// Fails if there is nothing to work on.
-    fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, Self::Error>;
+    fn units(config: &ConfigOf<Self>, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic>;
 
     /// Makes one partition: writes its files into [`Context::folder`].
     ///
@@ -169,9 +167,25 @@ pub trait Output: Sync + 'static {
     /// Fails if the whole stage cannot continue. One bad item is [`Outcome::Skipped`] instead.
     fn make(
         config: &ConfigOf<Self>,
+        inputs: Self::Inputs<'_>,
+        cx: &Context,
+    ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic>;
+
+    /// Reads the inputs of a partition and makes it, as a run does.
+    ///
+    /// # Errors
+    ///
+    /// Fails if an input cannot be read, and as [`Output::make`] does.
+    fn read_and_make(
+        config: &ConfigOf<Self>,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<Self::Metrics>, Self::Error>;
+    ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic> {
+        match Self::Inputs::read(inputs)? {
+            Ok(inputs) => Self::make(config, inputs, cx),
+            Err(reason) => Ok(Outcome::skipped(reason)),
+        }
+    }
 }
 
 /// The configuration of an output's stage.
@@ -284,7 +298,7 @@ impl<O: Output> OutputOf<O::Stage> for O {
     }
 
     fn units(&self, config: &ConfigOf<O>, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        Ok(O::units(config, scope)?)
+        O::units(config, scope)
     }
 
     fn make(
@@ -293,6 +307,6 @@ impl<O: Output> OutputOf<O::Stage> for O {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome, BoxedDiagnostic> {
-        Ok(O::make(config, inputs, cx)?.stored())
+        Ok(O::read_and_make(config, inputs, cx)?.stored())
     }
 }

@@ -68,6 +68,8 @@ mod exchange;
 mod folder;
 mod history;
 mod in_flight;
+#[doc(hidden)]
+pub mod inputs;
 mod irreplaceable;
 mod lake;
 mod lock;

@@ -1,5 +1,6 @@
 //! Errors of planning a hand's approach.
 
+use dataflow::Diagnostic;
 use robot::{JointMismatch, RobotError, WrongDof, spheres::TooLarge};
 
 /// Reason why no approach can be planned for a hand.
@@ -23,6 +24,14 @@ pub enum ApproachError {
         /// Difference of its joints from the hand's.
         source: JointMismatch,
     },
+    /// Trajectories are of hands with different joints.
+    #[error("trajectories `{first}` and `{second}` are of different hands")]
+    DifferentHands {
+        /// A sequence.
+        first: String,
+        /// A sequence whose hand has other joints.
+        second: String,
+    },
     /// There is no trajectory, and so no place where motions start.
     #[error("there is no trajectory that a motion could start like")]
     NoStart,
@@ -34,9 +43,8 @@ pub enum ApproachError {
     Motion(#[from] motion::MotionError),
 }
 
-impl ApproachError {
-    /// Returns the advice for the user, if there is any.
-    pub fn hint(&self) -> Option<String> {
+impl Diagnostic for ApproachError {
+    fn hint(&self) -> Option<String> {
         match self {
             Self::NoPalmSide => {
                 Some("`pipeline doctor --robot URDF` shows which fingers were found".to_owned())
@@ -46,6 +54,9 @@ impl ApproachError {
             Self::AnotherHand { .. } => Some(
                 "give the stage the URDF with which `retarget` made the trajectories".to_owned(),
             ),
+            Self::DifferentHands { .. } => {
+                Some("make them again with `pipeline run FILE --fresh`".to_owned())
+            }
             Self::NoStart => Some("wire `inputs.trajectories` to a `retarget` stage".to_owned()),
             Self::Dof(_) | Self::Motion(_) => None,
         }

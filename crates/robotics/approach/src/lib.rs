@@ -22,7 +22,6 @@ mod palms;
 mod pregrasp;
 mod rest_distribution;
 mod start;
-mod units;
 mod virtual_contacts;
 mod wrenches;
 
@@ -35,7 +34,6 @@ pub use error::ApproachError;
 pub use palms::{Palms, uniform_rotation};
 pub use pregrasp::pregrasp;
 pub use rest_distribution::RestDistribution;
-pub use start::{Start, grasping_hands, grasps};
-pub use units::units;
+pub use start::{Start, grasping_hands, grasps, joints_of};
 pub use virtual_contacts::virtual_contacts;
 pub use wrenches::ContactModel;

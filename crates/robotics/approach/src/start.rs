@@ -1,5 +1,7 @@
 //! Start poses of motions: those of demonstrations, carried to the object's place.
 
+use std::sync::Arc;
+
 use motion::{HandState, Motion, MotionError};
 use nalgebra::{UnitQuaternion, Vector3};
 use schemas::trajectories::{Trajectory, TrajectoryRates};
@@ -144,6 +146,26 @@ fn reordered(
             },
             other => ApproachError::Motion(other),
         })
+}
+
+/// Returns the names of the joints of trajectories, all of one hand; `None` if there is no trajectory.
+///
+/// # Errors
+///
+/// Fails if two trajectories are of hands with different joints.
+pub fn joints_of(trajectories: &[Trajectory]) -> Result<Option<Arc<[String]>>, ApproachError> {
+    let Some(first) = trajectories.first() else {
+        return Ok(None);
+    };
+    let joints = first.motion.joints();
+    let mut all = trajectories.iter();
+    match all.find(|other| other.motion.joints() != joints) {
+        None => Ok(Some(Arc::clone(joints))),
+        Some(other) => Err(ApproachError::DifferentHands {
+            first: first.sequence.clone(),
+            second: other.sequence.clone(),
+        }),
+    }
 }
 
 #[cfg(test)]

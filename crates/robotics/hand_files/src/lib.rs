@@ -4,10 +4,12 @@ mod complete;
 mod error;
 mod hand_file;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use dataflow::{Form, SourceFile, Unit};
+use dataflow::{BoxedDiagnostic, Form, Inputs, SourceFile, Unit};
+use lake::{LakeError, ReadInputs};
 use posture::{Hand, HandTable};
+use robot::RobotModel;
 use robot_meshes::LoadError;
 
 pub use complete::{complete, urdf_of};
@@ -59,6 +61,11 @@ impl HandFiles {
         })
     }
 
+    /// Returns the units, each with these files among its own.
+    pub fn added_to_each(&self, units: Vec<Unit>) -> Vec<Unit> {
+        units.into_iter().map(|unit| self.added_to(unit)).collect()
+    }
+
     /// Returns the unit with these files among its own.
     #[must_use]
     pub fn added_to(&self, unit: Unit) -> Unit {
@@ -68,6 +75,36 @@ impl HandFiles {
         }
         self.meshes.iter().cloned().fold(unit, Unit::with_file)
     }
+}
+
+/// Reads the hand of a unit that has the files of [`HandFiles::of`].
+///
+/// # Errors
+///
+/// Fails as [`load`] does, or if the unit reads no such file.
+pub fn hand(inputs: &Inputs) -> Result<Hand, BoxedDiagnostic> {
+    Ok(load(
+        &inputs.source("hand")?.path,
+        &inputs.source("hand_table")?.path,
+    )?)
+}
+
+/// Reads the hand's model alone, of a unit that has the files of [`HandFiles::without_table`].
+///
+/// # Errors
+///
+/// Fails if the URDF or a mesh cannot be read, or if the unit reads no such file.
+pub fn model(inputs: &Inputs) -> Result<RobotModel, BoxedDiagnostic> {
+    Ok(robot_meshes::load(&inputs.source("hand")?.path)?.model)
+}
+
+/// Returns the path of the hand's URDF that a unit reads.
+///
+/// # Errors
+///
+/// Fails if the unit reads no such file.
+pub fn urdf(inputs: &Inputs) -> Result<PathBuf, LakeError> {
+    Ok(inputs.source("hand")?.path.clone())
 }
 
 /// Reads a hand and its table, and finds every link that the table names.

@@ -2,6 +2,7 @@
 
 use std::{io, path::PathBuf};
 
+use dataflow::Diagnostic;
 use geometry::GeometryError;
 use robot::RobotError;
 
@@ -67,9 +68,8 @@ pub enum LoadError {
     },
 }
 
-impl LoadError {
-    /// Returns the advice for the user, if there is any.
-    pub fn hint(&self) -> Option<String> {
+impl Diagnostic for LoadError {
+    fn hint(&self) -> Option<String> {
         match self {
             Self::ReadUrdf { path, .. } => Some(format!(
                 "name the URDF of a robot; {}",

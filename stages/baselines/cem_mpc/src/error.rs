@@ -2,9 +2,7 @@
 
 use std::path::PathBuf;
 
-use dataflow::{Diagnostic, UnknownPartition};
-use hand_files::HandFileError;
-use lake::LakeError;
+use dataflow::Diagnostic;
 use robot::{JointMismatch, RobotError};
 use simulation::SimulationError;
 
@@ -12,12 +10,6 @@ use simulation::SimulationError;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CemMpcError {
-    /// There is nothing to control.
-    #[error("there are no candidates to control")]
-    NoCandidates,
-    /// A name in the configuration is not an object with candidates.
-    #[error("there are no candidates for an object `{}`", .0.name)]
-    UnknownObject(UnknownPartition),
     /// The candidates are for another hand.
     #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
     AnotherHand {
@@ -50,18 +42,11 @@ pub enum CemMpcError {
         /// The cause.
         source: SimulationError,
     },
-    /// The hand cannot be loaded from its files.
-    #[error(transparent)]
-    HandFiles(#[from] HandFileError),
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl Diagnostic for CemMpcError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownObject(unknown) => Some(unknown.hint()),
             Self::AnotherHand { .. } => Some(
                 "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
             ),
@@ -72,13 +57,7 @@ impl Diagnostic for CemMpcError {
             Self::Simulation { source, .. } => source.hint().or_else(|| {
                 Some("`pipeline stages cem_mpc` lists every option with its unit".to_owned())
             }),
-            Self::HandFiles(err) => err.hint(),
-            Self::Lake(err) => err.hint(),
-            Self::Hand { .. } | Self::NoCandidates => None,
+            Self::Hand { .. } => None,
         }
-    }
-
-    fn missing_input(&self) -> Option<&'static str> {
-        matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

@@ -1,11 +1,12 @@
 //! The stage: one unit per object.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope,
+    Stage, Sum, Unit,
 };
-use hand_files::{HandFileError, HandFiles};
+use hand_files::HandFiles;
 use lake::{ReadInputs, WriteArtifact};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -58,30 +59,48 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, the object and the hand.
+    pub struct CemMpcInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to control";
+        /// The object.
+        own object: Object, or "object missing";
+    }
+    files {
+        /// The hand's URDF.
+        urdf: PathBuf = hand_files::urdf;
+        /// The hand and the links of its fingertips.
+        hand: (RobotModel, Fingertips) = |inputs: &Inputs| {
+            load_hand(&hand_files::urdf(inputs)?, &inputs.source("hand_table")?.path)
+        };
+    }
+}
+
 impl Stage for CemMpc {
     type Config = CemMpcConfig;
-    type Error = CemMpcError;
 
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
+    const INPUTS: &'static [&'static str] = CemMpcInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand and its table, and that the hand can be simulated as the options say.
-    fn prepare(config: &CemMpcConfig) -> Result<(), CemMpcError> {
+    fn prepare(config: &CemMpcConfig) -> Result<(), BoxedDiagnostic> {
         let config = config.resolved();
         let (hand, _) = load_hand(&config.hand, &config.hand_table)?;
         check_hand(&config.scene, &hand).map_err(|source| CemMpcError::Simulation {
             path: config.hand.clone(),
             source,
-        })
+        })?;
+        Ok(())
     }
 }
 
 impl Output for CemMpc {
     type Stage = Self;
     type Metrics = CemMpcMetrics;
-    type Error = CemMpcError;
+    type Inputs<'a> = CemMpcInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -101,38 +120,23 @@ impl Output for CemMpc {
         )
     });
 
-    fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, CemMpcError> {
-        if scope.partitions(Candidates::NAME).is_empty() {
-            return Err(CemMpcError::NoCandidates);
-        }
-        let chosen = scope
-            .chosen(Candidates::NAME, &config.objects)
-            .map_err(CemMpcError::UnknownObject)?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = chosen.into_iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(Object::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+    fn units(config: &CemMpcConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let units = CemMpcInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &CemMpcConfig,
-        inputs: &Inputs,
+        inputs: CemMpcInputs,
         cx: &Context,
-    ) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+    ) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
         let config = config.resolved();
-        let Some(object) = inputs.optional::<Object>()? else {
-            return Ok(Outcome::skipped("object missing"));
-        };
-        let urdf = &inputs.source("hand")?.path;
-        let (hand, tips) = load_hand(urdf, &inputs.source("hand_table")?.path)?;
-        let mut given: Candidates = inputs.one()?;
+        let CemMpcInputs {
+            candidates: mut given,
+            object,
+            urdf,
+            hand: (hand, tips),
+        } = inputs;
         given.candidates.truncate(config.per_object);
         let joints = hand.joint_names();
         JointOrder::new(&given.joints, &joints).map_err(|source| CemMpcError::AnotherHand {
@@ -142,7 +146,7 @@ impl Output for CemMpc {
         })?;
         let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
             Ok(scenes) => scenes,
-            Err(source) => return failed(urdf, source),
+            Err(source) => return failed(&urdf, source),
         };
         let scene = &config.scene;
         let speeds = Speeds {
@@ -174,7 +178,7 @@ impl Output for CemMpc {
             all_s += cpu_s;
             match controlled {
                 Ok(controlled) => made.push(controlled),
-                Err(ControlError::Simulation(source)) => return failed(urdf, source),
+                Err(ControlError::Simulation(source)) => return failed(&urdf, source),
                 Err(ControlError::Motion(err)) => {
                     let name = &candidate.candidate_id;
                     return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
@@ -231,30 +235,28 @@ impl Scenes {
 }
 
 /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.
-fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, CemMpcError> {
+fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
     if source.is_of_object() {
         return Ok(Outcome::skipped(source.to_string()));
     }
-    Err(CemMpcError::Simulation {
-        path: urdf.to_owned(),
-        source,
-    })
+    let path = urdf.to_owned();
+    Err(CemMpcError::Simulation { path, source }.into())
 }
 
 /// Reads a hand and its table, and finds the links of its fingertips.
-fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<(RobotModel, Fingertips), CemMpcError> {
-    let model = robot_meshes::load(urdf_path)
-        .map_err(HandFileError::from)?
-        .model;
+fn load_hand(
+    urdf_path: &Path,
+    table_path: &Path,
+) -> Result<(RobotModel, Fingertips), BoxedDiagnostic> {
+    let model = robot_meshes::load(urdf_path)?.model;
     let table = hand_files::load_table(table_path)?;
     let tips = Fingertips::new(&model, &table).map_err(|source| CemMpcError::Hand {
         path: urdf_path.to_owned(),
         source,
     })?;
     if tips.is_empty() {
-        return Err(CemMpcError::NoFingertip {
-            path: table_path.to_owned(),
-        });
+        let path = table_path.to_owned();
+        return Err(CemMpcError::NoFingertip { path }.into());
     }
     Ok((model, tips))
 }

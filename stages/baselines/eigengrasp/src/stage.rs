@@ -2,19 +2,22 @@
 
 use std::sync::Arc;
 
-use approach::{Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts};
+use approach::{
+    ApproachError, Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts,
+};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
 use nalgebra::Point3;
 use posture::Environment;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::SurfacePoint;
+use robot::{RobotModel, SurfacePoint};
 use schemas::{
     Table,
     candidates::Candidates,
@@ -25,7 +28,7 @@ use schemas::{
 use spatial::RestingPose;
 
 use crate::{
-    EigengraspConfig, EigengraspError,
+    EigengraspConfig,
     basis::Basis,
     run::{Finished, Run, RunResult},
 };
@@ -64,17 +67,34 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object, its distances, every demonstration and the hand.
+    pub struct EigengraspInputs {
+        /// The object.
+        each object: Object, "to grasp";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The demonstrations.
+        all trajectories: Trajectory [lake::table::FILE];
+    }
+    files {
+        /// The hand's model.
+        model: RobotModel = hand_files::model;
+    }
+}
+
 impl Stage for Eigengrasp {
     type Config = EigengraspConfig;
-    type Error = EigengraspError;
 
     const KIND: &'static str = "eigengrasp";
     const ABOUT: &'static str = "Anneals grasps in a space of eigengrasps, and reaches for them";
-    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const INPUTS: &'static [&'static str] = EigengraspInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand.
-    fn prepare(config: &EigengraspConfig) -> Result<(), EigengraspError> {
+    fn prepare(config: &EigengraspConfig) -> Result<(), BoxedDiagnostic> {
         let model = robot_meshes::load(&config.hand)?.model;
         let middle = model.mid_range();
         HandBody::new(model, &config.flexion_joints, middle)?;
@@ -85,7 +105,7 @@ impl Stage for Eigengrasp {
 impl Output for Eigengrasp {
     type Stage = Self;
     type Metrics = EigengraspMetrics;
-    type Error = EigengraspError;
+    type Inputs<'a> = EigengraspInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -102,30 +122,22 @@ impl Output for Eigengrasp {
         )
     });
 
-    fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, EigengraspError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(EigengraspError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(EigengraspError::UnknownObject)?;
-        let files = HandFiles::without_table(&config.hand)?;
-        let units = approach::units(scope, objects, &[lake::table::FILE]);
-        Ok(units.map(|unit| files.added_to(unit)).collect())
+    fn units(config: &EigengraspConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let units = EigengraspInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units))
     }
 
     fn make(
         config: &EigengraspConfig,
-        inputs: &Inputs,
+        inputs: EigengraspInputs,
         cx: &Context,
-    ) -> Result<Outcome<EigengraspMetrics>, EigengraspError> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let object: Object = inputs.one()?;
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-        let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
+    ) -> Result<Outcome<EigengraspMetrics>, BoxedDiagnostic> {
+        let EigengraspInputs {
+            object,
+            field,
+            trajectories,
+            model,
+        } = inputs;
         let joints = model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
         let basis = Basis::of(&grasps(&trajectories, &joints)?, config.eigengrasps)?;
@@ -183,7 +195,7 @@ struct Annealer<'a> {
 
 impl Annealer<'_> {
     /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), EigengraspError> {
+    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), ApproachError> {
         let runs: Vec<(RestingPose, RunResult)> = (0..self.config.runs)
             .into_par_iter()
             .map(|number| {
@@ -191,7 +203,7 @@ impl Annealer<'_> {
                 let (rest, made) = run?;
                 Ok((rest, RunResult { cpu_s, ..made }))
             })
-            .collect::<Result<_, EigengraspError>>()?;
+            .collect::<Result<_, ApproachError>>()?;
         let mut spent = RunResult::default();
         let mut ranked = Vec::new();
         for (rest, made) in runs {
@@ -211,7 +223,7 @@ impl Annealer<'_> {
     }
 
     /// Makes the run of a number, from random numbers of its own.
-    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), EigengraspError> {
+    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), ApproachError> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.rests.at(rng.random());
@@ -263,7 +275,7 @@ fn metrics(
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Partition};
     use schemas::candidates::Origin;
 
     use super::*;
@@ -282,7 +294,7 @@ mod tests {
         let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
         let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = Eigengrasp::make(config, &inputs, &cx).unwrap();
+        let outcome = Eigengrasp::read_and_make(config, &inputs, &cx).unwrap();
         let made = Artifact {
             key: "box".parse().unwrap(),
             labels: BTreeMap::new(),

@@ -1,6 +1,7 @@
 //! One grasp: from a random palm to fingertips that close on the object.
 
 use approach::{ApproachError, ContactModel, HandBody, Palms};
+use dataflow::BoxedDiagnostic;
 use motion::HandState;
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posture,
@@ -10,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use spatial::Object;
 
 use crate::{
-    ForceClosureConfig, ForceClosureError,
+    ForceClosureConfig,
     contacts::{GraspTerms, Tip},
 };
 
@@ -65,7 +66,7 @@ impl Search<'_> {
     pub(crate) fn grasp(
         &self,
         rng: &mut ChaCha8Rng,
-    ) -> Result<Option<FoundGrasp>, ForceClosureError> {
+    ) -> Result<Option<FoundGrasp>, BoxedDiagnostic> {
         let mut solver = Solver::new(&self.hand.compiled);
         let mut work = Work::default();
         let mut best: Option<FoundGrasp> = None;
@@ -77,7 +78,9 @@ impl Search<'_> {
                 self.measured(&mut solver, start, &mut work)?
             } else {
                 work.searches += 1;
-                let searched = self.searched(&mut solver, &start, &mut work)?;
+                let searched = self
+                    .searched(&mut solver, &start, &mut work)
+                    .map_err(BoxedDiagnostic::without_hint)?;
                 self.measured(&mut solver, searched, &mut work)?
             };
             let is_done = found.is_feasible || self.config.max_iterations == 0;
@@ -152,7 +155,7 @@ impl Search<'_> {
         solver: &mut Solver<'_>,
         hand: HandState<Object>,
         work: &mut Work,
-    ) -> Result<FoundGrasp, ForceClosureError> {
+    ) -> Result<FoundGrasp, BoxedDiagnostic> {
         let config = self.config;
         let nothing = Task {
             targets: &[],
@@ -162,7 +165,9 @@ impl Search<'_> {
         };
         let mut terms = self.terms(0.0);
         let posture = Posture::new(&hand.frame_from_palm, hand.q_rad.clone());
-        let residual_m2 = solver.place(&nothing, &posture, &mut terms)?;
+        let residual_m2 = solver
+            .place(&nothing, &posture, &mut terms)
+            .map_err(BoxedDiagnostic::without_hint)?;
         let posed = solver.posed();
         let depth_m = terms.surroundings.object_depth_m(&posed);
         let depth_m = depth_m.max(terms.surroundings.table_depth_m(&posed));

@@ -4,11 +4,12 @@ use std::sync::Arc;
 
 use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
 use nalgebra::Point3;
 use posture::{Environment, Hand};
 use rand::{Rng, SeedableRng};
@@ -58,17 +59,34 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object, its distances, every demonstration and the hand.
+    pub struct ForceClosureInputs {
+        /// The object.
+        each object: Object, "to grasp";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The demonstrations.
+        all trajectories: Trajectory [lake::table::FILE];
+    }
+    files {
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for ForceClosure {
     type Config = ForceClosureConfig;
-    type Error = ForceClosureError;
 
     const KIND: &'static str = "force_closure";
     const ABOUT: &'static str = "Searches fingertip grasps in force closure, and reaches for them";
-    const INPUTS: &'static [&'static str] = &[Object::NAME, FieldInfo::NAME, Trajectory::NAME];
+    const INPUTS: &'static [&'static str] = ForceClosureInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand and its table.
-    fn prepare(config: &ForceClosureConfig) -> Result<(), ForceClosureError> {
+    fn prepare(config: &ForceClosureConfig) -> Result<(), BoxedDiagnostic> {
         let hand = hand_files::load(&config.hand, &config.hand_table)?;
         tips(&hand)?;
         let joints = &config.flexion_joints;
@@ -80,7 +98,7 @@ impl Stage for ForceClosure {
 impl Output for ForceClosure {
     type Stage = Self;
     type Metrics = ForceClosureMetrics;
-    type Error = ForceClosureError;
+    type Inputs<'a> = ForceClosureInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -104,32 +122,23 @@ impl Output for ForceClosure {
         }
     });
 
-    fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, ForceClosureError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(ForceClosureError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(ForceClosureError::UnknownObject)?;
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = approach::units(scope, objects, &[lake::table::FILE]);
-        Ok(units.map(|unit| files.added_to(unit)).collect())
+    fn units(config: &ForceClosureConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let units = ForceClosureInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &ForceClosureConfig,
-        inputs: &Inputs,
+        inputs: ForceClosureInputs,
         cx: &Context,
-    ) -> Result<Outcome<ForceClosureMetrics>, ForceClosureError> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let object: Object = inputs.one()?;
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
+    ) -> Result<Outcome<ForceClosureMetrics>, BoxedDiagnostic> {
+        let ForceClosureInputs {
+            object,
+            field,
+            trajectories,
+            hand,
+        } = inputs;
         let field = Arc::new(field);
-        let [urdf, table] = [inputs.source("hand")?, inputs.source("hand_table")?];
-        let hand = hand_files::load(&urdf.path, &table.path)?;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
         let joints = hand.model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
@@ -151,7 +160,7 @@ impl Output for ForceClosure {
                 let (made, cpu_s) = cpu_time::measured(|| maker.candidate(number));
                 Ok((made?, cpu_s))
             })
-            .collect::<Result<_, ForceClosureError>>()?;
+            .collect::<Result<_, BoxedDiagnostic>>()?;
         let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let made = measured.into_iter().filter_map(|(made, _)| made);
         let made: Vec<(Candidate, FoundGrasp)> = made.collect();
@@ -186,10 +195,7 @@ struct Maker<'a> {
 impl Maker<'_> {
     /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
     /// palm.
-    fn candidate(
-        &self,
-        number: usize,
-    ) -> Result<Option<(Candidate, FoundGrasp)>, ForceClosureError> {
+    fn candidate(&self, number: usize) -> Result<Option<(Candidate, FoundGrasp)>, BoxedDiagnostic> {
         let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
         rng.set_stream(number as u64);
         let rest = self.rests.at(rng.random());
@@ -277,7 +283,7 @@ pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Partition};
     use schemas::candidates::Origin;
 
     use super::*;
@@ -296,7 +302,7 @@ mod tests {
         let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
         let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = ForceClosure::make(config, &inputs, &cx).unwrap();
+        let outcome = ForceClosure::read_and_make(config, &inputs, &cx).unwrap();
         let made = Artifact {
             key: "box".parse().unwrap(),
             labels: BTreeMap::new(),

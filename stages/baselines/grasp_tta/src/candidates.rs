@@ -7,13 +7,17 @@ use cgf::{
     Random, RestingObject,
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
 };
-use dataflow::{Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
+use dataflow::{
+    Artifact, BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope,
+    Sum, Unit,
+};
 use geometry::DistanceField;
 use hand_files::HandFiles;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use motion::HandState;
 use nalgebra::Point3;
 use posture::Environment;
+use robot::RobotModel;
 use schemas::{
     Table,
     candidates::{Candidates, ObjectSplit},
@@ -54,10 +58,30 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object, its distances, every demonstration, the networks and the hand.
+    pub struct GraspTtaInputs {
+        /// The object.
+        each object: Object, "to grasp";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The demonstrations.
+        all trajectories: Trajectory [lake::table::FILE];
+    }
+    files {
+        /// The hand's model.
+        model: RobotModel = hand_files::model;
+        /// The networks.
+        networks: Artifact = |inputs: &Inputs| inputs.artifact(grasp_networks::NAME).cloned();
+    }
+}
+
 impl Output for AdaptedCandidates {
     type Stage = GraspTta;
     type Metrics = GraspTtaMetrics;
-    type Error = GraspTtaError;
+    type Inputs<'a> = GraspTtaInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -75,39 +99,32 @@ impl Output for AdaptedCandidates {
         )
     });
 
-    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
-        if scope.partitions(Object::NAME).is_empty() {
-            return Err(GraspTtaError::NoObjects);
-        }
-        let objects = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(GraspTtaError::UnknownObject)?;
+    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let networks = scope.partitions(grasp_networks::NAME).iter();
-        let networks = networks.map(|model| model.key.as_str());
-        let files = HandFiles::without_table(&config.hand)?;
-        let units = approach::units(scope, objects, &[lake::table::FILE]);
+        let networks = networks.map(|model| &model.key);
+        let units = GraspTtaInputs::units(scope, &config.objects)?.into_iter();
         let units = units.map(|unit| unit.reading(grasp_networks::NAME, networks.clone()));
-        Ok(units.map(|unit| files.added_to(unit)).collect())
+        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units.collect()))
     }
 
     fn make(
         config: &GraspTtaConfig,
-        inputs: &Inputs,
+        inputs: GraspTtaInputs,
         cx: &Context,
-    ) -> Result<Outcome<GraspTtaMetrics>, GraspTtaError> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let object: Object = inputs.one()?;
-        let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
-        let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
+    ) -> Result<Outcome<GraspTtaMetrics>, BoxedDiagnostic> {
+        let GraspTtaInputs {
+            object,
+            field,
+            mut trajectories,
+            model,
+            networks: files,
+        } = inputs;
+        let field = Arc::new(field);
         let joints = model.joint_names();
-        let files = inputs.artifact(grasp_networks::NAME)?;
         let [weights, description] = [grasp_networks::WEIGHTS, grasp_networks::DESCRIPTION];
-        let networks =
-            GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)?;
+        let networks = GraspNetworks::load(files.path(weights)?, files.path(description)?, &joints)
+            .map_err(GraspTtaError::from)?;
         // Unseen objects' demonstrations give neither starts nor the mean grasp.
-        let mut trajectories: Vec<Trajectory> = inputs.all()?;
         let seen = &networks.description().objects;
         trajectories.retain(|trajectory| seen.contains(&trajectory.object));
         let starts = Start::of(&trajectories, &joints)?;

@@ -8,7 +8,8 @@ use cgf::{
     grasp_tta::{DemonstratedGrasp, GraspNetworks, GraspOptions, GraspSet, train_grasps},
 };
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit, UnknownPartition,
+    BoxedDiagnostic, Context, InputError, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope,
+    Sum, Unit,
 };
 use hand_files::HandFiles;
 use lake::ReadInputs;
@@ -43,7 +44,7 @@ dataflow::metrics! {
 impl Output for LearnedNetworks {
     type Stage = GraspTta;
     type Metrics = GraspNetworksMetrics;
-    type Error = GraspTtaError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = grasp_networks::NAME;
     const SCHEMA: &'static str = grasp_networks::VERSION;
@@ -65,12 +66,10 @@ impl Output for LearnedNetworks {
         )
     });
 
-    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, GraspTtaError> {
+    fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let unseen = &config.unseen_objects;
         // Names that are no objects are errors.
-        scope
-            .chosen(Object::NAME, unseen)
-            .map_err(GraspTtaError::UnknownObject)?;
+        scope.chosen(Object::NAME, Object::PARTITION, unseen)?;
         let all = scope.partitions(Trajectory::NAME);
         let mut keys = Vec::new();
         let mut objects = BTreeSet::new();
@@ -86,7 +85,7 @@ impl Output for LearnedNetworks {
             }
         }
         if keys.is_empty() {
-            return Err(GraspTtaError::NoTrajectories { found: all.len() });
+            return Err(GraspTtaError::NoTrajectories { found: all.len() }.into());
         }
         let known = scope.partitions(Object::NAME).iter();
         let known = known.map(|object| object.key.as_str());
@@ -102,7 +101,7 @@ impl Output for LearnedNetworks {
         config: &GraspTtaConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<GraspNetworksMetrics>, GraspTtaError> {
+    ) -> Result<Outcome<GraspNetworksMetrics>, BoxedDiagnostic> {
         let model = robot_meshes::load(&inputs.source("hand")?.path)?.model;
         let trajectories: Vec<Trajectory> = inputs.all()?;
         let joints = model.joint_names();
@@ -116,12 +115,15 @@ impl Output for LearnedNetworks {
             terms: config.terms.clone(),
         };
         let mut progress = |share: f64, message: &str| cx.progress(share, message);
-        let networks = train_grasps(&set, &surface, &options, cx.seed(), &mut progress)?;
+        let networks = train_grasps(&set, &surface, &options, cx.seed(), &mut progress)
+            .map_err(GraspTtaError::from)?;
         let file = |name| cx.folder().join(name);
-        networks.save(
-            &file(grasp_networks::WEIGHTS),
-            &file(grasp_networks::DESCRIPTION),
-        )?;
+        networks
+            .save(
+                &file(grasp_networks::WEIGHTS),
+                &file(grasp_networks::DESCRIPTION),
+            )
+            .map_err(GraspTtaError::from)?;
         Ok(Outcome::Made(metrics(&networks)))
     }
 }
@@ -135,7 +137,7 @@ fn demonstrated(
     objects: &[Object],
     trajectories: &[Trajectory],
     joints: &[String],
-) -> Result<GraspSet, GraspTtaError> {
+) -> Result<GraspSet, BoxedDiagnostic> {
     let known: BTreeMap<&str, &Object> = objects
         .iter()
         .map(|object| (object.name.as_str(), object))
@@ -144,10 +146,8 @@ fn demonstrated(
     let hands = grasping_hands(trajectories, joints)?;
     for (trajectory, hand) in trajectories.iter().zip(hands) {
         let object = known.get(trajectory.object.as_str()).ok_or_else(|| {
-            GraspTtaError::UnknownObject(UnknownPartition {
-                name: trajectory.object.clone(),
-                known: known.keys().map(|&name| name.to_owned()).collect(),
-            })
+            let known = known.keys().copied();
+            InputError::unknown(Object::NAME, Object::PARTITION, &trajectory.object, known)
         })?;
         let same = |one: &RestingObject| one.object == object.name && one.rest == trajectory.rest;
         let idx = set.objects.iter().position(same);

@@ -1,19 +1,16 @@
 //! The stage and its outputs: the networks, and candidates from them.
 
 use approach::HandBody;
-use dataflow::{Outputs, Stage};
+use dataflow::{BoxedDiagnostic, Outputs, Stage};
 use schemas::{Table, distance_fields::FieldInfo, objects::Object, trajectories::Trajectory};
 
-use crate::{
-    AdaptedCandidates, GraspTtaConfig, GraspTtaError, LearnedNetworks, surface::hand_surface,
-};
+use crate::{AdaptedCandidates, GraspTtaConfig, LearnedNetworks, surface::hand_surface};
 
 /// Learns to draw grasps, and adapts each to its object.
 pub struct GraspTta;
 
 impl Stage for GraspTta {
     type Config = GraspTtaConfig;
-    type Error = GraspTtaError;
 
     const KIND: &'static str = "grasp_tta";
     const ABOUT: &'static str = "Samples grasps from learned networks, adapts each to its object";
@@ -21,11 +18,12 @@ impl Stage for GraspTta {
     const OUTPUTS: Outputs<Self> = &[&LearnedNetworks, &AdaptedCandidates];
 
     /// Checks the hand.
-    fn prepare(config: &GraspTtaConfig) -> Result<(), GraspTtaError> {
+    fn prepare(config: &GraspTtaConfig) -> Result<(), BoxedDiagnostic> {
         let model = robot_meshes::load(&config.hand)?.model;
         let middle = model.mid_range();
         let body = HandBody::new(model, &config.flexion_joints, middle)?;
-        hand_surface(&body, config.hand_points).map(drop)
+        hand_surface(&body, config.hand_points)?;
+        Ok(())
     }
 }
 
@@ -37,7 +35,7 @@ mod tests {
         path::{Path, PathBuf},
     };
 
-    use dataflow::{Artifact, Context, Diagnostic, Outcome, Output, Partition, Scope};
+    use dataflow::{Artifact, Context, Outcome, Output, Partition, Scope};
     use motion::HandState;
     use schemas::{
         candidates::{Candidates, ObjectSplit, Origin},
@@ -53,11 +51,11 @@ mod tests {
         config: &GraspTtaConfig,
         artifacts: &BTreeMap<String, Vec<Artifact>>,
         (key, seed): (&str, u64),
-    ) -> (PathBuf, Result<Outcome<O::Metrics>, O::Error>) {
+    ) -> (PathBuf, Result<Outcome<O::Metrics>, BoxedDiagnostic>) {
         let out = root.join(format!("{}-{key}", O::ARTIFACT));
         fs::create_dir(&out).unwrap();
         let cx = Context::detached(&key.parse().unwrap(), seed, &out);
-        let outcome = O::make(config, &grasp_fixture::inputs(artifacts), &cx);
+        let outcome = O::read_and_make(config, &grasp_fixture::inputs(artifacts), &cx);
         (out, outcome)
     }
 

@@ -6,10 +6,8 @@
 //! Nothing is judged here: `screen` judges every generator alike.
 
 mod config;
-mod error;
 mod line;
 mod stage;
 
 pub use config::InterpolateConfig;
-pub use error::InterpolateError;
 pub use stage::{Interpolate, InterpolateMetrics};

@@ -1,12 +1,12 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::{ReadInputs, WriteArtifact};
+use lake::WriteArtifact;
 use schemas::{Table, candidates::Candidates};
 
-use crate::{InterpolateConfig, InterpolateError, line::line};
+use crate::{InterpolateConfig, line::line};
 
 /// Replaces each motion by the straight line between its ends.
 pub struct Interpolate;
@@ -19,20 +19,27 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions.
+    pub struct InterpolateInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to interpolate";
+    }
+}
+
 impl Stage for Interpolate {
     type Config = InterpolateConfig;
-    type Error = InterpolateError;
 
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME];
+    const INPUTS: &'static [&'static str] = InterpolateInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
 
 impl Output for Interpolate {
     type Stage = Self;
     type Metrics = InterpolateMetrics;
-    type Error = InterpolateError;
+    type Inputs<'a> = InterpolateInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -44,29 +51,15 @@ impl Output for Interpolate {
     /// `objects` only chooses units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, InterpolateError> {
-        if scope.partitions(Candidates::NAME).is_empty() {
-            return Err(InterpolateError::NoCandidates);
-        }
-        let chosen = scope
-            .chosen(Candidates::NAME, &config.objects)
-            .map_err(InterpolateError::UnknownObject)?;
-        let units = chosen.into_iter().map(|given| {
-            let object = given.key.as_str();
-            Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-        });
-        Ok(units.collect())
+    fn units(config: &InterpolateConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        Ok(InterpolateInputs::units(scope, &config.objects)?)
     }
 
     fn make(
         _config: &InterpolateConfig,
-        inputs: &Inputs,
+        InterpolateInputs { candidates: given }: InterpolateInputs,
         cx: &Context,
-    ) -> Result<Outcome<InterpolateMetrics>, InterpolateError> {
-        let given: Candidates = inputs.one()?;
+    ) -> Result<Outcome<InterpolateMetrics>, BoxedDiagnostic> {
         let mut lines = Vec::with_capacity(given.candidates.len());
         for motion in &given.candidates {
             match line(motion) {
@@ -93,7 +86,7 @@ impl Output for Interpolate {
 mod tests {
     use std::{collections::BTreeMap, fs, path::Path};
 
-    use dataflow::{Artifact, Diagnostic, Partition};
+    use dataflow::{Artifact, Inputs, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
     use schemas::candidates::{Candidate, DrawSource};
@@ -147,7 +140,7 @@ mod tests {
         let artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
         let inputs = Inputs::new(artifacts, Vec::new());
         let cx = Context::detached(&"can".parse().unwrap(), 0, &out);
-        Interpolate::make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
+        Interpolate::read_and_make(&InterpolateConfig::default(), &inputs, &cx).unwrap()
     }
 
     #[test]
@@ -210,7 +203,10 @@ mod tests {
         let unknown = units(&["cup"], &scope).unwrap_err();
         assert!(unknown.to_string().contains("`cup`"));
         assert!(unknown.hint().unwrap().contains("box, can"));
-        let nothing = units(&[], &Scope::default());
-        assert!(matches!(nothing, Err(InterpolateError::NoCandidates)));
+        let nothing = units(&[], &Scope::default()).unwrap_err();
+        assert_eq!(
+            nothing.to_string(),
+            "there are no candidates to interpolate"
+        );
     }
 }

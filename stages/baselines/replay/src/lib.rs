@@ -5,9 +5,7 @@
 //! share of held grasps here is their reference.
 
 mod config;
-mod error;
 mod stage;
 
 pub use config::ReplayConfig;
-pub use error::ReplayError;
-pub use stage::{Replay, ReplayMetrics};
+pub use stage::{Replay, ReplayError, ReplayMetrics};

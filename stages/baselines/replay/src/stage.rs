@@ -1,9 +1,8 @@
 //! The stage: one unit per object.
 
-use std::collections::BTreeSet;
-
 use dataflow::{
-    Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit, UnknownPartition,
+    BoxedDiagnostic, Context, Diagnostic, Inputs, Line, Outcome, Output, Outputs, PartitionKey,
+    Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::{HandRates, MotionError, palm_acceleration};
@@ -13,7 +12,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-use crate::{ReplayConfig, ReplayError};
+use crate::ReplayConfig;
 
 /// Offers retargeted demonstrations as candidates.
 pub struct Replay;
@@ -32,9 +31,15 @@ const GENERATOR: &str = "demonstration";
 /// The label of a trajectory that names its object.
 const OBJECT: &str = "object";
 
+/// A trajectory changes too fast for its rates to be numbers.
+#[derive(Debug, thiserror::Error)]
+#[error("the palm's acceleration in a trajectory overflows")]
+pub struct ReplayError(#[from] MotionError);
+
+impl Diagnostic for ReplayError {}
+
 impl Stage for Replay {
     type Config = ReplayConfig;
-    type Error = ReplayError;
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
@@ -45,7 +50,7 @@ impl Stage for Replay {
 impl Output for Replay {
     type Stage = Self;
     type Metrics = ReplayMetrics;
-    type Error = ReplayError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -55,74 +60,37 @@ impl Output for Replay {
         format!("{} objects → {candidates} candidates", summary.n_made)
     });
 
-    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, ReplayError> {
-        let trajectories = scope.partitions(Trajectory::NAME);
-        if trajectories.is_empty() {
-            return Err(ReplayError::NoTrajectories);
-        }
-        let known: BTreeSet<&str> = trajectories
-            .iter()
-            .filter_map(|t| t.label(OBJECT))
-            .collect();
-        if let Some(object) = config.objects.iter().find(|o| !known.contains(o.as_str())) {
-            return Err(ReplayError::UnknownObject(UnknownPartition {
-                name: object.clone(),
-                known: known.into_iter().map(str::to_owned).collect(),
-            }));
-        }
-        let chosen = |object: &&str| {
-            config.objects.is_empty() || config.objects.iter().any(|name| name == object)
+    fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        scope.some(Trajectory::NAME, "to replay")?;
+        let by_object = scope.chosen_by_label(Trajectory::NAME, OBJECT, &config.objects)?;
+        let unit = |(object, trajectories)| {
+            let unit = Unit::new(object).with_label(OBJECT, object);
+            unit.reading::<&PartitionKey>(Trajectory::NAME, trajectories)
         };
-        Ok(known
-            .into_iter()
-            .filter(chosen)
-            .map(|object| {
-                let of_object = trajectories
-                    .iter()
-                    .filter(|trajectory| trajectory.label(OBJECT) == Some(object))
-                    .map(|trajectory| trajectory.key.as_str());
-                Unit::new(object)
-                    .with_label(OBJECT, object)
-                    .reading(Trajectory::NAME, of_object)
-            })
-            .collect())
+        Ok(by_object.into_iter().map(unit).collect())
     }
 
     fn make(
         _config: &ReplayConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
-        let object = cx.partition();
+    ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
         let trajectories: Vec<Trajectory> = inputs.all()?;
-        let first = trajectories.first().ok_or(ReplayError::NoTrajectories)?;
-        if let Some(other) = trajectories
-            .iter()
-            .find(|t| t.motion.joints() != first.motion.joints())
-        {
-            return Err(ReplayError::DifferentHands {
-                object: object.to_string(),
-                first: first.sequence.clone(),
-                second: other.sequence.clone(),
-            });
-        }
-        cx.write(&Candidates {
-            object: object.to_string(),
-            joints: first.motion.joints().clone(),
-            candidates: trajectories
-                .iter()
-                .map(candidate)
-                .collect::<Result<_, _>>()?,
-        })?;
-        let metrics = ReplayMetrics {
-            candidates: trajectories.len() as f64,
+        let candidates = trajectories.iter().map(candidate);
+        let candidates = Candidates {
+            object: cx.partition().to_string(),
+            joints: approach::joints_of(&trajectories)?.unwrap_or_default(),
+            candidates: candidates.collect::<Result<_, ReplayError>>()?,
         };
-        Ok(Outcome::Made(metrics))
+        cx.write(&candidates)?;
+        Ok(Outcome::Made(ReplayMetrics {
+            candidates: trajectories.len() as f64,
+        }))
     }
 }
 
 /// Returns a trajectory as the motion that it is.
-fn candidate(trajectory: &Trajectory) -> Result<Candidate, MotionError> {
+fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
     let motion = &trajectory.motion;
     let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
     Ok(Candidate {
@@ -186,7 +154,7 @@ mod tests {
     fn run(
         trajectories: &[Trajectory],
         folder: &std::path::Path,
-    ) -> Result<Outcome<ReplayMetrics>, ReplayError> {
+    ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
         let artifacts = trajectories
             .iter()
             .map(|trajectory| {
@@ -251,7 +219,8 @@ mod tests {
             &[trajectory("a", &["j"]), trajectory("b", &["k"])],
             folder.path(),
         );
-        assert!(matches!(err, Err(ReplayError::DifferentHands { second, .. }) if second == "b"));
+        let err = err.unwrap_err().to_string();
+        assert_eq!(err, "trajectories `a` and `b` are of different hands");
     }
 
     #[test]

@@ -3,17 +3,12 @@
 use std::path::PathBuf;
 
 use dataflow::Diagnostic;
-use hand_files::HandFileError;
-use lake::LakeError;
 use robot::JointMismatch;
 
 /// Why no ways could be planned.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RrtError {
-    /// There is nothing to plan.
-    #[error("there are no candidates to plan ways to")]
-    NoCandidates,
     /// The candidates are for another hand.
     #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
     AnotherHand {
@@ -32,12 +27,6 @@ pub enum RrtError {
         /// The link.
         link: String,
     },
-    /// The hand cannot be loaded from its files.
-    #[error(transparent)]
-    HandFiles(#[from] HandFileError),
-    /// An artifact cannot be read or written.
-    #[error(transparent)]
-    Lake(#[from] LakeError),
 }
 
 impl Diagnostic for RrtError {
@@ -47,13 +36,6 @@ impl Diagnostic for RrtError {
                 Some("use the same `hand` in `retarget` and in `rrt`, then run again".to_owned())
             }
             Self::LargeShapes { .. } => Some("lengths in a URDF are in meters".to_owned()),
-            Self::HandFiles(err) => err.hint(),
-            Self::Lake(err) => err.hint(),
-            Self::NoCandidates => None,
         }
-    }
-
-    fn missing_input(&self) -> Option<&'static str> {
-        matches!(self, Self::NoCandidates).then_some("candidates")
     }
 }

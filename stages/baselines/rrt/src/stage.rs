@@ -1,14 +1,15 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
+use std::{path::PathBuf, sync::Arc};
 
 use dataflow::{
-    Context, Inputs, Line, Max, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Line, Max, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
+    Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
-use posture::Environment;
+use lake::{ReadArtifact, WriteArtifact};
+use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -55,17 +56,34 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, its distances and the hand.
+    pub struct RrtInputs {
+        /// The motions.
+        each candidates: Candidates [lake::table::FILE], "to plan ways to";
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+    }
+    files {
+        /// The hand's URDF.
+        urdf: PathBuf = hand_files::urdf;
+        /// The hand.
+        hand: Hand = hand_files::hand;
+    }
+}
+
 impl Stage for Rrt {
     type Config = RrtConfig;
-    type Error = RrtError;
 
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
-    const INPUTS: &'static [&'static str] = &[Candidates::NAME, FieldInfo::NAME];
+    const INPUTS: &'static [&'static str] = RrtInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand and its table.
-    fn prepare(config: &RrtConfig) -> Result<(), RrtError> {
+    fn prepare(config: &RrtConfig) -> Result<(), BoxedDiagnostic> {
         hand_files::load(&config.hand, &config.hand_table)?;
         Ok(())
     }
@@ -74,7 +92,7 @@ impl Stage for Rrt {
 impl Output for Rrt {
     type Stage = Self;
     type Metrics = RrtMetrics;
-    type Error = RrtError;
+    type Inputs<'a> = RrtInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -87,40 +105,27 @@ impl Output for Rrt {
         format!("{n} grasps, {reachable} reachable → {paths} paths, {checks:.0} checks each")
     });
 
-    fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, RrtError> {
-        let given = scope.partitions(Candidates::NAME);
-        if given.is_empty() {
-            return Err(RrtError::NoCandidates);
-        }
-        let files = HandFiles::of(&config.hand, &config.hand_table)?;
-        let units = given.iter().map(|given| {
-            let object = given.key.as_str();
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(FieldInfo::NAME, scope);
-            files.added_to(unit)
-        });
-        Ok(units.collect())
+    fn units(config: &RrtConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let units = RrtInputs::units(scope, &[])?;
+        Ok(HandFiles::of(&config.hand, &config.hand_table)?.added_to_each(units))
     }
 
     fn make(
         config: &RrtConfig,
-        inputs: &Inputs,
+        inputs: RrtInputs,
         cx: &Context,
-    ) -> Result<Outcome<RrtMetrics>, RrtError> {
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let field = Arc::new(field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?);
-        let urdf = &inputs.source("hand")?.path;
-        let hand = hand_files::load(urdf, &inputs.source("hand_table")?.path)?;
+    ) -> Result<Outcome<RrtMetrics>, BoxedDiagnostic> {
+        let RrtInputs {
+            candidates: given,
+            field,
+            urdf,
+            hand,
+        } = inputs;
+        let field = Arc::new(field);
         let shapes = HandCollision::new(&hand.model).map_err(|large| RrtError::LargeShapes {
             path: urdf.clone(),
             link: large.link,
         })?;
-        let given: Candidates = inputs.one()?;
         let joints = hand.model.joint_names();
         JointOrder::new(&given.joints, &joints).map_err(|source| RrtError::AnotherHand {
             object: given.object.clone(),

@@ -1,10 +1,8 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
-
 use dataflow::{
-    Context, Inputs, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-    UnknownPartition,
+    BoxedDiagnostic, Context, InputError, Inputs, Line, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use motion::Motion;
@@ -43,7 +41,6 @@ const OBJECT: &str = "object";
 
 impl Stage for Transfer {
     type Config = TransferConfig;
-    type Error = TransferError;
 
     const KIND: &'static str = "transfer";
     const ABOUT: &'static str = "Applies demonstrations to other objects, without learning";
@@ -54,7 +51,7 @@ impl Stage for Transfer {
 impl Output for Transfer {
     type Stage = Self;
     type Metrics = TransferMetrics;
-    type Error = TransferError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -66,10 +63,8 @@ impl Output for Transfer {
     /// `objects` only chooses units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
-    fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, TransferError> {
-        let chosen = scope
-            .chosen(Object::NAME, &config.objects)
-            .map_err(TransferError::UnknownObject)?;
+    fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let chosen = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
         let chosen = chosen.into_iter().map(|object| object.key.as_str());
         let trajectories = scope.partitions(Trajectory::NAME);
         let unit = |object: &str| {
@@ -102,29 +97,17 @@ impl Output for Transfer {
         config: &TransferConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TransferMetrics>, TransferError> {
+    ) -> Result<Outcome<TransferMetrics>, BoxedDiagnostic> {
         let name = cx.partition().as_str();
         let objects: Vec<Object> = inputs.all()?;
         let trajectories: Vec<Trajectory> = inputs.all()?;
-        let Some(first) = trajectories.first() else {
+        let Some(joints) = approach::joints_of(&trajectories)? else {
             return Ok(Outcome::skipped("no demonstration to carry over"));
         };
-        let joints = Arc::clone(first.motion.joints());
-        if let Some(other) = trajectories
-            .iter()
-            .find(|other| *other.motion.joints() != joints)
-        {
-            return Err(TransferError::DifferentHands {
-                first: first.sequence.clone(),
-                second: other.sequence.clone(),
-            });
-        }
         let object = objects.iter().find(|object| object.name == name);
         let object = object.ok_or_else(|| {
-            TransferError::UnknownObject(UnknownPartition {
-                name: name.to_owned(),
-                known: objects.iter().map(|known| known.name.clone()).collect(),
-            })
+            let known = objects.iter().map(|known| known.name.as_str());
+            InputError::unknown(Object::NAME, Object::PARTITION, name, known)
         })?;
         let motions = match config.from {
             TransferSource::Mean => means(object, &trajectories)?,
@@ -228,7 +211,7 @@ fn nearest<'a>(
     object: &Object,
     objects: &'a [Object],
     trajectories: &[Trajectory],
-) -> Result<&'a str, TransferError> {
+) -> Result<&'a str, BoxedDiagnostic> {
     let sides_of = |object: &Object| {
         let lacks = || TransferError::Incomplete {
             object: object.name.clone(),
@@ -249,8 +232,11 @@ fn nearest<'a>(
             best = Some((distance, &other.name));
         }
     }
-    best.map(|(_, name)| name)
-        .ok_or(TransferError::NoTrajectories)
+    let none = InputError::Empty {
+        input: Trajectory::NAME,
+        to_do: "of other objects to carry over",
+    };
+    Ok(best.map(|(_, name)| name).ok_or(none)?)
 }
 
 /// Carries demonstrations to an object, box to box; its resting orientations take turns, each as often as it was

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+};
 use lake::WriteArtifact;
 use schemas::{
     Table,
@@ -13,7 +15,7 @@ use schemas::{
     trials::{AllTrials, Trials},
 };
 
-use crate::{Dispatch, DispatchConfig, DispatchError};
+use crate::{Dispatch, DispatchConfig};
 
 /// Key of the one partition.
 const ALL: &str = "all";
@@ -55,7 +57,7 @@ pub struct TrialsReport;
 impl Output for TrialsReport {
     type Stage = Dispatch;
     type Metrics = TrialsMetrics;
-    type Error = DispatchError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = AllTrials::NAME;
     const SCHEMA: &'static str = AllTrials::VERSION;
@@ -64,7 +66,7 @@ impl Output for TrialsReport {
     const LINE: Option<Line<TrialsMetrics>> = Some(line);
 
     /// One unit, of all objects that were screened.
-    fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, DispatchError> {
+    fn units(_config: &DispatchConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let sent = scope.partitions(Executions::NAME).iter();
         let keys: Vec<&str> = sent.map(|executions| executions.key.as_str()).collect();
         if keys.is_empty() {
@@ -83,7 +85,7 @@ impl Output for TrialsReport {
         _config: &DispatchConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrialsMetrics>, DispatchError> {
+    ) -> Result<Outcome<TrialsMetrics>, BoxedDiagnostic> {
         let mut rows = Vec::new();
         for artifact in inputs.artifacts(Executions::NAME) {
             let sent: Executions = lake::table::read(artifact)?;

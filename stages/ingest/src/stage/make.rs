@@ -2,7 +2,7 @@
 
 use std::mem;
 
-use dataflow::{Context, Inputs, Outcome, Output, SourceFile};
+use dataflow::{BoxedDiagnostic, Context, Inputs, Outcome, Output, SourceFile};
 use geometry::{Repairs, TriMesh};
 use lake::{LakeError, WriteArtifact};
 use schemas::{
@@ -18,7 +18,7 @@ use crate::{
     after_grasp::{self, ImageAfterGrasp},
     config::{Format, IngestConfig},
     demonstration_recording,
-    error::{IngestError, RecordingError},
+    error::RecordingError,
     mirror, objects, reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
@@ -33,7 +33,7 @@ pub(super) fn shape(
     config: &IngestConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<ShapeMetrics>, IngestError> {
+) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
     if let Some(reason) = inputs.fact(UNREADABLE) {
         return Ok(Outcome::skipped(reason));
     }
@@ -69,7 +69,7 @@ pub(super) fn demonstration(
     config: &IngestConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<DemonstrationMetrics>, IngestError> {
+) -> Result<Outcome<DemonstrationMetrics>, BoxedDiagnostic> {
     if let Some(reason) = inputs.fact(LEFT_OUT) {
         return Ok(Outcome::filtered(reason));
     }
@@ -168,7 +168,10 @@ fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
 }
 
 /// Puts a shape and the orientations in which it was seen to lie together.
-pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetrics>, IngestError> {
+pub(super) fn object(
+    inputs: &Inputs,
+    cx: &Context,
+) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
     let seen_up = inputs
         .artifacts(Demonstrations::ARTIFACT)
         .iter()
@@ -190,7 +193,7 @@ pub(super) fn object(inputs: &Inputs, cx: &Context) -> Result<Outcome<ShapeMetri
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),
     };
-    Ok(write_object(cx, &object, &mesh, Repairs::default())?)
+    write_object(cx, &object, &mesh, Repairs::default())
 }
 
 /// Writes an object's table, its mesh and its surface.
@@ -199,7 +202,7 @@ fn write_object(
     object: &Object,
     mesh: &TriMesh,
     repairs: Repairs,
-) -> Result<Outcome<ShapeMetrics>, LakeError> {
+) -> Result<Outcome<ShapeMetrics>, BoxedDiagnostic> {
     cx.write(object)?;
     cx.write(&Surface::from(object))?;
     cx.write_file(schemas::objects::MESH, mesh.to_obj().as_bytes())?;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use dataflow::{Output, Scope, SourceFile, Unit};
+use dataflow::{BoxedDiagnostic, Output, Scope, SourceFile, Unit};
 use geometry::MeshFormat;
 use schemas::demonstrations::TERMS;
 
@@ -50,7 +50,7 @@ pub(super) fn hidden<'a>(
 
 /// Lists one unit per object that is grasped, that says where a table is, or that the pipeline file
 /// adds.
-pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, IngestError> {
+pub(super) fn shapes(config: &IngestConfig) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let reader = reader::reader(config);
     let mut names: BTreeSet<String> = config.meshes.keys().cloned().collect();
     for (listed, choice) in chosen(config, reader.as_ref())? {
@@ -120,7 +120,7 @@ fn mass_kg(config: &IngestConfig, object: &str) -> Result<f64, IngestError> {
 pub(super) fn demonstrations(
     config: &IngestConfig,
     scope: &Scope,
-) -> Result<Vec<Unit>, IngestError> {
+) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let reader = reader::reader(config);
     let terms = terms::of_dataset(&config.root).map_err(IngestError::Terms)?;
     let shapes: BTreeSet<&str> = scope

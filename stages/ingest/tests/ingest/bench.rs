@@ -7,15 +7,16 @@ use std::{
 };
 
 use dataflow::{
-    Artifact, Context, Inputs, Labels, MetricValues, Outcome, Output, Partition, Scope, Stage, Unit,
+    Artifact, BoxedDiagnostic, Context, Inputs, Labels, MetricValues, Outcome, Output, Partition,
+    Scope, Stage, Unit,
 };
 use schemas::{
     demonstrations::{Demonstration, Side},
     objects::Object,
 };
 use stage_ingest::{
-    Demonstrations, Format, Ingest, IngestConfig, IngestError, Landmarks, Objects, ReachRule,
-    Shapes, Split, TableRule,
+    Demonstrations, Format, Ingest, IngestConfig, Landmarks, Objects, ReachRule, Shapes, Split,
+    TableRule,
 };
 use tempfile::TempDir;
 
@@ -66,7 +67,7 @@ impl Bench {
     }
 
     /// Makes the outputs up to `last`.
-    pub(crate) fn until(config: IngestConfig, last: &str) -> Result<Self, IngestError> {
+    pub(crate) fn until(config: IngestConfig, last: &str) -> Result<Self, BoxedDiagnostic> {
         Ingest::prepare(&config)?;
         let mut bench = Self {
             folder: tempfile::tempdir().unwrap(),
@@ -84,7 +85,7 @@ impl Bench {
         Ok(bench)
     }
 
-    fn make<O: Output<Stage = Ingest, Error = IngestError>>(&mut self) -> Result<(), IngestError> {
+    fn make<O: Output<Stage = Ingest>>(&mut self) -> Result<(), BoxedDiagnostic> {
         let units = O::units(&self.config, &self.scope())?;
         for unit in &units {
             let mut outcome = self.run::<O>(unit)?;
@@ -111,10 +112,7 @@ impl Bench {
         Scope::new(partitions)
     }
 
-    fn run<O: Output<Stage = Ingest, Error = IngestError>>(
-        &self,
-        unit: &Unit,
-    ) -> Result<Outcome, IngestError> {
+    fn run<O: Output<Stage = Ingest>>(&self, unit: &Unit) -> Result<Outcome, BoxedDiagnostic> {
         let mut artifacts = BTreeMap::new();
         for (input, keys) in &unit.reads {
             let opened = keys.iter().map(|key| self.artifact(input, key));
@@ -124,7 +122,7 @@ impl Bench {
         fs::create_dir_all(&folder).unwrap();
         let inputs = Inputs::new(artifacts, unit.files.clone()).with_facts(unit.facts.clone());
         let cx = Context::detached(&unit.partition.parse().unwrap(), 7, &folder);
-        Ok(O::make(&self.config, &inputs, &cx)?.stored())
+        Ok(O::read_and_make(&self.config, &inputs, &cx)?.stored())
     }
 
     /// Folder of an artifact's files.

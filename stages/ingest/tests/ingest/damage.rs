@@ -24,8 +24,10 @@ fn check(change: &dyn Fn(&Path), expected: &[&str]) {
             assert_eq!(word, "skipped");
             reason
         }
-        Err(IngestError::NoneTold { found: 1, source }) => source.to_string(),
-        Err(err) => panic!("{err}"),
+        Err(err) => match err.downcast_ref() {
+            Some(IngestError::NoneTold { found: 1, source }) => source.to_string(),
+            _ => panic!("{err}"),
+        },
     };
     for part in expected {
         assert!(reason.contains(part), "`{reason}` lacks `{part}`");

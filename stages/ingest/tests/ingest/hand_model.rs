@@ -6,7 +6,7 @@ use std::{
     path::Path,
 };
 
-use dataflow::{Diagnostic, Stage};
+use dataflow::Stage;
 use nalgebra::Point3;
 use schemas::demonstrations::Demonstration;
 use stage_ingest::{Format, Ingest, IngestConfig, Landmarks, ManoModel};

@@ -7,7 +7,7 @@ use std::{
     path::{Path, PathBuf},
 };
 
-use dataflow::{Diagnostic, Stage};
+use dataflow::Stage;
 use nalgebra::{Isometry3, Vector3};
 use npyz::WriterBuilder;
 use schemas::demonstrations::Side;
@@ -311,7 +311,10 @@ fn bad_recordings_end_with_a_reason() {
     left.write(root.path());
     let err = Ingest::prepare(&hocap(root.path())).unwrap_err();
     assert!(
-        matches!(err, IngestError::NoneChosen { found: 1, .. }),
+        matches!(
+            err.downcast_ref(),
+            Some(IngestError::NoneChosen { found: 1, .. })
+        ),
         "{err}"
     );
 }

@@ -15,7 +15,7 @@ mod tracks;
 use std::{fs, path::PathBuf};
 
 use bench::{Bench, config};
-use dataflow::{Diagnostic, Stage};
+use dataflow::Stage;
 use rig::{FIRST, IMAGES, LAST, OBJECT, Quaternions, Rig};
 use schemas::demonstrations::{Demonstration, Side};
 use stage_ingest::{Ingest, IngestConfig, TableRule};

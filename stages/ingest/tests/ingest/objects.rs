@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use dataflow::{Diagnostic, Outcome, Stage};
+use dataflow::{Outcome, Stage};
 use stage_ingest::{AddedMesh, Ingest};
 
 use crate::{

@@ -12,8 +12,8 @@ use std::{
     time::Duration,
 };
 
-use dataflow::{Diagnostic, Outcome, Stage};
-use stage_ingest::{AddedMesh, Format, Ingest, IngestConfig, IngestError};
+use dataflow::{BoxedDiagnostic, Outcome, Stage};
+use stage_ingest::{AddedMesh, Format, Ingest, IngestConfig};
 use tempfile::TempDir;
 
 use crate::{
@@ -149,7 +149,7 @@ fn said(config: IngestConfig) -> (String, Vec<PathBuf>) {
 }
 
 /// An error with its causes and its hint.
-fn whole(err: &IngestError) -> String {
+fn whole(err: &BoxedDiagnostic) -> String {
     let mut text = err.to_string();
     let mut cause = err.source();
     while let Some(err) = cause {

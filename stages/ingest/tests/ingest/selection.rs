@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use dataflow::{Diagnostic, Outcome, Output, Stage};
+use dataflow::{Outcome, Output, Stage};
 use schemas::demonstrations::Side;
 use stage_ingest::{AddedMesh, Demonstrations, Ingest, IngestConfig, Split};
 use tempfile::TempDir;

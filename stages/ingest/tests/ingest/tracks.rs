@@ -2,7 +2,7 @@
 
 use std::{error::Error, fs, path::Path};
 
-use dataflow::{Diagnostic, Stage};
+use dataflow::{BoxedDiagnostic, Stage};
 use spatial::{Object, Pose, World};
 use stage_ingest::{Format, Ingest, IngestConfig, IngestError};
 
@@ -15,7 +15,10 @@ use crate::{
 fn refused(config: &IngestConfig) -> String {
     let err = Ingest::prepare(config).unwrap_err();
     assert!(
-        matches!(err, IngestError::NoneTold { found: 1, .. }),
+        matches!(
+            err.downcast_ref(),
+            Some(IngestError::NoneTold { found: 1, .. })
+        ),
         "{err}"
     );
     err.source().unwrap().to_string()
@@ -108,7 +111,10 @@ fn plain_tracks_give_the_known_reach() {
 /// Says why a description is refused.
 fn untold(about: &str) -> String {
     let err = changed(about, "keypoints_m", 1.0).err().unwrap();
-    assert!(matches!(err, IngestError::NoneTold { .. }), "{err}");
+    assert!(
+        matches!(err.downcast_ref(), Some(IngestError::NoneTold { .. })),
+        "{err}"
+    );
     err.source().unwrap().to_string()
 }
 
@@ -265,7 +271,7 @@ fn a_number_that_is_none_is_told_with_its_image_and_what_to_write() {
 }
 
 /// Makes the known recording with another `track.yml`, and lengths of the tracks multiplied.
-fn changed(about: &str, keypoints: &str, factor: f32) -> Result<Bench, IngestError> {
+fn changed(about: &str, keypoints: &str, factor: f32) -> Result<Bench, BoxedDiagnostic> {
     let root = tempfile::tempdir().unwrap();
     tracks(root.path());
     let folder = root.path().join("20200709-subject-01/first try");
@@ -368,7 +374,10 @@ fn bad_tracks_end_with_a_reason() {
     let left = head(&table).replace("right", "left");
     let err = changed(&left, "keypoints_m", 1.0).err().unwrap();
     assert!(
-        matches!(err, IngestError::NoneChosen { found: 1, .. }),
+        matches!(
+            err.downcast_ref(),
+            Some(IngestError::NoneChosen { found: 1, .. })
+        ),
         "{err}"
     );
 }

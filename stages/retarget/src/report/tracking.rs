@@ -1,12 +1,12 @@
 //! Tracking error of one object's trajectories.
 
-use std::collections::BTreeMap;
-
-use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit, counted};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Unit, counted,
+};
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{Table, tracking::TrackingSummary, trajectories::Trajectory};
 
-use crate::{Retarget, RetargetConfig, RetargetError};
+use crate::{Retarget, RetargetConfig};
 
 /// Depth below the table, in meters, that is more than measurement and thin objects explain.
 const BELOW_TABLE_M: f64 = 0.003;
@@ -29,7 +29,7 @@ pub struct TrackingReport;
 impl Output for TrackingReport {
     type Stage = Retarget;
     type Metrics = TrackingMetrics;
-    type Error = RetargetError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = TrackingSummary::NAME;
     const SCHEMA: &'static str = TrackingSummary::VERSION;
@@ -47,15 +47,9 @@ impl Output for TrackingReport {
     });
 
     /// One unit per object that has trajectories.
-    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, RetargetError> {
-        let mut by_object: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
-        for trajectory in scope.partitions(Trajectory::NAME) {
-            if let Some(object) = trajectory.label("object") {
-                let keys = by_object.entry(object).or_default();
-                keys.push(trajectory.key.as_str());
-            }
-        }
-        Ok(by_object
+    fn units(_config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        Ok(scope
+            .chosen_by_label(Trajectory::NAME, "object", &[])?
             .into_iter()
             .map(|(object, keys)| {
                 Unit::new(object)
@@ -70,7 +64,7 @@ impl Output for TrackingReport {
         _config: &RetargetConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrackingMetrics>, RetargetError> {
+    ) -> Result<Outcome<TrackingMetrics>, BoxedDiagnostic> {
         let trajectories: Vec<Trajectory> = inputs.all()?;
         if trajectories.is_empty() {
             return Ok(Outcome::skipped("it has no trajectory"));

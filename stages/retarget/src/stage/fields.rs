@@ -1,6 +1,6 @@
 //! One object's distances.
 
-use dataflow::{Artifact, Context, Inputs, Outcome, Sum};
+use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Sum};
 use geometry::TriMesh;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -8,7 +8,7 @@ use schemas::{
     objects::{self, Object},
 };
 
-use crate::{RetargetConfig, RetargetError, survey::survey};
+use crate::{RetargetConfig, survey::survey};
 
 dataflow::metrics! {
     /// Metrics of an object's distances.
@@ -23,7 +23,7 @@ pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<FieldMetrics>, RetargetError> {
+) -> Result<Outcome<FieldMetrics>, BoxedDiagnostic> {
     let object = inputs.artifact(Object::NAME)?;
     let mesh = match read_mesh(object)? {
         Ok(mesh) => mesh,

@@ -1,8 +1,8 @@
 //! One demonstration's trajectory.
 
-use dataflow::{Artifact, Context, Inputs, Outcome};
+use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome};
 use geometry::DistanceField;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use posture::{Environment, HandTable};
 use schemas::{
     Table,
@@ -27,7 +27,7 @@ pub(super) fn make(
     config: &RetargetConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<TrajectoryMetrics>, RetargetError> {
+) -> Result<Outcome<TrajectoryMetrics>, BoxedDiagnostic> {
     let urdf = inputs.source("hand")?;
     let table = inputs.source("hand_table")?;
     let LoadedHand { urdf, hand, table } = load_hand(&urdf.path, &table.path)?;
@@ -53,7 +53,7 @@ pub(super) fn make(
         Ok(Some(tracked)) => tracked,
         Ok(None) => return Ok(Outcome::skipped("it has no step")),
         Err(RetargetError::Motion(err)) => return Ok(Outcome::skipped(err.to_string())),
-        Err(err) => return Err(err),
+        Err(err) => return Err(err.into()),
     };
     if tracked.grasp_keypoint_error_m > config.max_keypoint_error_m {
         return Ok(Outcome::skipped(format!(
@@ -108,10 +108,7 @@ pub(super) fn unusable(demonstration: &Demonstration, table: &HandTable) -> Opti
     ))
 }
 
-fn read_scene(
-    field: &Artifact,
-    demonstration: &Demonstration,
-) -> Result<Environment, RetargetError> {
+fn read_scene(field: &Artifact, demonstration: &Demonstration) -> Result<Environment, LakeError> {
     let info = lake::table::read(field)?;
     let grid = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
     Ok(put_down(grid, &info, &demonstration.rest))

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, error::Error, fs, io::Write, path::PathBuf};
 
-use dataflow::{Artifact, Diagnostic, Partition};
+use dataflow::{Artifact, Partition};
 use schemas::{
     demonstrations::{Demonstration, KEYPOINTS},
     distance_fields,
@@ -189,7 +189,7 @@ fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
 }
 
 /// An error with its causes.
-fn whole(err: &RetargetError) -> String {
+fn whole(err: &BoxedDiagnostic) -> String {
     let mut text = err.to_string();
     let mut cause = err.source();
     while let Some(err) = cause {

@@ -1,7 +1,8 @@
 //! Plausibility and diversity of one object's motions.
 
 use dataflow::{
-    Artifact, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+    Artifact, BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope,
+    Sum, Summary, Unit,
 };
 use diversity::{ComparedMotion, Diversity};
 use geometry::DistanceField;
@@ -57,7 +58,7 @@ pub struct SamplingReport;
 impl Output for SamplingReport {
     type Stage = Sample;
     type Metrics = SamplingMetrics;
-    type Error = SampleError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
@@ -66,7 +67,7 @@ impl Output for SamplingReport {
     const LINE: Option<Line<SamplingMetrics>> = Some(line);
 
     /// One unit per object that has candidates.
-    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+    fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let meshes = robot_meshes::sources(&config.hand)?;
         let trajectories = scope.partitions(Trajectory::NAME);
         let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
@@ -96,7 +97,7 @@ impl Output for SamplingReport {
         _config: &SampleConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SamplingMetrics>, SampleError> {
+    ) -> Result<Outcome<SamplingMetrics>, BoxedDiagnostic> {
         let drawn: Candidates = inputs.one()?;
         let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
             return Ok(Outcome::skipped("object has no distance field"));
@@ -110,7 +111,7 @@ impl Output for SamplingReport {
             .collect::<Result<Vec<_>, _>>()?;
         let measure = Measure {
             probe: PenetrationProbe {
-                collision_model: &CollisionModel::new(&hand)?,
+                collision_model: &CollisionModel::new(&hand).map_err(SampleError::from)?,
                 field: &field,
                 order: &order(&hand, &drawn.joints, "set of candidates")?,
             },
@@ -119,7 +120,9 @@ impl Output for SamplingReport {
         let motions: Vec<ComparedMotion> =
             drawn.candidates.iter().map(ComparedMotion::from).collect();
         let diversity = Diversity::of(&motions);
-        let sampled = measure.all(&drawn.candidates, &diversity)?;
+        let sampled = measure
+            .all(&drawn.candidates, &diversity)
+            .map_err(SampleError::from)?;
         cx.write(&sampled)?;
         charts::Charts {
             joints: &drawn.joints,
@@ -170,7 +173,7 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
 }
 
 /// Reads a demonstration with its joints in this order.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, SampleError> {
+fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, BoxedDiagnostic> {
     let shown: Trajectory = lake::table::read(artifact)?;
     let motion = shown.motion.reordered(joints).map_err(|err| match err {
         MotionError::Joints(source) => SampleError::AnotherHand {

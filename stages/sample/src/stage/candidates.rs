@@ -1,7 +1,9 @@
 //! The motions of one object.
 
 use cgf::Cgf;
-use dataflow::{Artifact, Context, Inputs, Outcome, Partition, Scope, Unit, UnknownPartition};
+use dataflow::{
+    Artifact, BoxedDiagnostic, Context, InputError, Inputs, Outcome, Partition, Scope, Unit,
+};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use schemas::{
@@ -22,11 +24,9 @@ use crate::{
 };
 
 /// One unit per object.
-pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, SampleError> {
+pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let objects = scope.partitions(Object::NAME);
-    let chosen = scope
-        .chosen(Object::NAME, &config.objects)
-        .map_err(SampleError::UnknownObject)?;
+    let chosen = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
     let checkpoint = scope
         .partitions(checkpoint::NAME)
         .iter()
@@ -84,17 +84,20 @@ pub(super) fn make(
     config: &SampleConfig,
     inputs: &Inputs,
     cx: &Context,
-) -> Result<Outcome<SampleMetrics>, SampleError> {
+) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let seen: Vec<Object> = inputs.all()?;
     let (own, others): (Vec<&Object>, Vec<&Object>) = seen
         .iter()
         .partition(|object| seen.len() == 1 || object.name == cx.partition().as_str());
     let object = own.first().copied().ok_or_else(|| {
-        SampleError::UnknownObject(UnknownPartition {
-            name: cx.partition().to_string(),
-            known: seen.iter().map(|object| object.name.clone()).collect(),
-        })
+        let known = seen.iter().map(|object| object.name.as_str());
+        InputError::unknown(
+            Object::NAME,
+            Object::PARTITION,
+            cx.partition().as_str(),
+            known,
+        )
     })?;
     let other = match config.shape {
         SeenShape::Own => None,
@@ -118,7 +121,8 @@ pub(super) fn make(
     let collision_model = hand
         .as_ref()
         .map(|hand| CollisionModel::new(&hand.model))
-        .transpose()?;
+        .transpose()
+        .map_err(SampleError::from)?;
     let hand_and_field = collision_model
         .as_ref()
         .zip(order.as_ref())
@@ -160,11 +164,11 @@ pub(super) fn make(
     Ok(Outcome::Made(metrics))
 }
 
-fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, SampleError> {
+fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, BoxedDiagnostic> {
     let files = match epoch {
         CheckpointWeights::Best => checkpoint::BEST,
         CheckpointWeights::Last => checkpoint::LAST,
     };
     let weights = artifact.path(files.weights)?;
-    Ok(Cgf::load(weights, artifact.path(files.description)?)?)
+    Ok(Cgf::load(weights, artifact.path(files.description)?).map_err(SampleError::from)?)
 }

@@ -4,7 +4,8 @@ use std::collections::BTreeMap;
 
 use charts::{Captions, Estimate, Estimates, intervals};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Partition, Scope, Sum, Summary, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Partition, Scope,
+    Sum, Summary, Unit,
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
@@ -16,7 +17,7 @@ use schemas::{
 use simulation::{Approach, ObjectMass, Protocol, ProtocolName, SceneConfig};
 use statistics::{MeanInterval, bootstrap_mean};
 
-use crate::{Screen, ScreenConfig, ScreenError};
+use crate::{Screen, ScreenConfig};
 
 dataflow::metrics! {
     /// Metrics of all objects together.
@@ -50,7 +51,7 @@ pub struct RatesReport;
 impl Output for RatesReport {
     type Stage = Screen;
     type Metrics = RatesMetrics;
-    type Error = ScreenError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = SuccessRates::NAME;
     const SCHEMA: &'static str = SuccessRates::VERSION;
@@ -58,7 +59,7 @@ impl Output for RatesReport {
     const OPTIONS: OptionsUsed = OptionsUsed::Only(&["protocol", "scene"]);
     const LINE: Option<Line<RatesMetrics>> = Some(line);
 
-    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(units(scope))
     }
 
@@ -67,7 +68,7 @@ impl Output for RatesReport {
         config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<RatesMetrics>, ScreenError> {
+    ) -> Result<Outcome<RatesMetrics>, BoxedDiagnostic> {
         let successes: Successes = inputs.one()?;
         let config = &config.resolved();
         let rates = rates(&successes, config);

@@ -3,7 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use charts::{Captions, Estimate, Estimates, intervals};
-use dataflow::{Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+};
 use diversity::{ComparedMotion, Diversity};
 use lake::{LakeError, WriteArtifact, table};
 use schemas::{
@@ -52,7 +54,7 @@ pub struct SuccessReport;
 impl Output for SuccessReport {
     type Stage = Screen;
     type Metrics = SuccessMetrics;
-    type Error = ScreenError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Successes::NAME;
     const SCHEMA: &'static str = Successes::VERSION;
@@ -60,7 +62,7 @@ impl Output for SuccessReport {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<SuccessMetrics>> = Some(line);
 
-    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, ScreenError> {
+    fn units(_config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         Ok(units(scope))
     }
 
@@ -69,7 +71,7 @@ impl Output for SuccessReport {
         _config: &ScreenConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<SuccessMetrics>, ScreenError> {
+    ) -> Result<Outcome<SuccessMetrics>, BoxedDiagnostic> {
         let mut rows = Vec::new();
         let mut touched_n = 0;
         for artifact in inputs.artifacts(Rollouts::NAME) {

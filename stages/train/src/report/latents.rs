@@ -3,7 +3,8 @@
 use cgf::{Description, EncodedDemonstration};
 use charts::{Captions, Scale, Series, lines, scatter};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum,
+    Summary, Unit,
 };
 use lake::{LakeError, WriteArtifact};
 use schemas::{
@@ -13,7 +14,7 @@ use schemas::{
 };
 
 use super::{description, mean, of_description, shown_split};
-use crate::{Train, TrainConfig, TrainError};
+use crate::{Train, TrainConfig};
 
 /// Variance of the means beyond which a dimension is active (Burda, Grosse and Salakhutdinov,
 /// *Importance Weighted Autoencoders*, 2016, section 5.2).
@@ -37,7 +38,7 @@ pub struct LatentsReport;
 impl Output for LatentsReport {
     type Stage = Train;
     type Metrics = LatentMetrics;
-    type Error = TrainError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Latents::NAME;
     const SCHEMA: &'static str = Latents::VERSION;
@@ -45,7 +46,7 @@ impl Output for LatentsReport {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<LatentMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         of_description(config, scope)
     }
 
@@ -54,7 +55,7 @@ impl Output for LatentsReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<LatentMetrics>, TrainError> {
+    ) -> Result<Outcome<LatentMetrics>, BoxedDiagnostic> {
         let description = description(inputs)?;
         let rows = rows(&description);
         cx.write(&rows)?;

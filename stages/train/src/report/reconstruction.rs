@@ -8,7 +8,8 @@ use std::{
 use cgf::{Cgf, CgfError, Description, EncodedDemonstration, TrainingMotion};
 use charts::{Bars, Captions, Scale, Series, bars, lines};
 use dataflow::{
-    Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum,
+    Summary, Unit,
 };
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use motion::HandState;
@@ -81,7 +82,7 @@ pub struct ReconstructionReport;
 impl Output for ReconstructionReport {
     type Stage = Train;
     type Metrics = ReconstructionMetrics;
-    type Error = TrainError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Reconstruction::NAME;
     const SCHEMA: &'static str = Reconstruction::VERSION;
@@ -89,7 +90,7 @@ impl Output for ReconstructionReport {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<ReconstructionMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         of_function(config, scope)
     }
 
@@ -98,12 +99,14 @@ impl Output for ReconstructionReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<ReconstructionMetrics>, TrainError> {
+    ) -> Result<Outcome<ReconstructionMetrics>, BoxedDiagnostic> {
         let (model, files) = (inputs.artifact(checkpoint::NAME)?, checkpoint::LAST);
-        let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)?;
+        let cgf = Cgf::load(model.path(files.weights)?, model.path(files.description)?)
+            .map_err(TrainError::from)?;
         let description = cgf.description();
         let hand = Arc::new(hand(inputs)?);
-        cgf.check_hand(&hand.joint_names())?;
+        cgf.check_hand(&hand.joint_names())
+            .map_err(TrainError::from)?;
         let tips = tips(description, &hand)?;
         let set = set::read(inputs, &hand.joint_names())?;
         let known: BTreeMap<&str, &EncodedDemonstration> = description
@@ -123,13 +126,17 @@ impl Output for ReconstructionReport {
                     })?;
             let feature = match features.entry(track.scene) {
                 std::collections::btree_map::Entry::Occupied(entry) => entry.into_mut(),
-                std::collections::btree_map::Entry::Vacant(entry) => {
-                    entry.insert(cgf.feature(&set.scenes[track.scene])?)
-                }
+                std::collections::btree_map::Entry::Vacant(entry) => entry.insert(
+                    cgf.feature(&set.scenes[track.scene])
+                        .map_err(TrainError::from)?,
+                ),
             };
             let times = track.times();
             let latent = std::slice::from_ref(&demonstration.latent_mean);
-            let decoded = cgf.decode(feature, latent, &times)?.concat();
+            let decoded = cgf
+                .decode(feature, latent, &times)
+                .map_err(TrainError::from)?
+                .concat();
             all.push(rebuilt(demonstration, track, &decoded, &hand, &tips)?);
             let share = all.len() as f64 / set.tracks.len() as f64;
             cx.progress(share, &track.name);

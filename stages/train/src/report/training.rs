@@ -3,7 +3,8 @@
 use cgf::{Description, Epoch, Losses, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{
-    Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Scope, Summary, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Scope,
+    Summary, Unit,
 };
 use lake::{LakeError, WriteArtifact};
 use schemas::{
@@ -12,7 +13,7 @@ use schemas::{
 };
 
 use super::{description, of_description, shown, shown_split};
-use crate::{BySplit, Train, TrainConfig, TrainError};
+use crate::{BySplit, Train, TrainConfig};
 
 /// A term of the loss: its name, its number, its weight.
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
@@ -78,7 +79,7 @@ pub struct TrainingReport;
 impl Output for TrainingReport {
     type Stage = Train;
     type Metrics = TrainingMetrics;
-    type Error = TrainError;
+    type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = Training::NAME;
     const SCHEMA: &'static str = Training::VERSION;
@@ -86,7 +87,7 @@ impl Output for TrainingReport {
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
     const LINE: Option<Line<TrainingMetrics>> = Some(line);
 
-    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, TrainError> {
+    fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         of_description(config, scope)
     }
 
@@ -95,7 +96,7 @@ impl Output for TrainingReport {
         _config: &TrainConfig,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<TrainingMetrics>, TrainError> {
+    ) -> Result<Outcome<TrainingMetrics>, BoxedDiagnostic> {
         let description = description(inputs)?;
         let rows = rows(&description.training_curve);
         cx.write(&rows)?;

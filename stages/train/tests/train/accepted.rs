@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use dataflow::BoxedDiagnostic;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     rollouts::{Rollout, Rollouts, Verdict},
@@ -70,7 +71,7 @@ fn with_accepted(folder: &Path, candidates: &Candidates, rollouts: &Rollouts) ->
     Inputs::new(by_name, vec![SourceFile::named("hand", &config().hand)])
 }
 
-fn made(inputs: &Inputs) -> Result<(Option<f64>, Vec<String>), TrainError> {
+fn made(inputs: &Inputs) -> Result<(Option<f64>, Vec<String>), BoxedDiagnostic> {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
     let Outcome::Made(made) = Train::make(&config(), inputs, &cx)? else {

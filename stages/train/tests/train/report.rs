@@ -3,7 +3,9 @@
 use std::{collections::BTreeMap, fs, path::Path};
 
 use cgf::Description;
-use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary};
+use dataflow::{
+    Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary,
+};
 use schemas::{
     Table, checkpoint,
     latents::Latents,
@@ -59,13 +61,13 @@ impl Trained {
         }
     }
 
-    fn report<O: Output<Stage = Train, Error = TrainError>>(
+    fn report<O: Output<Stage = Train>>(
         &self,
         seed: u64,
         folder: &Path,
-    ) -> Result<O::Metrics, Box<TrainError>> {
+    ) -> Result<O::Metrics, BoxedDiagnostic> {
         let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder);
-        match O::make(&self.config, &self.inputs, &cx).map_err(Box::new)? {
+        match O::read_and_make(&self.config, &self.inputs, &cx)? {
             Outcome::Made(made) => Ok(made),
             Outcome::Labeled(..) | Outcome::Provisional(_) => panic!("not made"),
             Outcome::Skipped { reason } | Outcome::Filtered { reason } => panic!("{reason}"),
@@ -75,7 +77,7 @@ impl Trained {
     /// Makes a report; returns its table, its charts and its metrics.
     fn table_of<O, T>(&self) -> (T, Vec<String>, O::Metrics)
     where
-        O: Output<Stage = Train, Error = TrainError>,
+        O: Output<Stage = Train>,
         T: Table,
     {
         let folder = TempDir::new().unwrap();
@@ -269,5 +271,8 @@ fn a_cut_off_checkpoint_is_a_clear_error() {
     let err = trained
         .report::<ReconstructionReport>(7, folder.path())
         .unwrap_err();
-    assert!(matches!(*err, TrainError::Cgf(_)), "{err:?}");
+    assert!(
+        matches!(err.downcast_ref(), Some(TrainError::Cgf(_))),
+        "{err:?}"
+    );
 }

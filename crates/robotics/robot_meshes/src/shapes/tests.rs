@@ -1,3 +1,4 @@
+use dataflow::Diagnostic;
 use nalgebra::{Point3, Vector3};
 use robot::{Link, Shape};
 use tempfile::TempDir;
