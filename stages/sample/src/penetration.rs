@@ -7,7 +7,7 @@ use robot::{
     JointOrder, RobotModel, WrongDof,
     spheres::{SLACK, SphereCluster, TooLarge, clusters},
 };
-use schemas::candidates::{Candidate, Refusal};
+use schemas::{candidates::Candidate, draws::Refusal};
 use spatial::{Object, Palm, Pose, Table};
 
 /// Collision model of a hand: its collision shapes filled with spheres.

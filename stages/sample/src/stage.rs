@@ -5,9 +5,10 @@ mod candidates;
 use dataflow::{
     Context, Inputs, OptionFault, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
+use lake::Beside;
 use schemas::{
-    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
-    trajectories::Trajectory,
+    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, draws::Draws,
+    objects::Object, trajectories::Trajectory,
 };
 
 use crate::{SampleConfig, SampleError};
@@ -37,7 +38,7 @@ impl Stage for Sample {
         FieldInfo::NAME,
         Trajectory::NAME,
     ];
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 
     fn check(config: &SampleConfig) -> Vec<OptionFault> {
         config.faults()
