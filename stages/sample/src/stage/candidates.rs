@@ -129,14 +129,14 @@ pub(super) fn make(
         field,
         order,
     });
-    let (candidates, draws) = sample(config, &cgf, object, other, probe, cx.seed())?;
+    let (candidates, every_draw) = sample(config, &cgf, object, other, probe, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
         candidates,
     };
     cx.write(&drawn)?;
-    cx.write(&draws)?;
+    cx.write(&every_draw)?;
     if config.recorded_per_object > 0
         && let Some(hand) = &hand
         && let Some(order) = &order
@@ -156,7 +156,7 @@ pub(super) fn make(
     }
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: draws.len() as f64,
+        draws: every_draw.len() as f64,
     };
     Ok(Outcome::Made(metrics))
 }
