@@ -1,15 +1,13 @@
-//! `candidates`: unscreened motions, one partition per object, one row per draw.
+//! `candidates`: unscreened motions, one partition per object, one row per candidate.
 //!
-//! A generator may draw a motion several times and keep one draw, the candidate; the other draws are
-//! rows too, of the same `candidate_id`, with a reason in `refused` and without a motion: their lists
-//! are empty. So `refused = ''` selects the candidates. A stage that reads candidates writes them again: in a run,
-//! `stage = 'refine'` selects those that are screened. Rows are in the order of the motions, then of
-//! the draws.
+//! A generator may draw a motion several times and keep one draw, the candidate; `draws` has all of them. A stage that
+//! reads candidates writes them again: in a run, `stage = 'refine'` selects those that are screened. Names are unique
+//! in a stage.
 //!
 //! Positions of prismatic joints are in meters, and so are their rates (per second) and limit
 //! excess.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::sync::Arc;
 
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
@@ -19,6 +17,7 @@ use spatial::{Object, Palm, Pose, Twist};
 use crate::{
     SchemaError, Table,
     columns::{JOINTS, Reader, Writer, columns, words},
+    draws::Refusal,
 };
 
 /// A motion to be screened.
@@ -43,8 +42,6 @@ pub struct Candidate {
     pub residual_m2: Option<f64>,
     /// The hand in the object's frame, with the joints of [`Candidates`]; its last step is the grasp.
     pub motion: Motion<Object>,
-    /// The other draws of this motion, in their order.
-    pub refused: Vec<RefusedDraw>,
 }
 
 impl Candidate {
@@ -72,26 +69,8 @@ impl Candidate {
             depth_m: None,
             residual_m2: None,
             motion,
-            refused: Vec::new(),
         }
     }
-}
-
-/// A draw of a motion that was not kept.
-#[derive(Debug, Clone, PartialEq)]
-pub struct RefusedDraw {
-    /// Source of the draw.
-    pub source: DrawSource,
-    /// Pose of the object on the table.
-    pub table_from_object: Pose<spatial::Table, Object>,
-    /// Greatest joint limit excess as drawn, in radians (meters if prismatic); 0 if none.
-    pub limit_excess_rad: f64,
-    /// Greatest depth of the hand in object or table, in meters; none if not measured.
-    pub depth_m: Option<f64>,
-    /// Residual of the refinement, in m²; none if not refined.
-    pub residual_m2: Option<f64>,
-    /// Why.
-    pub refusal: Refusal,
 }
 
 /// All candidates of one object.
@@ -163,32 +142,17 @@ words! {
     }
 }
 
-words! {
-    /// Why a draw was refused.
-    #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-    pub enum Refusal: "refusal" {
-        /// The hand is too deep in the object.
-        Object = "object",
-        /// The hand is too deep in the table.
-        Table = "table",
-        /// Another draw of the motion had a smaller residual.
-        Residual = "residual",
-    }
-}
-
 columns! {
-    /// A draw, its steps as lists.
+    /// A candidate, its steps as lists.
     struct Row {
-        candidate_id: String => "unique name of the motion, the same for all its draws",
+        candidate_id: String => "unique name of the motion",
         generator: String => "what drew it",
         source: DrawSource,
-        refused: Option<Refusal>
-            => "empty for a candidate, else why: too deep in `object` or `table`, or a larger `residual` than it",
         depth_m: Option<f64> ["m"]
             => "deepest that the hand was in object or table when it was drawn; null if not measured",
         residual_m2: Option<f64> ["m²"]
             => "residual of the refinement: depth, missing contact, unbalanced force; null if not refined",
-        latent: Vec<f64> ["1"] => "latent code it came from; empty for a refused draw, as all lists",
+        latent: Vec<f64> ["1"] => "latent code it came from; empty if there is none",
         table_from_object: Pose<spatial::Table, Object> ["m, 1"] => "how the object lies: xyz, xyzw",
         limit_excess_rad: f64 ["rad"]
             => "farthest that a joint was drawn outside its limits, before it was put back to them",
@@ -214,7 +178,6 @@ impl From<&Candidate> for Row {
             candidate_id: candidate.candidate_id.clone(),
             generator: candidate.generator.clone(),
             source: candidate.source.clone(),
-            refused: None,
             depth_m: candidate.depth_m,
             residual_m2: candidate.residual_m2,
             latent: candidate.latent.clone(),
@@ -240,42 +203,8 @@ impl From<&Candidate> for Row {
 }
 
 impl Row {
-    /// Returns the rows of all draws of a motion, in their order.
-    fn draws(candidate: &Candidate) -> Vec<Self> {
-        let refused = candidate.refused.iter();
-        let refused = refused.map(|draw| Self::refused(candidate, draw));
-        let mut draws: Vec<Self> = refused.chain([Self::from(candidate)]).collect();
-        draws.sort_by_key(|draw| draw.source.draw_n);
-        draws
-    }
-
-    fn refused(candidate: &Candidate, draw: &RefusedDraw) -> Self {
-        Self {
-            candidate_id: candidate.candidate_id.clone(),
-            generator: candidate.generator.clone(),
-            source: draw.source.clone(),
-            refused: Some(draw.refusal),
-            depth_m: draw.depth_m,
-            residual_m2: draw.residual_m2,
-            latent: Vec::new(),
-            table_from_object: draw.table_from_object,
-            limit_excess_rad: draw.limit_excess_rad,
-            time_s: Vec::new(),
-            object_from_palm: Vec::new(),
-            q_rad: Vec::new(),
-            q_velocity_rad_per_s: Vec::new(),
-            q_acceleration_rad_per_s2: Vec::new(),
-            palm_velocity: Vec::new(),
-            palm_acceleration: Vec::new(),
-        }
-    }
-
     /// Returns the motion of a hand with these joints, if every step is complete.
-    fn candidate(
-        self,
-        joints: &Arc<[String]>,
-        refused: Vec<RefusedDraw>,
-    ) -> Result<Candidate, SchemaError> {
+    fn candidate(self, joints: &Arc<[String]>) -> Result<Candidate, SchemaError> {
         let (dof, steps_n) = (joints.len(), self.time_s.len());
         let of_joints = |column, numbers: &[f64]| {
             SchemaError::check_length(column, "joint positions", numbers, dof * steps_n)
@@ -319,7 +248,6 @@ impl Row {
             limit_excess_rad: self.limit_excess_rad,
             depth_m: self.depth_m,
             residual_m2: self.residual_m2,
-            refused,
         })
     }
 }
@@ -327,7 +255,7 @@ impl Row {
 impl Table for Candidates {
     const NAME: &'static str = "candidates";
     const PARTITION: &'static str = "object";
-    const VERSION: &'static str = "candidates/5";
+    const VERSION: &'static str = "candidates/6";
 
     fn schema() -> Schema {
         Writer::of::<Row>(Self::VERSION, &[]).schema()
@@ -339,7 +267,7 @@ impl Table for Candidates {
             let message = format!("`{}` has other joints", other.candidate_id);
             return Err(SchemaError::invalid(JOINTS, message));
         }
-        let rows: Vec<Row> = self.candidates.iter().flat_map(Row::draws).collect();
+        let rows: Vec<Row> = self.candidates.iter().map(Row::from).collect();
         let writer = Writer::of(Self::VERSION, &rows);
         writer.with_names(JOINTS, &self.joints).into_batch()
     }
@@ -347,32 +275,14 @@ impl Table for Candidates {
     fn from_batch(object: &str, batch: &RecordBatch) -> Result<Self, SchemaError> {
         let reader = Reader::new(batch, Self::VERSION)?;
         let joints = reader.joints()?.into();
-        let mut refused: BTreeMap<String, Vec<RefusedDraw>> = BTreeMap::new();
-        let mut kept: Vec<Row> = Vec::new();
-        for row in reader.rows::<Row>()? {
-            match row.refused {
-                None => kept.push(row),
-                Some(refusal) => refused
-                    .entry(row.candidate_id)
-                    .or_default()
-                    .push(RefusedDraw {
-                        source: row.source,
-                        table_from_object: row.table_from_object,
-                        limit_excess_rad: row.limit_excess_rad,
-                        depth_m: row.depth_m,
-                        residual_m2: row.residual_m2,
-                        refusal,
-                    }),
+        let mut candidates = Vec::with_capacity(batch.num_rows());
+        for row in 0..batch.num_rows() {
+            // In older versions refused draws are rows, too.
+            let refused: Option<Option<Refusal>> = reader.cell_if_there("refused", row)?;
+            if refused.flatten().is_none() {
+                candidates
+                    .push(<Row as crate::columns::Row>::read(&reader, row)?.candidate(&joints)?);
             }
-        }
-        let mut candidates = Vec::with_capacity(kept.len());
-        for row in kept {
-            let refused = refused.remove(&row.candidate_id).unwrap_or_default();
-            candidates.push(row.candidate(&joints, refused)?);
-        }
-        if let Some(name) = refused.keys().next() {
-            let message = format!("every sample of `{name}` is refused");
-            return Err(SchemaError::invalid("refused", message));
         }
         Ok(Self {
             object: object.to_owned(),

@@ -21,6 +21,7 @@ pub mod checkpoint;
 mod columns;
 pub mod demonstrations;
 pub mod distance_fields;
+pub mod draws;
 mod error;
 pub mod executions;
 pub mod grasp_networks;

@@ -42,19 +42,24 @@ pub trait Table: Sized {
 }
 
 /// Declares a table with a name, a version and the kind of item that one partition holds. A partition has rows, or one
-/// row, with the columns of `columns!`.
+/// row, with the columns of `columns!`. The rows of a table beside another one are written into its artifact, as
+/// `NAME.parquet`.
 macro_rules! table {
     ($name:literal, $version:literal, per $partition:literal, rows: $row:ty) => {
-        table! {@impl $name, $version, $partition, $row, Vec<$row>, |table| table, |reader| reader.rows()}
+        table! {@impl $name, $version, $partition, crate::TABLE_FILE, $row, Vec<$row>, |table| table, |reader| reader.rows()}
+    };
+    ($name:literal, $version:literal, per $partition:literal, rows: $row:ty, beside $other:literal) => {
+        table! {@impl $name, $version, $partition, concat!($name, ".parquet"), $row, Vec<$row>, |table| table, |reader| reader.rows()}
     };
     ($name:literal, $version:literal, per $partition:literal, row: $row:ty) => {
-        table! {@impl $name, $version, $partition, $row, $row, std::slice::from_ref, |reader| reader.row()}
+        table! {@impl $name, $version, $partition, crate::TABLE_FILE, $row, $row, std::slice::from_ref, |reader| reader.row()}
     };
-    (@impl $name:literal, $version:literal, $partition:literal, $row:ty, $table:ty, $rows:expr, $read:expr) => {
+    (@impl $name:literal, $version:literal, $partition:literal, $file:expr, $row:ty, $table:ty, $rows:expr, $read:expr) => {
         impl crate::Table for $table {
             const NAME: &'static str = $name;
             const PARTITION: &'static str = $partition;
             const VERSION: &'static str = concat!($name, "/", $version);
+            const FILE: &'static str = $file;
 
             fn schema() -> arrow_schema::Schema {
                 crate::columns::Writer::of::<$row>(Self::VERSION, &[]).schema()

@@ -59,7 +59,7 @@ fn motions_and_their_lines_are_judged_by_the_same_physics() {
     let rows = ask(
         &bench,
         "select candidate_id, generator, object, time_s, object_from_palm, q_rad from candidates \
-         where refused = '' and stage <> 'sample'",
+         where stage <> 'sample'",
     );
     let all = |generator: &str| -> BTreeMap<&str, &Value> {
         let rows = rows

@@ -88,7 +88,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
         ]
     );
     // The stages that show the training, and those that draw from it.
-    assert_eq!([7, 8, 9, 10, 11].map(states), ["pending"; 5]);
+    assert_eq!([7, 8, 9, 10, 11, 12].map(states), ["pending"; 6]);
 
     bench.run_well(&change);
     let made = bench.made_by_newest_run();
@@ -97,6 +97,7 @@ fn a_changed_value_reruns_its_stage_and_what_follows_and_plan_names_it() {
         names,
         [
             "sample.candidates",
+            "sample.draws",
             "sample.sampling",
             "train.checkpoint",
             "train.latents",

@@ -413,6 +413,5 @@ fn candidate(hand: &RobotModel, idx: usize, grasp: &Value, height_m: f64) -> Can
         depth_m: None,
         residual_m2: None,
         motion: Motion::of_joints(joints, steps.to_vec()).unwrap(),
-        refused: Vec::new(),
     }
 }

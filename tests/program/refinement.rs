@@ -66,7 +66,7 @@ fn drawn_and_refined_motions_stand_side_by_side() {
     let mut names: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for row in ask(
         &bench,
-        "select stage, candidate_id, origin, q_rad from candidates where refused = ''",
+        "select stage, candidate_id, origin, q_rad from candidates",
     ) {
         let text = |column: &str| row[column].as_str().unwrap().to_owned();
         names

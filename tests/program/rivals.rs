@@ -67,7 +67,7 @@ fn planners_have_a_row_for_each_motion_and_equal_bytes_on_any_number_of_threads(
     let one = published(&bench, "pipelines/planners.toml", &values, "1");
     let names = |stage: &str| {
         let query = format!(
-            "select candidate_id from candidates where stage = '{stage}' and refused = '' order by candidate_id"
+            "select candidate_id from candidates where stage = '{stage}' order by candidate_id"
         );
         column(&bench, &query)
     };
@@ -91,7 +91,7 @@ fn planners_have_a_row_for_each_motion_and_equal_bytes_on_any_number_of_threads(
 fn generators_of_grasps_have_as_many_as_asked_and_equal_bytes_on_any_number_of_threads() {
     let bench = Bench::new();
     let one = published(&bench, "pipelines/rivals.toml", &GRASPS, "1");
-    let counts = "select count(*) from candidates where origin = 'grasp' and refused = '' group by stage, object";
+    let counts = "select count(*) from candidates where origin = 'grasp' group by stage, object";
     let counts = column(&bench, counts);
     // Four generators for each object.
     assert!(

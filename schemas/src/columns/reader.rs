@@ -13,11 +13,30 @@ pub(super) const SCHEMA: &str = "schema";
 /// Key of the joints' names, separated by commas, in the file's metadata.
 pub const JOINTS: &str = "joints";
 
-/// Versions that are read as a later one: they have its columns, and 0 where the later one has null; a depth of 0
-/// that was measured reads as null, too.
-const READ_AS: [[&str; 2]; 2] = [
-    ["candidates/4", "candidates/5"],
-    ["rollouts/6", "rollouts/7"],
+/// A version that is read as a later one, whose columns it has.
+struct ReadAs {
+    older: &'static str,
+    version: &'static str,
+    /// Whether it has 0 where the later one has null; a depth of 0 that was measured reads as null, too.
+    zero_is_null: bool,
+}
+
+const READ_AS: [ReadAs; 3] = [
+    ReadAs {
+        older: "candidates/4",
+        version: "candidates/6",
+        zero_is_null: true,
+    },
+    ReadAs {
+        older: "candidates/5",
+        version: "candidates/6",
+        zero_is_null: false,
+    },
+    ReadAs {
+        older: "rollouts/6",
+        version: "rollouts/7",
+        zero_is_null: true,
+    },
 ];
 
 /// Reads the columns of one version of a schema by name.
@@ -34,17 +53,19 @@ impl<'a> Reader<'a> {
             batch,
             zero_is_null: false,
         };
-        match reader.noted(SCHEMA) {
-            found if found == version => Ok(reader),
-            found if READ_AS.contains(&[found, version]) => {
-                reader.zero_is_null = true;
-                Ok(reader)
-            }
-            found => Err(SchemaError::Version {
+        let found = reader.noted(SCHEMA);
+        if found == version {
+            return Ok(reader);
+        }
+        let mut read_as = READ_AS.iter();
+        let Some(read_as) = read_as.find(|as_| as_.older == found && as_.version == version) else {
+            return Err(SchemaError::Version {
                 expected: version.to_owned(),
                 found: found.to_owned(),
-            }),
-        }
+            });
+        };
+        reader.zero_is_null = read_as.zero_is_null;
+        Ok(reader)
     }
 
     /// Reads all rows.
@@ -96,6 +117,16 @@ impl<'a> Reader<'a> {
             zero_is_null: self.zero_is_null,
         };
         T::read(&column, row)
+    }
+
+    /// Reads a cell of a column that only some versions have.
+    pub(crate) fn cell_if_there<T: Cell>(
+        &self,
+        name: &str,
+        row: usize,
+    ) -> Result<Option<T>, SchemaError> {
+        let is_there = self.batch.column_by_name(name).is_some();
+        is_there.then(|| self.cell(name, row)).transpose()
     }
 
     /// Returns a list of names from the metadata; empty if it is absent.

@@ -6,9 +6,10 @@ use motion::{HandRates, JointRates, Motion, Step};
 use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin, Refusal, RefusedDraw},
+    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
+    draws::{Draw, Draws, Refusal},
     executions::{self, Execution},
     latents,
     objects::{self, Object},
@@ -42,6 +43,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("cgf", &reconstruction());
     tables.table("cgf", &latents());
     tables.table("can", &candidates());
+    tables.table("can", &draws());
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
     tables.table("can", &robustness());
@@ -199,33 +201,40 @@ pub(crate) fn candidates() -> Candidates {
         limit_excess_rad: 0.01,
         depth_m: Some(0.002),
         residual_m2: None,
-        refused: Vec::new(),
         motion: Motion::new(
             &joints(),
             times.iter().map(|&time_s| step(time_s)).collect(),
         )
         .unwrap(),
     };
-    let refused = |draw_n: u32, refusal: Refusal| RefusedDraw {
-        source: source(draw_n),
-        table_from_object: pose(0.8),
-        limit_excess_rad: 0.02,
-        depth_m: Some(0.007),
-        residual_m2: None,
-        refusal,
-    };
     Candidates {
         object: "can".to_owned(),
         joints: joints().into(),
         candidates: vec![
             motion("can-0", &[0.0, 0.5, 1.0]),
-            // Its second draw of three was kept.
-            Candidate {
-                refused: vec![refused(1, Refusal::Object), refused(3, Refusal::Table)],
-                ..motion("can-1", &[0.0, 0.25])
-            },
+            motion("can-1", &[0.0, 0.25]),
         ],
     }
+}
+
+/// The draws of [`candidates`], of the second motion three.
+pub(crate) fn draws() -> Draws {
+    let Candidates { candidates, .. } = candidates();
+    let refused = |draw_n: u32, refusal: Refusal| Draw {
+        source: source(draw_n),
+        depth_m: Some(0.007),
+        ..Draw::refused(&candidates[1], refusal)
+    };
+    vec![
+        Draw::kept(&candidates[0]),
+        refused(1, Refusal::Object),
+        Draw::kept(&candidates[1]),
+        refused(3, Refusal::Table),
+        Draw {
+            source: source(4),
+            ..Draw::without_motion(&candidates[1], "2 joints, expected 3".to_owned())
+        },
+    ]
 }
 
 fn source(draw_n: u32) -> DrawSource {

@@ -6,12 +6,13 @@ mod snapshots;
 use std::{fmt::Debug, sync::Arc};
 
 use arrow_array::{
-    ArrayRef, Float64Array, ListArray, RecordBatch, cast::AsArray, types::Float64Type,
+    ArrayRef, Float64Array, ListArray, RecordBatch, StringArray, cast::AsArray, types::Float64Type,
 };
-use arrow_schema::{Field, Schema};
+use arrow_schema::{DataType, Field, FieldRef, Schema};
 use schemas::{
     SchemaError, Table,
     candidates::{Candidates, DrawSource},
+    draws::{Draw, Draws, Refusal},
     latents::{self, Latents},
     reconstruction::{self, Reconstruction},
     rollouts::{Rollouts, Verdict},
@@ -36,25 +37,46 @@ fn every_table_reads_back() {
 }
 
 #[test]
-fn every_draw_is_a_row_and_each_motion_has_one_that_was_kept() {
+fn every_draw_is_a_row_and_a_candidate_is_one_that_was_kept() {
     let candidates = filled::candidates();
     let batch = candidates.to_batch().unwrap();
-    let words = |name: &str| -> Vec<String> {
+    let words = |batch: &RecordBatch, name: &str| -> Vec<String> {
         let column = batch.column_by_name(name).unwrap().as_string::<i32>();
         column.iter().map(|word| word.unwrap().to_owned()).collect()
     };
-    assert_eq!(words("candidate_id"), ["can-0", "can-1", "can-1", "can-1"]);
-    assert_eq!(words("refused"), ["", "object", "", "table"]);
-    let steps = batch.column_by_name("time_s").unwrap().as_list::<i32>();
-    let steps_n: Vec<i32> = (0..4).map(|row| steps.value_length(row)).collect();
-    assert_eq!(steps_n, [3, 0, 2, 0]);
-
-    let without_kept = batch.slice(0, 2);
-    let err = Candidates::from_batch("can", &without_kept).unwrap_err();
+    assert_eq!(words(&batch, "candidate_id"), ["can-0", "can-1"]);
+    let draws = filled::draws().to_batch().unwrap();
     assert_eq!(
-        err.to_string(),
-        "column `refused`: every sample of `can-1` is refused"
+        words(&draws, "candidate_id"),
+        ["can-0", "can-1", "can-1", "can-1", "can-1"]
     );
+    assert_eq!(
+        words(&draws, "refused"),
+        ["", "object", "", "table", "motion"]
+    );
+
+    // A generator without draws has one for each candidate.
+    let each: Draws = candidates.candidates.iter().map(Draw::kept).collect();
+    assert_eq!(Draw::of_candidates(&batch).unwrap(), each);
+    // In older versions refused draws are rows among the candidates.
+    let mut older = candidates.clone();
+    older.candidates[0].candidate_id = "can-1".to_owned();
+    let older = older.to_batch().unwrap();
+    let schema = older.schema();
+    let refused: ArrayRef = Arc::new(StringArray::from(vec!["table", ""]));
+    let fields = schema.fields().iter().cloned();
+    let field = Arc::new(Field::new("refused", DataType::Utf8, false));
+    let fields: Vec<FieldRef> = fields.chain([field]).collect();
+    let mut metadata = schema.metadata().clone();
+    metadata.insert("schema".to_owned(), "candidates/5".to_owned());
+    let schema = Arc::new(Schema::new_with_metadata(fields, metadata));
+    let columns = older.columns().iter().cloned().chain([refused]).collect();
+    let older = RecordBatch::try_new(schema, columns).unwrap();
+    let kept = Candidates::from_batch("can", &older).unwrap().candidates;
+    assert_eq!(kept, candidates.candidates[1..]);
+    let draws = Draw::of_candidates(&older).unwrap();
+    let refusals: Vec<Option<Refusal>> = draws.iter().map(|draw| draw.refused).collect();
+    assert_eq!(refusals, [Some(Refusal::Table), None]);
     // Without training, objects have no split.
     let mut untrained = candidates;
     for candidate in &mut untrained.candidates {

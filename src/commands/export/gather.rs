@@ -112,10 +112,11 @@ impl GatheredMotions {
             let Some(artifact) = artifact(lake, unit)? else {
                 continue;
             };
+            let draws = table::read_draws(&artifact)?;
+            refused_n += draws.iter().filter(|draw| draw.refused.is_some()).count();
             let of_object: Candidates = table::read(&artifact)?;
             let joints = joints(&of_object.joints, model);
             for candidate in &of_object.candidates {
-                refused_n += candidate.refused.len();
                 self.episodes
                     .push(drawn(candidate, &of_object.object, &joints)?);
             }

@@ -159,7 +159,6 @@ mod tests {
             limit_excess_rad: 0.0,
             depth_m: None,
             residual_m2: None,
-            refused: Vec::new(),
             motion: Motion::new(
                 &["j"],
                 vec![Step {

@@ -93,7 +93,6 @@ fn candidate(id: &str, closed_m: f64) -> Candidate {
         limit_excess_rad: 0.0,
         depth_m: None,
         residual_m2: None,
-        refused: Vec::new(),
         motion: Motion::new(
             &joints(),
             vec![

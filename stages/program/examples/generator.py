@@ -111,7 +111,7 @@ def main():
         joint_rates = rates(q)
         rows.append({
             "candidate_id": f"{part['partition']}-{number:04}", "generator": "straight", "draw_n": 1,
-            "origin": "prior", "demonstration": "", "object_split": "", "refused": "", "depth_m": None,
+            "origin": "prior", "demonstration": "", "object_split": "", "depth_m": None,
             "residual_m2": None, "latent": [], "table_from_object": table_from_object.tolist(),
             "limit_excess_rad": 0.0, "time_s": (STEP_S * np.arange(STEPS)).tolist(),
             "object_from_palm": poses.tolist(), "q_rad": q.ravel().tolist(),

@@ -34,7 +34,6 @@ fn candidates() -> Candidates {
         depth_m: None,
         residual_m2: None,
         motion: Motion::of_joints(Arc::clone(&joints), vec![step(0.0), step(1.0)]).unwrap(),
-        refused: Vec::new(),
     };
     Candidates {
         object: "can".to_owned(),

@@ -1,20 +1,21 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
+use std::{collections::BTreeMap, sync::Arc};
 
 use dataflow::{
-    BoxedDiagnostic, Context, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage,
-    Sum, Unit,
+    BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs,
+    Scope, Stage, Sum, Unit,
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, WriteArtifact};
+use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use posture::{Environment, Hand};
 use rayon::prelude::*;
 use schemas::{
     Table,
-    candidates::{Candidate, Candidates, Refusal, RefusedDraw},
+    candidates::{Candidate, Candidates},
     distance_fields::{self, FieldInfo},
+    draws::{Draw, Draws, Refusal},
     objects::Object,
 };
 use spatial::RestingPose;
@@ -53,7 +54,7 @@ lake::inputs! {
     /// What a unit reads: an object's motions, its distances, the object and the hand.
     pub struct RefineInputs {
         /// The motions.
-        each candidates: Candidates [lake::table::FILE], "to refine";
+        each candidates: Candidates [lake::table::FILE, Draws::FILE], "to refine";
         /// The distances from the object.
         own field: DistanceField = FieldInfo,
             |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
@@ -62,6 +63,8 @@ lake::inputs! {
         own object: Object, or "object missing";
     }
     files {
+        /// The draws that were refused before.
+        refused: RefusedDraws = RefusedDraws::read;
         /// The hand.
         hand: Hand = hand_files::hand;
     }
@@ -73,7 +76,7 @@ impl Stage for Refine {
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
     const INPUTS: &'static [&'static str] = RefineInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table.
     fn prepare(config: &RefineConfig) -> Result<(), BoxedDiagnostic> {
@@ -116,6 +119,7 @@ impl Output for Refine {
             candidates: given,
             field,
             object,
+            mut refused,
             hand,
         } = inputs;
         let field = Arc::new(field);
@@ -137,21 +141,32 @@ impl Output for Refine {
                 },
             )
             .collect();
-        let mut refined: Vec<(Candidate, Refined)> = Vec::new();
+        let mut attempts: Vec<Attempt> = Vec::with_capacity(tried.len());
         let mut cpu_s = 0.0;
         for (candidate, (tried, took_s)) in tried {
             cpu_s += took_s;
-            match tried {
-                Ok(moved) => refined.push((candidate, moved)),
-                Err(RefineError::Motion(err)) => {
-                    let id = candidate.candidate_id;
-                    return Ok(Outcome::skipped(format!("candidate `{id}`: {err}")));
-                }
+            let refined = match tried {
+                Ok(moved) => Ok(moved),
+                Err(RefineError::Motion(err)) => Err(err.to_string()),
                 Err(err) => return Err(err.into()),
-            }
+            };
+            attempts.push(Attempt {
+                refused: refused.take(&candidate.candidate_id),
+                refined,
+                candidate: Candidate {
+                    generator: GENERATOR.to_owned(),
+                    ..candidate
+                },
+            });
         }
-        let drawn_n = refined.len() as f64;
-        let candidates = best_of(refined, config.draws);
+        let drawn_n = attempts.len() as f64;
+        let mut candidates: Vec<(Candidate, Refined)> = Vec::new();
+        let mut draws = Draws::new();
+        for best in best_of(attempts, config.draws) {
+            draws.extend(best.draws);
+            candidates.extend(best.kept);
+        }
+        draws.extend(refused.rest());
         let n = candidates.len() as f64;
         let mean = |of: fn(&Refined) -> f64| {
             candidates.iter().map(|(_, one)| of(one)).sum::<f64>() / n.max(1.0)
@@ -171,91 +186,132 @@ impl Output for Refine {
             candidates: candidates
                 .into_iter()
                 .map(|(candidate, refined)| Candidate {
-                    generator: GENERATOR.to_owned(),
                     motion: refined.motion,
                     ..candidate
                 })
                 .collect(),
         })?;
+        cx.write(&draws)?;
         Ok(Outcome::Made(metrics))
     }
 }
 
+/// The draws that were refused before this stage, by the motion's name.
+pub struct RefusedDraws(BTreeMap<String, Draws>);
+
+impl RefusedDraws {
+    fn read(inputs: &Inputs) -> Result<Self, LakeError> {
+        let mut refused: BTreeMap<String, Draws> = BTreeMap::new();
+        for draw in lake::table::read_draws(inputs.artifact(Candidates::NAME)?)? {
+            if draw.refused.is_some() {
+                let of_motion = refused.entry(draw.candidate_id.clone());
+                of_motion.or_default().push(draw);
+            }
+        }
+        Ok(Self(refused))
+    }
+
+    /// Takes those of a motion, in their order.
+    fn take(&mut self, candidate_id: &str) -> Draws {
+        self.0.remove(candidate_id).unwrap_or_default()
+    }
+
+    /// Returns those of motions that have no candidate.
+    fn rest(self) -> impl Iterator<Item = Draw> {
+        self.0.into_values().flatten()
+    }
+}
+
+/// A motion that was to be refined.
+struct Attempt {
+    candidate: Candidate,
+    /// Draws of it that were refused before.
+    refused: Draws,
+    /// The refined motion, or why none of the hand could be formed.
+    refined: Result<Refined, String>,
+}
+
+/// Draws of one motion.
+struct Best {
+    /// Place among the motions.
+    number: usize,
+    /// The draw with the smallest residual; nothing if no motion could be formed.
+    kept: Option<(Candidate, Refined)>,
+    /// All draws, in their order.
+    draws: Draws,
+}
+
 /// Makes of `draws` motions in a row, of an object that lies alike, draws of one motion: the candidate is the one with
 /// the smallest residual. Which way the object lies is not chosen.
-fn best_of(refined: Vec<(Candidate, Refined)>, draws: usize) -> Vec<(Candidate, Refined)> {
-    let mut by_rest: Vec<Vec<(usize, Candidate, Refined)>> = Vec::new();
-    for (number, (candidate, one)) in refined.into_iter().enumerate() {
-        let rest = &candidate.table_from_object;
+fn best_of(attempts: Vec<Attempt>, draws: usize) -> Vec<Best> {
+    let mut by_rest: Vec<Vec<(usize, Attempt)>> = Vec::new();
+    for (number, attempt) in attempts.into_iter().enumerate() {
+        let rest = &attempt.candidate.table_from_object;
         let alike = by_rest.iter_mut().find(|group| {
             let first = group.first();
-            first.is_some_and(|(_, other, _)| other.table_from_object == *rest)
+            first.is_some_and(|(_, other)| other.candidate.table_from_object == *rest)
         });
         match alike {
-            Some(group) => group.push((number, candidate, one)),
-            None => by_rest.push(vec![(number, candidate, one)]),
+            Some(group) => group.push((number, attempt)),
+            None => by_rest.push(vec![(number, attempt)]),
         }
     }
-    let mut chosen: Vec<(usize, Candidate, Refined)> = Vec::new();
+    let mut chosen: Vec<Best> = Vec::new();
     for group in by_rest {
         let mut group = group.into_iter().peekable();
         while group.peek().is_some() {
-            chosen.extend(best(group.by_ref().take(draws)));
+            chosen.extend(best(group.by_ref().take(draws).collect()));
         }
     }
-    chosen.sort_by_key(|(number, ..)| *number);
-    let chosen = chosen.into_iter();
-    chosen.map(|(_, candidate, one)| (candidate, one)).collect()
+    chosen.sort_by_key(|best| best.number);
+    chosen
 }
 
-/// Returns the motion with the smallest residual, the others among its refused draws, in their order.
-fn best(
-    draws: impl Iterator<Item = (usize, Candidate, Refined)>,
-) -> Option<(usize, Candidate, Refined)> {
-    let mut best: Option<(usize, Candidate, Refined)> = None;
-    let mut refused: Vec<RefusedDraw> = Vec::new();
+/// Returns the motion with the smallest residual, the first of those, and all draws; nothing of no attempt.
+fn best(attempts: Vec<(usize, Attempt)>) -> Option<Best> {
+    let residual_m2 = |attempt: &Attempt| {
+        let refined = attempt.refined.as_ref().ok();
+        refined.map_or(f64::INFINITY, |one| one.residual_m2)
+    };
+    let least = attempts
+        .iter()
+        .min_by(|(_, a), (_, b)| residual_m2(a).total_cmp(&residual_m2(b)))?;
+    let (number, candidate_id) = (least.0, least.1.candidate.candidate_id.clone());
+    let mut best = Best {
+        number,
+        kept: None,
+        draws: Draws::new(),
+    };
     let mut before_n = 0;
-    for (number, mut candidate, one) in draws {
+    for (attempt_number, attempt) in attempts {
+        let mut candidate = attempt.candidate;
         // Each may have draws of its own that were refused when it was drawn.
-        let draws_n = candidate.refused.iter().map(|draw| draw.source.draw_n);
+        let draws_n = attempt.refused.iter().map(|draw| draw.source.draw_n);
         let draws_n = draws_n.fold(candidate.source.draw_n, u32::max);
-        candidate.source.draw_n += before_n;
-        for mut draw in std::mem::take(&mut candidate.refused) {
+        let mut draws = attempt.refused;
+        match attempt.refined {
+            Ok(refined) => {
+                candidate.residual_m2 = Some(refined.residual_m2);
+                if attempt_number == number {
+                    draws.push(Draw::kept(&candidate));
+                    candidate.source.draw_n += before_n;
+                    best.kept = Some((candidate, refined));
+                } else {
+                    draws.push(Draw::refused(&candidate, Refusal::Residual));
+                }
+            }
+            Err(fault) => draws.push(Draw::without_motion(&candidate, fault)),
+        }
+        for mut draw in draws {
             draw.source.draw_n += before_n;
-            refused.push(draw);
+            draw.candidate_id.clone_from(&candidate_id);
+            GENERATOR.clone_into(&mut draw.generator);
+            best.draws.push(draw);
         }
         before_n += draws_n;
-        candidate.residual_m2 = Some(one.residual_m2);
-        let worse = match best.take() {
-            Some(kept) if kept.2.residual_m2 <= one.residual_m2 => {
-                best = Some(kept);
-                Some(candidate)
-            }
-            before => {
-                best = Some((number, candidate, one));
-                before.map(|(_, candidate, _)| candidate)
-            }
-        };
-        refused.extend(worse.map(|worse| RefusedDraw {
-            source: worse.source,
-            table_from_object: worse.table_from_object,
-            limit_excess_rad: worse.limit_excess_rad,
-            depth_m: worse.depth_m,
-            residual_m2: worse.residual_m2,
-            refusal: Refusal::Residual,
-        }));
     }
-    refused.sort_by_key(|draw| draw.source.draw_n);
-    best.map(|(number, candidate, one)| {
-        (
-            number,
-            Candidate {
-                refused,
-                ..candidate
-            },
-            one,
-        )
-    })
+    best.draws.sort_by_key(|draw| draw.source.draw_n);
+    Some(best)
 }
 
 #[cfg(test)]
@@ -293,24 +349,16 @@ mod tests {
             depth_m: Some(0.02),
             residual_m2: None,
             motion: fixture::reach(&hand, 0.0, bend),
-            refused: Vec::new(),
         }
     }
 
-    fn refused(draw_n: u32) -> RefusedDraw {
-        let of = candidate("", draw_n, 0.5);
-        RefusedDraw {
-            source: of.source,
-            table_from_object: of.table_from_object,
-            limit_excess_rad: 0.0,
-            depth_m: Some(0.03),
-            residual_m2: None,
-            refusal: Refusal::Table,
-        }
+    /// A draw of a motion that was refused when it was drawn.
+    fn refused(name: &str, draw_n: u32) -> Draw {
+        Draw::refused(&candidate(name, draw_n, 0.5), Refusal::Table)
     }
 
     fn artifact(folder: &Path) -> Artifact {
-        let files = [lake::table::FILE, distance_fields::FIELD];
+        let files = [lake::table::FILE, Draws::FILE, distance_fields::FIELD];
         let files = files.map(|file| (file.to_owned(), folder.join(file)));
         Artifact {
             key: "box".parse().unwrap(),
@@ -340,18 +388,21 @@ mod tests {
         }
     }
 
-    /// Runs the stage on these motions, with these of the box's artifacts; returns what it wrote.
+    /// Runs the stage on these motions and refused draws, with these of the box's artifacts; returns what it wrote.
     fn run(
         config: &RefineConfig,
         candidates: Vec<Candidate>,
+        refused: Draws,
         with: &[&str],
-    ) -> (Outcome<RefineMetrics>, Option<Candidates>) {
+    ) -> (Outcome<RefineMetrics>, Option<(Candidates, Draws)>) {
         let folder = tempfile::tempdir().unwrap();
         let [given, fields, objects, out] = ["given", "fields", "objects", "out"].map(|name| {
             let path = folder.path().join(name);
             fs::create_dir(&path).unwrap();
             path
         });
+        let kept = candidates.iter().map(Draw::kept);
+        lake::table::write(&given, &refused.into_iter().chain(kept).collect::<Draws>()).unwrap();
         let given_candidates = Candidates {
             object: "box".to_owned(),
             joints: Arc::clone(candidates[0].motion.joints()),
@@ -386,7 +437,13 @@ mod tests {
         let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
         let outcome = Refine::read_and_make(config, &inputs, &cx).unwrap();
         let made = matches!(outcome, Outcome::Made(_));
-        let read = made.then(|| lake::table::read(&artifact(&out)).unwrap());
+        let read = made.then(|| {
+            let out = artifact(&out);
+            (
+                lake::table::read(&out).unwrap(),
+                lake::table::read(&out).unwrap(),
+            )
+        });
         (outcome, read)
     }
 
@@ -398,40 +455,46 @@ mod tests {
         }
         // The second had been drawn before.
         drawn[1].source.draw_n = 2;
-        drawn[1].refused = vec![refused(1)];
+        let before = vec![refused("box-1", 1)];
         let single = RefineConfig {
             draws: 1,
             ..fixture::config()
         };
-        let (_, each) = run(&single, drawn.clone(), &BOTH);
-        let each = each.unwrap().candidates;
+        let (_, each) = run(&single, drawn.clone(), before.clone(), &BOTH);
+        let each = each.unwrap().0.candidates;
         assert_eq!(each.len(), 3);
         assert!(each[0].residual_m2 < each[1].residual_m2);
         let best = RefineConfig { draws: 2, ..single };
-        let (outcome, found) = run(&best, drawn, &BOTH);
+        let (outcome, found) = run(&best, drawn, before, &BOTH);
         let Outcome::Made(metrics) = outcome else {
             panic!("not made");
         };
         assert_eq!([metrics.draws, metrics.candidates], [3.0, 2.0]);
-        let found = found.unwrap().candidates;
+        let (found, draws) = found.unwrap();
+        let found = found.candidates;
         let names: Vec<&str> = found.iter().map(|one| one.candidate_id.as_str()).collect();
         assert_eq!(names, ["box-0", "box-2"]);
         let first = &found[0];
         assert_eq!(first.motion, each[0].motion);
         assert_eq!(first.residual_m2, each[0].residual_m2);
         assert_eq!((first.limit_excess_rad, first.depth_m), (0.1, Some(0.02)));
-        let others: Vec<(u32, Refusal, Option<f64>)> = first
-            .refused
+        let rows: Vec<(&str, u32, Option<Refusal>, Option<f64>)> = draws
             .iter()
-            .map(|draw| (draw.source.draw_n, draw.refusal, draw.residual_m2))
+            .map(|draw| {
+                let name = draw.candidate_id.as_str();
+                (name, draw.source.draw_n, draw.refused, draw.residual_m2)
+            })
             .collect();
-        let second = each[1].residual_m2;
-        assert_eq!(
-            others,
-            [(2, Refusal::Table, None), (3, Refusal::Residual, second)]
-        );
+        let residual_m2: Vec<Option<f64>> = each.iter().map(|one| one.residual_m2).collect();
+        let expected = [
+            ("box-0", 1, None, residual_m2[0]),
+            ("box-0", 2, Some(Refusal::Table), None),
+            ("box-0", 3, Some(Refusal::Residual), residual_m2[1]),
+            ("box-2", 1, None, residual_m2[2]),
+        ];
+        assert_eq!(rows, expected);
         assert_eq!(first.source.draw_n, 1);
-        assert!(found[1].refused.is_empty());
+        assert!(draws.iter().all(|draw| draw.generator == "refine"));
         assert!(found.iter().all(|one| one.generator == "refine"));
     }
 
@@ -455,24 +518,24 @@ mod tests {
                 nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3),
             );
         }
-        let (_, found) = run(&config, drawn, &BOTH);
-        let found = found.unwrap().candidates;
-        let kept: Vec<(&str, u32, usize)> = found
+        let (_, found) = run(&config, drawn, Draws::new(), &BOTH);
+        let (found, draws) = found.unwrap();
+        let kept: Vec<(&str, u32)> = found
+            .candidates
             .iter()
-            .map(|one| {
-                let name = one.candidate_id.as_str();
-                (name, one.source.draw_n, one.refused.len())
-            })
+            .map(|one| (one.candidate_id.as_str(), one.source.draw_n))
             .collect();
-        assert_eq!(kept, [("box-2", 2, 1), ("box-3", 2, 1)]);
+        assert_eq!(kept, [("box-2", 2), ("box-3", 2)]);
+        let names = draws.iter().map(|draw| draw.candidate_id.as_str());
+        assert!(names.eq(["box-2", "box-2", "box-3", "box-3"]));
     }
 
     #[test]
-    fn an_object_without_distances_or_mass_and_a_motion_of_another_hand_are_skipped_with_the_reason()
+    fn an_object_without_distances_or_mass_is_skipped_and_a_motion_of_another_hand_refused_with_the_reason()
      {
         let config = fixture::config();
         let skipped = |candidates: Vec<Candidate>, with: &[&str]| {
-            let (outcome, made) = run(&config, candidates, with);
+            let (outcome, made) = run(&config, candidates, Draws::new(), with);
             assert!(made.is_none());
             match outcome {
                 Outcome::Skipped { reason } => reason,
@@ -491,7 +554,11 @@ mod tests {
         other.motion =
             motion::Motion::of_joints(names.as_slice().into(), whole.motion.steps().to_vec())
                 .unwrap();
-        let reason = skipped(vec![other], &BOTH);
-        assert!(reason.contains("`box-1`"), "{reason}");
+        let (_, made) = run(&config, vec![other.clone()], Draws::new(), &BOTH);
+        let (candidates, draws) = made.unwrap();
+        assert!(candidates.candidates.is_empty());
+        assert_eq!(draws[0].candidate_id, "box-1");
+        assert_eq!(draws[0].refused, Some(Refusal::Motion));
+        assert!(!draws[0].fault.is_empty());
     }
 }

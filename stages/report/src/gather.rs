@@ -7,8 +7,9 @@ use lake::{ReadInputs, recording, table};
 use robot::RobotModel;
 use schemas::{
     Table,
-    candidates::{Candidates, Refusal},
+    candidates::Candidates,
     demonstrations::Demonstration,
+    draws::Refusal,
     executions::{Execution, Executions},
     objects::Object,
     rates::SuccessRates,
@@ -208,13 +209,16 @@ fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, BoxedDiagnosti
     }
     let mut draws = Draws::default();
     for artifact in inputs.artifacts(Candidates::NAME) {
-        let all: Candidates = table::read(artifact)?;
-        draws.candidates_n += crate::numbers::signed(all.candidates.len());
-        for draw in all.candidates.iter().flat_map(|one| &one.refused) {
-            let reason = match draw.refusal {
-                Refusal::Object => "too deep in the object",
-                Refusal::Table => "too deep in the table",
-                Refusal::Residual => "another sample of the motion had a smaller residual",
+        for draw in table::read_draws(artifact)? {
+            let reason = match draw.refused {
+                None => {
+                    draws.candidates_n += 1;
+                    continue;
+                }
+                Some(Refusal::Object) => "too deep in the object",
+                Some(Refusal::Table) => "too deep in the table",
+                Some(Refusal::Residual) => "another sample of the motion had a smaller residual",
+                Some(Refusal::Motion) => "no motion of the hand",
             };
             *draws.refused.entry(reason).or_default() += 1;
         }

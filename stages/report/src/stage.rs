@@ -6,9 +6,9 @@ use dataflow::{
 };
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
-    Table, candidates::Candidates, demonstrations::Demonstration, executions::Executions,
-    objects::Object, rates::SuccessRates, robustness::RobustnessTable, rollouts::Rollouts,
-    success::Successes, training::Training, trajectories::Trajectory,
+    Table, candidates::Candidates, demonstrations::Demonstration, draws::Draws,
+    executions::Executions, objects::Object, rates::SuccessRates, robustness::RobustnessTable,
+    rollouts::Rollouts, success::Successes, training::Training, trajectories::Trajectory,
 };
 
 use crate::{Facts, PageData, ReportConfig, render::render, sections::result};
@@ -151,7 +151,7 @@ fn reading<'a, K: ToString + 'a>(
     if input == Rollouts::NAME {
         unit
     } else {
-        unit.only_files(input, [lake::table::FILE])
+        unit.only_files(input, [lake::table::FILE, Draws::FILE])
     }
 }
 

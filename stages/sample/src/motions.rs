@@ -8,7 +8,8 @@ use nalgebra::Point3;
 use rayon::prelude::*;
 use robot::{Depth, WrongDof};
 use schemas::{
-    candidates::{Candidate, RefusedDraw},
+    candidates::Candidate,
+    draws::{Draw as DrawRow, Draws},
     objects::Object,
 };
 use spatial::{Object as InObject, Pose, RestingPose, Table, Twist};
@@ -24,7 +25,7 @@ const GENERATOR: &str = "cgf";
 
 /// Draws and decodes all motions of one object, in the order of their names. With a probe, a motion whose
 /// hand is too deep in object or table is drawn again, as often as the configuration says; the least
-/// deep is kept, and the others are refused draws of it. The function sees the shape of `other`, if there is
+/// deep is kept, and the others are refused. Returns the candidates and all draws. The function sees the shape of `other`, if there is
 /// one.
 ///
 /// # Errors
@@ -37,7 +38,7 @@ pub(crate) fn sample(
     other: Option<&Object>,
     probe: Option<PenetrationProbe<'_>>,
     seed: u64,
-) -> Result<Vec<Candidate>, SampleError> {
+) -> Result<(Vec<Candidate>, Draws), SampleError> {
     let rests = draw::rests(config, object);
     let source = Source::new(config, cgf, object, &rests)?;
     let decoder = Decoder::new(config, cgf, object, other, &rests, seed)?;
@@ -74,18 +75,23 @@ pub(crate) fn sample(
         }
         left.sort_unstable();
     }
-    let candidates = kept.into_iter().flatten().map(|kept| {
-        let mut candidate = kept.candidate;
-        candidate.refused.sort_by_key(|draw| draw.source.draw_n);
-        candidate
-    });
-    Ok(candidates.collect())
+    let mut candidates = Vec::with_capacity(kept.len());
+    let mut rows = Draws::new();
+    for kept in kept.into_iter().flatten() {
+        let mut draws = kept.refused;
+        draws.push(DrawRow::kept(&kept.candidate));
+        draws.sort_by_key(|draw| draw.source.draw_n);
+        rows.extend(draws);
+        candidates.push(kept.candidate);
+    }
+    Ok((candidates, rows))
 }
 
-/// A draw of a motion, with how deep the hand is in things.
+/// A draw of a motion, with how deep the hand is in things, and the draws that were refused for it.
 struct MeasuredDraw {
     depth: Depth,
     candidate: Candidate,
+    refused: Draws,
 }
 
 impl MeasuredDraw {
@@ -98,6 +104,7 @@ impl MeasuredDraw {
                 residual_m2: None,
                 ..candidate
             },
+            refused: Draws::new(),
         })
     }
 
@@ -110,16 +117,9 @@ impl MeasuredDraw {
         } else {
             (self, other)
         };
-        let draw = lost.candidate;
-        kept.candidate.refused.extend(draw.refused);
-        kept.candidate.refused.push(RefusedDraw {
-            source: draw.source,
-            table_from_object: draw.table_from_object,
-            limit_excess_rad: draw.limit_excess_rad,
-            depth_m: draw.depth_m,
-            residual_m2: None,
-            refusal: deeper_in(lost.depth),
-        });
+        let row = DrawRow::refused(&lost.candidate, deeper_in(lost.depth));
+        kept.refused.extend(lost.refused);
+        kept.refused.push(row);
         kept
     }
 }
@@ -228,7 +228,6 @@ impl<'a> Decoder<'a> {
                 limit_excess_rad,
                 depth_m: None,
                 residual_m2: None,
-                refused: Vec::new(),
                 motion: Motion::of_joints(Arc::clone(&self.joints), steps)?,
             };
             Ok((*number, candidate))

@@ -6,7 +6,7 @@ use nalgebra::{Point3, Vector3};
 use robot::{
     Depth, HandCollision, JointOrder, Link, RobotModel, Surroundings, WrongDof, spheres::TooLarge,
 };
-use schemas::candidates::{Candidate, Refusal};
+use schemas::{candidates::Candidate, draws::Refusal};
 use spatial::{Object, Palm, Pose, Table};
 
 /// Collision model of a hand: its collision shapes filled with spheres.

@@ -6,9 +6,10 @@ use dataflow::{
     BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
+use lake::Beside;
 use schemas::{
-    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, objects::Object,
-    trajectories::Trajectory,
+    Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, draws::Draws,
+    objects::Object, trajectories::Trajectory,
 };
 
 use crate::SampleConfig;
@@ -37,7 +38,7 @@ impl Stage for Sample {
         FieldInfo::NAME,
         Trajectory::NAME,
     ];
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 
     /// Checks the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), BoxedDiagnostic> {

@@ -25,8 +25,9 @@ use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
 use schemas::{
-    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin, Refusal},
+    candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
     checkpoint, distance_fields,
+    draws::{Draw, Draws, Refusal},
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
     sampling::Sampled,
@@ -843,15 +844,18 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             in_object.max(s.table_depth_m)
         };
         let depths: Vec<f64> = sampled.iter().map(deepest).collect();
-        (candidates, depths, made.draws)
+        let rows: Draws = lake::table::read(&made_in(out.path())).unwrap();
+        assert_eq!(rows.len() as f64, made.draws);
+        (candidates, depths, rows)
     };
     let (once, deep, drawn) = make(1);
-    assert_eq!(drawn, 40.0);
+    assert_eq!(drawn, once.iter().map(Draw::kept).collect::<Draws>());
+    assert_eq!(once.len(), 40);
     let (chosen, depths, drawn) = make(20);
     let too_deep = |depths: &[f64]| depths.iter().filter(|&&depth| depth > 0.004).count();
     let (before, after) = (too_deep(&deep), too_deep(&depths));
     assert!(before > 4 && after < before / 2, "{before}, then {after}");
-    assert!(drawn > 40.0 && drawn <= 800.0, "{drawn}");
+    assert!((41..=800).contains(&drawn.len()), "{}", drawn.len());
     for (number, depth) in deep.iter().enumerate() {
         // What was out of it is as it was; what was not is not deeper now.
         assert_eq!(
@@ -863,28 +867,28 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         assert_eq!(chosen[number].depth_m, Some(depths[number]));
         assert_eq!(once[number].depth_m, None);
     }
-    let (again, ..) = make(20);
-    assert_eq!(again, chosen);
+    let (again, _, drawn_again) = make(20);
+    assert_eq!((again, drawn_again), (chosen.clone(), drawn.clone()));
 
     // Every draw is a row: that which is kept and those that were refused for it.
-    let n = |candidate: &Candidate| 1 + candidate.refused.len();
-    assert_eq!(chosen.iter().map(n).sum::<usize>() as f64, drawn);
-    assert!(once.iter().all(|candidate| n(candidate) == 1));
+    let names = drawn.iter().map(|draw| draw.candidate_id.as_str());
+    assert!(names.is_sorted());
     for candidate in &chosen {
-        let refused = candidate.refused.iter();
-        let mut numbers: Vec<u32> = refused.map(|draw| draw.source.draw_n).collect();
-        assert!(numbers.is_sorted());
-        numbers.push(candidate.source.draw_n);
-        numbers.sort_unstable();
-        assert!(numbers.into_iter().eq(1..=n(candidate) as u32));
-        for draw in &candidate.refused {
+        let of_motion = |draw: &&Draw| draw.candidate_id == candidate.candidate_id;
+        let draws: Vec<&Draw> = drawn.iter().filter(of_motion).collect();
+        let numbers = draws.iter().map(|draw| draw.source.draw_n);
+        assert!(numbers.eq(1..=draws.len() as u32));
+        let (kept, refused): (Vec<&Draw>, Vec<&Draw>) =
+            draws.iter().partition(|draw| draw.refused.is_none());
+        assert_eq!(kept, [&Draw::kept(candidate)]);
+        for draw in refused {
             assert!(draw.depth_m > Some(0.004) && draw.depth_m >= candidate.depth_m);
             // Far out, the hand is deeper in the table than in the small object.
-            assert_eq!(draw.refusal, Refusal::Table);
+            assert_eq!(draw.refused, Some(Refusal::Table));
         }
         // The last draw is kept, unless all are too deep and another is the least deep.
-        let is_last = candidate.source.draw_n as usize == n(candidate);
-        assert!(is_last || (candidate.depth_m > Some(0.004) && n(candidate) == 20));
+        let is_last = candidate.source.draw_n as usize == draws.len();
+        assert!(is_last || (candidate.depth_m > Some(0.004) && draws.len() == 20));
     }
 }
 
@@ -893,13 +897,9 @@ fn every_draw_says_where_its_code_comes_from() {
     let folder = tempfile::tempdir().unwrap();
     let inputs = inputs(folder.path());
     let sources = |inputs: &Inputs, config: &SampleConfig| -> Vec<DrawSource> {
-        let drawn = sample(config, inputs, 7).candidates.into_iter();
-        drawn
-            .flat_map(|candidate| {
-                let refused = candidate.refused.into_iter().map(|draw| draw.source);
-                refused.chain([candidate.source]).collect::<Vec<_>>()
-            })
-            .collect()
+        let (out, _) = run(config, inputs, 7);
+        let drawn: Draws = lake::table::read(&made_in(out.path())).unwrap();
+        drawn.into_iter().map(|draw| draw.source).collect()
     };
     let half = SampleConfig {
         demonstrated_share: 0.5,

@@ -293,7 +293,6 @@ mod tests {
             depth_m: None,
             residual_m2: None,
             motion: Motion::new(&[joint], vec![step(0.0), step(1.0)]).unwrap(),
-            refused: Vec::new(),
         }
     }
 

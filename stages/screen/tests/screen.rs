@@ -176,7 +176,6 @@ fn candidate(id: &str, flexion: [f64; 3], thumb: [f64; 4]) -> Candidate {
         limit_excess_rad: 0.0,
         depth_m: None,
         residual_m2: None,
-        refused: Vec::new(),
         motion: Motion::new(&joints(), steps.collect()).unwrap(),
     }
 }

@@ -58,7 +58,7 @@ macro_rules! inputs {
         $(#[$about:meta])*
         $vis:vis struct $struct:ident {
             $(#[$key_about:meta])*
-            each $key:ident: $keyed:ty $([$key_file:expr])?, $to_do:literal;
+            each $key:ident: $keyed:ty $([$($key_file:expr),+])?, $to_do:literal;
             $(
                 $(#[$field_about:meta])*
                 $mode:ident $field:ident: $type:ty
@@ -103,7 +103,7 @@ macro_rules! inputs {
                     let unit = $crate::inputs::dataflow::Unit::new(&partition.key)
                         .with_label(item, &partition.key)
                         .reading(each, [&partition.key]);
-                    $(let unit = unit.only_files(each, [$key_file]);)?
+                    $(let unit = unit.only_files(each, [$($key_file),+]);)?
                     $(
                         let name = $crate::inputs!(@name $type $(, $input)?);
                         let unit = $crate::inputs!(@add $mode unit, name, scope);

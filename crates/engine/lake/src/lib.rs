@@ -54,6 +54,7 @@
 mod abort;
 mod artifact;
 mod atomic;
+mod beside;
 mod blobs;
 mod cache;
 mod catalog;
@@ -99,6 +100,7 @@ mod views;
 
 pub use artifact::ReadArtifact;
 pub use atomic::write_atomic;
+pub use beside::{Beside, BesideMetrics};
 pub use catalog::{StageTable, TableFiles};
 pub use clock::{host, time_until};
 pub use collect::{GcMode, GcReport, GcUnits};

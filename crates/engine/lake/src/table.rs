@@ -14,7 +14,10 @@ use parquet::{
     },
 };
 pub use schemas::TABLE_FILE as FILE;
-use schemas::Table;
+use schemas::{
+    Table,
+    draws::{Draw, Draws},
+};
 
 use crate::{
     LakeError, ReadArtifact,
@@ -91,6 +94,24 @@ pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
     let batch = read_file(artifact, T::FILE)?;
     T::from_batch(artifact.key.as_str(), &batch).map_err(|source| LakeError::Schema {
         table: T::NAME,
+        key: artifact.key.clone(),
+        source,
+    })
+}
+
+/// Reads the draws of an artifact of candidates: those in its own file, or, where its generator wrote none, one for each
+/// candidate.
+///
+/// # Errors
+///
+/// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
+pub fn read_draws(artifact: &Artifact) -> Result<Draws, LakeError> {
+    if artifact.file(Draws::FILE).is_some() {
+        return read(artifact);
+    }
+    let batch = read_file(artifact, FILE)?;
+    Draw::of_candidates(&batch).map_err(|source| LakeError::Schema {
+        table: Draws::NAME,
         key: artifact.key.clone(),
         source,
     })

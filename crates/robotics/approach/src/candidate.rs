@@ -93,7 +93,6 @@ impl<'a> Reach<'a> {
             depth_m: Some(grasp.depth_m),
             residual_m2: grasp.residual_m2,
             motion: path.motion(&self.joints, first, &before, &grasp.hand)?,
-            refused: Vec::new(),
         })
     }
 }

@@ -272,7 +272,6 @@ mod tests {
             limit_excess_rad: 0.0,
             depth_m: None,
             residual_m2: None,
-            refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0), step(1.0)]).unwrap(),
         }
     }

@@ -7,7 +7,8 @@ use dataflow::{
     Stage, Sum, Unit,
 };
 use hand_files::HandFiles;
-use lake::{ReadInputs, WriteArtifact};
+use lake::{Beside, ReadInputs, WriteArtifact};
+use motion::Motion;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
@@ -15,6 +16,7 @@ use robot::{JointOrder, RobotModel};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
+    draws::{Draw, Draws},
     objects::Object,
 };
 use simulation::{ObjectShape, SettledScene, SimulationError, check_hand};
@@ -83,7 +85,7 @@ impl Stage for CemMpc {
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
     const INPUTS: &'static [&'static str] = CemMpcInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table, and that the hand can be simulated as the options say.
     fn prepare(config: &CemMpcConfig) -> Result<(), BoxedDiagnostic> {
@@ -173,32 +175,40 @@ impl Output for CemMpc {
         });
         let controlled: Vec<_> = controlled.collect();
         let mut made: Vec<ControlledMotion> = Vec::with_capacity(controlled.len());
+        let mut candidates: Vec<Candidate> = Vec::with_capacity(controlled.len());
+        let mut draws = Draws::new();
         let mut all_s = 0.0;
         for (candidate, (controlled, cpu_s)) in given.candidates.iter().zip(controlled) {
             all_s += cpu_s;
             match controlled {
-                Ok(controlled) => made.push(controlled),
+                Ok(controlled) => {
+                    // Commands are within the limits.
+                    let candidate = remade(candidate, controlled.motion.clone());
+                    draws.push(Draw::kept(&candidate));
+                    candidates.push(candidate);
+                    made.push(controlled);
+                }
                 Err(ControlError::Simulation(source)) => return failed(&urdf, source),
                 Err(ControlError::Motion(err)) => {
-                    let name = &candidate.candidate_id;
-                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
+                    let refused = remade(candidate, candidate.motion.clone());
+                    draws.push(Draw::without_motion(&refused, err.to_string()));
                 }
             }
         }
         let metrics = CemMpcMetrics::of(&made, all_s);
-        // Commands are within the limits.
-        let candidates = given
-            .candidates
-            .iter()
-            .zip(made)
-            .map(|(given, made)| given.remade("cem", GENERATOR, Origin::Planner, made.motion));
         cx.write(&Candidates {
             object: given.object,
             joints: joints.as_slice().into(),
-            candidates: candidates.collect(),
+            candidates,
         })?;
+        cx.write(&draws)?;
         Ok(Outcome::Made(metrics))
     }
+}
+
+/// Returns the candidate of this motion to the grasp of another one.
+fn remade(given: &Candidate, motion: Motion<InObject>) -> Candidate {
+    given.remade("cem", GENERATOR, Origin::Planner, motion)
 }
 
 /// One settled scene for each way in which the object lies.

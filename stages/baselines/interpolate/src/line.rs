@@ -143,7 +143,6 @@ mod tests {
             limit_excess_rad: 0.3,
             depth_m: Some(0.002),
             residual_m2: None,
-            refused: Vec::new(),
             motion: of_steps(vec![
                 step(0.5, [0.3, -0.1, 0.2], turned([0.4, -1.0, 0.2]), [0.1, 1.2]),
                 step(0.7, [9.0, 9.0, 9.0], turned([0.0, 0.0, 3.0]), [5.0, -5.0]),

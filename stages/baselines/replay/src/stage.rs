@@ -102,7 +102,6 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
         limit_excess_rad: 0.0,
         depth_m: None,
         residual_m2: None,
-        refused: Vec::new(),
         motion: motion.with_rates(|idx| {
             let rates = &motion.steps()[idx].rates;
             HandRates {

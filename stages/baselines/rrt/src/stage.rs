@@ -8,7 +8,8 @@ use dataflow::{
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, WriteArtifact};
+use lake::{Beside, ReadArtifact, WriteArtifact};
+use motion::Motion;
 use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -18,8 +19,9 @@ use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
     distance_fields::{self, FieldInfo},
+    draws::{Draw, Draws},
 };
-use spatial::RestingPose;
+use spatial::{Object, RestingPose};
 
 use crate::{
     RrtConfig, RrtError,
@@ -80,7 +82,7 @@ impl Stage for Rrt {
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
     const INPUTS: &'static [&'static str] = RrtInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table.
     fn prepare(config: &RrtConfig) -> Result<(), BoxedDiagnostic> {
@@ -151,15 +153,18 @@ impl Output for Rrt {
         let planned: Vec<_> = planned.collect();
         let mut metrics = RrtMetrics::none();
         let mut candidates = Vec::with_capacity(planned.len());
+        let mut draws = Draws::new();
         for (candidate, (plan, cpu_s)) in given.candidates.iter().zip(planned) {
             match plan {
                 Ok(plan) => {
                     metrics.add(&plan, cpu_s);
-                    candidates.push(candidate_of(candidate, plan));
+                    let planned = candidate_of(candidate, plan);
+                    draws.push(Draw::kept(&planned));
+                    candidates.push(planned);
                 }
                 Err(err) => {
-                    let name = &candidate.candidate_id;
-                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
+                    let refused = remade(candidate, candidate.motion.clone());
+                    draws.push(Draw::without_motion(&refused, err.to_string()));
                 }
             }
         }
@@ -168,6 +173,7 @@ impl Output for Rrt {
             joints: joints.as_slice().into(),
             candidates,
         })?;
+        cx.write(&draws)?;
         Ok(Outcome::Made(metrics))
     }
 }
@@ -177,8 +183,13 @@ fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
     // Both ends are within the limits, and so is what lies between them.
     Candidate {
         depth_m: Some(plan.depth_m),
-        ..given.remade("rrt", GENERATOR, Origin::Planner, plan.motion)
+        ..remade(given, plan.motion)
     }
+}
+
+/// Returns the candidate of this motion to the grasp of another one.
+fn remade(given: &Candidate, motion: Motion<Object>) -> Candidate {
+    given.remade("rrt", GENERATOR, Origin::Planner, motion)
 }
 
 impl RrtMetrics {

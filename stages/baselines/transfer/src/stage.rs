@@ -160,7 +160,6 @@ impl TransferredMotion {
             limit_excess_rad: 0.0,
             depth_m: None,
             residual_m2: None,
-            refused: Vec::new(),
             motion: self.motion,
         }
     }

@@ -9,6 +9,7 @@ use lake::WriteArtifact;
 use schemas::{
     Table,
     candidates::Candidates,
+    draws::Draws,
     executions::{self, Execution, Executions},
     rollouts::{Rollouts, Verdict},
     tally::wilson,
@@ -76,7 +77,7 @@ impl Output for TrialsReport {
             .into_iter()
             .fold(Unit::new(ALL), |unit, artifact| {
                 unit.reading(artifact, keys.clone())
-                    .only_files(artifact, [lake::table::FILE])
+                    .only_files(artifact, [lake::table::FILE, Draws::FILE])
             });
         Ok(vec![unit])
     }
@@ -93,8 +94,7 @@ impl Output for TrialsReport {
         }
         let mut metrics = TrialsMetrics::of(&rows);
         for artifact in inputs.artifacts(Candidates::NAME) {
-            let candidates: Candidates = lake::table::read(artifact)?;
-            metrics.add_samples(&candidates);
+            metrics.samples_n += lake::table::read_draws(artifact)?.len() as f64;
         }
         for artifact in inputs.artifacts(Rollouts::NAME) {
             metrics.add_screened(&lake::table::read(artifact)?);
@@ -183,13 +183,6 @@ impl TrialsMetrics {
             candidates_n: 0.0,
             accepted_n: 0.0,
         }
-    }
-
-    /// Counts the samples of an object.
-    fn add_samples(&mut self, of_object: &Candidates) {
-        let samples = of_object.candidates.iter();
-        let samples_n: usize = samples.map(|kept| 1 + kept.refused.len()).sum();
-        self.samples_n += samples_n as f64;
     }
 
     /// Counts the screened candidates of an object.

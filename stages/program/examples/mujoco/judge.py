@@ -87,13 +87,12 @@ def column(table, name):
 
 
 def candidates(path, joints):
-    """The rows of the candidates' table that are candidates, each with its motion in the hand's order of joints."""
+    """The rows of the candidates' table, each with its motion in the hand's order of joints."""
     table = pq.read_table(path)
     names = table.schema.metadata[b"joints"].decode().split(",")
     if sorted(names) != sorted(joint["name"] for joint in joints):
         sys.exit(f"the candidates are of a hand with the joints {names}, and not of the one in `files.hand`")
     order = [names.index(joint["name"]) for joint in joints]
-    table = table.filter(pa.compute.equal(table["refused"], ""))
     rows = table.select(SOURCE + ["table_from_object"]).to_pylist()
     times, palms, positions = (column(table, name) for name in ("time_s", "object_from_palm", "q_rad"))
     for row, time_s, palm, q in zip(rows, times, palms, positions):

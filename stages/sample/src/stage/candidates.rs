@@ -133,12 +133,14 @@ pub(super) fn make(
         field,
         order,
     });
+    let (candidates, every_draw) = sample(config, &cgf, object, other, probe, cx.seed())?;
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
-        candidates: sample(config, &cgf, object, other, probe, cx.seed())?,
+        candidates,
     };
     cx.write(&drawn)?;
+    cx.write(&every_draw)?;
     if config.recorded_per_object > 0
         && let Some(hand) = &hand
         && let Some(order) = &order
@@ -156,10 +158,9 @@ pub(super) fn make(
         };
         recording::record(&stage, &motions, cx.folder())?;
     }
-    let draw_counts = drawn.candidates.iter().map(|one| 1 + one.refused.len());
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
-        draws: draw_counts.sum::<usize>() as f64,
+        draws: every_draw.len() as f64,
     };
     Ok(Outcome::Made(metrics))
 }

@@ -11,6 +11,7 @@ use lake::{LakeError, WriteArtifact, table};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
+    draws::{Draw, Draws},
     rollouts::{Rollout, Rollouts, Verdict},
     success::{Success, Successes},
 };
@@ -82,7 +83,8 @@ impl Output for SuccessReport {
             })?;
             let rollouts: Rollouts = table::read(artifact)?;
             touched_n += rollouts.iter().filter(|rollout| touched(rollout)).count();
-            rows.extend(of_object(&rollouts, &table::read(given)?)?);
+            let draws = table::read_draws(given)?;
+            rows.extend(of_object(&rollouts, &table::read(given)?, &draws)?);
         }
         cx.write(&rows)?;
         cx.write_chart("rates", chart(&rows))?;
@@ -102,7 +104,7 @@ fn units(scope: &Scope) -> Vec<Unit> {
         .reading(Rollouts::NAME, keys.clone())
         .only_files(Rollouts::NAME, file)
         .reading(Candidates::NAME, keys)
-        .only_files(Candidates::NAME, file);
+        .only_files(Candidates::NAME, [lake::table::FILE, Draws::FILE]);
     vec![unit]
 }
 
@@ -164,8 +166,16 @@ struct Group<'a> {
     rollouts: Vec<(&'a Rollout, &'a Candidate)>,
 }
 
+fn key<'a>(generator: &'a str, source: &DrawSource) -> Key<'a> {
+    (generator, source.origin, source.object_split)
+}
+
 /// Returns one row for each generator and origin of an object's draws, in the order of their names.
-fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, ScreenError> {
+fn of_object(
+    rollouts: &[Rollout],
+    given: &Candidates,
+    draws: &[Draw],
+) -> Result<Vec<Success>, ScreenError> {
     let resolved: BTreeMap<&str, &Candidate> = given
         .candidates
         .iter()
@@ -180,13 +190,21 @@ fn of_object(rollouts: &[Rollout], given: &Candidates) -> Result<Vec<Success>, S
                 partition: given.object.clone(),
                 candidate: name.to_owned(),
             })?;
-        let key = |draw: &DrawSource| (rollout.generator.as_str(), draw.origin, draw.object_split);
-        let kept = groups.entry(key(&candidate.source)).or_default();
-        kept.draws_n += 1;
+        let key = key(&rollout.generator, &candidate.source);
+        let kept = groups.entry(key).or_default();
         kept.rollouts.push((rollout, candidate));
-        for refused in &candidate.refused {
-            groups.entry(key(&refused.source)).or_default().draws_n += 1;
-        }
+    }
+    let judged: BTreeMap<&str, &str> = rollouts
+        .iter()
+        .map(|rollout| (rollout.candidate_id.as_str(), rollout.generator.as_str()))
+        .collect();
+    for draw in draws {
+        let id = draw.candidate_id.as_str();
+        let generator = judged.get(id).copied().unwrap_or(&draw.generator);
+        groups
+            .entry(key(generator, &draw.source))
+            .or_default()
+            .draws_n += 1;
     }
     let row = |(key, group): (Key, Group)| group.row(&given.object, key);
     Ok(groups.into_iter().map(row).collect())
@@ -299,7 +317,7 @@ mod tests {
     use dataflow::{Metrics, Partition};
     use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::candidates::{Refusal, RefusedDraw};
+    use schemas::draws::Refusal;
     use spatial::Pose;
 
     use super::*;
@@ -324,7 +342,6 @@ mod tests {
             limit_excess_rad: 0.0,
             depth_m: None,
             residual_m2: None,
-            refused: Vec::new(),
             motion: motion::Motion::new(&["j", "k"], vec![step(0.0, 9.0, 9.0), step(1.0, x, q)])
                 .unwrap(),
         }
@@ -336,6 +353,16 @@ mod tests {
             control_steps_n: 100,
             ..Rollout::unsimulated(&motion(name, 0.0, 0.0, 0.0, 0.0), verdict)
         }
+    }
+
+    /// The draws of the candidates that were judged, one each.
+    fn kept(rollouts: &[Rollout]) -> Vec<Draw> {
+        let candidates = given().candidates.into_iter();
+        let judged = candidates.filter(|candidate| {
+            let mut rollouts = rollouts.iter();
+            rollouts.any(|rollout| rollout.candidate_id == candidate.candidate_id)
+        });
+        judged.map(|candidate| Draw::kept(&candidate)).collect()
     }
 
     fn given() -> Candidates {
@@ -362,7 +389,7 @@ mod tests {
             rollout("d", "cgf", Verdict::Held),
             rollout("e", "another", Verdict::Table),
         ];
-        let rows = of_object(&rollouts, &given()).unwrap();
+        let rows = of_object(&rollouts, &given(), &kept(&rollouts)).unwrap();
         let [another, cgf] = &rows[..] else {
             panic!("{rows:?}");
         };
@@ -408,26 +435,27 @@ mod tests {
             object_split: Some(ObjectSplit::Seen),
             ..DrawSource::replayed("a")
         };
-        let refused = |origin: Origin, draw_n: u32| RefusedDraw {
-            source: source(origin, draw_n),
-            table_from_object: Pose::identity(),
-            limit_excess_rad: 0.0,
-            depth_m: Some(0.01),
-            residual_m2: None,
-            refusal: Refusal::Object,
-        };
         let mut given = given();
         let [a, b, ..] = &mut given.candidates[..] else {
             panic!("there are five");
         };
         a.source = source(Origin::Posterior, 3);
-        a.refused = vec![refused(Origin::Prior, 1), refused(Origin::Posterior, 2)];
         b.source = source(Origin::Posterior, 1);
+        let refused = |origin: Origin, draw_n: u32| Draw {
+            source: source(origin, draw_n),
+            ..Draw::refused(a, Refusal::Object)
+        };
+        let draws = [
+            refused(Origin::Prior, 1),
+            refused(Origin::Posterior, 2),
+            Draw::kept(a),
+            Draw::kept(b),
+        ];
         let rollouts = [
             rollout("a", "cgf", Verdict::Held),
             rollout("b", "cgf", Verdict::Dropped),
         ];
-        let rows = of_object(&rollouts, &given).unwrap();
+        let rows = of_object(&rollouts, &given, &draws).unwrap();
         let counts = rows.iter().map(|row| {
             let verdicts = &row.verdicts;
             let counts = [
@@ -453,7 +481,7 @@ mod tests {
     #[test]
     fn a_rate_of_zero_without_a_touch_says_so() {
         let said = |rollouts: &[Rollout]| {
-            let rows = of_object(rollouts, &given()).unwrap();
+            let rows = of_object(rollouts, &given(), &kept(rollouts)).unwrap();
             let touched_n = rollouts.iter().filter(|rollout| touched(rollout)).count();
             line(&Summary::made(&[SuccessMetrics::of(&rows, touched_n)]))
         };
@@ -482,7 +510,7 @@ mod tests {
     #[test]
     fn a_rollout_of_no_candidate_is_refused() {
         let stray = rollout("z", "cgf", Verdict::Held);
-        let err = of_object(&[stray], &given()).unwrap_err();
+        let err = of_object(&[stray], &given(), &[]).unwrap_err();
         assert!(err.to_string().contains("`z`"), "{err}");
     }
 

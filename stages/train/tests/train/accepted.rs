@@ -25,7 +25,6 @@ fn candidate(id: &str, up: Vector3<f64>) -> Candidate {
         motion: motion
             .with_rates(|_| motion::HandRates::zero(JOINTS))
             .unwrap(),
-        refused: Vec::new(),
     }
 }
 
