@@ -14,9 +14,9 @@ mod feedforward;
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
-        ColliderBuilder, GenericJointBuilder, JointAxesMask, MassProperties, Multibody,
-        MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody, RigidBodyBuilder,
-        RigidBodyHandle, RigidBodyType,
+        ColliderBuilder, GenericJoint, GenericJointBuilder, JointAxesMask, MassProperties,
+        Multibody, MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody,
+        RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
     },
 };
 use robot::{DynamicsModel, JointKind, RobotModel};
@@ -149,7 +149,6 @@ impl HandBodies {
         let mut finger_roots = Vec::new();
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
-        let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
             let mass = mass_properties(model, group, scene.hand_mass_scale)?;
             let link = &model.links()[group.root];
@@ -174,38 +173,26 @@ impl HandBodies {
             };
             for (link, body_from_link) in &group.links {
                 body_of_link[*link] = (idx, *body_from_link);
-                for shape in shapes.iter().filter(|shape| shape.link == *link) {
-                    world.colliders.insert_with_parent(
-                        ColliderBuilder::new(shape.engine.clone())
-                            .density(0.0)
-                            .friction(real(scene.friction))
-                            .collision_groups(touching)
-                            .user_data(idx as u128)
-                            .position(
-                                engine_pose(&(*body_from_link * shape.link_from_shape))
-                                    * shape.shape_from_engine,
-                            ),
-                        body,
-                        &mut world.bodies,
-                    );
-                }
+            }
+            for collider in colliders(group, &shapes, scene.friction) {
+                let collider = collider.collision_groups(touching).user_data(idx as u128);
+                world
+                    .colliders
+                    .insert_with_parent(collider, body, &mut world.bodies);
             }
             match (parent, palm) {
                 (None, PalmJoint::Driven) => {}
                 #[cfg(test)]
                 (None, PalmJoint::Free) => {
                     let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
-                    let free = anywhere.build();
+                    let free = free_joint(parking);
                     let joint = world.multibodies.insert(anchor, body, free, true);
                     roots.extend(joint.map(|joint| Root { body, joint }));
                 }
                 (Some((parent, parent_body_from_parent)), _) => {
                     let on = if parent == 0 && palm == PalmJoint::Driven {
-                        let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
                         let mass = mass_properties(model, &groups[0], scene.hand_mass_scale)?;
-                        let body = world.bodies.insert(movable(mass));
-                        let free = anywhere.build();
-                        let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+                        let (body, joint) = insert_finger_root(world, mass, parking);
                         roots.extend(joint.map(|joint| Root { body, joint }));
                         body
                     } else {
@@ -542,6 +529,47 @@ fn most(numbers: impl Iterator<Item = f64>) -> f64 {
             most.max(number.abs())
         }
     })
+}
+
+/// Returns the colliders of the links of a rigid group, placed in the frame of its body.
+fn colliders(
+    group: &RigidGroup,
+    shapes: &[LinkShape],
+    friction: f64,
+) -> impl Iterator<Item = ColliderBuilder> {
+    group.links.iter().flat_map(move |(link, body_from_link)| {
+        let of_link = shapes.iter().filter(move |shape| shape.link == *link);
+        of_link.map(move |shape| {
+            ColliderBuilder::new(shape.engine.clone())
+                .density(0.0)
+                .friction(real(friction))
+                .position(
+                    engine_pose(&(*body_from_link * shape.link_from_shape))
+                        * shape.shape_from_engine,
+                )
+        })
+    })
+}
+
+/// Returns a joint that leaves a body free in the world, which waits at `parking`.
+fn free_joint(parking: EnginePose) -> GenericJoint {
+    GenericJointBuilder::new(JointAxesMask::empty())
+        .local_frame1(parking)
+        .build()
+}
+
+/// Inserts the root of a finger at `parking`: a body with the palm's mass whose joint in the world is
+/// commanded.
+fn insert_finger_root(
+    world: &mut World,
+    mass: MassProperties,
+    parking: EnginePose,
+) -> (RigidBodyHandle, Option<MultibodyJointHandle>) {
+    let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
+    let body = world.bodies.insert(movable(mass));
+    let free = free_joint(parking);
+    let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+    (body, joint)
 }
 
 /// Returns a body with a mass that nothing but its joints holds.
