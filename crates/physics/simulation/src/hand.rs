@@ -14,17 +14,17 @@ mod feedforward;
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
-        ColliderBuilder, GenericJoint, GenericJointBuilder, JointAxesMask, MassProperties,
-        Multibody, MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody,
-        RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
+        ColliderBuilder, GenericJoint, GenericJointBuilder, InteractionGroups, JointAxesMask,
+        MassProperties, Multibody, MultibodyJointHandle, MultibodyJointSet, MultibodyLink,
+        RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
     },
 };
-use robot::{DynamicsModel, JointKind, RobotModel};
+use robot::{DynamicsModel, JointKind, Link, RobotModel};
 use spatial::{Palm, Pose, Table};
 
 pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
 use self::{
-    bodies::{RigidGroup, engine_joint, mass_properties, rigid_groups},
+    bodies::{Body, RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
 };
 use crate::{
@@ -144,36 +144,21 @@ impl HandBodies {
         let shapes = link_shapes(model)?;
         let groups = rigid_groups(model);
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
-        let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
-        let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
-        let mut finger_roots = Vec::new();
+        let parents = parents(&groups, model);
+        let fingers = fingers(&parents);
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
         for (idx, group) in groups.iter().enumerate() {
             let mass = mass_properties(model, group, scene.hand_mass_scale)?;
             let link = &model.links()[group.root];
-            let parent = link.parent.map(|parent| body_of_link[parent]);
+            let parent = parents[idx];
             let body = world.bodies.insert(match (parent, palm) {
                 (None, PalmJoint::Driven) => RigidBodyBuilder::kinematic_velocity_based()
                     .pose(parking)
                     .can_sleep(false),
                 _ => movable(mass),
             });
-            let finger = match parent {
-                Some((parent, _)) if parent > 0 => fingers[parent],
-                _ => idx,
-            };
-            if finger == idx && finger > 0 {
-                finger_roots.push(finger);
-            }
-            let number = finger_roots.iter().position(|root| *root == finger);
-            let touching = match number {
-                Some(number) if scene.fingers_touch => groups::finger(number),
-                _ => groups::hand(),
-            };
-            for (link, body_from_link) in &group.links {
-                body_of_link[*link] = (idx, *body_from_link);
-            }
+            let touching = collision_groups(fingers[idx], &fingers, scene);
             for collider in colliders(group, &shapes, scene.friction) {
                 let collider = collider.collision_groups(touching).user_data(idx as u128);
                 world
@@ -203,7 +188,6 @@ impl HandBodies {
                 }
             }
             bodies.push(body);
-            fingers.push(finger);
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
@@ -529,6 +513,45 @@ fn most(numbers: impl Iterator<Item = f64>) -> f64 {
             most.max(number.abs())
         }
     })
+}
+
+/// Returns for each group the one that carries it, and the pose of the link that does in that one's body;
+/// `None` for the palm's.
+fn parents(groups: &[RigidGroup], model: &RobotModel) -> Vec<Option<(usize, Pose<Body, Link>)>> {
+    let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
+    for (idx, group) in groups.iter().enumerate() {
+        for (link, body_from_link) in &group.links {
+            body_of_link[*link] = (idx, *body_from_link);
+        }
+    }
+    let roots = groups.iter().map(|group| &model.links()[group.root]);
+    roots
+        .map(|root| root.parent.map(|parent| body_of_link[parent]))
+        .collect()
+}
+
+/// Returns for each group the first of its finger; the palm's own is 0.
+fn fingers(parents: &[Option<(usize, Pose<Body, Link>)>]) -> Vec<usize> {
+    let mut fingers = Vec::with_capacity(parents.len());
+    for (idx, parent) in parents.iter().enumerate() {
+        fingers.push(match parent {
+            Some((parent, _)) if *parent > 0 => fingers[*parent],
+            _ => idx,
+        });
+    }
+    fingers
+}
+
+/// Returns the collision groups of the shapes of a finger or, if it is 0, of the palm.
+fn collision_groups(finger: usize, fingers: &[usize], scene: &SceneConfig) -> InteractionGroups {
+    let mut firsts = fingers
+        .iter()
+        .enumerate()
+        .filter(|(idx, first)| *idx > 0 && idx == *first);
+    match firsts.position(|(_, first)| *first == finger) {
+        Some(number) if scene.fingers_touch => groups::finger(number),
+        _ => groups::hand(),
+    }
 }
 
 /// Returns the colliders of the links of a rigid group, placed in the frame of its body.
