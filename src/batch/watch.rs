@@ -29,6 +29,46 @@ struct Places {
     is_stuck: bool,
 }
 
+impl Places {
+    /// Counts the units of a job in this state, of which nothing was heard for the time that `silence` says;
+    /// returns why they are lost, unless they may still be made.
+    fn count(
+        &mut self,
+        state: Option<&JobState>,
+        silence: Option<&str>,
+        n_units: usize,
+    ) -> Option<String> {
+        match (state, silence) {
+            (Some(JobState::Waiting(reason)), _) => {
+                *self.waiting.entry(reason.clone()).or_default() += n_units;
+                None
+            }
+            (Some(JobState::Impossible(reason)), _) => {
+                *self.waiting.entry(reason.clone()).or_default() += n_units;
+                Some(format!("never starts ({reason})"))
+            }
+            (Some(JobState::Running(host)), None) => {
+                *self.running.entry(host.clone()).or_default() += n_units;
+                None
+            }
+            (Some(JobState::Running(host)), Some(silence)) => {
+                self.is_stuck = true;
+                Some(format!(
+                    "is said to run on `{host}`, where nothing has {silence}"
+                ))
+            }
+            (Some(JobState::Stuck(reason)), _) => {
+                self.is_stuck = true;
+                Some(format!("would wait for ever ({reason})"))
+            }
+            (Some(JobState::Over(state)), _) => {
+                Some(format!("ended as {state} and left no result"))
+            }
+            (None, _) => Some("is unknown to the scheduler and left no result".to_owned()),
+        }
+    }
+}
+
 /// Observations of jobs, by their array and index.
 #[derive(Default)]
 struct JobObservations {
@@ -120,35 +160,16 @@ impl Batch<'_> {
                 continue;
             }
             let job = (array.name.clone(), job_idx);
-            let why = match queue.get(&job) {
-                Some(JobState::Waiting(reason)) => {
-                    *places.waiting.entry(reason.clone()).or_default() += units.len();
-                    seen.missed.remove(&job);
-                    continue;
-                }
-                Some(JobState::Impossible(reason)) => {
-                    *places.waiting.entry(reason.clone()).or_default() += units.len();
-                    format!("never starts ({reason})")
-                }
-                Some(JobState::Running(host)) => match self.silence(&job, seen)? {
-                    None => {
-                        *places.running.entry(host.clone()).or_default() += units.len();
-                        seen.missed.remove(&job);
-                        continue;
-                    }
-                    Some(why) => {
-                        places.is_stuck = true;
-                        format!("is said to run on `{host}`, where nothing has {why}")
-                    }
-                },
-                Some(JobState::Stuck(reason)) => {
-                    places.is_stuck = true;
-                    format!("would wait for ever ({reason})")
-                }
-                Some(JobState::Over(state)) => format!("ended as {state} and left no result"),
-                None => "is unknown to the scheduler and left no result".to_owned(),
-            };
             let state = queue.get(&job);
+            let silence = if let Some(JobState::Running(_)) = state {
+                self.silence(&job, seen)?
+            } else {
+                None
+            };
+            let Some(why) = places.count(state, silence.as_deref(), units.len()) else {
+                seen.missed.remove(&job);
+                continue;
+            };
             let n_missed = seen.missed.entry(job.clone()).or_default();
             *n_missed += 1;
             if *n_missed < LOOKS {

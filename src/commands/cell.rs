@@ -3,7 +3,7 @@
 use std::{
     collections::BTreeSet,
     fs,
-    path::Path,
+    path::{Path, PathBuf},
     sync::{
         Mutex, PoisonError,
         atomic::{AtomicBool, Ordering},
@@ -13,7 +13,7 @@ use std::{
 };
 
 use cell::{Access, CellError, ServiceConfig, SimulatedCell};
-use dataflow::{BoxedDiagnostic, Diagnostic, missing};
+use dataflow::{BoxedDiagnostic, Diagnostic, Pipeline, missing};
 use lake::{Lake, table};
 use robot::{RobotError, RobotModel};
 use signal_hook::{
@@ -21,7 +21,7 @@ use signal_hook::{
     iterator::Signals,
 };
 use simulation::ObjectShape;
-use stage_dispatch::{Dispatch, simulated_cell};
+use stage_dispatch::{Dispatch, DispatchConfig, simulated_cell};
 
 use crate::{
     arguments::CellArgs,
@@ -45,15 +45,7 @@ const UNGUARDED: &str =
 /// Serves a simulated robot cell until it is interrupted.
 pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome, CommandError> {
     let pipeline = pipeline_file::read_with(program.kinds, &args.file, &args.values)?;
-    let mut stages = pipeline.stages.iter();
-    let options = stages
-        .find_map(|stage| stage.options::<Dispatch>())
-        .ok_or_else(|| {
-            CommandError::usage(
-                format!("`{}` has no stage of kind `dispatch`", args.file.display()),
-                "name a pipeline file that dispatches, e.g. `pipelines/cgf.toml`",
-            )
-        })?;
+    let options = dispatch_options(&pipeline, &args.file)?;
     let config = simulated_cell(options, args.listen.clone());
     let mut config = config.map_err(CommandError::with_hint(BoxedDiagnostic::hint))?;
     let journal = args.journal.clone();
@@ -71,35 +63,13 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     let name = config.name.clone();
     let path = args.hand.as_ref().unwrap_or(&options.hand);
     let path = &hand_files::urdf_of(path).map_err(CommandError::with_hint(Diagnostic::hint))?;
-    let urdf = fs::read_to_string(path).map_err(|err| {
-        CommandError::usage(
-            format!("cannot read the hand's URDF `{}`: {err}", path.display()),
-            format!(
-                "name the URDF of a robot hand with `--hand FILE`; {}",
-                missing(path)
-            ),
-        )
-    })?;
-    let hand = RobotModel::from_urdf(&urdf);
-    let hand = hand.map_err(CommandError::with_hint(RobotError::hint))?;
-    let hand = robot_meshes::with_mesh_shapes(hand, path);
-    let hand = hand.map_err(CommandError::with_hint(Diagnostic::hint))?;
+    let (urdf, hand) = read_hand(path)?;
     // Before anything is served, so that an early signal is handled too.
     let mut signals =
         Signals::new([SIGINT, SIGTERM]).map_err(|err| CommandError::failed(err, None))?;
     let served = SimulatedCell::start_with(config, &urdf, hand);
     let served = served.map_err(CommandError::with_hint(CellError::hint))?;
-    let lake = program.lake.clone();
-    // Reported once per object: a dispatcher may request it repeatedly.
-    let told = Mutex::new(BTreeSet::new());
-    served.find_objects(Box::new(move |object| {
-        find(&lake, object).inspect_err(|why| {
-            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
-            if told.insert(object.to_owned()) {
-                report::line(&format!("object `{object}`: {why}"));
-            }
-        })
-    }));
+    serve_objects(&served, program.lake.clone());
     if program.quiet == Quiet::No {
         served.on_outcome(Box::new(|over| {
             report::line(&format!(
@@ -117,17 +87,7 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
         if args.fast { "" } else { " in real time" },
         journal.display()
     ));
-    match &args.access {
-        None => program.say(UNGUARDED),
-        Some(access) => {
-            let access = Access::read(access).map_err(CommandError::with_hint(CellError::hint))?;
-            if args.connect.is_none() {
-                warn_of_stale(&access);
-            } else {
-                warn_of_nameless(&access);
-            }
-        }
-    }
+    warn_of_access(program, args)?;
     let ended = AtomicBool::new(false);
     let router = args
         .connect
@@ -142,6 +102,70 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     });
     served.stop();
     Ok(CommandOutcome::Done)
+}
+
+/// Returns the options of the pipeline's first stage that dispatches.
+fn dispatch_options<'a>(
+    pipeline: &'a Pipeline,
+    file: &Path,
+) -> Result<&'a DispatchConfig, CommandError> {
+    let mut stages = pipeline.stages.iter();
+    stages
+        .find_map(|stage| stage.options::<Dispatch>())
+        .ok_or_else(|| {
+            CommandError::usage(
+                format!("`{}` has no stage of kind `dispatch`", file.display()),
+                "name a pipeline file that dispatches, e.g. `pipelines/cgf.toml`",
+            )
+        })
+}
+
+/// Reads a hand's URDF, and the hand that it describes with the shapes of its meshes.
+fn read_hand(path: &Path) -> Result<(String, RobotModel), CommandError> {
+    let urdf = fs::read_to_string(path).map_err(|err| {
+        CommandError::usage(
+            format!("cannot read the hand's URDF `{}`: {err}", path.display()),
+            format!(
+                "name the URDF of a robot hand with `--hand FILE`; {}",
+                missing(path)
+            ),
+        )
+    })?;
+    let hand = RobotModel::from_urdf(&urdf);
+    let hand = hand.map_err(CommandError::with_hint(RobotError::hint))?;
+    let hand = robot_meshes::with_mesh_shapes(hand, path);
+    let hand = hand.map_err(CommandError::with_hint(Diagnostic::hint))?;
+    Ok((urdf, hand))
+}
+
+/// Lets the cell find objects in a lake.
+fn serve_objects(served: &SimulatedCell, lake: PathBuf) {
+    // Reported once per object: a dispatcher may request it repeatedly.
+    let told = Mutex::new(BTreeSet::new());
+    served.find_objects(Box::new(move |object| {
+        find(&lake, object).inspect_err(|why| {
+            let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
+            if told.insert(object.to_owned()) {
+                report::line(&format!("object `{object}`: {why}"));
+            }
+        })
+    }));
+}
+
+/// Warns where programs other than the dispatchers that are meant may drive the robot.
+fn warn_of_access(program: &Program, args: &CellArgs) -> Result<(), CommandError> {
+    match &args.access {
+        None => program.say(UNGUARDED),
+        Some(access) => {
+            let access = Access::read(access).map_err(CommandError::with_hint(CellError::hint))?;
+            if args.connect.is_none() {
+                warn_of_stale(&access);
+            } else {
+                warn_of_nameless(&access);
+            }
+        }
+    }
+    Ok(())
 }
 
 /// Reports when the router is lost and when it is back.

@@ -5,7 +5,7 @@ use std::{
     sync::Arc,
 };
 
-use dataflow::{Event, Executor, NodeReport, RunReport};
+use dataflow::{Event, Executor, NodeReport, Pipeline, RunReport};
 use lake::Lake;
 
 use crate::{
@@ -105,42 +105,10 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let last = ran.nodes.iter().rev().find(|node| !is_page(node));
     let said = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
-        let line = if ran.made_now_count() == 0 {
-            let n_stages = pipeline
-                .stages
-                .iter()
-                .filter(|stage| {
-                    ran.nodes
-                        .iter()
-                        .any(|node| node.record.node.stage == stage.name)
-                })
-                .count();
-            report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
-            format!("       {said}")
-        } else {
-            let took = format!("in {}", report::duration(ran.seconds));
-            let line = format!("done   {said} {took}");
-            if line.chars().count() <= report::LINE_WIDTH {
-                line
-            } else {
-                report::short_line(&format!("done   {took}"));
-                format!("       {said}")
-            }
-        };
-        report::short_line(&line);
+        say_done(&pipeline, &ran, &said);
     }
-    let n_skipped = ran.skipped_count();
-    let outcome = if n_skipped > 0 {
-        report::line(&format!("note   {n_skipped} items were skipped"));
-        let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
-        for node in skipping {
-            if let Some(run) = left_by(store, &ran, node) {
-                report::line(&format!(
-                    "hint: see each reason with `pipeline inspect {} --skipped --run {run}`",
-                    node.record.node
-                ));
-            }
-        }
+    let outcome = if ran.skipped_count() > 0 {
+        report_skipped(store, &ran);
         CommandOutcome::SkippedItems
     } else {
         if let Some(last) = last.filter(|_| ran.made_now_count() > 0) {
@@ -162,6 +130,47 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         report::line(&format!("report `{}`", page.display()));
     }
     Ok(Done { outcome, said })
+}
+
+/// Reports the end of a run, and what its last output is in words, in lines that are short enough.
+fn say_done(pipeline: &Pipeline, ran: &RunReport, said: &str) {
+    let line = if ran.made_now_count() == 0 {
+        let stages = pipeline.stages.iter();
+        let ran_stages = stages.filter(|stage| {
+            let mut nodes = ran.nodes.iter();
+            nodes.any(|node| node.record.node.stage == stage.name)
+        });
+        let n_stages = ran_stages.count();
+        report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
+        format!("       {said}")
+    } else {
+        let took = format!("in {}", report::duration(ran.seconds));
+        let line = format!("done   {said} {took}");
+        if line.chars().count() <= report::LINE_WIDTH {
+            line
+        } else {
+            report::short_line(&format!("done   {took}"));
+            format!("       {said}")
+        }
+    };
+    report::short_line(&line);
+}
+
+/// Reports that items were skipped, and how to see the reasons.
+fn report_skipped(store: &Lake, ran: &RunReport) {
+    report::line(&format!(
+        "note   {} items were skipped",
+        ran.skipped_count()
+    ));
+    let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
+    for node in skipping {
+        if let Some(run) = left_by(store, ran, node) {
+            report::line(&format!(
+                "hint: see each reason with `pipeline inspect {} --skipped --run {run}`",
+                node.record.node
+            ));
+        }
+    }
 }
 
 /// Returns where the page of a report is published, if it is.

@@ -210,46 +210,7 @@ impl CellClient {
         let (started, asked_ms) = (Instant::now(), now_unix_ms());
         let answers = self.ask(&key, timeout)?;
         let answered_ms = now_unix_ms();
-        let endpoint = self.endpoint.clone();
-        let (journal, body) = match answers.as_slice() {
-            [] => {
-                return Err(CellError::NoAnswer {
-                    key,
-                    endpoint,
-                    access: self.access.clone(),
-                    waited: started.elapsed(),
-                });
-            }
-            [Answer::Signed { journal, body, .. }] => (journal, body),
-            [answer] => {
-                // A cell of another version signs differently.
-                if let Answer::Unsigned(bytes) = answer {
-                    self.check_version(bytes)?;
-                }
-                return Err(CellError::Unsigned {
-                    key,
-                    endpoint,
-                    who: answer.who(),
-                });
-            }
-            several => {
-                let count = several.len();
-                return Err(match sole_journal(several) {
-                    Some(journal) => CellError::DifferentAnswers {
-                        key,
-                        endpoint,
-                        count,
-                        journal: short(journal).to_owned(),
-                    },
-                    None => CellError::SeveralCells {
-                        key,
-                        endpoint,
-                        count,
-                        who: who(several),
-                    },
-                });
-            }
-        };
+        let (journal, body) = self.sole_signed(&key, &answers, started)?;
         self.check_version(body)?;
         let unreadable = |source: WireError| CellError::Answer {
             key: key.clone(),
@@ -286,6 +247,54 @@ impl CellClient {
             endpoint: self.endpoint.clone(),
             expected: known.clone(),
             found: journal.clone(),
+        })
+    }
+
+    /// Returns the journal and the body of the one answer about capabilities, asked for at `started`.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there is no answer, if it is not signed, or if there are several.
+    fn sole_signed<'a>(
+        &self,
+        key: &str,
+        answers: &'a [Answer],
+        started: Instant,
+    ) -> Result<(&'a String, &'a [u8]), CellError> {
+        let (key, endpoint) = (key.to_owned(), self.endpoint.clone());
+        Err(match answers {
+            [] => CellError::NoAnswer {
+                key,
+                endpoint,
+                access: self.access.clone(),
+                waited: started.elapsed(),
+            },
+            [Answer::Signed { journal, body, .. }] => return Ok((journal, body)),
+            [answer] => {
+                // A cell of another version signs differently.
+                if let Answer::Unsigned(bytes) = answer {
+                    self.check_version(bytes)?;
+                }
+                CellError::Unsigned {
+                    key,
+                    endpoint,
+                    who: answer.who(),
+                }
+            }
+            several => match sole_journal(several) {
+                Some(journal) => CellError::DifferentAnswers {
+                    key,
+                    endpoint,
+                    count: several.len(),
+                    journal: short(journal).to_owned(),
+                },
+                None => CellError::SeveralCells {
+                    key,
+                    endpoint,
+                    count: several.len(),
+                    who: who(several),
+                },
+            },
         })
     }
 

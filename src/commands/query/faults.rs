@@ -182,6 +182,46 @@ fn kind_in(text: &str) -> &'static str {
     found.map_or("what is asked for", |(_, kind)| kind)
 }
 
+/// Refusals of the engine that have one cause: phrases of which one is in it, the message and the hint. The
+/// first that fits counts.
+const REFUSALS: [(&[&str], &str, &str); 7] = [
+    (
+        &["HAVING clause references"],
+        "`having` is about groups, and a column in it has a value in every row",
+        "add `group by`, or ask for rows with `where`",
+    ),
+    (
+        &["not allowed in the WHERE clause"],
+        "`where` is about rows, and a total in it is about groups",
+        "write `having` after `group by`",
+    ),
+    (
+        &["require unique expression names"],
+        "two columns of a part of the question are the same",
+        "name one of them with `as`",
+    ),
+    (
+        &["more than one row"],
+        "cannot answer the question: a subquery in the place of a value has several rows",
+        "take one, e.g. with `max(…)`, or write `in (select …)`",
+    ),
+    (
+        &["coerce", "infer common"],
+        "cannot answer the question: it computes with values of two kinds, e.g. text and numbers",
+        "convert one of them, e.g. with `cast(… as double)` or `cast(… as varchar)`",
+    ),
+    (
+        &["different number of columns", "same number of columns"],
+        "cannot answer the question: the parts of `union`, `except` or `intersect` have different columns",
+        EXAMPLE,
+    ),
+    (
+        &["ScalarSubquery", "anti join", "correlated"],
+        "cannot answer the question: a subquery stands where it cannot be joined",
+        "name it with `with part as (select …)` and write a join, e.g. with `group by` in the part",
+    ),
+];
+
 /// What the engine says in words.
 fn of_text(text: &str, source: &mut Source) -> CommandError {
     let text = text.lines().next().unwrap_or_default();
@@ -208,45 +248,10 @@ fn of_text(text: &str, source: &mut Source) -> CommandError {
             format!("add `{column}` to `group by`, or ask for e.g. `max({column})`"),
         );
     }
-    if text.contains("HAVING clause references") {
-        return CommandError::usage(
-            "`having` is about groups, and a column in it has a value in every row",
-            "add `group by`, or ask for rows with `where`",
-        );
-    }
-    if text.contains("not allowed in the WHERE clause") {
-        return CommandError::usage(
-            "`where` is about rows, and a total in it is about groups",
-            "write `having` after `group by`",
-        );
-    }
-    if text.contains("require unique expression names") {
-        return CommandError::usage(
-            "two columns of a part of the question are the same",
-            "name one of them with `as`",
-        );
-    }
-    if text.contains("more than one row") {
-        return CommandError::usage(
-            "cannot answer the question: a subquery in the place of a value has several rows",
-            "take one, e.g. with `max(…)`, or write `in (select …)`",
-        );
-    }
-    if text.contains("coerce") || text.contains("infer common") {
-        return CommandError::usage(
-            "cannot answer the question: it computes with values of two kinds, e.g. text and numbers",
-            "convert one of them, e.g. with `cast(… as double)` or `cast(… as varchar)`",
-        );
-    }
-    if text.contains("different number of columns") || text.contains("same number of columns") {
-        return cannot("the parts of `union`, `except` or `intersect` have different columns");
-    }
-    if text.contains("ScalarSubquery") || text.contains("anti join") || text.contains("correlated")
-    {
-        return CommandError::usage(
-            "cannot answer the question: a subquery stands where it cannot be joined",
-            "name it with `with part as (select …)` and write a join, e.g. with `group by` in the part",
-        );
+    let mut refusals = REFUSALS.iter();
+    let is_said = |phrases: &[&str]| phrases.iter().any(|phrase| text.contains(phrase));
+    if let Some((_, message, hint)) = refusals.find(|(phrases, ..)| is_said(phrases)) {
+        return CommandError::usage(*message, *hint);
     }
     if text.contains("verflow") {
         return overflow();

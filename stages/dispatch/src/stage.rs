@@ -234,15 +234,7 @@ fn send(
         ..ObjectExecutions::default()
     };
     let Some(first) = goals.iter().find_map(|(_, goal)| goal.as_ref().ok()) else {
-        let here = CellFacts {
-            simulated: config.cell == SIMULATED,
-            gap: String::new(),
-        };
-        let rows = goals.iter().filter_map(|(candidate, goal)| {
-            let refusal = goal.as_ref().err()?;
-            Some(rows::not_sent(&config.cell_name, &here, candidate, refusal))
-        });
-        done.executions = rows.collect();
+        done.executions = refused(config, &goals);
         return Ok(done);
     };
     let ledger = ledger(config, cx)?;
@@ -298,6 +290,19 @@ fn send(
         done.executions.push(row);
     }
     Ok(done)
+}
+
+/// Returns the executions of motions none of which can be sent.
+fn refused(config: &DispatchConfig, goals: &[PlannedGoal]) -> Vec<Execution> {
+    let here = CellFacts {
+        simulated: config.cell == SIMULATED,
+        gap: String::new(),
+    };
+    let rows = goals.iter().filter_map(|(candidate, goal)| {
+        let refusal = goal.as_ref().err()?;
+        Some(rows::not_sent(&config.cell_name, &here, candidate, refusal))
+    });
+    rows.collect()
 }
 
 /// Takes the motions that are to be sent, and those that cannot be.

@@ -42,25 +42,7 @@ pub(crate) fn write(
     after: &[ImageAfterGrasp],
     mesh: Option<&TriMesh>,
 ) -> Result<(), LakeError> {
-    let about = BTreeMap::from([
-        ("object".to_owned(), demonstration.object.clone()),
-        ("sequence".to_owned(), demonstration.sequence.clone()),
-        ("hand".to_owned(), demonstration.hand.as_str().to_owned()),
-        ("mirrored".to_owned(), demonstration.mirrored.to_string()),
-        (
-            "start_reason".to_owned(),
-            demonstration.start_reason.clone(),
-        ),
-        ("end_reason".to_owned(), demonstration.end_reason.clone()),
-        (
-            "grasp_time_s".to_owned(),
-            format!(
-                "{:.6}",
-                demonstration.steps.last().map_or(0.0, |step| step.time_s)
-            ),
-        ),
-    ]);
-    let mut recording = Recording::create(path, &about)?;
+    let mut recording = Recording::create(path, &about(demonstration))?;
     if let Some(mesh) = mesh {
         let hull = (mesh.triangles.len() > MAX_TRIANGLES)
             .then(|| mesh.convex_hull().ok())
@@ -121,6 +103,21 @@ pub(crate) fn write(
         recording.write(HAND, time_ns, &markers([landmarks, bones]))?;
     }
     recording.finish()
+}
+
+/// Returns the recording's facts in words.
+fn about(demonstration: &Demonstration) -> BTreeMap<String, String> {
+    let grasp_time_s = demonstration.steps.last().map_or(0.0, |step| step.time_s);
+    let facts = [
+        ("object", demonstration.object.clone()),
+        ("sequence", demonstration.sequence.clone()),
+        ("hand", demonstration.hand.as_str().to_owned()),
+        ("mirrored", demonstration.mirrored.to_string()),
+        ("start_reason", demonstration.start_reason.clone()),
+        ("end_reason", demonstration.end_reason.clone()),
+        ("grasp_time_s", format!("{grasp_time_s:.6}")),
+    ];
+    facts.map(|(key, value)| (key.to_owned(), value)).into()
 }
 
 /// The scene at one time.

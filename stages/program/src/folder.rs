@@ -81,46 +81,9 @@ impl JobFolder {
             job.output.template = Some(TEMPLATE.to_owned());
             job.output.table = Some(format!("{OUT}/{}", lake::table::FILE));
         }
-        for (name, source) in config
-            .files
-            .keys()
-            .map(|name| (name, format!("{FILES}{name}")))
-        {
-            let below = format!("{source}/");
-            for file in inputs.files() {
-                let at = match file.name.strip_prefix(&below) {
-                    Some(rest) => format!("{OWN_FILES}/{name}/{rest}"),
-                    None if file.name == source => {
-                        let last = file.path.file_name().unwrap_or_default().to_string_lossy();
-                        format!("{OWN_FILES}/{name}/{last}")
-                    }
-                    None => continue,
-                };
-                folder.give(&file.path, &at)?;
-                let is_folder = file.name != source;
-                let told = if is_folder {
-                    format!("{OWN_FILES}/{name}")
-                } else {
-                    at
-                };
-                job.files.insert(name.clone(), told);
-            }
-        }
+        job.files = folder.give_own_files(config, inputs)?;
         for input in inputs.names() {
-            let mut partitions = Vec::new();
-            for artifact in inputs.artifacts(input) {
-                let mut files = JobFiles::new();
-                for (name, from) in &artifact.files {
-                    let at = format!("{IN}/{input}/{}/{name}", artifact.key);
-                    folder.give(from, &at)?;
-                    files.insert(name.clone(), at);
-                }
-                partitions.push(JobInput {
-                    partition: artifact.key.to_string(),
-                    labels: artifact.labels.clone(),
-                    files,
-                });
-            }
+            let partitions = folder.give_partitions(input, inputs)?;
             job.inputs.insert(input.to_owned(), partitions);
         }
         if let Some(schema) = schema {
@@ -140,6 +103,61 @@ impl JobFolder {
 
     pub(crate) fn path(&self) -> &Path {
         &self.path
+    }
+
+    /// Copies the files of the option `files`; returns the path in the folder of each.
+    fn give_own_files(
+        &mut self,
+        config: &ProgramConfig,
+        inputs: &Inputs,
+    ) -> Result<JobFiles, ProgramError> {
+        let mut files = JobFiles::new();
+        for name in config.files.keys() {
+            let source = format!("{FILES}{name}");
+            let below = format!("{source}/");
+            for file in inputs.files() {
+                let at = match file.name.strip_prefix(&below) {
+                    Some(rest) => format!("{OWN_FILES}/{name}/{rest}"),
+                    None if file.name == source => {
+                        let last = file.path.file_name().unwrap_or_default().to_string_lossy();
+                        format!("{OWN_FILES}/{name}/{last}")
+                    }
+                    None => continue,
+                };
+                self.give(&file.path, &at)?;
+                let is_folder = file.name != source;
+                let told = if is_folder {
+                    format!("{OWN_FILES}/{name}")
+                } else {
+                    at
+                };
+                files.insert(name.clone(), told);
+            }
+        }
+        Ok(files)
+    }
+
+    /// Copies the artifacts of an input, and describes its partitions.
+    fn give_partitions(
+        &mut self,
+        input: &str,
+        inputs: &Inputs,
+    ) -> Result<Vec<JobInput>, ProgramError> {
+        let mut partitions = Vec::new();
+        for artifact in inputs.artifacts(input) {
+            let mut files = JobFiles::new();
+            for (name, from) in &artifact.files {
+                let at = format!("{IN}/{input}/{}/{name}", artifact.key);
+                self.give(from, &at)?;
+                files.insert(name.clone(), at);
+            }
+            partitions.push(JobInput {
+                partition: artifact.key.to_string(),
+                labels: artifact.labels.clone(),
+                files,
+            });
+        }
+        Ok(partitions)
     }
 
     /// Copies a file into the folder, read-only: changes of the copy do not reach the lake.

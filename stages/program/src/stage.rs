@@ -132,18 +132,43 @@ impl<A: Artifacts> Output for Program<A> {
             )));
         }
         let known = Self::known(config);
-        let table = known.map(|known| known.table.as_ref());
-        let schema: Option<Schema> = match table {
-            Some(table) => table.map(|table| (table.schema)()),
+        let schema = match known {
+            Some(known) => known.table.as_ref().map(|table| (table.schema)()),
             None => Some(own_table::schema(config)),
         };
-        let folder = JobFolder::new(
+        let run = ProgramRun {
             config,
-            known,
-            schema.clone(),
             inputs,
             cx,
-            inputs.fact(FAN_OUT),
+            known,
+            schema,
+        };
+        run.make()
+    }
+}
+
+/// One run of the program, for one unit.
+struct ProgramRun<'a> {
+    config: &'a ProgramConfig,
+    inputs: &'a Inputs,
+    cx: &'a Context<'a>,
+    /// The artifact to make, if it is not a table of the program's own.
+    known: Option<&'static KnownArtifact>,
+    /// Columns of the table to make, if there is one.
+    schema: Option<Schema>,
+}
+
+impl ProgramRun<'_> {
+    /// Runs the program in a folder of its own, and keeps what it made.
+    fn make(&self) -> Result<Outcome<ProgramMetrics>, BoxedDiagnostic> {
+        let (config, cx) = (self.config, self.cx);
+        let folder = JobFolder::new(
+            config,
+            self.known,
+            self.schema.clone(),
+            self.inputs,
+            cx,
+            self.inputs.fact(FAN_OUT),
         )?;
         let log = Arc::new(Log::begin(cx.log_file())?);
         let command = code::absolute(config)?;
@@ -156,13 +181,6 @@ impl<A: Artifacts> Output for Program<A> {
             &log,
             &|share, message| cx.progress(share, message),
         )?;
-        let failed = |violation: FolderViolation| ProgramError::Folder {
-            command: process::words(config),
-            problem: violation.problem,
-            last_lines: log.last_lines(),
-            log: log.path().to_owned(),
-            advice: violation.advice,
-        };
         match ended.status.code() {
             Some(0) => {}
             Some(SKIPPED) => {
@@ -173,40 +191,63 @@ impl<A: Artifacts> Output for Program<A> {
             }
             _ => return Err(failure(config, &command, &ended, &log).into()),
         }
+        let made = self.made(&folder, until)?;
+        let made = made.map_err(|violation| ProgramError::Folder {
+            command: process::words(config),
+            problem: violation.problem,
+            last_lines: log.last_lines(),
+            log: log.path().to_owned(),
+            advice: violation.advice,
+        })?;
+        let metrics = self.keep(made)?;
+        folder.remove()?;
+        Ok(Outcome::Made(metrics))
+    }
+
+    /// Returns the files that the program made, or the rule of the folder that it broke.
+    fn made(
+        &self,
+        folder: &JobFolder,
+        until: Instant,
+    ) -> Result<Result<Vec<(String, PathBuf)>, FolderViolation>, BoxedDiagnostic> {
         if let Some(violation) = folder.violation()? {
-            return Err(failed(violation).into());
+            return Ok(Err(violation));
         }
-        let made = folder.made()?.map_err(&failed)?;
-        if let Some(violation) = folder::unread(&made, config.timeout_s, until)? {
-            return Err(failed(violation).into());
+        let made = match folder.made()? {
+            Ok(made) => made,
+            Err(violation) => return Ok(Err(violation)),
+        };
+        if let Some(violation) = folder::unread(&made, self.config.timeout_s, until)? {
+            return Ok(Err(violation));
         }
-        let asked = schema.iter().map(|_| lake::table::FILE);
-        let asked = asked.chain(
-            known
-                .into_iter()
-                .flat_map(|known| known.files.iter().copied()),
-        );
-        for name in asked {
-            if !made.iter().any(|(found, _)| found == name) {
-                return Err(failed(FolderViolation {
-                    problem: format!("ended well, but there is no `out/{name}`"),
-                    advice: "write it into the folder in which the program starts",
-                })
-                .into());
-            }
-        }
+        let table = self.schema.iter().map(|_| lake::table::FILE);
+        let known = self.known.into_iter();
+        let mut asked = table.chain(known.flat_map(|known| known.files.iter().copied()));
+        let missing = asked.find(|name| !made.iter().any(|(found, _)| found == name));
+        Ok(match missing {
+            None => Ok(made),
+            Some(name) => Err(FolderViolation {
+                problem: format!("ended well, but there is no `out/{name}`"),
+                advice: "write it into the folder in which the program starts",
+            }),
+        })
+    }
+
+    /// Checks the table and takes it, and moves the other files into the unit's folder.
+    fn keep(&self, made: Vec<(String, PathBuf)>) -> Result<ProgramMetrics, BoxedDiagnostic> {
+        let cx = self.cx;
         let mut metrics = ProgramMetrics {
             rows_n: 0.0,
             accepted_n: None,
         };
         for (name, path) in made {
-            match &schema {
+            match &self.schema {
                 Some(schema) if name == lake::table::FILE => {
                     let batch = checked(
-                        config,
-                        table.flatten(),
+                        self.config,
+                        self.known.and_then(|known| known.table.as_ref()),
                         schema,
-                        inputs,
+                        self.inputs,
                         cx.partition(),
                         &path,
                     )?;
@@ -221,8 +262,7 @@ impl<A: Artifacts> Output for Program<A> {
                 }
             }
         }
-        folder.remove()?;
-        Ok(Outcome::Made(metrics))
+        Ok(metrics)
     }
 }
 

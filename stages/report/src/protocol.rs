@@ -11,10 +11,7 @@ use crate::{
 /// Returns the protocol of the screen as a table of facts; `None` if nothing was screened.
 pub(crate) fn protocol(gathered: &PageData) -> Option<DataTable> {
     let rate = gathered.rates.first();
-    let options = gathered
-        .facts
-        .options_of(Rollouts::NAME)
-        .or_else(|| gathered.facts.options_of(SuccessRates::NAME));
+    let options = ScreenOptions::of(gathered);
     if rate.is_none() && options.is_none() {
         return None;
     }
@@ -23,85 +20,120 @@ pub(crate) fn protocol(gathered: &PageData) -> Option<DataTable> {
         "How a motion is judged",
         &[("setting", "Setting"), ("value", "Value")],
     );
-    let mut put = |setting: &str, value: Option<String>| {
+    let rows = [
+        ("protocol", rate.map(|rate| rate.protocol.clone())),
+        ("approach", rate.map(|rate| rate.approach.clone())),
+        (
+            "scripted squeeze",
+            rate.map(|rate| squeeze(rate.squeeze_rad)),
+        ),
+        (
+            "friction of hand and object",
+            rate.map(|rate| rate.friction.to_string()),
+        ),
+        (
+            "torque limit of a finger's joint",
+            rate.map(|rate| format!("{} Nm", rate.torque_limit_nm)),
+        ),
+        (
+            "different fingers",
+            options.and_then(ScreenOptions::fingers),
+        ),
+        ("objects' masses", rate.map(|rate| rate.object_mass.clone())),
+        ("lift", options.and_then(ScreenOptions::lift)),
+        ("hold", options.and_then(ScreenOptions::hold)),
+        ("success", options.and_then(ScreenOptions::success)),
+        (
+            "control step",
+            options.and_then(ScreenOptions::control_step),
+        ),
+    ];
+    for (setting, value) in rows {
         if let Some(value) = value {
             table.row([Cell::text(setting), Cell::text(value)]);
         }
-    };
-    let option = |path: &str| options.and_then(|options| options.pointer(path));
-    let number = |path: &str| option(path).and_then(Value::as_f64);
-    put("protocol", rate.map(|rate| rate.protocol.clone()));
-    put("approach", rate.map(|rate| rate.approach.clone()));
-    put(
-        "scripted squeeze",
-        rate.map(|rate| {
-            if rate.squeeze_rad > 0.0 {
-                format!("{} rad", rate.squeeze_rad)
-            } else {
-                "none".to_owned()
-            }
-        }),
-    );
-    put(
-        "friction of hand and object",
-        rate.map(|rate| rate.friction.to_string()),
-    );
-    put(
-        "torque limit of a finger's joint",
-        rate.map(|rate| format!("{} Nm", rate.torque_limit_nm)),
-    );
-    put(
-        "different fingers",
-        fingers_touch(gathered).map(|touch| {
-            if touch {
-                "touch each other"
-            } else {
-                "pass through each other: a rate with contact between them is lower"
-            }
-            .to_owned()
-        }),
-    );
-    put("objects' masses", rate.map(|rate| rate.object_mass.clone()));
-    put(
-        "lift",
-        number("/protocol/lift_m")
-            .zip(number("/protocol/lift_s"))
-            .map(|(lift_m, lift_s)| format!("{lift_m} m in {lift_s} s")),
-    );
-    put(
-        "hold",
-        number("/protocol/hold_s").map(|hold_s| format!("{hold_s} s")),
-    );
-    let mut test = Vec::new();
-    test.extend(number("/protocol/lifted_m").map(|m| format!("lifted by more than {m} m")));
-    test.extend(number("/protocol/min_links").map(|n| format!("{n} links in contact at the end")));
-    test.extend(
-        number("/protocol/strict/min_fingers").map(|n| format!("{n} fingers, or one and the palm")),
-    );
-    test.extend(number("/protocol/max_slip_m_per_s").map(|v| format!("slip below {v} m/s")));
-    test.extend(number("/max_penetration_m").map(|m| format!("at most {m} m deep in the object")));
-    put("success", (!test.is_empty()).then(|| test.join("; ")));
-    put(
-        "control step",
-        number("/scene/time_step_s")
-            .zip(number("/scene/steps_per_control"))
-            .map(|(step_s, n)| {
-                format!(
-                    "{:.0} ms, {n:.0} physics steps of {} ms",
-                    1e3 * step_s * n,
-                    1e3 * step_s
-                )
-            }),
-    );
+    }
     Some(table)
 }
 
-/// Says whether different fingers touch each other in the screen's physics, where its options are known.
-fn fingers_touch(gathered: &PageData) -> Option<bool> {
-    let facts = &gathered.facts;
-    let options = facts.options_of(Rollouts::NAME);
-    let options = options.or_else(|| facts.options_of(SuccessRates::NAME))?;
-    options.pointer("/scene/fingers_touch")?.as_bool()
+/// Returns the angle in radians of the scripted squeeze in words.
+fn squeeze(angle_rad: f64) -> String {
+    if angle_rad > 0.0 {
+        format!("{angle_rad} rad")
+    } else {
+        "none".to_owned()
+    }
+}
+
+/// Options of the screen, each in words where it is set.
+#[derive(Clone, Copy)]
+struct ScreenOptions<'a>(&'a Value);
+
+impl<'a> ScreenOptions<'a> {
+    /// Returns the options of the screen, or of what it is rated by, where they are known.
+    fn of(gathered: &'a PageData) -> Option<Self> {
+        let facts = &gathered.facts;
+        let options = facts.options_of(Rollouts::NAME);
+        let options = options.or_else(|| facts.options_of(SuccessRates::NAME));
+        options.map(Self)
+    }
+
+    fn number(self, path: &str) -> Option<f64> {
+        self.0.pointer(path)?.as_f64()
+    }
+
+    /// Says whether different fingers touch each other in the screen's physics.
+    fn fingers_touch(self) -> Option<bool> {
+        self.0.pointer("/scene/fingers_touch")?.as_bool()
+    }
+
+    fn fingers(self) -> Option<String> {
+        let fingers = if self.fingers_touch()? {
+            "touch each other"
+        } else {
+            "pass through each other: a rate with contact between them is lower"
+        };
+        Some(fingers.to_owned())
+    }
+
+    fn lift(self) -> Option<String> {
+        let lift_m = self.number("/protocol/lift_m")?;
+        let lift_s = self.number("/protocol/lift_s")?;
+        Some(format!("{lift_m} m in {lift_s} s"))
+    }
+
+    fn hold(self) -> Option<String> {
+        let hold_s = self.number("/protocol/hold_s")?;
+        Some(format!("{hold_s} s"))
+    }
+
+    /// Returns the tests that a motion passes to succeed.
+    fn success(self) -> Option<String> {
+        let tests = [
+            self.number("/protocol/lifted_m")
+                .map(|m| format!("lifted by more than {m} m")),
+            self.number("/protocol/min_links")
+                .map(|n| format!("{n} links in contact at the end")),
+            self.number("/protocol/strict/min_fingers")
+                .map(|n| format!("{n} fingers, or one and the palm")),
+            self.number("/protocol/max_slip_m_per_s")
+                .map(|v| format!("slip below {v} m/s")),
+            self.number("/max_penetration_m")
+                .map(|m| format!("at most {m} m deep in the object")),
+        ];
+        let tests: Vec<String> = tests.into_iter().flatten().collect();
+        (!tests.is_empty()).then(|| tests.join("; "))
+    }
+
+    fn control_step(self) -> Option<String> {
+        let step_s = self.number("/scene/time_step_s")?;
+        let n = self.number("/scene/steps_per_control")?;
+        Some(format!(
+            "{:.0} ms, {n:.0} physics steps of {} ms",
+            1e3 * step_s * n,
+            1e3 * step_s
+        ))
+    }
 }
 
 /// Returns the protocol in a line, for the headline; `None` if no rates are wired.
@@ -113,7 +145,7 @@ pub(crate) fn line(gathered: &PageData) -> Option<String> {
     } else {
         mass
     };
-    let fingers = match fingers_touch(gathered) {
+    let fingers = match ScreenOptions::of(gathered).and_then(ScreenOptions::fingers_touch) {
         Some(false) => ", fingers pass through each other",
         Some(true) => ", fingers touch each other",
         None => "",

@@ -96,25 +96,7 @@ pub(crate) fn track(
     config: &RetargetConfig,
     demonstration: &Demonstration,
 ) -> Result<Option<Tracked>, RetargetError> {
-    let Some(end) = demonstration.steps.last() else {
-        return Ok(None);
-    };
-    let goals: Vec<Goal> = demonstration
-        .steps
-        .iter()
-        .zip(smoothed(&demonstration.steps, config.smoothing_s))
-        .map(|(step, keypoints_m)| {
-            let to_grasp_s = end.time_s - step.time_s;
-            goal(
-                hand,
-                environment,
-                config,
-                &step.keypoints_m,
-                &keypoints_m,
-                to_grasp_s,
-            )
-        })
-        .collect();
+    let goals = goals(hand, environment, config, demonstration);
     let mut follower = Follower::new(hand, environment, config);
     let Some(grasp) = follower.grasp(&goals)? else {
         return Ok(None);
@@ -167,6 +149,34 @@ pub(crate) fn track(
         restarts_n,
         iterations_n,
     }))
+}
+
+/// Returns the goal of each step, the grasp's last.
+fn goals(
+    hand: &Hand,
+    environment: &Environment,
+    config: &RetargetConfig,
+    demonstration: &Demonstration,
+) -> Vec<Goal> {
+    let Some(end) = demonstration.steps.last() else {
+        return Vec::new();
+    };
+    demonstration
+        .steps
+        .iter()
+        .zip(smoothed(&demonstration.steps, config.smoothing_s))
+        .map(|(step, keypoints_m)| {
+            let to_grasp_s = end.time_s - step.time_s;
+            goal(
+                hand,
+                environment,
+                config,
+                &step.keypoints_m,
+                &keypoints_m,
+                to_grasp_s,
+            )
+        })
+        .collect()
 }
 
 #[cfg(test)]

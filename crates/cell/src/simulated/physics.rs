@@ -5,7 +5,8 @@ use nalgebra::{UnitQuaternion, Vector3};
 use robot::{JointKind, JointOrder};
 use schemas::{executions::Outcome, rollouts::Verdict};
 use simulation::{
-    ObjectShape, SettledScene, SimulationError, StepDecision, TraceStep, WatchedRollout,
+    CommandStep, ObjectShape, SettledScene, SimulationError, StepDecision, TraceStep,
+    WatchedRollout,
 };
 use spatial::{Object, Pose, RestingPose, Table};
 
@@ -58,12 +59,7 @@ pub(super) fn execute(
         config.mismatch.latency_s,
         table_from_scene,
     );
-    for (step, noise) in steps.iter_mut().zip(&encoders.noise[delay_n..]) {
-        // A drive that reads a joint as too far along when a command arrives drives it less far.
-        for (q, noise) in step.q.iter_mut().zip(noise) {
-            *q -= noise;
-        }
-    }
+    encoders.mislead(&mut steps);
     let (mut samples, mut reason): (Vec<Sample>, Option<Abort>) = (Vec::new(), None);
     let mut shown = |step: &TraceStep| {
         let sample = encoders.read(step);
@@ -100,19 +96,29 @@ pub(super) fn execute(
         message: rollout.verdict.as_str().to_owned(),
     });
     let joints = goal.joint_names();
-    let order = JointOrder::new(&robot.joint_names(), &joints);
-    let order = order.map_err(|err| SimulationError::Motion(err.to_string()))?;
-    let samples = samples.into_iter().map(|sample| sample.in_order(&order));
-    let samples = samples.collect::<Result<_, _>>();
+    let samples = reordered(samples, robot, &joints)?;
     Ok(Report {
         goal_id: encoded.goal_id.clone(),
         rejection: None,
         outcome: end.outcome,
         message: end.message,
         lift_m,
-        samples: samples.map_err(|err| SimulationError::Motion(err.to_string()))?,
+        samples,
         joints,
     })
+}
+
+/// Returns samples of a robot with their joints in this order.
+fn reordered(
+    samples: Vec<Sample>,
+    robot: &CellRobot,
+    joints: &[String],
+) -> Result<Vec<Sample>, SimulationError> {
+    let order = JointOrder::new(&robot.joint_names(), joints);
+    let order = order.map_err(|err| SimulationError::Motion(err.to_string()))?;
+    let samples = samples.into_iter().map(|sample| sample.in_order(&order));
+    let samples = samples.collect::<Result<_, _>>();
+    samples.map_err(|err| SimulationError::Motion(err.to_string()))
 }
 
 /// Returns the reason to abort if a measured joint is far beyond its limits: contact pushes it into its stop.
@@ -172,6 +178,16 @@ impl Encoders {
             noise: (0..steps_n + delay_n).map(|_| drawn.step(dof)).collect(),
             delay_n,
             seen_n: 0,
+        }
+    }
+
+    /// Takes the noise at the time of its arrival from each command: a drive that reads a joint as too far
+    /// along when a command arrives drives it less far.
+    fn mislead(&self, steps: &mut [CommandStep]) {
+        for (step, noise) in steps.iter_mut().zip(&self.noise[self.delay_n..]) {
+            for (q, noise) in step.q.iter_mut().zip(noise) {
+                *q -= noise;
+            }
         }
     }
 

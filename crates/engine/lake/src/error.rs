@@ -281,39 +281,51 @@ fn is_in_the_way(path: &Path) -> bool {
     })
 }
 
+/// Returns what to do about an operating system's error of this kind at a path.
+fn io_hint(kind: io::ErrorKind, path: &Path) -> Option<String> {
+    let hint = match kind {
+        io::ErrorKind::PermissionDenied if path.symlink_metadata().is_ok() => format!(
+            "let yourself read and write it: `chmod u+rwX '{}'`, or choose another lake with `--lake DIR`",
+            path.display()
+        ),
+        io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
+            "choose a lake that can be written with `--lake DIR`".to_owned()
+        }
+        io::ErrorKind::StorageFull | io::ErrorKind::QuotaExceeded | io::ErrorKind::FileTooLarge => {
+            "what is made so far is kept: free some space, for example with `pipeline gc`, \
+             then run the same command again"
+                .to_owned()
+        }
+        io::ErrorKind::NotADirectory
+        | io::ErrorKind::IsADirectory
+        | io::ErrorKind::DirectoryNotEmpty
+        | io::ErrorKind::AlreadyExists => move_away(path),
+        io::ErrorKind::Unsupported => {
+            "the file system has no locks: put the lake on another with `--lake DIR`".to_owned()
+        }
+        _ if is_in_the_way(path) => move_away(path),
+        io::ErrorKind::NotFound if lake_around(path).is_some() => {
+            "a run that needs it makes it again; `pipeline verify` lists all that is missing"
+                .to_owned()
+        }
+        _ => return None,
+    };
+    Some(hint)
+}
+
+/// Returns the newest runs of a lake, as text for people.
+fn newest_runs(made: &[String]) -> String {
+    if made.is_empty() {
+        "no run is in this lake yet: `pipeline run FILE` finds what the depot has".to_owned()
+    } else {
+        format!("the newest runs made: {}", made.join(", "))
+    }
+}
+
 impl Diagnostic for LakeError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::Io { source, path, .. } => match source.kind() {
-                io::ErrorKind::PermissionDenied if path.symlink_metadata().is_ok() => Some(format!(
-                    "let yourself read and write it: `chmod u+rwX '{}'`, or choose another lake with `--lake DIR`",
-                    path.display()
-                )),
-                io::ErrorKind::PermissionDenied | io::ErrorKind::ReadOnlyFilesystem => {
-                    Some("choose a lake that can be written with `--lake DIR`".to_owned())
-                }
-                io::ErrorKind::StorageFull
-                | io::ErrorKind::QuotaExceeded
-                | io::ErrorKind::FileTooLarge => Some(
-                    "what is made so far is kept: free some space, for example with `pipeline gc`, \
-                     then run the same command again"
-                        .to_owned(),
-                ),
-                io::ErrorKind::NotADirectory
-                | io::ErrorKind::IsADirectory
-                | io::ErrorKind::DirectoryNotEmpty
-                | io::ErrorKind::AlreadyExists => Some(move_away(path)),
-                io::ErrorKind::Unsupported => Some(
-                    "the file system has no locks: put the lake on another with `--lake DIR`"
-                        .to_owned(),
-                ),
-                _ if is_in_the_way(path) => Some(move_away(path)),
-                io::ErrorKind::NotFound if lake_around(path).is_some() => Some(
-                    "a run that needs it makes it again; `pipeline verify` lists all that is missing"
-                        .to_owned(),
-                ),
-                _ => None,
-            },
+            Self::Io { source, path, .. } => io_hint(source.kind(), path),
             Self::Damaged { .. } => Some(
                 "`pipeline verify` lists everything that is damaged; `pipeline verify --drop` drops \
                  it, and the next run makes it again"
@@ -329,12 +341,7 @@ impl Diagnostic for LakeError {
                  `PIPELINE_DEPOT=DIR` on both; if `{host}` does not use it any more, remove `{}`",
                 path.join("locks/machine").display()
             )),
-            Self::NeverMade { made, .. } if made.is_empty() => {
-                Some("no run is in this lake yet: `pipeline run FILE` finds what the depot has".to_owned())
-            }
-            Self::NeverMade { made, .. } => {
-                Some(format!("the newest runs made: {}", made.join(", ")))
-            }
+            Self::NeverMade { made, .. } => Some(newest_runs(made)),
             Self::Claimed { host, key, .. } => Some(format!(
                 "run it on `{host}`, whose result comes here through the depot; if that machine is gone, \
                  look at the robot, then remove `{key}` from the depot"

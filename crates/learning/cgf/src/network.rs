@@ -27,71 +27,80 @@ pub(crate) fn initialize(
         &mut random,
     );
     let feature = last(&config.point_widths);
-    let mut linear = |name: &str, width: usize, inputs: &[(&str, usize)]| {
-        // All inputs of a layer together say how large its numbers are.
-        let total: usize = inputs.iter().map(|(_, n)| n).sum();
-        let bound = initialization.bound(total);
-        for (input, n) in inputs {
-            let input_bound = match initialization {
-                Initialization::Centered => initialization.bound(*n),
-                Initialization::Torch => bound,
-            };
-            let name = format!("{name}.{input}");
-            weights.set_random(&name, &[width, *n], input_bound, &mut random);
-        }
-        let name = format!("{name}.bias");
-        match initialization {
-            Initialization::Centered => weights.set_constant(&name, width, 0.0),
-            Initialization::Torch => weights.set_random(&name, &[width], bound, &mut random),
-        }
+    let mut layers = LinearLayers {
+        weights: &mut weights,
+        random: &mut random,
+        initialization,
     };
-    let outputs = PALM_WIDTH + dof;
-    let mut below = config.encoder_inputs(dof);
-    for (layer, &width) in config.hand_widths.iter().enumerate() {
-        linear(
-            &format!("encoder.hand.{layer}"),
-            width,
-            &[("weight", below)],
-        );
-        below = width;
-    }
-    for (layer, &width) in config.encoder_widths.iter().enumerate() {
-        let name = format!("encoder.trunk.{layer}");
-        if layer == 0 {
-            let motion = below * config.encoder_steps;
-            linear(&name, width, &[("motion", motion), ("feature", feature)]);
-        } else {
-            linear(&name, width, &[("weight", below)]);
-        }
-        below = width;
-    }
-    linear("encoder.mean", config.latent_dim, &[("weight", below)]);
-    linear(
-        "encoder.log_variance",
-        config.latent_dim,
-        &[("weight", below)],
+    let inputs = config.encoder_inputs(dof);
+    let hand = layers.stack("encoder.hand", &config.hand_widths, &[("weight", inputs)]);
+    let motion = hand * config.encoder_steps;
+    let trunk = layers.stack(
+        "encoder.trunk",
+        &config.encoder_widths,
+        &[("motion", motion), ("feature", feature)],
     );
-    for (layer, &width) in config.decoder_widths.iter().enumerate() {
-        let name = format!("decoder.{layer}");
-        if layer == 0 {
-            let inputs = [
-                ("time", 1),
-                ("latent", config.latent_dim),
-                ("feature", feature),
-            ];
-            linear(&name, width, &inputs);
-        } else {
-            linear(&name, width, &[("weight", below)]);
-        }
-        below = width;
+    for name in ["encoder.mean", "encoder.log_variance"] {
+        layers.linear(name, config.latent_dim, &[("weight", trunk)]);
     }
+    let inputs = [
+        ("time", 1),
+        ("latent", config.latent_dim),
+        ("feature", feature),
+    ];
+    let decoder = layers.stack("decoder", &config.decoder_widths, &inputs);
     let name = format!("decoder.{}", config.decoder_widths.len());
-    linear(&name, outputs, &[("weight", below)]);
+    layers.linear(&name, PALM_WIDTH + dof, &[("weight", decoder)]);
     if initialization == Initialization::Centered {
         // Start near the mean of all motions.
         weights.scale(&format!("{name}.weight"), 0.1);
     }
     weights
+}
+
+/// Linear layers whose numbers are made at random, one after another.
+struct LinearLayers<'a> {
+    weights: &'a mut Weights,
+    random: &'a mut Random,
+    initialization: Initialization,
+}
+
+impl LinearLayers<'_> {
+    /// Adds layers of these widths, each on the one before, the first with these inputs; returns the
+    /// width of the last one.
+    fn stack(&mut self, name: &str, widths: &[usize], inputs: &[(&str, usize)]) -> usize {
+        let mut below = None;
+        for (layer, &width) in widths.iter().enumerate() {
+            let name = format!("{name}.{layer}");
+            match below {
+                None => self.linear(&name, width, inputs),
+                Some(below) => self.linear(&name, width, &[("weight", below)]),
+            }
+            below = Some(width);
+        }
+        last(widths)
+    }
+
+    /// Adds a layer with a matrix for each named input of this width, and a bias.
+    fn linear(&mut self, name: &str, width: usize, inputs: &[(&str, usize)]) {
+        // All inputs of a layer together say how large its numbers are.
+        let total: usize = inputs.iter().map(|(_, n)| n).sum();
+        let bound = self.initialization.bound(total);
+        for (input, n) in inputs {
+            let input_bound = match self.initialization {
+                Initialization::Centered => self.initialization.bound(*n),
+                Initialization::Torch => bound,
+            };
+            let name = format!("{name}.{input}");
+            self.weights
+                .set_random(&name, &[width, *n], input_bound, self.random);
+        }
+        let name = format!("{name}.bias");
+        match self.initialization {
+            Initialization::Centered => self.weights.set_constant(&name, width, 0.0),
+            Initialization::Torch => self.weights.set_random(&name, &[width], bound, self.random),
+        }
+    }
 }
 
 /// The parts of the network that live on the tape.

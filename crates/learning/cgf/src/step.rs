@@ -145,20 +145,9 @@ impl Objective<'_> {
             &targets.narrow(1, 0, 3)?,
             &row_weights,
         )?;
-        let parts = if training.rotations_weight > 0.0 {
-            LinkParts::OriginsAndColumns
-        } else {
-            LinkParts::Origins
-        };
-        let fk = LinkPoses::new(self.hand.clone(), parts);
         // Kinematics are the host's.
         let physical = physical.to_device(&Device::Cpu)?;
-        let wanted = constant(batch.physical.clone(), &[rows, outputs])?
-            .apply_op1_no_bwd(&fk)?
-            .to_device(&self.device)?;
-        let reached = physical.apply_op1(fk)?.to_device(&self.device)?;
-        let [reached, wanted] = [reached, wanted].map(|poses| split(&poses, parts, rows));
-        let (reached, wanted) = (reached?, wanted?);
+        let [reached, wanted] = self.link_poses(&physical, batch)?;
         let origins = loss::squared_distance(&reached.origins, &wanted.origins, &row_weights)?;
         let rotations = match (&reached.columns, &wanted.columns) {
             (Some(reached), Some(wanted)) => loss::squared_error(reached, wanted, &row_weights)?,
@@ -199,6 +188,29 @@ impl Objective<'_> {
                 training.penetration_weight,
             ),
         ];
+        self.weighted_sum(&terms)
+    }
+
+    /// Computes the link poses of the decoded hands, given in physical units, and of the recorded ones.
+    fn link_poses(&self, physical: &Tensor, batch: &Batch) -> Result<[LinkTensors; 2], CgfError> {
+        let outputs = PALM_WIDTH + self.hand.dof();
+        let rows = batch.size * batch.n_times;
+        let parts = if self.training.rotations_weight > 0.0 {
+            LinkParts::OriginsAndColumns
+        } else {
+            LinkParts::Origins
+        };
+        let fk = LinkPoses::new(self.hand.clone(), parts);
+        let wanted = constant(batch.physical.clone(), &[rows, outputs])?
+            .apply_op1_no_bwd(&fk)?
+            .to_device(&self.device)?;
+        let reached = physical.apply_op1(fk)?.to_device(&self.device)?;
+        Ok([split(&reached, parts, rows)?, split(&wanted, parts, rows)?])
+    }
+
+    /// Sums terms by their weights, in the order of the fields of [`Losses`] after the total; a term
+    /// without a weight is measured only.
+    fn weighted_sum(&self, terms: &[(Tensor, f64); 7]) -> Result<(Tensor, Losses), CgfError> {
         let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
         let mut numbers = [0.0; 7];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {

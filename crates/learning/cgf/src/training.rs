@@ -142,30 +142,13 @@ impl<'a> Trainer<'a> {
             });
         }
         let body = if training.penetration_weight > 0.0 {
-            let named = |scene: &&RestingObject| !set.distances.contains_key(&scene.object);
-            if let Some(scene) = set.scenes.iter().find(named) {
-                let object = scene.object.clone();
-                return Err(CgfError::NoDistances { object });
-            }
-            let body = Body::new(hand.clone());
-            Some(body.map_err(|large| CgfError::LargeShapes { link: large.link })?)
+            Some(body(set, hand)?)
         } else {
             None
         };
         let rotations = Rotations::new(training.augmentation, motions.tracks.len(), seed);
         let mut random = Random::new(seed, BEFORE);
-        let mut samples = Vec::new();
-        for &idx in &training_tracks {
-            let motion = &motions.tracks[idx];
-            for repeat in 0..if rotations.turns() { 4 } else { 1 } {
-                let fixed = rotations.fixed(idx, repeat);
-                let rotation = fixed.unwrap_or_else(|| rotations.draw(&mut random));
-                let times = (0..=20).map(|k| f64::from(k) / 20.0);
-                samples.extend(
-                    times.map(|t| hand_numbers::of(&turned(motion.track.at(t), &rotation))),
-                );
-            }
-        }
+        let samples = samples(&motions, &training_tracks, &rotations, &mut random);
         let initialization = training.initialization;
         let mut trainer = Self {
             set,
@@ -377,6 +360,41 @@ impl<'a> Trainer<'a> {
         };
         Ok(Trained { best, last })
     }
+}
+
+/// Returns the room that the hand takes up, to keep it out of the objects of a set.
+///
+/// # Errors
+///
+/// Fails if the set lacks the distances to an object, or a link's shape is too large.
+fn body(set: &TrainingSet, hand: &Arc<RobotModel>) -> Result<Body, CgfError> {
+    let is_missing = |scene: &&RestingObject| !set.distances.contains_key(&scene.object);
+    if let Some(scene) = set.scenes.iter().find(is_missing) {
+        let object = scene.object.clone();
+        return Err(CgfError::NoDistances { object });
+    }
+    Body::new(hand.clone()).map_err(|large| CgfError::LargeShapes { link: large.link })
+}
+
+/// Draws hands of the motions that are learned from, turned as in training, as the network's numbers in
+/// physical units.
+fn samples(
+    motions: &NetworkMotions,
+    training_tracks: &[usize],
+    rotations: &Rotations,
+    random: &mut Random,
+) -> Vec<Vec<f64>> {
+    let mut samples = Vec::new();
+    for &idx in training_tracks {
+        let motion = &motions.tracks[idx];
+        for repeat in 0..if rotations.turns() { 4 } else { 1 } {
+            let fixed = rotations.fixed(idx, repeat);
+            let rotation = fixed.unwrap_or_else(|| rotations.draw(random));
+            let times = (0..=20).map(|k| f64::from(k) / 20.0);
+            samples.extend(times.map(|t| hand_numbers::of(&turned(motion.track.at(t), &rotation))));
+        }
+    }
+    samples
 }
 
 /// Returns the position range of each joint of a hand.

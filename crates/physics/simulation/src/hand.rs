@@ -14,17 +14,17 @@ mod feedforward;
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
-        ColliderBuilder, GenericJointBuilder, JointAxesMask, MassProperties, Multibody,
-        MultibodyJointHandle, MultibodyJointSet, MultibodyLink, RigidBody, RigidBodyBuilder,
-        RigidBodyHandle, RigidBodyType,
+        ColliderBuilder, GenericJoint, GenericJointBuilder, InteractionGroups, JointAxesMask,
+        MassProperties, Multibody, MultibodyJointHandle, MultibodyJointSet, MultibodyLink,
+        RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
     },
 };
-use robot::{DynamicsModel, JointKind, RobotModel};
+use robot::{DynamicsModel, JointKind, Link, RobotModel};
 use spatial::{Palm, Pose, Table};
 
 pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
 use self::{
-    bodies::{RigidGroup, engine_joint, mass_properties, rigid_groups},
+    bodies::{Body, RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
 };
 use crate::{
@@ -144,68 +144,40 @@ impl HandBodies {
         let shapes = link_shapes(model)?;
         let groups = rigid_groups(model);
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
-        let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
-        let mut fingers: Vec<usize> = Vec::with_capacity(groups.len());
-        let mut finger_roots = Vec::new();
+        let parents = parents(&groups, model);
+        let fingers = fingers(&parents);
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
-        let anywhere = GenericJointBuilder::new(JointAxesMask::empty()).local_frame1(parking);
         for (idx, group) in groups.iter().enumerate() {
             let mass = mass_properties(model, group, scene.hand_mass_scale)?;
             let link = &model.links()[group.root];
-            let parent = link.parent.map(|parent| body_of_link[parent]);
+            let parent = parents[idx];
             let body = world.bodies.insert(match (parent, palm) {
                 (None, PalmJoint::Driven) => RigidBodyBuilder::kinematic_velocity_based()
                     .pose(parking)
                     .can_sleep(false),
                 _ => movable(mass),
             });
-            let finger = match parent {
-                Some((parent, _)) if parent > 0 => fingers[parent],
-                _ => idx,
-            };
-            if finger == idx && finger > 0 {
-                finger_roots.push(finger);
-            }
-            let number = finger_roots.iter().position(|root| *root == finger);
-            let touching = match number {
-                Some(number) if scene.fingers_touch => groups::finger(number),
-                _ => groups::hand(),
-            };
-            for (link, body_from_link) in &group.links {
-                body_of_link[*link] = (idx, *body_from_link);
-                for shape in shapes.iter().filter(|shape| shape.link == *link) {
-                    world.colliders.insert_with_parent(
-                        ColliderBuilder::new(shape.engine.clone())
-                            .density(0.0)
-                            .friction(real(scene.friction))
-                            .collision_groups(touching)
-                            .user_data(idx as u128)
-                            .position(
-                                engine_pose(&(*body_from_link * shape.link_from_shape))
-                                    * shape.shape_from_engine,
-                            ),
-                        body,
-                        &mut world.bodies,
-                    );
-                }
+            let touching = collision_groups(fingers[idx], &fingers, scene);
+            for collider in colliders(group, &shapes, scene.friction) {
+                let collider = collider.collision_groups(touching).user_data(idx as u128);
+                world
+                    .colliders
+                    .insert_with_parent(collider, body, &mut world.bodies);
             }
             match (parent, palm) {
                 (None, PalmJoint::Driven) => {}
                 #[cfg(test)]
                 (None, PalmJoint::Free) => {
                     let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
-                    let free = anywhere.build();
+                    let free = free_joint(parking);
                     let joint = world.multibodies.insert(anchor, body, free, true);
                     roots.extend(joint.map(|joint| Root { body, joint }));
                 }
                 (Some((parent, parent_body_from_parent)), _) => {
                     let on = if parent == 0 && palm == PalmJoint::Driven {
-                        let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
                         let mass = mass_properties(model, &groups[0], scene.hand_mass_scale)?;
-                        let body = world.bodies.insert(movable(mass));
-                        let free = anywhere.build();
-                        let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+                        let (body, joint) = insert_finger_root(world, mass, parking);
                         roots.extend(joint.map(|joint| Root { body, joint }));
                         body
                     } else {
@@ -216,7 +188,6 @@ impl HandBodies {
                 }
             }
             bodies.push(body);
-            fingers.push(finger);
         }
         for body in &bodies {
             let body = &mut world.bodies[*body];
@@ -542,6 +513,86 @@ fn most(numbers: impl Iterator<Item = f64>) -> f64 {
             most.max(number.abs())
         }
     })
+}
+
+/// Returns for each group the one that carries it, and the pose of the link that does in that one's body;
+/// `None` for the palm's.
+fn parents(groups: &[RigidGroup], model: &RobotModel) -> Vec<Option<(usize, Pose<Body, Link>)>> {
+    let mut body_of_link = vec![(0, Pose::identity()); model.links().len()];
+    for (idx, group) in groups.iter().enumerate() {
+        for (link, body_from_link) in &group.links {
+            body_of_link[*link] = (idx, *body_from_link);
+        }
+    }
+    let roots = groups.iter().map(|group| &model.links()[group.root]);
+    roots
+        .map(|root| root.parent.map(|parent| body_of_link[parent]))
+        .collect()
+}
+
+/// Returns for each group the first of its finger; the palm's own is 0.
+fn fingers(parents: &[Option<(usize, Pose<Body, Link>)>]) -> Vec<usize> {
+    let mut fingers = Vec::with_capacity(parents.len());
+    for (idx, parent) in parents.iter().enumerate() {
+        fingers.push(match parent {
+            Some((parent, _)) if *parent > 0 => fingers[*parent],
+            _ => idx,
+        });
+    }
+    fingers
+}
+
+/// Returns the collision groups of the shapes of a finger or, if it is 0, of the palm.
+fn collision_groups(finger: usize, fingers: &[usize], scene: &SceneConfig) -> InteractionGroups {
+    let mut firsts = fingers
+        .iter()
+        .enumerate()
+        .filter(|(idx, first)| *idx > 0 && idx == *first);
+    match firsts.position(|(_, first)| *first == finger) {
+        Some(number) if scene.fingers_touch => groups::finger(number),
+        _ => groups::hand(),
+    }
+}
+
+/// Returns the colliders of the links of a rigid group, placed in the frame of its body.
+fn colliders(
+    group: &RigidGroup,
+    shapes: &[LinkShape],
+    friction: f64,
+) -> impl Iterator<Item = ColliderBuilder> {
+    group.links.iter().flat_map(move |(link, body_from_link)| {
+        let of_link = shapes.iter().filter(move |shape| shape.link == *link);
+        of_link.map(move |shape| {
+            ColliderBuilder::new(shape.engine.clone())
+                .density(0.0)
+                .friction(real(friction))
+                .position(
+                    engine_pose(&(*body_from_link * shape.link_from_shape))
+                        * shape.shape_from_engine,
+                )
+        })
+    })
+}
+
+/// Returns a joint that leaves a body free in the world, which waits at `parking`.
+fn free_joint(parking: EnginePose) -> GenericJoint {
+    GenericJointBuilder::new(JointAxesMask::empty())
+        .local_frame1(parking)
+        .build()
+}
+
+/// Inserts the root of a finger at `parking`: a body with the palm's mass whose joint in the world is
+/// commanded.
+fn insert_finger_root(
+    world: &mut World,
+    mass: MassProperties,
+    parking: EnginePose,
+) -> (RigidBodyHandle, Option<MultibodyJointHandle>) {
+    let anchor = world.bodies.insert(RigidBodyBuilder::fixed());
+    let body = world.bodies.insert(movable(mass));
+    let free = free_joint(parking);
+    let joint = world.multibodies.insert_kinematic(anchor, body, free, true);
+    (body, joint)
 }
 
 /// Returns a body with a mass that nothing but its joints holds.

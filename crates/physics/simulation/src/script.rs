@@ -110,18 +110,7 @@ impl Script {
         scene: &SceneConfig,
         model: &RobotModel,
     ) -> Result<Self, SimulationError> {
-        if motion.joints()[..] != model.joint_names()[..] {
-            let message = format!(
-                "its joints are {:?}, those of the hand {:?}",
-                motion.joints(),
-                model.joint_names()
-            );
-            return Err(SimulationError::Motion(message));
-        }
-        if !protocol.name.is_table_lift() && protocol.published.is_none() {
-            let problem = "stands for settings that were not taken: call `Protocol::resolved`";
-            return Err(OptionFault::new("name", problem).into());
-        }
+        check(motion, protocol, model)?;
         let writer = Writer {
             motion,
             protocol,
@@ -130,13 +119,10 @@ impl Script {
         let reach = steps(protocol.reach_s, scene).max(1);
         let squeeze = steps(protocol.squeeze_s, scene);
         let pause = steps(protocol.pause_s, scene);
-        let lift = steps(protocol.lift_s, scene).max(1);
-        let hold = steps(protocol.hold_s, scene).max(1);
         let start = writer.reach(0.0);
         let follows = protocol.approach != Approach::AtGrasp;
         let mut requested = vec![writer.at(if follows { 0.0 } else { 1.0 })];
-        let mut commands = Vec::with_capacity(reach + squeeze + pause + lift + hold);
-        let fractions = |n: usize| (1..=n).map(move |step| step as f64 / n as f64);
+        let mut commands = Vec::with_capacity(reach + squeeze + pause);
         for fraction in fractions(reach) {
             commands.push(writer.reach(fraction));
             if follows {
@@ -149,41 +135,10 @@ impl Script {
         for _ in 0..pause {
             commands.push(writer.grasp(Phase::Squeeze, 1.0));
         }
-        match protocol.trial {
-            Trial::Lift => {
-                let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
-                for fraction in fractions(lift) {
-                    let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
-                    let even = protocol.published_settings().constant_speed_lift;
-                    let share = if even { fraction } else { smooth };
-                    commands.push(writer.carried(Phase::Lift, lifted(share)));
-                }
-                if let Some(shakes) = protocol.published_settings().shakes {
-                    let shake = steps(shakes.period_s, scene).max(1);
-                    for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-                        for fraction in fractions(shake) {
-                            let shaken = axis * shakes.at(fraction);
-                            commands.push(writer.carried(Phase::Hold, lifted(1.0) + shaken));
-                        }
-                    }
-                }
-                for _ in 0..hold {
-                    commands.push(writer.carried(Phase::Hold, lifted(1.0)));
-                }
-            }
-            Trial::SixDirections => {
-                let pulls = steps(protocol.pull.pull_s, scene).max(1);
-                for direction in DIRECTIONS {
-                    for _ in 0..pulls {
-                        commands.push(Command {
-                            pull_in_table_m_per_s2: Vector3::from(direction)
-                                * protocol.pull.force_n_per_kg,
-                            ..writer.grasp(Phase::Pull, 1.0)
-                        });
-                    }
-                }
-            }
-        }
+        commands.extend(match protocol.trial {
+            Trial::Lift => writer.lift(scene),
+            Trial::SixDirections => writer.pulls(scene),
+        });
         let follows_motion = scene.drive.controller.follows_motion();
         let desired =
             follows_motion.then(|| Desired::new(&start, &commands, motion, protocol, scene));
@@ -225,6 +180,32 @@ impl Script {
 )]
 pub(crate) fn steps(seconds: f64, scene: &SceneConfig) -> usize {
     (seconds / scene.control_step_s()).round().clamp(0.0, 1e6) as usize
+}
+
+/// Returns the ends of `n` equal steps as fractions of their sum.
+fn fractions(n: usize) -> impl Iterator<Item = f64> {
+    (1..=n).map(move |step| step as f64 / n as f64)
+}
+
+/// Fails if a motion is not one of this hand, or its protocol stands for settings that were not taken.
+fn check<R: Rates>(
+    motion: &Motion<Object, R>,
+    protocol: &Protocol,
+    model: &RobotModel,
+) -> Result<(), SimulationError> {
+    if motion.joints()[..] != model.joint_names()[..] {
+        let message = format!(
+            "its joints are {:?}, those of the hand {:?}",
+            motion.joints(),
+            model.joint_names()
+        );
+        return Err(SimulationError::Motion(message));
+    }
+    if !protocol.name.is_table_lift() && protocol.published.is_none() {
+        let problem = "stands for settings that were not taken: call `Protocol::resolved`";
+        return Err(OptionFault::new("name", problem).into());
+    }
+    Ok(())
 }
 
 /// Joints that flex together when the hand opens and squeezes.
@@ -292,6 +273,47 @@ struct Writer<'a, R> {
 }
 
 impl<R: Rates> Writer<'_, R> {
+    /// Returns the commands of the lift, of the shakes that follow it, if any, and of the hold.
+    fn lift(&self, scene: &SceneConfig) -> Vec<Command> {
+        let protocol = self.protocol;
+        let published = protocol.published_settings();
+        let mut commands = Vec::new();
+        let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
+        for fraction in fractions(steps(protocol.lift_s, scene).max(1)) {
+            let smooth = fraction * fraction * (3.0 - 2.0 * fraction);
+            let even = published.constant_speed_lift;
+            let share = if even { fraction } else { smooth };
+            commands.push(self.carried(Phase::Lift, lifted(share)));
+        }
+        if let Some(shakes) = published.shakes {
+            let shake = steps(shakes.period_s, scene).max(1);
+            for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
+                for fraction in fractions(shake) {
+                    let shaken = axis * shakes.at(fraction);
+                    commands.push(self.carried(Phase::Hold, lifted(1.0) + shaken));
+                }
+            }
+        }
+        for _ in 0..steps(protocol.hold_s, scene).max(1) {
+            commands.push(self.carried(Phase::Hold, lifted(1.0)));
+        }
+        commands
+    }
+
+    /// Returns the commands of the pulls, one direction after another.
+    fn pulls(&self, scene: &SceneConfig) -> Vec<Command> {
+        let pull = &self.protocol.pull;
+        let n_steps = steps(pull.pull_s, scene).max(1);
+        let directions = DIRECTIONS.into_iter();
+        let pulls = directions.flat_map(|direction| std::iter::repeat_n(direction, n_steps));
+        pulls
+            .map(|direction| Command {
+                pull_in_table_m_per_s2: Vector3::from(direction) * pull.force_n_per_kg,
+                ..self.grasp(Phase::Pull, 1.0)
+            })
+            .collect()
+    }
+
     /// Returns the command after a fraction of the reach.
     fn reach(&self, fraction: f64) -> Command {
         let closing = match self.protocol.approach {

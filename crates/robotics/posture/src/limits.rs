@@ -84,20 +84,29 @@ impl Solver<'_> {
                 self.right[u] = -gradient[u] - self.product[u];
             }
         }
+        let predicted = self.predicted_decrease(is_shifted);
+        // NaN is not a prediction either.
+        (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
+    }
+
+    /// Returns the decrease that the undamped expansion predicts for the step; `is_shifted` says whether
+    /// some unknown is held away from where it is.
+    fn predicted_decrease(&mut self, is_shifted: bool) -> f64 {
+        let layout = &self.evaluation.hand.layout;
+        let gradient = &self.evaluation.gradient;
         let mut predicted = 0.0;
         if is_shifted {
-            layout.product(hessian, &self.step, &mut self.product);
-            for u in 0..n {
+            layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
+            for u in 0..layout.n {
                 predicted -= self.step[u] * (gradient[u] + 0.5 * self.product[u]);
             }
         } else {
             // The damped matrix times the step is minus the gradient, or the step is 0.
-            for u in 0..n {
+            for u in 0..layout.n {
                 predicted -= 0.5 * self.step[u] * (gradient[u] - self.damping[u] * self.step[u]);
             }
         }
-        // NaN is not a prediction either.
-        (predicted >= 0.0 && predicted.is_finite()).then_some(predicted)
+        predicted
     }
 
     /// Holds the unknowns that would leave their limits at once, or nothing has a say in, and returns

@@ -46,77 +46,11 @@ pub(crate) fn draw(
     hand: &Hand,
     rng: &mut ChaCha8Rng,
 ) -> Option<Approach> {
-    let up = rest.up_in_object.into_inner();
     let side = hand.side();
-    let rim = body.kind.handling == Handling::Rim;
-    let elevation = if rim {
-        between(rng, [0.95, 1.45])
-    } else {
-        between(rng, [0.0, 1.5])
-    };
-    let azimuth = between(rng, [0.0, TAU]);
-    let back = horizontal(rest, azimuth).into_inner() * elevation.cos() + up * elevation.sin();
-    let (center, across, reach_m) = if rim {
-        rim_place(body, rest, &back, rng)?
-    } else {
-        let center = body.center + normal3(rng) * 0.014;
-        (
-            center,
-            turned(&up, &back, elevation, side, rng)?,
-            body.radius_m + 0.05,
-        )
-    };
-    // Make the way in perpendicular to the opposition.
-    let back = (back - across * across.dot(&back)).try_normalize(1e-6)?;
-    let toward = -back;
-    let thumb_side = toward.cross(&-across) * side.sign();
-
-    let line = |finger: usize| center + thumb_side * BESIDE_M[finger];
-    let thumb = body.trace(&(line(0) - across * reach_m), &across, 2.0 * reach_m)?;
-    let finger = |idx: usize| body.trace(&(line(idx) + across * reach_m), &-across, 2.0 * reach_m);
-    let middle = finger(2)?;
-    let index = finger(1)?;
-    let width = (middle.point - thumb.point).dot(&across);
-    if !GRASPABLE_M.contains(&width) {
-        return None;
-    }
-    let facing = |at: &NearestPoint, way: &Vector3<f64>| at.normal.dot(way);
-    if facing(&thumb, &-across) < 0.75
-        || facing(&middle, &across) < 0.75
-        || facing(&index, &across) < 0.6
-    {
-        return None;
-    }
-    let usable =
-        |at: &NearestPoint| facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06;
-    let fourth = finger(3).filter(usable);
-    let little = finger(4).filter(usable);
-    let targets = [Some(thumb), Some(index), Some(middle), fourth, little];
-    let grip = nalgebra::center(&thumb.point, &middle.point);
-
-    let mut cost = 0.3 * normal(rng).abs();
-    let fingers = [Some(index), Some(middle), fourth];
-    for at in fingers.iter().flatten() {
-        cost += 2.0 * (1.0 - facing(at, &across));
-    }
-    cost += 4.0 * (1.0 - facing(&thumb, &-across)) + if fourth.is_none() { 1.0 } else { 0.0 };
-    let offset = body.center - grip;
-    let lever = offset - across * across.dot(&offset);
-    cost += if rim { 0.0 } else { lever.norm() / 0.010 };
-    cost += (width - WIDE_M).max(0.0) / 0.008;
-    for at in targets.iter().flatten() {
-        cost += (0.016 - height_m(rest, &at.point)).max(0.0) / 0.004;
-    }
-    // How far the object reaches into the palm, and how near the table the palm is.
-    let depth = body
-        .trace(&(grip + back * 0.3), &toward, 0.3)
-        .map_or(0.0, |at| (at.point - grip).dot(&back));
-    cost += (depth - 0.045).max(0.0) / 0.006;
-    let palm = grip + back * 0.055;
-    let lowest = [0.03, -0.045].map(|beside| height_m(rest, &(palm + thumb_side * beside)));
-    cost += (0.025 - lowest[0].min(lowest[1])).max(0.0) / 0.005;
-
-    let tilt = if rim {
+    let contacts = Opposition::draw(body, rest, side, rng)?.contacts(body)?;
+    let cost = contacts.cost(body, rest, rng);
+    let Opposition { across, back, .. } = contacts.opposition;
+    let tilt = if is_at_rim(body) {
         between(rng, [0.1, 0.8])
     } else {
         between(rng, [-0.1, 0.7])
@@ -125,10 +59,11 @@ pub(crate) fn draw(
         * UnitQuaternion::from_axis_angle(&Vector3::y_axis(), tilt);
     let [x, y, z] = GRIP_IN_HAND_M;
     let in_hand = Vector3::new(x, y * side.sign(), z);
-    let curl = 1.0 - (width / 0.1).min(1.0);
+    let curl = 1.0 - (contacts.width_m() / 0.1).min(1.0);
+    let grip = contacts.grip();
     Some(Approach {
-        toward,
-        targets,
+        toward: -back,
+        targets: contacts.targets(),
         object_from_hand: Pose::from_parts(grip.coords - rotation * in_hand, rotation),
         posture: posture_deg(
             [0.0, 0.0, 12.0, 18.0],
@@ -136,6 +71,159 @@ pub(crate) fn draw(
         ),
         cost,
     })
+}
+
+fn is_at_rim(body: &Body) -> bool {
+    body.kind.handling == Handling::Rim
+}
+
+/// Says how much a surface faces a unit direction: 1 if it faces it fully.
+fn facing(at: &NearestPoint, way: &Vector3<f64>) -> f64 {
+    at.normal.dot(way)
+}
+
+/// The line on which thumb and middle finger oppose each other, in the object frame.
+struct Opposition {
+    center: Point3<f64>,
+    /// From thumb to fingers, unit.
+    across: Vector3<f64>,
+    /// From the object to the hand, unit, perpendicular to `across`.
+    back: Vector3<f64>,
+    /// From the little finger to the index finger, unit.
+    thumb_side: Vector3<f64>,
+    /// Distance from the center at which a finger comes in, in meters.
+    reach_m: f64,
+}
+
+impl Opposition {
+    /// Draws an opposition; `None` if the object has no place for it.
+    fn draw(body: &Body, rest: &RestingPose, side: Side, rng: &mut ChaCha8Rng) -> Option<Self> {
+        let up = rest.up_in_object.into_inner();
+        let elevation = if is_at_rim(body) {
+            between(rng, [0.95, 1.45])
+        } else {
+            between(rng, [0.0, 1.5])
+        };
+        let azimuth = between(rng, [0.0, TAU]);
+        let back = horizontal(rest, azimuth).into_inner() * elevation.cos() + up * elevation.sin();
+        let (center, across, reach_m) = if is_at_rim(body) {
+            rim_place(body, rest, &back, rng)?
+        } else {
+            let center = body.center + normal3(rng) * 0.014;
+            (
+                center,
+                turned(&up, &back, elevation, side, rng)?,
+                body.radius_m + 0.05,
+            )
+        };
+        // Make the way in perpendicular to the opposition.
+        let back = (back - across * across.dot(&back)).try_normalize(1e-6)?;
+        let toward = -back;
+        Some(Self {
+            center,
+            across,
+            back,
+            thumb_side: toward.cross(&-across) * side.sign(),
+            reach_m,
+        })
+    }
+
+    /// Finds where thumb and fingers meet the object; `None` if they would not oppose each other.
+    fn contacts(self, body: &Body) -> Option<Contacts> {
+        let Self {
+            across, reach_m, ..
+        } = self;
+        let line = |finger: usize| self.center + self.thumb_side * BESIDE_M[finger];
+        let thumb = body.trace(&(line(0) - across * reach_m), &across, 2.0 * reach_m)?;
+        let finger =
+            |idx: usize| body.trace(&(line(idx) + across * reach_m), &-across, 2.0 * reach_m);
+        let middle = finger(2)?;
+        let index = finger(1)?;
+        if facing(&thumb, &-across) < 0.75
+            || facing(&middle, &across) < 0.75
+            || facing(&index, &across) < 0.6
+        {
+            return None;
+        }
+        let usable = |at: &NearestPoint| {
+            facing(at, &across) > 0.5 && (at.point - middle.point).norm() < 0.06
+        };
+        let contacts = Contacts {
+            thumb,
+            index,
+            middle,
+            fourth: finger(3).filter(usable),
+            little: finger(4).filter(usable),
+            opposition: self,
+        };
+        GRASPABLE_M
+            .contains(&contacts.width_m())
+            .then_some(contacts)
+    }
+}
+
+/// Points at which thumb and fingers meet the object.
+struct Contacts {
+    opposition: Opposition,
+    thumb: NearestPoint,
+    index: NearestPoint,
+    middle: NearestPoint,
+    fourth: Option<NearestPoint>,
+    little: Option<NearestPoint>,
+}
+
+impl Contacts {
+    /// Returns the contact point of each finger, the thumb first.
+    fn targets(&self) -> [Option<NearestPoint>; FINGERS] {
+        let [thumb, index, middle] = [self.thumb, self.index, self.middle].map(Some);
+        [thumb, index, middle, self.fourth, self.little]
+    }
+
+    /// Returns the width that the hand spans, in meters.
+    fn width_m(&self) -> f64 {
+        let span = self.middle.point - self.thumb.point;
+        span.dot(&self.opposition.across)
+    }
+
+    /// Returns the middle between thumb and middle finger.
+    fn grip(&self) -> Point3<f64> {
+        nalgebra::center(&self.thumb.point, &self.middle.point)
+    }
+
+    /// Returns the cost of a grasp with these contacts, with a random share: lower is more promising.
+    fn cost(&self, body: &Body, rest: &RestingPose, rng: &mut ChaCha8Rng) -> f64 {
+        let Opposition {
+            across,
+            back,
+            thumb_side,
+            ..
+        } = self.opposition;
+        let grip = self.grip();
+        let mut cost = 0.3 * normal(rng).abs();
+        let fingers = [Some(self.index), Some(self.middle), self.fourth];
+        for at in fingers.iter().flatten() {
+            cost += 2.0 * (1.0 - facing(at, &across));
+        }
+        let lacks_fourth = if self.fourth.is_none() { 1.0 } else { 0.0 };
+        cost += 4.0 * (1.0 - facing(&self.thumb, &-across)) + lacks_fourth;
+        if !is_at_rim(body) {
+            let offset = body.center - grip;
+            let lever = offset - across * across.dot(&offset);
+            cost += lever.norm() / 0.010;
+        }
+        cost += (self.width_m() - WIDE_M).max(0.0) / 0.008;
+        for at in self.targets().iter().flatten() {
+            cost += (0.016 - height_m(rest, &at.point)).max(0.0) / 0.004;
+        }
+        // How far the object reaches into the palm, and how near the table the palm is.
+        let depth = body
+            .trace(&(grip + back * 0.3), &-back, 0.3)
+            .map_or(0.0, |at| (at.point - grip).dot(&back));
+        cost += (depth - 0.045).max(0.0) / 0.006;
+        let palm = grip + back * 0.055;
+        let lowest = [0.03, -0.045].map(|beside| height_m(rest, &(palm + thumb_side * beside)));
+        cost + (0.025 - lowest[0].min(lowest[1])).max(0.0) / 0.005
+    }
 }
 
 /// Draws the direction from thumb to fingers for a hand that comes from `back`: thumb up where it

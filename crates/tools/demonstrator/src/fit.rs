@@ -60,6 +60,12 @@ impl System {
 /// Fits a hand: pads on their targets and against the surface, flesh out of object and table,
 /// joints in their ranges and near the approach's posture.
 pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Approach) -> FittedHand {
+    let fit = Fit {
+        body,
+        rest,
+        hand,
+        approach,
+    };
     // Start open, so that the fingers close from outside.
     let mut open = approach.posture;
     for knuckle in [0, 5, 8, 11, 14] {
@@ -69,7 +75,7 @@ pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Appro
         object_from_hand: approach.object_from_hand,
         q: clamped(&open),
     };
-    let mut system = assemble(body, rest, hand, approach, &best);
+    let mut system = fit.system(&best);
     let mut damping = 1e-2;
     for _ in 0..ROUNDS {
         let mut damped = system.normal.clone();
@@ -83,7 +89,7 @@ pub(crate) fn fit(body: &Body, rest: &RestingPose, hand: &Hand, approach: &Appro
             break;
         };
         let next = moved(&best, &step);
-        let next_system = assemble(body, rest, hand, approach, &next);
+        let next_system = fit.system(&next);
         if next_system.cost < system.cost {
             let gain = (system.cost - next_system.cost) / system.cost;
             (best, system) = (next, next_system);
@@ -115,106 +121,156 @@ fn moved(placed: &FittedHand, step: &DVector<f64>) -> FittedHand {
     }
 }
 
-fn assemble(
-    body: &Body,
-    rest: &RestingPose,
-    hand: &Hand,
-    approach: &Approach,
-    at: &FittedHand,
-) -> System {
-    let mut local = hand.points(&at.q);
-    local.push(Point3::new(FOREARM_M, 0.0, 0.0));
-    let nudge = 1e-6;
-    let moves: Vec<Vec<Point3<f64>>> = (0..DOF)
-        .map(|idx| {
+/// Points of a placed hand, and how they move with the unknowns.
+struct PlacedPoints {
+    /// The hand's points and then one on the forearm, in the hand's frame, in meters.
+    in_hand: Vec<Point3<f64>>,
+    /// The same in the object's frame.
+    in_object: Vec<Point3<f64>>,
+    /// For each joint, the hand's points in its frame after a nudge of the joint.
+    nudged: Vec<Vec<Point3<f64>>>,
+    rotation: UnitQuaternion<f64>,
+    wrist: Vector3<f64>,
+}
+
+/// Nudge of a joint for a difference quotient, in radians.
+const NUDGE_RAD: f64 = 1e-6;
+
+impl PlacedPoints {
+    fn new(hand: &Hand, at: &FittedHand) -> Self {
+        let mut in_hand = hand.points(&at.q);
+        in_hand.push(Point3::new(FOREARM_M, 0.0, 0.0));
+        let nudged = (0..DOF).map(|idx| {
             let mut q = at.q;
-            q[idx] += nudge;
+            q[idx] += NUDGE_RAD;
             hand.points(&q)
-        })
-        .collect();
-    let rotation = at.object_from_hand.rotation;
-    let wrist = at.object_from_hand.translation.vector;
-    let points: Vec<Point3<f64>> = local.iter().map(|&p| at.object_from_hand * p).collect();
-    // The derivative of direction · point.
-    let row = |idx: usize, direction: &Vector3<f64>| {
+        });
+        Self {
+            nudged: nudged.collect(),
+            in_object: in_hand.iter().map(|&p| at.object_from_hand * p).collect(),
+            in_hand,
+            rotation: at.object_from_hand.rotation,
+            wrist: at.object_from_hand.translation.vector,
+        }
+    }
+
+    /// Returns the derivative of a point's coordinate along a direction in the object's frame.
+    fn row(&self, idx: usize, direction: &Vector3<f64>) -> DVector<f64> {
         let mut row = DVector::zeros(UNKNOWNS);
-        let turning = (points[idx].coords - wrist).cross(direction);
+        let turning = (self.in_object[idx].coords - self.wrist).cross(direction);
         for axis in 0..3 {
             row[axis] = direction[axis];
             row[3 + axis] = turning[axis];
         }
-        let in_hand = rotation.inverse() * direction;
-        for (joint, moved) in moves.iter().enumerate() {
-            row[6 + joint] = moved
-                .get(idx)
-                .map_or(0.0, |moved| (moved - local[idx]).dot(&in_hand) / nudge);
+        let in_hand = self.rotation.inverse() * direction;
+        for (joint, moved) in self.nudged.iter().enumerate() {
+            row[6 + joint] = moved.get(idx).map_or(0.0, |moved| {
+                (moved - self.in_hand[idx]).dot(&in_hand) / NUDGE_RAD
+            });
         }
         row
-    };
-    let mut system = System::new();
-    let forearm = points.len() - 1;
-    let up = rest.up_in_object.into_inner();
+    }
+}
 
-    for (finger, target) in approach.targets.iter().enumerate() {
-        let Some(target) = target else { continue };
+/// What a hand is fitted to.
+struct Fit<'a> {
+    body: &'a Body,
+    rest: &'a RestingPose,
+    hand: &'a Hand,
+    approach: &'a Approach,
+}
+
+impl Fit<'_> {
+    /// Assembles the residuals of a placed hand.
+    fn system(&self, at: &FittedHand) -> System {
+        let points = PlacedPoints::new(self.hand, at);
+        let mut system = System::new();
+        for (finger, target) in self.approach.targets.iter().enumerate() {
+            if let Some(target) = target {
+                self.add_touch(&mut system, &points, finger, target);
+            }
+        }
+        self.add_clearance(&mut system, &points);
+        near_posture(&mut system, self.approach, &at.q);
+        let approach_rotation = self.approach.object_from_hand.rotation;
+        let off = (points.rotation * approach_rotation.inverse()).scaled_axis();
+        for axis in 0..3 {
+            system.add(off[axis] / 0.7, &unit(3 + axis, 1.0 / 0.7));
+        }
+        system
+    }
+
+    /// Adds the residuals that bring a finger's pad to its target, with the skin on the surface.
+    fn add_touch(
+        &self,
+        system: &mut System,
+        points: &PlacedPoints,
+        finger: usize,
+        target: &NearestPoint,
+    ) {
         let share = if finger == FINGERS - 1 { 0.5 } else { 1.0 };
         let (pad, skin) = (point::PADS + finger, point::SKIN + finger);
-        let radius = hand.pad_radius_m(finger);
+        let [pad_in_object, skin_in_object] = [pad, skin].map(|idx| points.in_object[idx]);
+        let radius = self.hand.pad_radius_m(finger);
         let nearest = same_side(
-            body.surface.signed_distance(&points[pad]),
+            self.body.surface.signed_distance(&pad_in_object),
             target,
-            &points[pad],
+            &pad_in_object,
         );
         // The pad touches the surface, to a millimeter.
         let weight = share / 0.0008;
         system.add(
             (nearest.distance_m - radius) * weight,
-            &(row(pad, &nearest.normal) * weight),
+            &(points.row(pad, &nearest.normal) * weight),
         );
         // The pad is near its target.
         let place = target.point + target.normal * radius;
         let weight = share / if finger == 0 { 0.010 } else { 0.014 };
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-            let off = (points[pad] - place).dot(&axis);
-            system.add(off * weight, &(row(pad, &axis) * weight));
+            let off = (pad_in_object - place).dot(&axis);
+            system.add(off * weight, &(points.row(pad, &axis) * weight));
         }
         // The skin faces the surface.
         let weight = share * 1.2;
         for axis in [Vector3::x(), Vector3::y(), Vector3::z()] {
-            let off = ((points[skin] - points[pad]) / radius + nearest.normal).dot(&axis);
+            let off = ((skin_in_object - pad_in_object) / radius + nearest.normal).dot(&axis);
             system.add(
                 off * weight,
-                &((row(skin, &axis) - row(pad, &axis)) * (weight / radius)),
+                &((points.row(skin, &axis) - points.row(pad, &axis)) * (weight / radius)),
             );
         }
     }
-    for (idx, &radius) in hand.radii_m().iter().enumerate() {
-        let idx = point::FLESH + idx;
-        let nearest = body.surface.signed_distance(&points[idx]);
-        let inside = radius - SOFT_M - nearest.distance_m;
-        if inside > 0.0 {
-            let weight = 1.0 / 0.0008;
-            system.add(inside * weight, &(row(idx, &nearest.normal) * -weight));
+
+    /// Adds the residuals that keep flesh out of object and table, and wrist and forearm above it.
+    fn add_clearance(&self, system: &mut System, points: &PlacedPoints) {
+        let up = self.rest.up_in_object.into_inner();
+        let forearm = points.in_object.len() - 1;
+        for (idx, &radius) in self.hand.radii_m().iter().enumerate() {
+            let idx = point::FLESH + idx;
+            let place = &points.in_object[idx];
+            let nearest = self.body.surface.signed_distance(place);
+            let inside = radius - SOFT_M - nearest.distance_m;
+            if inside > 0.0 {
+                let weight = 1.0 / 0.0008;
+                system.add(
+                    inside * weight,
+                    &(points.row(idx, &nearest.normal) * -weight),
+                );
+            }
+            let sunk = radius + ABOVE_TABLE_M - height_m(self.rest, place);
+            if sunk > 0.0 {
+                let weight = 1.0 / 0.001;
+                system.add(sunk * weight, &(points.row(idx, &up) * -weight));
+            }
         }
-        let sunk = radius + ABOVE_TABLE_M - height_m(rest, &points[idx]);
-        if sunk > 0.0 {
-            let weight = 1.0 / 0.001;
-            system.add(sunk * weight, &(row(idx, &up) * -weight));
+        for idx in [0, forearm] {
+            let sunk = WRIST_HEIGHT_M - height_m(self.rest, &points.in_object[idx]);
+            if sunk > 0.0 {
+                let weight = 1.0 / 0.008;
+                system.add(sunk * weight, &(points.row(idx, &up) * -weight));
+            }
         }
     }
-    for idx in [0, forearm] {
-        let sunk = WRIST_HEIGHT_M - height_m(rest, &points[idx]);
-        if sunk > 0.0 {
-            let weight = 1.0 / 0.008;
-            system.add(sunk * weight, &(row(idx, &up) * -weight));
-        }
-    }
-    near_posture(&mut system, approach, &at.q);
-    let off = (rotation * approach.object_from_hand.rotation.inverse()).scaled_axis();
-    for axis in 0..3 {
-        system.add(off[axis] / 0.7, &unit(3 + axis, 1.0 / 0.7));
-    }
-    system
 }
 
 /// Returns the nearest surface point, or the target's plane where the pad is on the other side of a

@@ -306,14 +306,11 @@ fn mug() -> TriMesh {
         .iter()
         .map(|&(r, z)| builder.ring(&ellipse(r * MM, r * MM, 2.0, z * MM, AROUND)))
         .collect();
-    // Openings of 2 × 2 quads about the column of +x: rows counted from the first ring.
-    let (bottom, top) = (3, 9);
-    let last = AROUND as usize - 1;
     for (row, pair) in rings.windows(2).enumerate() {
-        let open = [bottom, top]
+        let open = OPENINGS
             .iter()
             .any(|&first| row == first || row == first + 1);
-        let leave_out: &[usize] = if open { &[0, last] } else { &[] };
+        let leave_out: &[usize] = if open { &[0, LAST_COLUMN] } else { &[] };
         if let [low, high] = pair {
             builder.strip(low, high, leave_out);
         }
@@ -324,12 +321,25 @@ fn mug() -> TriMesh {
         builder.cap(&backwards);
         builder.cap(inner);
     }
+    add_handle(&mut builder, &rings, &profile);
+    moved(builder.build(), Vector3::new(-1.5, 0.7, 0.0))
+}
+
+/// Openings of 2 × 2 quads about the column of +x in a mug's wall, the lower one first: rows counted from
+/// the first ring.
+const OPENINGS: [usize; 2] = [3, 9];
+/// The last column of quads around a mug, beside that of +x.
+const LAST_COLUMN: usize = AROUND as usize - 1;
+
+/// Adds the handle that joins the two openings of a mug's wall, given the vertices of its rings and their
+/// radii and heights in millimeters.
+fn add_handle(builder: &mut Builder, rings: &[Vec<u32>], profile: &[(f64, f64)]) {
     // Eight vertices around an opening, by angle from +y towards +z.
     let around = |row: usize, up: [usize; 3]| {
         let column = |side: i32| match side {
             1 => 1,
             0 => 0,
-            _ => last,
+            _ => LAST_COLUMN,
         };
         [
             (1, 1),
@@ -344,6 +354,7 @@ fn mug() -> TriMesh {
         .map(|(side, height): (i32, usize)| rings[row + up[height]][column(side)])
         .to_vec()
     };
+    let [bottom, top] = OPENINGS;
     let mut tube = vec![around(top, [0, 1, 2])];
     let height_of = |row: usize| profile[row + 1].1;
     let (high, low) = (height_of(top), height_of(bottom));
@@ -365,7 +376,6 @@ fn mug() -> TriMesh {
     for (from, to) in tube.iter().zip(tube.iter().skip(1)) {
         builder.strip(from, to, &[]);
     }
-    moved(builder.build(), Vector3::new(-1.5, 0.7, 0.0))
 }
 
 /// A motor with its chuck, a handle and a foot, lying on its side.

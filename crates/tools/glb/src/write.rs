@@ -34,39 +34,7 @@ pub(crate) fn to_glb(
         .iter()
         .map(|geometry| buffer.geometry(geometry))
         .collect();
-    let times: Vec<usize> = scene
-        .times
-        .iter()
-        .map(|times| buffer.times(times))
-        .collect();
-    let mut animation = Animation {
-        name: name.to_owned(),
-        channels: Vec::new(),
-        samplers: Vec::new(),
-    };
-    for track in &scene.tracks {
-        let (path, interpolation) = match track.values {
-            Values::Translation(_) => ("translation", "LINEAR"),
-            Values::Jump(_) => ("translation", "STEP"),
-            Values::Scale(_) => ("scale", "STEP"),
-            Values::Rotation(_) | Values::RotationOfJoint(_) => ("rotation", "LINEAR"),
-        };
-        let Some(&input) = times.get(track.times) else {
-            continue;
-        };
-        animation.samplers.push(Sampler {
-            input,
-            interpolation: interpolation.to_owned(),
-            output: buffer.values(&track.values),
-        });
-        animation.channels.push(Channel {
-            sampler: animation.samplers.len() - 1,
-            target: Target {
-                node: track.node,
-                path: path.to_owned(),
-            },
-        });
-    }
+    let animation = animation(scene, name, &mut buffer);
     let meshes = scene.meshes.iter().filter_map(|mesh| {
         let &[position, indices] = accessors.get(mesh.geometry)?;
         Some(MeshEntry {
@@ -116,6 +84,44 @@ pub(crate) fn to_glb(
     };
     let json = serde_json::to_vec(&root).map_err(|err| GlbError::Malformed(err.to_string()))?;
     binary(json, &buffer.bytes)
+}
+
+/// Packs the tracks of a scene into the buffer, and returns them as an animation of this name.
+fn animation(scene: &Scene, name: &str, buffer: &mut Packed) -> Animation {
+    let times: Vec<usize> = scene
+        .times
+        .iter()
+        .map(|times| buffer.times(times))
+        .collect();
+    let mut animation = Animation {
+        name: name.to_owned(),
+        channels: Vec::new(),
+        samplers: Vec::new(),
+    };
+    for track in &scene.tracks {
+        let (path, interpolation) = match track.values {
+            Values::Translation(_) => ("translation", "LINEAR"),
+            Values::Jump(_) => ("translation", "STEP"),
+            Values::Scale(_) => ("scale", "STEP"),
+            Values::Rotation(_) | Values::RotationOfJoint(_) => ("rotation", "LINEAR"),
+        };
+        let Some(&input) = times.get(track.times) else {
+            continue;
+        };
+        animation.samplers.push(Sampler {
+            input,
+            interpolation: interpolation.to_owned(),
+            output: buffer.values(&track.values),
+        });
+        animation.channels.push(Channel {
+            sampler: animation.samplers.len() - 1,
+            target: Target {
+                node: track.node,
+                path: path.to_owned(),
+            },
+        });
+    }
+    animation
 }
 
 /// Returns a rotation in 16 bits, `w ≥ 0`.

@@ -32,6 +32,7 @@ impl<'a> Machine<'a> {
     }
 
     /// Runs one instruction; returns the result once the pickle is complete.
+    #[expect(clippy::too_many_lines, reason = "one arm per instruction")]
     pub(super) fn step(&mut self) -> Result<Option<Ref>, &'static str> {
         match self.u8()? {
             b'.' => return self.pop().map(Some),

@@ -2,7 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use schemas::{rates::ALL_ORIGINS, rollouts::Verdict};
+use schemas::{
+    rates::{ALL_ORIGINS, Rate},
+    rollouts::Verdict,
+};
 
 use crate::{
     PageData,
@@ -47,44 +50,21 @@ fn figures(runs: &[NamedRun<'_>]) -> DataTable {
     put("seed".to_owned(), &|run| {
         Cell::text(run.facts.run.seed.to_string())
     });
-    put("executions that succeed".to_owned(), &|run| {
-        let trials = result::trials(run);
-        if trials.trials_n == 0 {
-            return Cell::Missing;
-        }
-        Cell::text(format!(
-            "{} ({} of {})",
-            percent(trials.successes_n as f64 / trials.trials_n as f64),
-            trials.successes_n,
-            trials.trials_n
-        ))
+    put("executions that succeed".to_owned(), &executions);
+    put("candidates that succeed".to_owned(), &|run| {
+        success(run, |rate| {
+            [
+                rate.candidate_rate_mean,
+                rate.candidate_rate_low,
+                rate.candidate_rate_high,
+            ]
+        })
     });
-    for (what, by_draw) in [
-        ("candidates that succeed", false),
-        ("samples that succeed", true),
-    ] {
-        put(what.to_owned(), &|run| {
-            let rate = run.rates.iter().find(|rate| rate.origin == ALL_ORIGINS);
-            let Some(rate) = rate else {
-                return Cell::Missing;
-            };
-            let [mean, low, high] = if by_draw {
-                [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
-            } else {
-                [
-                    rate.candidate_rate_mean,
-                    rate.candidate_rate_low,
-                    rate.candidate_rate_high,
-                ]
-            };
-            Cell::text(format!(
-                "{} ({:.0} to {:.0})",
-                percent(mean),
-                100.0 * low,
-                100.0 * high
-            ))
-        });
-    }
+    put("samples that succeed".to_owned(), &|run| {
+        success(run, |rate| {
+            [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
+        })
+    });
     let mut names: Vec<&str> = Vec::new();
     for step in runs.iter().flat_map(|run| steps(run.gathered)) {
         if !names.contains(&step.name) {
@@ -109,6 +89,34 @@ fn figures(runs: &[NamedRun<'_>]) -> DataTable {
         }
     }
     table
+}
+
+/// Returns the share of a run's executions that succeed.
+fn executions(run: &PageData) -> Cell {
+    let trials = result::trials(run);
+    if trials.trials_n == 0 {
+        return Cell::Missing;
+    }
+    Cell::text(format!(
+        "{} ({} of {})",
+        percent(trials.successes_n as f64 / trials.trials_n as f64),
+        trials.successes_n,
+        trials.trials_n
+    ))
+}
+
+/// Returns a rate of a run over all origins, given its mean and the ends of its interval.
+fn success(run: &PageData, ends: fn(&Rate) -> [f64; 3]) -> Cell {
+    let rate = run.rates.iter().find(|rate| rate.origin == ALL_ORIGINS);
+    rate.map_or(Cell::Missing, |rate| {
+        let [mean, low, high] = ends(rate);
+        Cell::text(format!(
+            "{} ({:.0} to {:.0})",
+            percent(mean),
+            100.0 * low,
+            100.0 * high
+        ))
+    })
 }
 
 fn objects(runs: &[NamedRun<'_>]) -> DataTable {

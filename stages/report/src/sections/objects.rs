@@ -32,6 +32,31 @@ struct Row {
     shown_n: i64,
 }
 
+impl Row {
+    /// Returns the cells of the counts and rates; missing where nothing was counted.
+    fn cells(&self) -> [Cell; 9] {
+        let (held, candidates) = (self.held_n as f64, self.candidates_n as f64);
+        let per_success = self.steps_n as f64 / self.held_n.max(1) as f64;
+        let when = |is_there: bool, cell: Cell| if is_there { cell } else { Cell::Missing };
+        let is_screened = self.candidates_n > 0;
+        let is_executed = self.trials_n > 0;
+        [
+            when(is_screened, Cell::share(held / candidates.max(1.0))),
+            when(is_screened, Cell::interval(wilson(held, candidates))),
+            when(is_screened, Cell::count(self.held_n)),
+            when(is_screened, Cell::count(self.candidates_n)),
+            when(self.draws_n > 0, Cell::count(self.draws_n)),
+            when(
+                self.held_n > 0,
+                Cell::Number(per_success, format!("{per_success:.0}")),
+            ),
+            when(is_executed, Cell::count(self.succeeded_n)),
+            when(is_executed, Cell::count(self.trials_n)),
+            Cell::count(self.shown_n),
+        ]
+    }
+}
+
 fn rows(gathered: &PageData) -> BTreeMap<&str, Row> {
     let mut rows: BTreeMap<&str, Row> = BTreeMap::new();
     for object in &gathered.objects {
@@ -89,6 +114,22 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         (false, false) => "Whether an object was seen in training is not known here.",
     });
     section.say("A click on an object shows its motions. The interval is Wilson's: candidates of one object are sampled independently.");
+    let table = table(gathered, &rows);
+    let screened: Vec<(&str, Row)> = rows
+        .iter()
+        .filter(|(_, row)| row.candidates_n > 0)
+        .map(|(name, row)| (*name, *row))
+        .collect();
+    section.chart(
+        "Share of the candidates that succeed, by object",
+        chart(&screened),
+    );
+    section.tables.push(table);
+    section
+}
+
+/// Returns the table of all objects with their counts and rates.
+fn table(gathered: &PageData, rows: &BTreeMap<&str, Row>) -> DataTable {
     let split_of: BTreeMap<&str, &str> = gathered
         .successes
         .iter()
@@ -111,50 +152,20 @@ pub(crate) fn section(gathered: &PageData) -> Section {
             ("motions_n", "Motions here"),
         ],
     );
-    for (&object, row) in &rows {
-        let is_screened = row.candidates_n > 0;
-        let when = |is_there: bool, cell: Cell| if is_there { cell } else { Cell::Missing };
-        let per_success = row.steps_n as f64 / row.held_n.max(1) as f64;
-        table.row([
+    for (&object, row) in rows {
+        let split = split_of.get(object);
+        let mut cells = vec![
             Cell::Link {
                 filter: "object",
                 value: object.to_owned(),
                 shown: object.to_owned(),
             },
-            split_of
-                .get(object)
-                .map_or(Cell::Missing, |split| Cell::text(*split)),
-            when(
-                is_screened,
-                Cell::share(row.held_n as f64 / row.candidates_n.max(1) as f64),
-            ),
-            when(
-                is_screened,
-                Cell::interval(wilson(row.held_n as f64, row.candidates_n as f64)),
-            ),
-            when(is_screened, Cell::count(row.held_n)),
-            when(is_screened, Cell::count(row.candidates_n)),
-            when(row.draws_n > 0, Cell::count(row.draws_n)),
-            when(
-                row.held_n > 0,
-                Cell::Number(per_success, format!("{per_success:.0}")),
-            ),
-            when(row.trials_n > 0, Cell::count(row.succeeded_n)),
-            when(row.trials_n > 0, Cell::count(row.trials_n)),
-            Cell::count(row.shown_n),
-        ]);
+            split.map_or(Cell::Missing, |split| Cell::text(*split)),
+        ];
+        cells.extend(row.cells());
+        table.row(cells);
     }
-    let screened: Vec<(&str, Row)> = rows
-        .iter()
-        .filter(|(_, row)| row.candidates_n > 0)
-        .map(|(name, row)| (*name, *row))
-        .collect();
-    section.chart(
-        "Share of the candidates that succeed, by object",
-        chart(&screened),
-    );
-    section.tables.push(table);
-    section
+    table
 }
 
 fn chart(rows: &[(&str, Row)]) -> Option<String> {

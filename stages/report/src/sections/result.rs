@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use schemas::{
     executions::Outcome,
-    rates::ALL_ORIGINS,
+    rates::{ALL_ORIGINS, Rate},
     rollouts::Verdict,
     tally::{OutcomeClass, wilson},
 };
@@ -142,28 +142,7 @@ pub(crate) fn head(gathered: &PageData) -> Head {
         .iter()
         .filter(|rate| rate.origin == ALL_ORIGINS)
     {
-        let split = rate.object_split.map_or(String::new(), |split| {
-            format!(", {} objects", split.as_str())
-        });
-        lines.push(format!(
-            "{} of candidates succeed (95 % CI {:.0} to {:.0}; mean of {} objects; {} of {} candidates; `{}`{split})",
-            percent(rate.candidate_rate_mean),
-            100.0 * rate.candidate_rate_low,
-            100.0 * rate.candidate_rate_high,
-            rate.objects_n,
-            rate.successes_n,
-            rate.candidates_n,
-            rate.generator,
-        ));
-        lines.push(format!(
-            "{} of samples succeed (95 % CI {:.0} to {:.0}; {} of {} samples; `{}`{split})",
-            percent(rate.draw_rate_mean),
-            100.0 * rate.draw_rate_low,
-            100.0 * rate.draw_rate_high,
-            rate.successes_n,
-            rate.draws_n,
-            rate.generator,
-        ));
+        lines.extend(rate_lines(rate));
     }
     lines.extend(protocol::line(gathered));
     Head {
@@ -174,6 +153,96 @@ pub(crate) fn head(gathered: &PageData) -> Head {
             .map(|line| line.replace('`', ""))
             .collect(),
     }
+}
+
+/// Returns the objects of a rate in words, after a comma; nothing if it is of all.
+fn of_split(rate: &Rate) -> String {
+    rate.object_split.map_or(String::new(), |split| {
+        format!(", {} objects", split.as_str())
+    })
+}
+
+/// Returns the rates of candidates and of samples in a line each, with their intervals and denominators.
+fn rate_lines(rate: &Rate) -> [String; 2] {
+    let split = of_split(rate);
+    [
+        format!(
+            "{} of candidates succeed (95 % CI {:.0} to {:.0}; mean of {} objects; {} of {} candidates; `{}`{split})",
+            percent(rate.candidate_rate_mean),
+            100.0 * rate.candidate_rate_low,
+            100.0 * rate.candidate_rate_high,
+            rate.objects_n,
+            rate.successes_n,
+            rate.candidates_n,
+            rate.generator,
+        ),
+        format!(
+            "{} of samples succeed (95 % CI {:.0} to {:.0}; {} of {} samples; `{}`{split})",
+            percent(rate.draw_rate_mean),
+            100.0 * rate.draw_rate_low,
+            100.0 * rate.draw_rate_high,
+            rate.successes_n,
+            rate.draws_n,
+            rate.generator,
+        ),
+    ]
+}
+
+/// Returns the row of the executions that count.
+fn executions_row(trials: &TrialCounts) -> [Cell; 6] {
+    let (successes, n) = (trials.successes_n as f64, trials.trials_n as f64);
+    let is_simulated = trials.simulated_n >= trials.trials_n;
+    let how = if is_simulated {
+        "executed by a simulated cell with other physics and new errors for each motion; Wilson's interval, \
+         no evidence for other objects"
+    } else {
+        "executed by a robot cell; Wilson's interval"
+    };
+    [
+        Cell::text("executions that succeed"),
+        Cell::share(successes / n),
+        Cell::interval(wilson(successes, n)),
+        Cell::count(trials.successes_n),
+        Cell::count(trials.trials_n),
+        Cell::text(how),
+    ]
+}
+
+/// Returns the rows of a rate, by candidate and by sample.
+fn rate_rows(rate: &Rate) -> [[Cell; 6]; 2] {
+    let origin = if rate.origin == ALL_ORIGINS {
+        "all origins".to_owned()
+    } else {
+        format!("origin {}", rate.origin)
+    };
+    let of = format!("{}, {origin}{}", rate.generator, of_split(rate));
+    [
+        (
+            "candidates that succeed",
+            rate.candidate_rate_mean,
+            [rate.candidate_rate_low, rate.candidate_rate_high],
+            rate.candidates_n,
+        ),
+        (
+            "samples that succeed",
+            rate.draw_rate_mean,
+            [rate.draw_rate_low, rate.draw_rate_high],
+            rate.draws_n,
+        ),
+    ]
+    .map(|(what, mean, ends, n)| {
+        [
+            Cell::text(format!("{what} ({of})")),
+            Cell::share(mean),
+            Cell::interval(ends),
+            Cell::count(rate.successes_n),
+            Cell::count(n),
+            Cell::text(format!(
+                "simulated; mean of {} objects' rates, interval by resampling objects",
+                rate.objects_n
+            )),
+        ]
+    })
 }
 
 pub(crate) fn section(gathered: &PageData) -> Section {
@@ -192,58 +261,11 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         ],
     );
     if trials.trials_n > 0 {
-        let interval = wilson(trials.successes_n as f64, trials.trials_n as f64);
-        let is_simulated = trials.simulated_n >= trials.trials_n;
-        let how = if is_simulated {
-            "executed by a simulated cell with other physics and new errors for each motion; Wilson's interval, \
-             no evidence for other objects"
-        } else {
-            "executed by a robot cell; Wilson's interval"
-        };
-        table.row([
-            Cell::text("executions that succeed"),
-            Cell::share(trials.successes_n as f64 / trials.trials_n as f64),
-            Cell::interval(interval),
-            Cell::count(trials.successes_n),
-            Cell::count(trials.trials_n),
-            Cell::text(how),
-        ]);
+        table.row(executions_row(&trials));
     }
     for rate in &gathered.rates {
-        let split = rate.object_split.map_or(String::new(), |split| {
-            format!(", {} objects", split.as_str())
-        });
-        let origin = if rate.origin == ALL_ORIGINS {
-            "all origins".to_owned()
-        } else {
-            format!("origin {}", rate.origin)
-        };
-        let of = format!("{}, {origin}{split}", rate.generator);
-        for (what, mean, ends, n) in [
-            (
-                "candidates that succeed",
-                rate.candidate_rate_mean,
-                [rate.candidate_rate_low, rate.candidate_rate_high],
-                rate.candidates_n,
-            ),
-            (
-                "samples that succeed",
-                rate.draw_rate_mean,
-                [rate.draw_rate_low, rate.draw_rate_high],
-                rate.draws_n,
-            ),
-        ] {
-            table.row([
-                Cell::text(format!("{what} ({of})")),
-                Cell::share(mean),
-                Cell::interval(ends),
-                Cell::count(rate.successes_n),
-                Cell::count(n),
-                Cell::text(format!(
-                    "simulated; mean of {} objects' rates, interval by resampling objects",
-                    rate.objects_n
-                )),
-            ]);
+        for row in rate_rows(rate) {
+            table.row(row);
         }
     }
     if let Some([trials_n, held_n]) = gathered.robustness.filter(|[n, _]| *n > 0) {

@@ -8,6 +8,8 @@ use crate::{
     table::{Cell, DataTable, Section},
 };
 
+/// Splits in the order in which they are shown.
+const SPLITS: [Split; 3] = [Split::Training, Split::HeldOut, Split::Unseen];
 /// Most points of a curve.
 const POINTS: usize = 200;
 
@@ -29,13 +31,36 @@ pub(crate) fn section(gathered: &PageData) -> Section {
         "Losses are means over motions. Training motions are measured as they were seen, turned and with noise; the \
          others as they were recorded.",
     );
-    let splits = [Split::Training, Split::HeldOut, Split::Unseen];
-    let of = |split: Split| {
-        gathered
-            .training
-            .iter()
-            .filter(move |row| row.split == split)
+    section.tables.push(table(gathered));
+    let total = Captions {
+        title: "Total loss",
+        x: "epoch",
+        y: "loss",
     };
+    section.chart(
+        "Weighted sum of the losses by epoch",
+        curves(gathered, &total, |row| row.total),
+    );
+    let divergence = Captions {
+        title: "Divergence of latent codes",
+        x: "epoch",
+        y: "divergence [nat]",
+    };
+    section.chart(
+        "Divergence of the latent codes by epoch",
+        curves(gathered, &divergence, |row| row.kl_nats),
+    );
+    section
+}
+
+/// Returns the losses of the motions of a split, epoch after epoch.
+fn losses(gathered: &PageData, split: Split) -> impl DoubleEndedIterator<Item = &EpochLosses> {
+    let rows = gathered.training.iter();
+    rows.filter(move |row| row.split == split)
+}
+
+/// Returns the losses of each split at the last epoch, and the least.
+fn table(gathered: &PageData) -> DataTable {
     let mut table = DataTable::new(
         "training",
         "Losses of the last epoch, and the least",
@@ -49,11 +74,11 @@ pub(crate) fn section(gathered: &PageData) -> Section {
             ("penetration_m2", "Penetration [m²]"),
         ],
     );
-    for split in splits {
-        let Some(end) = of(split).next_back() else {
+    for split in SPLITS {
+        let Some(end) = losses(gathered, split).next_back() else {
             continue;
         };
-        let least = of(split).min_by(|a, b| a.total.total_cmp(&b.total));
+        let least = losses(gathered, split).min_by(|a, b| a.total.total_cmp(&b.total));
         let least = least.unwrap_or(end);
         let figure = |number: f64| Cell::Number(number, format!("{number:.3e}"));
         table.row([
@@ -66,41 +91,31 @@ pub(crate) fn section(gathered: &PageData) -> Section {
             figure(end.penetration_m2),
         ]);
     }
-    section.tables.push(table);
-    let curve = |name: &'static str, unit: &'static str, number: fn(&EpochLosses) -> f64| {
-        let series: Vec<Series> = splits
-            .into_iter()
-            .filter(|split| of(*split).next().is_some())
-            .map(|split| {
-                let points: Vec<[f64; 2]> = of(split)
-                    .map(|row| [row.epoch as f64, number(row)])
-                    .collect();
-                let stride = points.len().div_ceil(POINTS).max(1);
-                let last = points.len().saturating_sub(1);
-                let kept = points.into_iter().enumerate();
-                let kept = kept.filter(|(idx, _)| idx % stride == 0 || *idx == last);
-                Series {
-                    name: word(split).to_owned(),
-                    points: kept.map(|(_, point)| point).collect(),
-                }
-            })
-            .collect();
-        let captions = Captions {
-            title: name,
-            x: "epoch",
-            y: unit,
-        };
-        lines(&captions, Scale::Log, &series)
-    };
-    section.chart(
-        "Weighted sum of the losses by epoch",
-        curve("Total loss", "loss", |row| row.total),
-    );
-    section.chart(
-        "Divergence of the latent codes by epoch",
-        curve("Divergence of latent codes", "divergence [nat]", |row| {
-            row.kl_nats
-        }),
-    );
-    section
+    table
+}
+
+/// Draws a number by epoch, a curve for each split that has losses.
+fn curves(
+    gathered: &PageData,
+    captions: &Captions,
+    number: fn(&EpochLosses) -> f64,
+) -> Option<String> {
+    let series: Vec<Series> = SPLITS
+        .into_iter()
+        .filter(|split| losses(gathered, *split).next().is_some())
+        .map(|split| {
+            let points: Vec<[f64; 2]> = losses(gathered, split)
+                .map(|row| [row.epoch as f64, number(row)])
+                .collect();
+            let stride = points.len().div_ceil(POINTS).max(1);
+            let last = points.len().saturating_sub(1);
+            let kept = points.into_iter().enumerate();
+            let kept = kept.filter(|(idx, _)| idx % stride == 0 || *idx == last);
+            Series {
+                name: word(split).to_owned(),
+                points: kept.map(|(_, point)| point).collect(),
+            }
+        })
+        .collect();
+    lines(captions, Scale::Log, &series)
 }
