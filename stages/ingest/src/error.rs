@@ -208,22 +208,26 @@ impl Diagnostic for IngestError {
                  `mirror = true`"
                     .to_owned(),
             ),
-            Self::List { path, source } => match source.kind() {
-                io::ErrorKind::PermissionDenied => Some(format!(
-                    "give yourself the right to, e.g. with `chmod u+rx {}`, or move it out of the \
-                     dataset",
-                    path.display()
-                )),
-                io::ErrorKind::NotADirectory => {
-                    Some("set `root` to the folder that holds the subjects' folders".to_owned())
-                }
-                _ => None,
-            },
+            Self::List { path, source } => unlisted(path, source.kind()),
             Self::NoneTold { .. }
             | Self::Untold { .. }
             | Self::MeshName { .. }
             | Self::Terms(_) => None,
         }
+    }
+}
+
+/// Returns what helps where a folder of a dataset cannot be listed.
+fn unlisted(path: &Path, kind: io::ErrorKind) -> Option<String> {
+    match kind {
+        io::ErrorKind::PermissionDenied => Some(format!(
+            "give yourself the right to, e.g. with `chmod u+rx {}`, or move it out of the dataset",
+            path.display()
+        )),
+        io::ErrorKind::NotADirectory => {
+            Some("set `root` to the folder that holds the subjects' folders".to_owned())
+        }
+        _ => None,
     }
 }
 

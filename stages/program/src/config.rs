@@ -264,6 +264,13 @@ impl ProgramConfig {
             }
             (true, true) => {}
         }
+        self.check_columns(faults);
+        self.check_partition(faults);
+        self.check_rows(is_known, faults);
+    }
+
+    /// Checks the names of the columns.
+    fn check_columns(&self, faults: &mut OptionFaults) {
         for name in self.columns.keys() {
             if !is_word(name) {
                 faults.note(
@@ -276,7 +283,10 @@ impl ProgramConfig {
                 faults.note("columns", problem);
             }
         }
-        self.check_partition(faults);
+    }
+
+    /// Checks the column of which each row of an input has one value.
+    fn check_rows(&self, is_known: bool, faults: &mut OptionFaults) {
         match (&self.one_row_per, self.rows_of()) {
             (None, _) => {}
             (Some(_), _) if is_known => {

@@ -167,18 +167,7 @@ impl Output for Refine {
             candidates.extend(best.kept);
         }
         draws.extend(refused.rest());
-        let n = candidates.len() as f64;
-        let mean = |of: fn(&Refined) -> f64| {
-            candidates.iter().map(|(_, one)| of(one)).sum::<f64>() / n.max(1.0)
-        };
-        let depths_m = candidates.iter().map(|(_, one)| one.approach_penetration_m);
-        let metrics = RefineMetrics {
-            candidates: n,
-            draws: drawn_n,
-            palm_moved_m: mean(|one| one.palm_moved_m),
-            approach_penetration_m: depths_m.fold(0.0, f64::max),
-            cpu_s,
-        };
+        let metrics = RefineMetrics::of(&candidates, drawn_n, cpu_s);
         let joints = hand.model.joint_names();
         cx.write(&Candidates {
             object: given.object,
@@ -193,6 +182,24 @@ impl Output for Refine {
         })?;
         cx.write(&draws)?;
         Ok(Outcome::Made(metrics))
+    }
+}
+
+impl RefineMetrics {
+    /// Returns the metrics of candidates that are the best of so many draws, and took this time in seconds.
+    fn of(candidates: &[(Candidate, Refined)], drawn_n: f64, cpu_s: f64) -> Self {
+        let n = candidates.len() as f64;
+        let mean = |of: fn(&Refined) -> f64| {
+            candidates.iter().map(|(_, one)| of(one)).sum::<f64>() / n.max(1.0)
+        };
+        let depths_m = candidates.iter().map(|(_, one)| one.approach_penetration_m);
+        Self {
+            candidates: n,
+            draws: drawn_n,
+            palm_moved_m: mean(|one| one.palm_moved_m),
+            approach_penetration_m: depths_m.fold(0.0, f64::max),
+            cpu_s,
+        }
     }
 }
 

@@ -10,6 +10,12 @@ use spatial::{Peaks, Twist};
 const MAX_SLOWDOWN: f64 = 1000.0;
 /// Greatest speed or acceleration accepted.
 const MAX_RATE: f64 = 1e6;
+/// Angular speed of the palm by default, in rad/s.
+#[expect(
+    clippy::approx_constant,
+    reason = "a joint's published limit, no half turn"
+)]
+const PALM_TURN_RAD_PER_S: f64 = 3.14;
 /// Reason for the ranges of speeds and accelerations.
 const TAKES_TIME: &str = "a motion takes time, and no arm or hand is faster";
 
@@ -33,7 +39,7 @@ pub struct LimitsConfig {
     #[option(default = 10.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_acceleration_m_per_s2: f64,
     /// Largest angular speed of the palm (rad/s): half a turn in a second, an xArm's joints'.
-    #[option(default = 3.14, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
+    #[option(default = PALM_TURN_RAD_PER_S, range = above(0.0, MAX_RATE), why = TAKES_TIME)]
     pub palm_turn_rad_per_s: f64,
     /// Largest angular acceleration of the palm (rad/s²): an xArm's joints'.
     #[option(default = 20.0, range = above(0.0, MAX_RATE), why = TAKES_TIME)]

@@ -56,29 +56,21 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
         urdf_rs::read_from_string(&repaired.to_string()).map_err(|source| RobotError::Refused {
             source: Box::new(source),
         })?;
-    let lone_links = robot
+    let lone_links: Vec<_> = robot
         .links
         .iter()
         .map(parts::link)
-        .collect::<Result<Vec<_>, _>>()?;
-    let axes = robot
+        .collect::<Result<_, _>>()?;
+    let axes: Vec<_> = robot
         .joints
         .iter()
         .map(parts::axis)
-        .collect::<Result<Vec<_>, _>>()?;
+        .collect::<Result<_, _>>()?;
     let places = tree::walk(&robot.links, &robot.joints)?;
     let followers = mimic::followers(&robot.joints)?;
 
-    // Independent joints are numbered in the order of the walk, before any joint that follows one.
-    let mut number_of_joint: Vec<Option<usize>> = vec![None; robot.joints.len()];
-    let mut joints = Vec::new();
-    for (idx, place) in places.iter().enumerate() {
-        let Some(joint) = place.joint else { continue };
-        if let (Some(kind), None) = (parts::kind(&robot.joints[joint]), followers[joint]) {
-            number_of_joint[joint] = Some(joints.len());
-            joints.push(independent(&robot.joints[joint], kind, idx));
-        }
-    }
+    // Before any joint that follows one of them.
+    let (number_of_joint, mut joints) = numbered(&robot.joints, &places, &followers);
     for (joint, follower) in robot.joints.iter().zip(&followers) {
         if let Some(follower) = follower
             && let Some(master) = number_of_joint[follower.master]
@@ -117,6 +109,24 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
         findings,
         has_mesh_shapes: false,
     })
+}
+
+/// Returns the independent joints, in the order of the walk, and the number of each joint that is one of them.
+fn numbered(
+    of_robot: &[urdf_rs::Joint],
+    places: &[tree::TreePosition],
+    followers: &[Option<mimic::Follower>],
+) -> (Vec<Option<usize>>, Vec<Joint>) {
+    let mut number_of_joint: Vec<Option<usize>> = vec![None; of_robot.len()];
+    let mut joints = Vec::new();
+    for (idx, place) in places.iter().enumerate() {
+        let Some(joint) = place.joint else { continue };
+        if let (Some(kind), None) = (parts::kind(&of_robot[joint]), followers[joint]) {
+            number_of_joint[joint] = Some(joints.len());
+            joints.push(independent(&of_robot[joint], kind, idx));
+        }
+    }
+    (number_of_joint, joints)
 }
 
 /// Returns a joint that follows no other and moves the link of this place.

@@ -87,25 +87,7 @@ pub(super) fn make(
 ) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
     let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
     let seen: Vec<Object> = inputs.all()?;
-    let (own, others): (Vec<&Object>, Vec<&Object>) = seen
-        .iter()
-        .partition(|object| seen.len() == 1 || object.name == cx.partition().as_str());
-    let object = own.first().copied().ok_or_else(|| {
-        let known = seen.iter().map(|object| object.name.as_str());
-        InputError::unknown(
-            Object::NAME,
-            Object::PARTITION,
-            cx.partition().as_str(),
-            known,
-        )
-    })?;
-    let other = match config.shape {
-        SeenShape::Own => None,
-        SeenShape::Other => {
-            let other = others.first().copied();
-            Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
-        }
-    };
+    let (object, other) = shown_objects(config.shape, &seen, cx.partition().as_str())?;
     let hand = inputs.files().first();
     let hand = hand
         .map(|file| robot_meshes::load(&file.path))
@@ -163,6 +145,29 @@ pub(super) fn make(
         draws: every_draw.len() as f64,
     };
     Ok(Outcome::Made(metrics))
+}
+
+/// Returns the object of a unit, and another one if the function is shown that one's shape.
+fn shown_objects<'a>(
+    shape: SeenShape,
+    seen: &'a [Object],
+    name: &str,
+) -> Result<(&'a Object, Option<&'a Object>), BoxedDiagnostic> {
+    let (own, others): (Vec<&Object>, Vec<&Object>) = seen
+        .iter()
+        .partition(|object| seen.len() == 1 || object.name == name);
+    let object = own.first().copied().ok_or_else(|| {
+        let known = seen.iter().map(|object| object.name.as_str());
+        InputError::unknown(Object::NAME, Object::PARTITION, name, known)
+    })?;
+    let other = match shape {
+        SeenShape::Own => None,
+        SeenShape::Other => {
+            let other = others.first().copied();
+            Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
+        }
+    };
+    Ok((object, other))
 }
 
 fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, BoxedDiagnostic> {

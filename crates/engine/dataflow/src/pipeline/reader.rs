@@ -173,17 +173,8 @@ impl FileReader<'_> {
         root: &InlineTable,
         profile: Option<&str>,
     ) -> Option<Pipeline> {
-        const KEYS: [&str; 7] = [
-            "seed", "stages", "profiles", "sweep", SHARED, EXTENDS, WITHOUT,
-        ];
+        self.check_keys(root);
         let overrides = self.overrides;
-        for (key, _) in root {
-            if !KEYS.contains(&key) {
-                let span = root.key(key).and_then(Key::span);
-                let hint = did_you_mean(key, KEYS);
-                self.problem(format!("unknown key `{key}`"), span, hint);
-            }
-        }
         let profile_name = profile;
         let profile = self.profile(root, profile);
         let seed = self.seed(root, profile);
@@ -248,6 +239,20 @@ impl FileReader<'_> {
             Err(circles) => {
                 self.problems.extend(circles);
                 None
+            }
+        }
+    }
+
+    /// Refuses unknown keys of the file.
+    fn check_keys(&mut self, root: &InlineTable) {
+        const KEYS: [&str; 7] = [
+            "seed", "stages", "profiles", "sweep", SHARED, EXTENDS, WITHOUT,
+        ];
+        for (key, _) in root {
+            if !KEYS.contains(&key) {
+                let span = root.key(key).and_then(Key::span);
+                let hint = did_you_mean(key, KEYS);
+                self.problem(format!("unknown key `{key}`"), span, hint);
             }
         }
     }
