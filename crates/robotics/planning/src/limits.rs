@@ -9,7 +9,7 @@ use spatial::{Peaks, Twist};
 /// Largest slowdown factor accepted.
 const MAX_SLOWDOWN: f64 = 1000.0;
 /// Greatest speed or acceleration accepted.
-const MAX_RATE: f64 = 1e6;
+const MAX_RATE: f64 = 1e12;
 /// Angular speed of the palm by default, in rad/s.
 #[expect(
     clippy::approx_constant,

@@ -1,6 +1,6 @@
 //! Distances and depths of a hand in an object and a table, and of its links in each other.
 
-use std::{cell::Cell, ops::Range};
+use std::{cell::Cell, ops::Range, sync::OnceLock};
 
 use nalgebra::{Point3, Vector3};
 use spatial::Pose;
@@ -46,14 +46,15 @@ use crate::{
 /// let depth = collision.depth(&Ball, HandCollision::at(&links));
 /// assert!((depth.object_m - 0.005).abs() < 1e-12 && (depth.table_m - 0.005).abs() < 1e-12);
 /// // A single link has none to meet.
-/// assert!(collision.own().gaps(&links, 0.01, &mut SelfGaps::default()).is_empty());
+/// assert!(collision.own(&hand).gaps(&links, 0.01, &mut SelfGaps::default()).is_empty());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct HandCollision {
     spheres: Vec<CollisionSphere>,
     clusters: Vec<Cluster>,
-    own: SelfCollision,
+    /// Pairs of shapes take milliseconds to list: only where they are asked for.
+    own: OnceLock<SelfCollision>,
 }
 
 /// Neighboring spheres of one link.
@@ -162,13 +163,13 @@ impl HandCollision {
         Ok(Self {
             clusters: clusters.collect(),
             spheres,
-            own: SelfCollision::new(hand),
+            own: OnceLock::new(),
         })
     }
 
-    /// Returns the shapes as they meet each other.
-    pub fn own(&self) -> &SelfCollision {
-        &self.own
+    /// Returns the shapes of this hand, of which it is made, as they meet each other.
+    pub fn own(&self, hand: &RobotModel) -> &SelfCollision {
+        self.own.get_or_init(|| SelfCollision::new(hand))
     }
 
     /// Returns all spheres by their numbers, those about clusters last.

@@ -9,7 +9,15 @@ mod xml;
 
 pub use self::xml::MAX_BYTES;
 
+use std::sync::{Mutex, PoisonError};
+
 use crate::{Joint, JointKind, RobotError, RobotModel};
+
+/// Number of robots that are kept as they were read: the stages of a pipeline read the same few.
+const KEPT: usize = 4;
+
+/// The robots that were read last, by their text: reading one takes a millisecond or more.
+static READ: Mutex<Vec<(Box<str>, RobotModel)>> = Mutex::new(Vec::new());
 
 /// Maximum number of links that are read, a hundred times those of a hand with an arm.
 const MAX_LINKS: usize = 5000;
@@ -41,8 +49,21 @@ pub(crate) fn encoding(bytes: &[u8]) -> String {
     }
 }
 
-/// Reads a robot from the text of its URDF.
+/// Returns the robot of a URDF's text, which is read if it is none of the last ones.
 pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
+    let read = || READ.lock().unwrap_or_else(PoisonError::into_inner);
+    if let Some((_, robot)) = read().iter().find(|(known, _)| **known == *text) {
+        return Ok(robot.clone());
+    }
+    let robot = read_robot(text)?;
+    let mut kept = read();
+    kept.truncate(KEPT - 1);
+    kept.insert(0, (text.into(), robot.clone()));
+    Ok(robot)
+}
+
+/// Reads a robot from the text of its URDF.
+fn read_robot(text: &str) -> Result<RobotModel, RobotError> {
     let robot = xml::read(text)?;
     if robot.all("link").count() > MAX_LINKS || robot.all("joint").count() > MAX_LINKS {
         return Err(RobotError::TooLarge {

@@ -405,7 +405,7 @@ mod tests {
             .collect();
         assert_eq!(
             keys,
-            ["per_object", "friction", "flexion_joints", "approach.steps"]
+            ["per_object", "friction", "approach.steps", "flexion_joints"]
         );
     }
 }

@@ -432,7 +432,7 @@ mod tests {
             .collect();
         assert_eq!(
             keys,
-            ["per_object", "friction", "flexion_joints", "approach.steps"]
+            ["per_object", "friction", "approach.steps", "flexion_joints"]
         );
     }
 }

@@ -245,12 +245,12 @@ mod tests {
             keys,
             [
                 "per_object",
-                "flexion_joints",
                 "network.contact_widths",
                 "training.epochs",
                 "terms.contact",
                 "adaptation.map_steps",
-                "approach.steps"
+                "approach.steps",
+                "flexion_joints"
             ]
         );
     }
