@@ -477,7 +477,7 @@ mod tests {
             panic!("not made");
         };
         assert_eq!([metrics.draws, metrics.candidates], [3.0, 2.0]);
-        let (found, draws) = found.unwrap();
+        let (found, rows) = found.unwrap();
         let found = found.candidates;
         let names: Vec<&str> = found.iter().map(|one| one.candidate_id.as_str()).collect();
         assert_eq!(names, ["box-0", "box-2"]);
@@ -485,7 +485,8 @@ mod tests {
         assert_eq!(first.motion, each[0].motion);
         assert_eq!(first.residual_m2, each[0].residual_m2);
         assert_eq!((first.limit_excess_rad, first.depth_m), (0.1, Some(0.02)));
-        let rows: Vec<(&str, u32, Option<Refusal>, Option<f64>)> = draws
+        assert!(rows.iter().all(|draw| draw.generator == "refine"));
+        let rows: Vec<(&str, u32, Option<Refusal>, Option<f64>)> = rows
             .iter()
             .map(|draw| {
                 let name = draw.candidate_id.as_str();
@@ -501,7 +502,6 @@ mod tests {
         ];
         assert_eq!(rows, expected);
         assert_eq!(first.source.draw_n, 1);
-        assert!(draws.iter().all(|draw| draw.generator == "refine"));
         assert!(found.iter().all(|one| one.generator == "refine"));
     }
 
@@ -526,14 +526,14 @@ mod tests {
             );
         }
         let (_, found) = run(&config, drawn, Draws::new(), &BOTH);
-        let (found, draws) = found.unwrap();
+        let (found, rows) = found.unwrap();
         let kept: Vec<(&str, u32)> = found
             .candidates
             .iter()
             .map(|one| (one.candidate_id.as_str(), one.source.draw_n))
             .collect();
         assert_eq!(kept, [("box-2", 2), ("box-3", 2)]);
-        let names = draws.iter().map(|draw| draw.candidate_id.as_str());
+        let names = rows.iter().map(|draw| draw.candidate_id.as_str());
         assert!(names.eq(["box-2", "box-2", "box-3", "box-3"]));
     }
 

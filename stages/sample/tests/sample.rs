@@ -875,11 +875,11 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
     assert!(names.is_sorted());
     for candidate in &chosen {
         let of_motion = |draw: &&Draw| draw.candidate_id == candidate.candidate_id;
-        let draws: Vec<&Draw> = drawn.iter().filter(of_motion).collect();
-        let numbers = draws.iter().map(|draw| draw.source.draw_n);
-        assert!(numbers.eq(1..=draws.len() as u32));
+        let rows: Vec<&Draw> = drawn.iter().filter(of_motion).collect();
+        let numbers = rows.iter().map(|draw| draw.source.draw_n);
+        assert!(numbers.eq(1..=rows.len() as u32));
         let (kept, refused): (Vec<&Draw>, Vec<&Draw>) =
-            draws.iter().partition(|draw| draw.refused.is_none());
+            rows.iter().partition(|draw| draw.refused.is_none());
         assert_eq!(kept, [&Draw::kept(candidate)]);
         for draw in refused {
             assert!(draw.depth_m > Some(0.004) && draw.depth_m >= candidate.depth_m);
@@ -887,8 +887,8 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
             assert_eq!(draw.refused, Some(Refusal::Table));
         }
         // The last draw is kept, unless all are too deep and another is the least deep.
-        let is_last = candidate.source.draw_n as usize == draws.len();
-        assert!(is_last || (candidate.depth_m > Some(0.004) && draws.len() == 20));
+        let is_last = candidate.source.draw_n as usize == rows.len();
+        assert!(is_last || (candidate.depth_m > Some(0.004) && rows.len() == 20));
     }
 }
 

@@ -20,7 +20,7 @@ const TOUCHING_M: f64 = 1e-8;
 /// The collision shapes of a hand's links that can meet, as cores with a radius about them.
 ///
 /// A sphere's core is a point, a capsule's a line segment, a box's and a cylinder's one that is smaller by
-/// [`ROUNDING_M`] all around; a convex part of a mesh is its own core. Of the ways to describe a link this one is
+/// 3 mm all around; a convex part of a mesh is its own core. Of the ways to describe a link this one is
 /// nearest to the URDF: on an Allegro's finger of 19.6 × 27.5 mm the widest capsule inside leaves out 4 mm on either
 /// side, and the least one around sticks out by 7 mm.
 ///

@@ -22,7 +22,7 @@ fn hand(name: &str) -> RobotModel {
 fn rest(hand: &RobotModel) -> Vec<f64> {
     hand.joints()
         .iter()
-        .map(|joint| joint.nearest_zero())
+        .map(robot::Joint::nearest_zero)
         .collect()
 }
 
@@ -86,7 +86,7 @@ fn crossed_fingers_are_in_each_other() {
         let (are_in, depth_m) = crossed(1.0);
         assert!(are_in && depth_m > 0.002, "{name}: {are_in}, {depth_m} m");
         assert_eq!(crossed(0.0), (false, 0.0), "{name}");
-        assert_eq!(crossed(-1.0).0, false, "{name}");
+        assert!(!crossed(-1.0).0, "{name}");
     };
     let allegro = ["link_3.0", "link_7.0"];
     check(
@@ -193,7 +193,7 @@ proptest! {
                 let [ahead, behind] = slopes.map(|way| way / H_RAD);
                 // Where two ways out are equally short, or sides parallel, the slope has two values.
                 if (ahead - behind).abs() < 1e-4 {
-                    let off = (ahead + behind) / 2.0 - gradient[joint];
+                    let off = f64::midpoint(ahead, behind) - gradient[joint];
                     prop_assert!(off.abs() < 3e-4, "{off} {:?}", here[idx]);
                 }
             }
