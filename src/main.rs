@@ -59,14 +59,11 @@ const CANDLE_THREADS: &str = "CANDLE_NUM_THREADS";
 /// Variable for the number of all other threads. Without it candle counts the processors anew at every matrix
 /// product, by reading `/proc/cpuinfo`: with 128 entries there, training took four times as long.
 const THREADS: &str = "RAYON_NUM_THREADS";
-/// Variable for the number of threads that answer a question.
-const POLARS_THREADS: &str = "POLARS_MAX_THREADS";
 
 fn main() -> ExitCode {
     set_where_unset(CANDLE_THREADS, 1);
     // As many as without the variable, where there is memory for them.
     set_where_unset(THREADS, pipeline::threads());
-    set_where_unset(POLARS_THREADS, pipeline::threads());
     pipeline::command_line(&pipeline::kinds())
 }
 

@@ -133,11 +133,11 @@ pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
 /// The color of a line's first word.
 fn color(word: &str) -> Option<Style> {
     let color = match word {
-        "error:" | "missing" | "wrong" => AnsiColor::Red,
+        "error:" | "fail" | "lost" | "missing" | "wrong" => AnsiColor::Red,
         "hint:" | "next" => AnsiColor::Cyan,
         "ok" | "done" | "cached" => AnsiColor::Green,
-        "run" | "pending" | "unset" | "doubtful" | "note" | "skip" | "repair" | "drop" | "wait"
-        | "interrupted:" => AnsiColor::Yellow,
+        "run" | "pending" | "unset" | "doubtful" | "note" | "queue" | "skip" | "repair"
+        | "drop" | "wait" | "interrupted:" => AnsiColor::Yellow,
         _ => return None,
     };
     let style = Style::new().fg_color(Some(color.into()));

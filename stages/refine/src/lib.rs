@@ -6,7 +6,7 @@
 //! the surface, where their forces balance; over its last tenth it squeezes along these forces. The grasp is refined
 //! first, and the approach is rebuilt backward from it.
 //!
-//! One unit per object. Of every `draws` consecutive motions the one with the smallest residual stays a candidate,
+//! One unit per object. Of every `draws` consecutive motions with the same resting pose the one with the smallest residual stays a candidate,
 //! under its own name and source; the others become its refused draws. Nothing is simulated: `screen` judges every
 //! generator alike. At no step does a joint leave its limits.
 

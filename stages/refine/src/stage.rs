@@ -51,7 +51,7 @@ dataflow::metrics! {
 }
 
 lake::inputs! {
-    /// What a unit reads: an object's motions, its distances, the object and the hand.
+    /// What a unit reads: an object's motions, the draws refused for them, its distances, the object and the hand.
     pub struct RefineInputs {
         /// The motions.
         each candidates: Candidates [lake::table::FILE, Draws::FILE], "to refine";
@@ -248,8 +248,8 @@ struct Best {
     draws: Draws,
 }
 
-/// Makes of `draws` motions in a row, of an object that lies alike, draws of one motion: the candidate is the one with
-/// the smallest residual. Which way the object lies is not chosen.
+/// Makes of every `draws` consecutive motions with the same resting pose draws of one motion: the candidate is the one
+/// with the smallest residual. The resting pose is not chosen.
 fn best_of(attempts: Vec<Attempt>, draws: usize) -> Vec<Best> {
     let mut by_rest: Vec<Vec<(usize, Attempt)>> = Vec::new();
     for (number, attempt) in attempts.into_iter().enumerate() {

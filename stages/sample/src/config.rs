@@ -66,7 +66,7 @@ pub struct SampleConfig {
     )]
     pub spread: f64,
     /// Most latent codes sampled for a motion until its hand stays out of object and table; if none does,
-    /// the shallowest is kept; refused samples are rows of `candidates` too. One: motions are refined
+    /// the shallowest is kept; refused samples are rows of `draws`. One: motions are refined
     /// instead; paper: 1
     #[option(
         default = 1, range = 1..=MAX_DRAWS,

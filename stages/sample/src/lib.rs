@@ -5,7 +5,7 @@
 //! they are decoded at equal time steps from far to the grasp, with exact rates, and transformed to
 //! the object's own frame. Joint positions are clamped to the hand's limits. With `draws`
 //! above 1, a motion whose hand is too deep in object or table is drawn again; every draw is a row of
-//! `candidates`, a refused one with its reason and without its motion. Its [`report`] measures
+//! `draws`, a refused one with its reason. Its [`report`] measures
 //! the motions' plausibility and diversity.
 
 mod config;

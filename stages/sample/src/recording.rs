@@ -54,25 +54,25 @@ pub(crate) fn chosen(n: usize, total: usize) -> Vec<usize> {
 
 /// Writes the recording of motions with equal times into `folder`.
 pub(crate) fn record(
-    stage: &RecordingContext<'_>,
+    context: &RecordingContext<'_>,
     motions: &[&Candidate],
     folder: &Path,
 ) -> Result<(), BoxedDiagnostic> {
     let names: Vec<&str> = motions.iter().map(|m| m.candidate_id.as_str()).collect();
     let about = [
         ("schema", Candidates::VERSION),
-        ("object", &stage.object.name),
+        ("object", &context.object.name),
         ("candidate_ids", &names.join(",")),
     ]
     .map(|(key, value)| (key.to_owned(), value.to_owned()));
     let mut recording = Recording::create(&folder.join(FILE), &BTreeMap::from(about))?;
-    recording.attach("robot.urdf", "application/xml", stage.urdf.as_bytes())?;
-    let description = motion::robot_description(stage.urdf);
+    recording.attach("robot.urdf", "application/xml", context.urdf.as_bytes())?;
+    let description = motion::robot_description(context.urdf);
     recording.write_latched(ROBOT_DESCRIPTION, START_NS, &description)?;
     let shown: Vec<DisplayedMotion<'_>> = motions
         .iter()
         .enumerate()
-        .map(|(number, motion)| DisplayedMotion::new(stage, motion, number, motions.len()))
+        .map(|(number, motion)| DisplayedMotion::new(context, motion, number, motions.len()))
         .collect();
     let fixed = shown.iter().flat_map(DisplayedMotion::fixed).collect();
     recording.write_latched(TF_STATIC, START_NS, &TfMessage { transforms: fixed })?;
@@ -87,8 +87,11 @@ pub(crate) fn record(
                 continue;
             };
             time_ns = motion::stamp_ns(step.time_s);
-            let q = stage.order.apply(&step.q_rad).map_err(SampleError::from)?;
-            let q_velocity = stage
+            let q = context
+                .order
+                .apply(&step.q_rad)
+                .map_err(SampleError::from)?;
+            let q_velocity = context
                 .order
                 .apply(&step.rates.joints.velocity)
                 .map_err(SampleError::from)?;
@@ -104,7 +107,7 @@ pub(crate) fn record(
 
 /// One motion among several.
 struct DisplayedMotion<'a> {
-    stage: &'a RecordingContext<'a>,
+    context: &'a RecordingContext<'a>,
     candidate: &'a Candidate,
     /// The frame of its own table.
     frame: String,
@@ -115,7 +118,7 @@ struct DisplayedMotion<'a> {
 
 impl<'a> DisplayedMotion<'a> {
     fn new(
-        stage: &'a RecordingContext<'a>,
+        context: &'a RecordingContext<'a>,
         candidate: &'a Candidate,
         number: usize,
         total: usize,
@@ -125,7 +128,7 @@ impl<'a> DisplayedMotion<'a> {
         Self {
             beside_m: BESIDE_M * (number as f64 - 0.5 * total.saturating_sub(1) as f64),
             color: between_blue_and_red(share),
-            stage,
+            context,
             candidate,
             frame,
         }
@@ -136,7 +139,7 @@ impl<'a> DisplayedMotion<'a> {
     }
 
     fn joints(&self) -> Vec<String> {
-        let names = self.stage.model.joint_names();
+        let names = self.context.model.joint_names();
         names.iter().map(|joint| self.name(joint)).collect()
     }
 
@@ -152,7 +155,7 @@ impl<'a> DisplayedMotion<'a> {
             motion::transform_stamped(START_NS, TABLE, &self.frame, &table_from_own),
             motion::transform_stamped(START_NS, &self.frame, &self.name("object"), own_from_object),
         ];
-        let model = self.stage.model;
+        let model = self.context.model;
         let fixed = motion::fixed_links::<Palm>(model, &model.link_poses(|_| 0.0));
         all.extend(self.own(fixed));
         all
@@ -160,7 +163,7 @@ impl<'a> DisplayedMotion<'a> {
 
     /// Returns transforms between frames of its own.
     fn own(&self, message: TfMessage) -> impl Iterator<Item = TransformStamped> {
-        let root = self.stage.model.links().first().map(|link| &link.name);
+        let root = self.context.model.links().first().map(|link| &link.name);
         message.transforms.into_iter().map(move |mut transform| {
             transform.header.frame_id = if Some(&transform.child_frame_id) == root {
                 self.frame.clone()
@@ -179,7 +182,7 @@ impl<'a> DisplayedMotion<'a> {
         q: &[f64],
         time_ns: i64,
     ) -> Result<impl Iterator<Item = TransformStamped>, WrongDof> {
-        let model = self.stage.model;
+        let model = self.context.model;
         let palm_from_links = model.forward_kinematics(q)?;
         let own_from_palm = self.candidate.table_from_object * step.frame_from_palm;
         let moving = motion::moving_links(time_ns, model, &own_from_palm, &palm_from_links);
@@ -188,7 +191,7 @@ impl<'a> DisplayedMotion<'a> {
 
     /// Returns the object, the way of the palm's origin and the hand's collision shapes.
     fn markers(&self) -> Vec<Marker> {
-        let object = self.stage.object;
+        let object = self.context.object;
         let in_object = self.name("object");
         let (vertices_m, triangles) = (&object.vertices_m, &object.triangles);
         let mesh = motion::mesh_marker(START_NS, &in_object, vertices_m, triangles, OBJECT_COLOR);
@@ -199,7 +202,7 @@ impl<'a> DisplayedMotion<'a> {
         let trail =
             motion::points_marker(START_NS, &in_object, "trail", &trail, TRAIL_M, self.color);
         let mut all = vec![mesh, trail];
-        for link in self.stage.model.links() {
+        for link in self.context.model.links() {
             for collision in &link.collisions {
                 let number = all.len();
                 let mut marker = self.shape(&self.name(&link.name), collision);

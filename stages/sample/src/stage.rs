@@ -54,7 +54,7 @@ impl Output for Sample {
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
     const PARTITION: &'static str = Candidates::PARTITION;
-    /// `objects` only redraws units.
+    /// `objects` only chooses units.
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {

@@ -32,7 +32,7 @@ pub(crate) struct RecordingContext<'a> {
 /// Writes `<candidate_id>.mcap` into `folder`, with the reason of its `row`; a rollout without a trace has
 /// no recording.
 pub(crate) fn record(
-    stage: &RecordingContext<'_>,
+    context: &RecordingContext<'_>,
     row: &Row,
     rollout: &Rollout,
     folder: &Path,
@@ -40,18 +40,18 @@ pub(crate) fn record(
     let Some(Trace { steps }) = &rollout.trace else {
         return Ok(());
     };
-    let joints = stage.model.joint_names();
+    let joints = context.model.joint_names();
     let scene = RecordingScene {
-        urdf: stage.urdf,
+        urdf: context.urdf,
         joints: &joints,
-        robot: stage.model,
-        root_from_links: &stage.model.link_poses::<Palm>(|_| 0.0),
-        vertices_m: &stage.object.vertices_m,
-        triangles: &stage.object.triangles,
+        robot: context.model,
+        root_from_links: &context.model.link_poses::<Palm>(|_| 0.0),
+        vertices_m: &context.object.vertices_m,
+        triangles: &context.object.triangles,
     };
     let about = [
         ("schema", Rollouts::VERSION),
-        ("object", &stage.object.name),
+        ("object", &context.object.name),
         ("candidate_id", &row.candidate_id),
         ("reason", row.verdict.as_str()),
     ]
@@ -67,7 +67,7 @@ pub(crate) fn record(
         START_NS,
         &motion::joint_trajectory(START_NS, &joints, commands),
     )?;
-    let links: Vec<String> = stage
+    let links: Vec<String> = context
         .model
         .links()
         .iter()
@@ -78,7 +78,7 @@ pub(crate) fn record(
             time_s: step.time_s,
             table_from_root: step.table_from_palm.reinterpret(),
             table_from_object: step.table_from_object,
-            root_from_links: &stage
+            root_from_links: &context
                 .model
                 .forward_kinematics(&step.q)
                 .map_err(ScreenError::from)?,

@@ -27,14 +27,12 @@ pub use schemas;
 ///     struct MotionInputs {
 ///         /// The motions.
 ///         each candidates: Candidates [lake::table::FILE], "to look at";
-///         /// The object.
-///         own object: Object, or "object missing";
-///         /// Its mesh.
-///         own mesh: String = Object, |object| object.text(objects::MESH);
+///         /// The object's mesh.
+///         own mesh: String = Object, |object| object.text(objects::MESH), or "object missing";
 ///     }
 /// }
 ///
-/// assert_eq!(MotionInputs::INPUTS[..2], ["candidates", "objects"]);
+/// assert_eq!(MotionInputs::INPUTS, ["candidates", "objects"]);
 /// let nothing = MotionInputs::units(&dataflow::Scope::default(), &[]).unwrap_err();
 /// assert_eq!(nothing.to_string(), "there are no candidates to look at");
 /// ```

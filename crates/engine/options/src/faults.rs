@@ -9,7 +9,7 @@ use crate::range::words;
 
 /// Options of a stage, or a table of them; [`options`](crate::options) implements it.
 pub trait Options {
-    /// Returns the faults of the options beyond their types: every range that is left, in the order of
+    /// Returns the faults of the options beyond their types: every range that a value is outside of, in the order of
     /// the declarations, then what is wrong with several of them together.
     fn faults(&self) -> Vec<OptionFault> {
         Vec::new()

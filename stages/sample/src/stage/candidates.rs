@@ -132,13 +132,13 @@ pub(super) fn make(
             .into_iter()
             .filter_map(|number| drawn.candidates.get(number))
             .collect();
-        let stage = recording::RecordingContext {
+        let context = recording::RecordingContext {
             urdf: &robot::plain_urdf(&hand.urdf),
             model: &hand.model,
             object,
             order,
         };
-        recording::record(&stage, &motions, cx.folder())?;
+        recording::record(&context, &motions, cx.folder())?;
     }
     let metrics = SampleMetrics {
         candidates: drawn.candidates.len() as f64,
