@@ -69,7 +69,7 @@ pub enum UnitOutcome {
 }
 
 impl UnitOutcome {
-    /// Returns the end of a unit that was lost.
+    /// Returns the outcome of a unit that was lost.
     pub fn lost(why: impl Into<String>) -> Self {
         Self::Lost {
             why: why.into(),
@@ -78,7 +78,7 @@ impl UnitOutcome {
         }
     }
 
-    /// Returns the end of a unit that was lost by no fault of its own, and is tried again as if it had not begun.
+    /// Returns the outcome of a unit that was lost by no fault of its own, and is tried again as if it had not begun.
     pub fn displaced(why: impl Into<String>) -> Self {
         Self::Lost {
             why: why.into(),
@@ -87,7 +87,7 @@ impl UnitOutcome {
         }
     }
 
-    /// Returns the end of a unit that could not read the artifacts of others.
+    /// Returns the outcome of a unit that could not read the artifacts of others.
     pub fn lacking(lacks: Vec<UnitName>) -> Self {
         Self::Lost {
             why: "an artifact that it reads is damaged or missing".to_owned(),

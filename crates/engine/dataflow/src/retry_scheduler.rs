@@ -182,7 +182,7 @@ impl<'a> RetryScheduler<'a> {
             (Execution::Parallel, _) => &threads,
         };
         let ends = Mutex::new(WaveOutcomes::default());
-        let carried_out = executor.execute(wave, self.events, &|idx, end| {
+        let executed = executor.execute(wave, self.events, &|idx, end| {
             let end = self.settle(wave, idx, end);
             let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
             match end {
@@ -206,8 +206,8 @@ impl<'a> RetryScheduler<'a> {
             }
         });
         let mut ends = ends.into_inner().unwrap_or_else(PoisonError::into_inner);
-        ends.is_over = carried_out.is_err();
-        ends.settled.extend(carried_out.err().map(Err));
+        ends.is_over = executed.is_err();
+        ends.settled.extend(executed.err().map(Err));
         ends
     }
 

@@ -99,8 +99,8 @@ impl WorkItem {
             forced,
             options: state.pipeline().stage(node).text.clone(),
             wires: node.reads.clone(),
-            inputs: ordered_inputs(state, node, unit, &fingerprint)?,
-            files: ordered_files(state, &name, unit, &fingerprint)?,
+            inputs: inputs_of(state, node, unit, &fingerprint)?,
+            files: files_of(state, &name, unit, &fingerprint)?,
             recipe: fingerprint.recipe,
             facts: fingerprint.facts,
             labels: unit.labels.clone(),
@@ -145,7 +145,7 @@ impl WorkItem {
     }
 }
 
-fn ordered_inputs(
+fn inputs_of(
     state: &State,
     node: &Node,
     unit: &ListedUnit,
@@ -182,7 +182,7 @@ fn ordered_inputs(
     Ok(inputs)
 }
 
-fn ordered_files(
+fn files_of(
     state: &State,
     name: &UnitName,
     unit: &ListedUnit,

@@ -148,7 +148,7 @@ impl Output for CemMpc {
         })?;
         let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
             Ok(scenes) => scenes,
-            Err(source) => return failed(&urdf, source),
+            Err(source) => return skip_or_fail(&urdf, source),
         };
         let scene = &config.scene;
         let speeds = Speeds {
@@ -188,7 +188,7 @@ impl Output for CemMpc {
                     candidates.push(candidate);
                     made.push(controlled);
                 }
-                Err(ControlError::Simulation(source)) => return failed(&urdf, source),
+                Err(ControlError::Simulation(source)) => return skip_or_fail(&urdf, source),
                 Err(ControlError::Motion(err)) => {
                     let refused = remade(candidate, candidate.motion.clone());
                     draws.push(Draw::without_motion(&refused, err.to_string()));
@@ -245,7 +245,10 @@ impl Scenes {
 }
 
 /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.
-fn failed(urdf: &Path, source: SimulationError) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
+fn skip_or_fail(
+    urdf: &Path,
+    source: SimulationError,
+) -> Result<Outcome<CemMpcMetrics>, BoxedDiagnostic> {
     if source.is_of_object() {
         return Ok(Outcome::skipped(source.to_string()));
     }

@@ -143,7 +143,7 @@ impl Output for ForceClosure {
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
         let body = HandBody::new(hand.model.clone(), &config.flexion_joints, grasp_q)?;
-        let maker = Maker {
+        let search = GraspSearch {
             config,
             hand: &hand,
             body: &body,
@@ -157,7 +157,7 @@ impl Output for ForceClosure {
         let measured: Vec<(Option<(Candidate, FoundGrasp)>, f64)> = (0..config.per_object)
             .into_par_iter()
             .map(|number| {
-                let (made, cpu_s) = cpu_time::measured(|| maker.candidate(number));
+                let (made, cpu_s) = cpu_time::measured(|| search.candidate(number));
                 Ok((made?, cpu_s))
             })
             .collect::<Result<_, BoxedDiagnostic>>()?;
@@ -180,7 +180,7 @@ impl Output for ForceClosure {
 }
 
 /// Makes the candidates of one object.
-struct Maker<'a> {
+struct GraspSearch<'a> {
     config: &'a ForceClosureConfig,
     hand: &'a Hand,
     body: &'a HandBody,
@@ -192,7 +192,7 @@ struct Maker<'a> {
     seed: u64,
 }
 
-impl Maker<'_> {
+impl GraspSearch<'_> {
     /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
     /// palm.
     fn candidate(&self, number: usize) -> Result<Option<(Candidate, FoundGrasp)>, BoxedDiagnostic> {
