@@ -244,7 +244,7 @@ fn reads_as_asked(lab: &Path, found: &Value, rates: &[Value]) {
     );
     let samples = ask(
         lab,
-        "select count(*) as n from candidates where stage = 'refine'",
+        "select count(*) as n from draws where stage = 'refine'",
     );
     let funnel = found["funnel"].as_array().unwrap();
     let row = funnel.iter().find(|row| row[0] == "samples").unwrap();
