@@ -481,19 +481,7 @@ fn collect_options(root: &Value, schema: &Value, prefix: &str, options: &mut Vec
 /// The range that [`options::describe`] added to a schema: `from 1 to 100: …`.
 fn range_of(schema: &Value) -> Option<String> {
     let why = schema.get("why")?.as_str()?;
-    let bounds = [
-        ("minimum", "from"),
-        ("exclusiveMinimum", "above"),
-        ("maximum", "to"),
-        ("exclusiveMaximum", "below"),
-    ];
-    let bounds = bounds.iter().filter_map(|(key, word)| {
-        let bound = schema.get(key)?;
-        let float = bound.as_f64().filter(|_| bound.is_f64());
-        let bound = float.map_or_else(|| bound.to_string(), |bound| bound.to_string());
-        Some(format!("{word} {bound}"))
-    });
-    Some(format!("{}: {why}", bounds.collect::<Vec<_>>().join(" ")))
+    Some(format!("{}: {why}", options::range_in(schema)?))
 }
 
 pub(crate) fn resolve<'a>(root: &'a Value, schema: &'a Value) -> &'a Value {

@@ -70,4 +70,4 @@ mod range;
 
 pub use faults::{OptionFault, OptionFaults, Options};
 pub use options_macro::options;
-pub use range::{above, describe};
+pub use range::{above, describe, range_in};

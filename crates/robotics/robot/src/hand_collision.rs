@@ -1,23 +1,23 @@
 //! Distances and depths of a hand in an object and a table, and of its links in each other.
 
-use std::{cell::Cell, ops::Range, sync::OnceLock};
+use std::{cell::Cell, ops::Range};
 
 use nalgebra::{Point3, Vector3};
 use spatial::Pose;
 
 use crate::{
-    Link, RobotModel, SelfCollision,
+    Link, RobotModel,
     spheres::{CollisionSphere, SLACK, TooLarge, clusters},
 };
 
-/// A hand's collision shapes: as spheres against an object's distance field and a table, and as rounded shapes against
-/// each other ([`SelfCollision`]).
+/// A hand's collision shapes as spheres, against an object's distance field and a table. [`SelfCollision`](crate::SelfCollision)
+/// has them against each other.
 ///
 /// Positions are in meters, in the frame of the poses that are given; depths and distances are in meters.
 ///
 /// ```
 /// use nalgebra::{Point3, Vector3};
-/// use robot::{HandCollision, RobotModel, SelfGaps, Surroundings};
+/// use robot::{HandCollision, RobotModel, Surroundings};
 /// use spatial::Palm;
 ///
 /// // A ball of 3 cm, 1 cm above a table; in the palm's frame, z up.
@@ -45,16 +45,12 @@ use crate::{
 /// let links = hand.forward_kinematics::<Palm>(&[0.005])?;
 /// let depth = collision.depth(&Ball, HandCollision::at(&links));
 /// assert!((depth.object_m - 0.005).abs() < 1e-12 && (depth.table_m - 0.005).abs() < 1e-12);
-/// // A single link has none to meet.
-/// assert!(collision.own(&hand).gaps(&links, 0.01, &mut SelfGaps::default()).is_empty());
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Debug, Clone)]
 pub struct HandCollision {
     spheres: Vec<CollisionSphere>,
     clusters: Vec<Cluster>,
-    /// Pairs of shapes take milliseconds to list: only where they are asked for.
-    own: OnceLock<SelfCollision>,
 }
 
 /// Neighboring spheres of one link.
@@ -163,13 +159,7 @@ impl HandCollision {
         Ok(Self {
             clusters: clusters.collect(),
             spheres,
-            own: OnceLock::new(),
         })
-    }
-
-    /// Returns the shapes of this hand, of which it is made, as they meet each other.
-    pub fn own(&self, hand: &RobotModel) -> &SelfCollision {
-        self.own.get_or_init(|| SelfCollision::new(hand))
     }
 
     /// Returns all spheres by their numbers, those about clusters last.

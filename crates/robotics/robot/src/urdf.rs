@@ -16,7 +16,7 @@ use crate::{Joint, JointKind, RobotError, RobotModel};
 /// Number of robots that are kept as they were read: the stages of a pipeline read the same few.
 const KEPT: usize = 4;
 
-/// The robots that were read last, by their text: reading one takes a millisecond or more.
+/// The robots that were read last, the newest first, by their text: reading one takes a millisecond or more.
 static READ: Mutex<Vec<(Box<str>, RobotModel)>> = Mutex::new(Vec::new());
 
 /// Maximum number of links that are read, a hundred times those of a hand with an arm.

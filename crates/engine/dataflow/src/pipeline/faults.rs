@@ -360,11 +360,7 @@ fn plural(root: &Json, schema: &Json) -> &'static str {
     }
 }
 
+/// The range of a number, after a space.
 fn range(schema: &Json) -> String {
-    match (schema.get("minimum"), schema.get("maximum")) {
-        (Some(least), Some(most)) => format!(" from {least} to {most}"),
-        (Some(least), None) => format!(" from {least} on"),
-        (None, Some(most)) => format!(" up to {most}"),
-        (None, None) => String::new(),
-    }
+    options::range_in(schema).map_or_else(String::new, |range| format!(" {range}"))
 }

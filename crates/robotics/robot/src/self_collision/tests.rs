@@ -1,43 +1,18 @@
 //! Gaps of two shapes against closed forms, and against a search over directions that knows nothing of corners.
 
-use std::{f64::consts::PI, sync::Arc};
+use std::f64::consts::PI;
 
 use nalgebra::{Unit, UnitQuaternion};
 use proptest::prelude::*;
 use spatial::World;
 
 use super::*;
-use crate::convex::tests::cuboid;
+use crate::distance::tests::{pose, shape as shape_of_size};
 
 const FAR_M: f64 = 10.0;
 
-fn pose(size_m: f64) -> impl Strategy<Value = Pose<World, Shape>> {
-    let axis = prop::array::uniform3(-PI..PI);
-    (prop::array::uniform3(-size_m..size_m), axis).prop_map(|(at, turn)| {
-        Pose::from_parts(
-            Vector3::from(at),
-            UnitQuaternion::from_scaled_axis(Vector3::from(turn)),
-        )
-    })
-}
-
 fn shape() -> impl Strategy<Value = Shape> {
-    let size = 0.005..0.03_f64;
-    (0..5, size.clone(), size.clone(), size).prop_map(|(kind, x, y, z)| match kind {
-        0 => Shape::Sphere { radius_m: x },
-        1 => Shape::Box {
-            half_extents_m: Vector3::new(x, y, z),
-        },
-        2 => Shape::Cylinder {
-            radius_m: x,
-            half_length_m: y,
-        },
-        3 => Shape::Convex(Arc::new(cuboid(&Vector3::new(x, y, z)))),
-        _ => Shape::Capsule {
-            radius_m: x,
-            half_length_m: y,
-        },
-    })
+    shape_of_size(0.005..0.03)
 }
 
 fn rounded_shape(link: usize, shape: &Shape) -> RoundedShape {
