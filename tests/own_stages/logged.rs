@@ -7,20 +7,16 @@ use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::WriteArtifact;
-use schemars::JsonSchema;
+use options::options;
 use schemas::executions::Outcome::{Failed, Succeeded};
 use schemas::{Table, tally::Tally, trials::AllTrials, trials::Trials};
-use serde::{Deserialize, Serialize};
 
 /// Options of `kind = "logged"`.
-#[derive(Debug, Deserialize, Serialize, JsonSchema)]
-#[serde(deny_unknown_fields)]
+#[options]
 pub(crate) struct LoggedConfig {
     /// Numbers of successes and of failures for each object.
     objects: BTreeMap<String, [i64; 2]>,
 }
-
-impl dataflow::Options for LoggedConfig {}
 
 dataflow::metrics! {
     /// Metrics of the trials of an object.

@@ -63,6 +63,8 @@
 //! | `table` | is a table of options, checked as such |
 //! | `path` | is a file that counts by its content, and no part of the serialized form |
 //!
+//! The crate that uses it depends on `options`, `schemars` and `serde`.
+//!
 //! What it deliberately leaves out: where an option stands in a file, which `dataflow` knows.
 
 mod faults;
