@@ -1,6 +1,6 @@
 //! The stage: one unit per object.
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{collections::BTreeMap, path::PathBuf, sync::Arc};
 
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Outputs,
@@ -11,6 +11,7 @@ use hand_files::HandFiles;
 use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use posture::{Environment, Hand};
 use rayon::prelude::*;
+use robot_meshes::AnotherHand;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -65,6 +66,8 @@ lake::inputs! {
     files {
         /// The draws that were refused before.
         refused: RefusedDraws = RefusedDraws::read;
+        /// The hand's URDF.
+        urdf: PathBuf = hand_files::urdf;
         /// The hand.
         hand: Hand = hand_files::hand;
     }
@@ -120,8 +123,11 @@ impl Output for Refine {
             field,
             object,
             mut refused,
+            urdf,
             hand,
         } = inputs;
+        let of_object = (given.object.as_str(), &given.joints[..]);
+        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let field = Arc::new(field);
         let payload = Payload {
             center_of_mass_in_object: object.center_of_mass_m.into(),
@@ -403,8 +409,28 @@ mod tests {
         with: &[&str],
     ) -> (Outcome<RefineMetrics>, Option<(Candidates, Draws)>) {
         let folder = tempfile::tempdir().unwrap();
+        let outcome = try_run(config, candidates, refused, with, folder.path()).unwrap();
+        let made = matches!(outcome, Outcome::Made(_));
+        let read = made.then(|| {
+            let out = artifact(&folder.path().join("out"));
+            (
+                lake::table::read(&out).unwrap(),
+                lake::table::read(&out).unwrap(),
+            )
+        });
+        (outcome, read)
+    }
+
+    /// As [`run`], in a folder, where it may fail.
+    fn try_run(
+        config: &RefineConfig,
+        candidates: Vec<Candidate>,
+        refused: Draws,
+        with: &[&str],
+        folder: &Path,
+    ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
         let [given, fields, objects, out] = ["given", "fields", "objects", "out"].map(|name| {
-            let path = folder.path().join(name);
+            let path = folder.join(name);
             fs::create_dir(&path).unwrap();
             path
         });
@@ -442,16 +468,7 @@ mod tests {
         ];
         let inputs = Inputs::new(artifacts, files.to_vec());
         let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
-        let outcome = Refine::read_and_make(config, &inputs, &cx).unwrap();
-        let made = matches!(outcome, Outcome::Made(_));
-        let read = made.then(|| {
-            let out = artifact(&out);
-            (
-                lake::table::read(&out).unwrap(),
-                lake::table::read(&out).unwrap(),
-            )
-        });
-        (outcome, read)
+        Refine::read_and_make(config, &inputs, &cx)
     }
 
     #[test]
@@ -538,8 +555,7 @@ mod tests {
     }
 
     #[test]
-    fn an_object_without_distances_or_mass_is_skipped_and_a_motion_of_another_hand_refused_with_the_reason()
-     {
+    fn an_object_without_distances_or_mass_is_skipped_and_motions_of_another_hand_are_an_error() {
         let config = fixture::config();
         let skipped = |candidates: Vec<Candidate>, with: &[&str]| {
             let (outcome, made) = run(&config, candidates, Draws::new(), with);
@@ -561,11 +577,53 @@ mod tests {
         other.motion =
             motion::Motion::of_joints(names.as_slice().into(), whole.motion.steps().to_vec())
                 .unwrap();
-        let (_, made) = run(&config, vec![other.clone()], Draws::new(), &BOTH);
-        let (candidates, draws) = made.unwrap();
-        assert!(candidates.candidates.is_empty());
-        assert_eq!(draws[0].candidate_id, "box-1");
-        assert_eq!(draws[0].refused, Some(Refusal::Motion));
-        assert!(!draws[0].fault.is_empty());
+        let folder = tempfile::tempdir().unwrap();
+        let err = try_run(&config, vec![other], Draws::new(), &BOTH, folder.path()).unwrap_err();
+        let said = err.to_string();
+        assert!(
+            said.contains("`box`") && said.contains(fixture::URDF),
+            "{said}"
+        );
+        assert!(err.hint().unwrap().contains("in `refine`"));
+    }
+
+    #[test]
+    fn a_motion_that_cannot_be_formed_is_a_refused_draw_and_the_others_go_on() {
+        let refined = |residual_m2| Refined {
+            motion: candidate("", 1, 0.5).motion,
+            residual_m2,
+            palm_moved_m: 0.0,
+            approach_penetration_m: 0.0,
+        };
+        let attempt = |name: &str, refined: Result<Refined, String>| Attempt {
+            candidate: candidate(name, 1, 0.5),
+            refused: Draws::new(),
+            refined,
+        };
+        let unformed = || Err("its times do not increase".to_owned());
+        let attempts = vec![
+            attempt("box-0", unformed()),
+            attempt("box-1", Ok(refined(0.5))),
+            attempt("box-2", unformed()),
+            attempt("box-3", unformed()),
+        ];
+        let best = best_of(attempts, 2);
+        let [some, none] = &best[..] else {
+            panic!("two pairs of draws");
+        };
+        assert_eq!(some.kept.as_ref().unwrap().0.candidate_id, "box-1");
+        assert!(none.kept.is_none());
+        let refusals = |best: &Best| -> Vec<(Option<Refusal>, String)> {
+            let draws = best.draws.iter();
+            draws
+                .map(|draw| (draw.refused, draw.fault.clone()))
+                .collect()
+        };
+        let refused = (
+            Some(Refusal::Motion),
+            "its times do not increase".to_owned(),
+        );
+        assert_eq!(refusals(some), [refused.clone(), (None, String::new())]);
+        assert_eq!(refusals(none), [refused.clone(), refused]);
     }
 }

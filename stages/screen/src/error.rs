@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use dataflow::Diagnostic;
-use robot::{JointMismatch, WrongDof};
+use robot::WrongDof;
 use simulation::SimulationError;
 
 /// Why candidates could not be screened.
@@ -28,16 +28,6 @@ pub enum ScreenError {
         /// The problem.
         source: SimulationError,
     },
-    /// The candidates are for another hand.
-    #[error("candidates of `{partition}` are not for the hand `{}`", path.display())]
-    AnotherHand {
-        /// The object.
-        partition: String,
-        /// The hand's URDF.
-        path: PathBuf,
-        /// The difference of their joints from the hand's.
-        source: JointMismatch,
-    },
     /// A rollout is of a candidate that there is not.
     #[error("a rollout of `{partition}` is of `{candidate}`, which is not among the candidates")]
     UnknownCandidate {
@@ -58,9 +48,6 @@ impl Diagnostic for ScreenError {
                 source.hint().or_else(|| {
                     Some("`pipeline stages screen` lists every option with its unit".to_owned())
                 })
-            }
-            Self::AnotherHand { .. } => {
-                Some("use the same `hand` in `retarget` and in `screen`, then run again".to_owned())
             }
             Self::UnknownCandidate { .. } => {
                 Some("make them again with `pipeline run FILE --fresh`".to_owned())

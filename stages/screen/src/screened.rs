@@ -2,13 +2,16 @@
 
 use std::path::PathBuf;
 
-use dataflow::{BoxedDiagnostic, Context, Inputs, Outcome, Partition, Scope, SourceFile, Unit};
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Outcome, Partition, Scope, SourceFile, Stage, Unit,
+};
 use lake::ReadInputs;
-use robot::{JointOrder, RobotModel};
+use robot::RobotModel;
+use robot_meshes::AnotherHand;
 use schemas::{Table, candidates::Candidates, objects::Object};
 use simulation::SimulationError;
 
-use crate::{ScreenConfig, ScreenError, verdicts::Screening};
+use crate::{Screen, ScreenConfig, ScreenError, verdicts::Screening};
 
 /// The inputs of a unit.
 pub(crate) struct Screened {
@@ -57,14 +60,8 @@ impl Screened {
             return Ok(None);
         };
         let partition = cx.partition().to_string();
-        if let Err(source) = JointOrder::new(&candidates.joints, &hand.joint_names()) {
-            return Err(ScreenError::AnotherHand {
-                partition,
-                path: urdf,
-                source,
-            }
-            .into());
-        }
+        let of_object = (partition.as_str(), &candidates.joints[..]);
+        AnotherHand::check(Screen::KIND, of_object, (&urdf, &hand))?;
         Ok(Some(Self {
             partition,
             urdf,

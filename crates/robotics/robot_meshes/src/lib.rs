@@ -12,12 +12,14 @@
 //! Objects get the same convex parts ([`geometry::convex_parts`]); equal bytes give equal parts,
 //! and a process computes them once.
 
+mod another_hand;
 mod error;
 mod load;
 mod place;
 mod shapes;
 mod sources;
 
+pub use another_hand::AnotherHand;
 pub use error::LoadError;
 pub use load::{LoadedRobot, load};
 pub use place::find;

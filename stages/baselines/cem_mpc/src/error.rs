@@ -3,23 +3,13 @@
 use std::path::PathBuf;
 
 use dataflow::Diagnostic;
-use robot::{JointMismatch, RobotError};
+use robot::RobotError;
 use simulation::SimulationError;
 
 /// Why no motions could be controlled.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CemMpcError {
-    /// The candidates are for another hand.
-    #[error("candidates of `{object}` are not for the hand `{}`", path.display())]
-    AnotherHand {
-        /// The object.
-        object: String,
-        /// The hand's URDF.
-        path: PathBuf,
-        /// Difference of their joints from the hand's.
-        source: JointMismatch,
-    },
     /// The hand's URDF cannot be used, or lacks a link that its table names.
     #[error("cannot use the hand's URDF `{}`", path.display())]
     Hand {
@@ -47,9 +37,6 @@ pub enum CemMpcError {
 impl Diagnostic for CemMpcError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::AnotherHand { .. } => Some(
-                "use the same `hand` in `retarget` and in `cem_mpc`, then run again".to_owned(),
-            ),
             Self::NoFingertip { .. } => Some(
                 "give the points at the fingertips a `tip_radius_m`; one of them is enough"
                     .to_owned(),

@@ -12,7 +12,8 @@ use motion::Motion;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::{JointOrder, RobotModel};
+use robot::RobotModel;
+use robot_meshes::AnotherHand;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -141,11 +142,8 @@ impl Output for CemMpc {
         } = inputs;
         given.candidates.truncate(config.per_object);
         let joints = hand.joint_names();
-        JointOrder::new(&given.joints, &joints).map_err(|source| CemMpcError::AnotherHand {
-            object: given.object.clone(),
-            path: urdf.clone(),
-            source,
-        })?;
+        let of_object = (given.object.as_str(), &given.joints[..]);
+        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand))?;
         let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
             Ok(scenes) => scenes,
             Err(source) => return skip_or_fail(&urdf, source),

@@ -14,7 +14,8 @@ use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::{HandCollision, JointOrder};
+use robot::HandCollision;
+use robot_meshes::AnotherHand;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -129,11 +130,8 @@ impl Output for Rrt {
             link: large.link,
         })?;
         let joints = hand.model.joint_names();
-        JointOrder::new(&given.joints, &joints).map_err(|source| RrtError::AnotherHand {
-            object: given.object.clone(),
-            path: urdf.clone(),
-            source,
-        })?;
+        let of_object = (given.object.as_str(), &given.joints[..]);
+        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let planned = given.candidates.par_iter().enumerate();
         let search = || PregraspSearch::new(&hand);
         let planned = planned.map_init(search, |search, (idx, candidate)| {
