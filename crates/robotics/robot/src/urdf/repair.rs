@@ -25,7 +25,7 @@ enum Value {
 /// `None` where it cannot be left out.
 fn attributes(element: &str) -> &'static [(&'static str, Value, Option<&'static str>)] {
     use Value::{Bound, Number, Text, Triple};
-    const NONE: Option<&str> = Some("0");
+    const ZERO: Option<&str> = Some("0");
     match element {
         "robot" => &[("name", Text, Some(""))],
         "link" => &[("name", Text, None)],
@@ -37,12 +37,12 @@ fn attributes(element: &str) -> &'static [(&'static str, Value, Option<&'static 
         ],
         "mass" => &[("value", Number, None)],
         "inertia" => &[
-            ("ixx", Number, NONE),
-            ("ixy", Number, NONE),
-            ("ixz", Number, NONE),
-            ("iyy", Number, NONE),
-            ("iyz", Number, NONE),
-            ("izz", Number, NONE),
+            ("ixx", Number, ZERO),
+            ("ixy", Number, ZERO),
+            ("ixz", Number, ZERO),
+            ("iyy", Number, ZERO),
+            ("iyz", Number, ZERO),
+            ("izz", Number, ZERO),
         ],
         "box" => &[("size", Triple, Some("0 0 0"))],
         "sphere" => &[("radius", Number, None)],
@@ -53,15 +53,15 @@ fn attributes(element: &str) -> &'static [(&'static str, Value, Option<&'static 
         ],
         "axis" => &[("xyz", Triple, Some("1 0 0"))],
         "limit" => &[
-            ("lower", Number, NONE),
-            ("upper", Number, NONE),
-            ("effort", Bound, NONE),
-            ("velocity", Bound, NONE),
+            ("lower", Number, ZERO),
+            ("upper", Number, ZERO),
+            ("effort", Bound, ZERO),
+            ("velocity", Bound, ZERO),
         ],
         "mimic" => &[
             ("joint", Text, None),
             ("multiplier", Number, Some("1")),
-            ("offset", Number, NONE),
+            ("offset", Number, ZERO),
         ],
         _ => &[],
     }
