@@ -11,6 +11,7 @@ use lake::write_atomic;
 use crate::{
     arguments::NewArgs,
     command_line::Program,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
 };
 
@@ -96,10 +97,11 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<CommandOutcome, C
         let context = format!("cannot make the project `{name}`");
         return Err(CommandError::failed(err.context(context), None));
     }
-    program.say(&format!("done   the project `{name}` is there"));
-    program.say(&format!(
-        "next   `cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"
-    ));
+    program.say(Label::Done, format!("the project `{name}` is there"));
+    program.say(
+        Label::Next,
+        format!("`cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"),
+    );
     Ok(CommandOutcome::Done)
 }
 
