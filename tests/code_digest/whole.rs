@@ -205,12 +205,14 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 }
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
-const COMPUTING: [(&str, &str); 15] = [
+const COMPUTING: [(&str, &str); 17] = [
     ("cgf", "crates/learning/cgf"),
     ("geometry", "crates/robotics/geometry"),
     ("motion", "crates/robotics/motion"),
     ("planning", "crates/robotics/planning"),
     ("posture", "crates/robotics/posture"),
+    ("refinement", "crates/robotics/refinement"),
+    ("retargeting", "crates/robotics/retargeting"),
     ("robot", "crates/robotics/robot"),
     ("simulation", "crates/physics/simulation"),
     ("stage-cem_mpc", "stages/baselines/cem_mpc"),

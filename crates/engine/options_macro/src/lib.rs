@@ -142,6 +142,11 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
                     .defaults
                     .push(quote!(fn #function() -> #ty { #value }));
             }
+            ("flatten", None) => {
+                field.attrs.push(syn::parse_quote!(#[serde(flatten)]));
+                let check = quote!(faults.extend(::options::Options::faults(value)););
+                declared.checks.push(checked(field, &check));
+            }
             ("table", None) => {
                 let check = quote!(faults.of_table(#key, ::options::Options::faults(value)););
                 declared.checks.push(checked(field, &check));
@@ -149,8 +154,8 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
             ("range", Some(value)) => range = Some((name, value)),
             ("why", Some(value)) => why = Some(value),
             _ => {
-                let known = "expected `default`, `default = VALUE`, `path`, `range = RANGE`, `table` or \
-                             `why = REASON`";
+                let known = "expected `default`, `default = VALUE`, `flatten`, `path`, `range = RANGE`, \
+                             `table` or `why = REASON`";
                 return Err(Error::new(name.span(), known));
             }
         }

@@ -47,5 +47,6 @@ pub use hand::{Hand, HandPoint};
 pub use hand_table::{FollowedPoint, HandTable};
 pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};
+pub use schemas::demonstrations::KEYPOINTS;
 pub use solver_error::SolverError;
 pub use task::{Loss, NoTerms, PosturePrior, Residual, Smoothness, Target, Task, Terms};

@@ -1,11 +1,9 @@
 //! Goal of one step: target positions of the hand's points, and clearances.
 
 use nalgebra::Point3;
-use schemas::demonstrations::KEYPOINTS;
+use posture::{Environment, Hand, KEYPOINTS};
 
-use posture::{Environment, Hand};
-
-use crate::RetargetConfig;
+use crate::RetargetingConfig;
 
 /// Goal of one step.
 #[derive(Debug, Clone)]
@@ -44,7 +42,7 @@ pub(crate) struct ContactGoal {
 pub(crate) fn goal(
     hand: &Hand,
     environment: &Environment,
-    config: &RetargetConfig,
+    config: &RetargetingConfig,
     shown_m: &[[f64; 3]; KEYPOINTS],
     keypoints_m: &[[f64; 3]; KEYPOINTS],
     to_grasp_s: f64,

@@ -1,19 +1,16 @@
-//! Why motions could not be refined.
+//! Why a motion could not be refined.
 
-use dataflow::Diagnostic;
 use motion::MotionError;
 use posture::SolverError;
 
-/// Why motions could not be refined.
+/// Reason why a motion could not be refined.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum RefineError {
+pub enum RefinementError {
     /// The solver cannot work on the hand.
     #[error(transparent)]
     Solver(#[from] SolverError),
-    /// Refined steps do not form a motion.
+    /// The motion is of another hand, or the refined steps do not form one.
     #[error(transparent)]
     Motion(#[from] MotionError),
 }
-
-impl Diagnostic for RefineError {}

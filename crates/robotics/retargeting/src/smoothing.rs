@@ -1,7 +1,9 @@
 //! Landmarks without the jitter of the recording.
 
 use nalgebra::{Point3, Vector3};
-use schemas::demonstrations::{KEYPOINTS, Step};
+use posture::KEYPOINTS;
+
+use crate::LandmarkStep;
 
 /// Standard deviations of the kernel beyond which nothing counts.
 const REACH: f64 = 3.0;
@@ -14,14 +16,14 @@ const SAME_TIME_S: f64 = 1e-6;
 /// Beyond either end the path goes on as its own point reflection in that end, so that the first
 /// step and the grasp stay exactly where they are. The kernel reaches no farther than the path is
 /// long, where that reflection ends.
-pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPOINTS]> {
+pub(crate) fn smoothed(steps: &[LandmarkStep], deviation_s: f64) -> Vec<[[f64; 3]; KEYPOINTS]> {
     if deviation_s <= 0.0 {
         return steps.iter().map(|step| step.keypoints_m).collect();
     }
     let (Some(first), Some(last)) = (steps.first(), steps.last()) else {
         return Vec::new();
     };
-    let at = |step: &Step, keypoint: usize| {
+    let at = |step: &LandmarkStep, keypoint: usize| {
         step.keypoints_m
             .get(keypoint)
             .map_or_else(Point3::origin, |&xyz| Point3::from(xyz))
@@ -41,11 +43,11 @@ pub(crate) fn smoothed(steps: &[Step], deviation_s: f64) -> Vec<[[f64; 3]; KEYPO
                         total += weight;
                     }
                 };
-                for other in steps {
+                for (idx, other) in steps.iter().enumerate() {
                     let place = at(other, keypoint);
                     add(other.time_s, place);
-                    for end in [first, last] {
-                        if other.image != end.image {
+                    for (end_idx, end) in [(0, first), (steps.len() - 1, last)] {
+                        if idx != end_idx {
                             let center = at(end, keypoint);
                             add(2.0 * end.time_s - other.time_s, center + (center - place));
                         }
@@ -62,15 +64,12 @@ mod tests {
     use super::*;
 
     /// Steps whose landmarks all lie at `x`, 30 per second.
-    fn steps(x: impl Fn(f64) -> f64) -> Vec<Step> {
-        (0..40_u32)
+    fn steps(x: impl Fn(f64) -> f64) -> Vec<LandmarkStep> {
+        (0..40)
             .map(|image| {
                 let time_s = f64::from(image) / 30.0;
-                Step {
-                    image,
+                LandmarkStep {
                     time_s,
-                    cameras_n: 1,
-                    bridged: false,
                     keypoints_m: [[x(time_s), 0.0, 1.0]; KEYPOINTS],
                 }
             })

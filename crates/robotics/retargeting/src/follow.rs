@@ -1,15 +1,14 @@
-//! One step of a demonstration: the posture for its goal.
+//! One step of a motion: the posture for its goal.
 
 use nalgebra::Point3;
 use posture::{
     CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, NoTerms, Posture,
     PosturePrior, SearchOptions, Smoothness, Solver, Target, Task,
 };
-use schemas::trajectories::Tracking;
 use spatial::Pose;
 
 use crate::{
-    Loss, RetargetConfig, RetargetError, Wrist,
+    Loss, RetargetingConfig, RetargetingError, Tracking, Wrist,
     goal::{Goal, PointGoal},
 };
 
@@ -42,7 +41,7 @@ pub(crate) struct Solved {
     pub(crate) tracking: Tracking,
 }
 
-/// Searches the steps of one demonstration.
+/// Searches the steps of one motion.
 pub(crate) struct Follower<'a> {
     context: StepContext<'a>,
     solver: Solver<'a>,
@@ -62,7 +61,7 @@ enum Fingers {
 struct StepContext<'a> {
     hand: &'a Hand,
     environment: &'a Environment,
-    config: &'a RetargetConfig,
+    config: &'a RetargetingConfig,
 }
 
 impl<'a> Follower<'a> {
@@ -70,7 +69,7 @@ impl<'a> Follower<'a> {
     pub(crate) fn new(
         hand: &'a Hand,
         environment: &'a Environment,
-        config: &'a RetargetConfig,
+        config: &'a RetargetingConfig,
     ) -> Self {
         Self {
             context: StepContext {
@@ -83,7 +82,11 @@ impl<'a> Follower<'a> {
     }
 
     /// Searches a step from the one solved before it.
-    pub(crate) fn step(&mut self, goal: &Goal, before: &Solved) -> Result<Solved, RetargetError> {
+    pub(crate) fn step(
+        &mut self,
+        goal: &Goal,
+        before: &Solved,
+    ) -> Result<Solved, RetargetingError> {
         let start = before.posture.clone();
         self.search(
             goal,
@@ -95,7 +98,7 @@ impl<'a> Follower<'a> {
 
     /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
     /// from outside and so end on the right side of thin things.
-    pub(crate) fn grasp(&mut self, goals: &[Goal]) -> Result<Option<Solved>, RetargetError> {
+    pub(crate) fn grasp(&mut self, goals: &[Goal]) -> Result<Option<Solved>, RetargetingError> {
         let Some((goal, before)) = goals.split_last() else {
             return Ok(None);
         };
@@ -114,7 +117,7 @@ impl<'a> Follower<'a> {
     }
 
     /// Follows the last steps before the grasp forward in time, and returns the last one's posture.
-    fn approach(&mut self, before: &[Goal]) -> Result<Option<Posture>, RetargetError> {
+    fn approach(&mut self, before: &[Goal]) -> Result<Option<Posture>, RetargetingError> {
         let from = before.len().saturating_sub(APPROACH);
         let mut last: Option<Solved> = None;
         for goal in before.get(from..).unwrap_or(&[]) {
@@ -134,7 +137,7 @@ impl<'a> Follower<'a> {
         &mut self,
         goal: &Goal,
         before: Option<&Solved>,
-    ) -> Result<Option<Solved>, RetargetError> {
+    ) -> Result<Option<Solved>, RetargetingError> {
         let targets = self.context.targets(goal);
         let task = self.context.task(&targets, before);
         let mut starts = self.solver.initial_postures(&task)?;
@@ -169,7 +172,7 @@ impl<'a> Follower<'a> {
         before: Option<&Solved>,
         start: Posture,
         iterations: usize,
-    ) -> Result<Solved, RetargetError> {
+    ) -> Result<Solved, RetargetingError> {
         // Landmarks alone are cheap enough for it at every step.
         let fingers = if self.context.is_alone() {
             Fingers::TriedBothWays
@@ -187,7 +190,7 @@ impl<'a> Follower<'a> {
         start: Posture,
         iterations: usize,
         fingers: Fingers,
-    ) -> Result<Solved, RetargetError> {
+    ) -> Result<Solved, RetargetingError> {
         let mut posture = match self.context.config.wrist {
             Wrist::Free => start,
             Wrist::Fixed => self.aligned_to_targets(goal, start.q)?,
@@ -246,7 +249,11 @@ impl<'a> Follower<'a> {
 
     /// Returns the posture with these joint positions whose points lie nearest to the landmarks;
     /// those on the palm alone, if the wrist is fixed.
-    fn aligned_to_targets(&mut self, goal: &Goal, q: Vec<f64>) -> Result<Posture, RetargetError> {
+    fn aligned_to_targets(
+        &mut self,
+        goal: &Goal,
+        q: Vec<f64>,
+    ) -> Result<Posture, RetargetingError> {
         let posture = Posture::new(&Pose::identity(), q);
         let mut targets = self.context.targets(goal);
         if self.context.config.wrist == Wrist::Fixed {

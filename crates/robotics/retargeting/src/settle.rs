@@ -1,9 +1,6 @@
 //! Settled orientation of an object: the recorded one, corrected for the camera's error.
 
-use geometry::DistanceField;
 use nalgebra::{Point3, Unit, Vector3};
-use posture::Environment;
-use schemas::distance_fields::FieldInfo;
 use spatial::RestingPose;
 
 /// Largest tilt that is taken for an error of measurement, in radians: 15 degrees. What is recorded
@@ -16,33 +13,25 @@ const SHRINK: f64 = 0.99;
 /// Number of steps: the last one is 10 µrad.
 const STEPS: i32 = 650;
 
-/// Puts an object down as it lay, but for errors of the recording.
-pub(crate) fn put_down(
-    field: DistanceField,
-    info: &FieldInfo,
-    recorded: &RestingPose,
-) -> Environment {
-    let hull: Vec<Point3<f64>> = info.hull_m.iter().map(|&v| Point3::from(v)).collect();
-    let rest = settled(&hull, &Point3::from(info.center_of_mass_m), recorded);
-    Environment::new(field, rest)
-}
-
 /// Returns the stable orientation into which an object tips from the recorded one, with its lowest
-/// point on the table.
+/// point on the table; the recorded one, if that is farther than errors of the recording explain.
+///
+/// The vertices of the object's hull and its center of mass are in its own frame, in meters.
 ///
 /// A body at rest has come down as far as it can: the height of its center of mass over the lowest
 /// vertex is smallest. From the recorded orientation this follows the way down, by subgradients
 /// with geometrically shrinking steps (Shor, *Minimization Methods for Non-Differentiable Functions*,
 /// 1985, §2.3).
-fn settled(
-    vertices: &[Point3<f64>],
-    center_of_mass: &Point3<f64>,
+pub fn settled(
+    hull_in_object: &[Point3<f64>],
+    center_of_mass_in_object: &Point3<f64>,
     recorded: &RestingPose,
 ) -> RestingPose {
     let mut up = recorded.up_in_object;
     for step in 0..STEPS {
         let step_rad = FIRST_STEP_RAD * SHRINK.powi(step);
-        let Some(arm) = lowest(vertices, &up).map(|vertex| vertex - center_of_mass) else {
+        let Some(arm) = lowest(hull_in_object, &up).map(|vertex| vertex - center_of_mass_in_object)
+        else {
             break;
         };
         let level = arm - up.into_inner() * up.dot(&arm);
@@ -57,7 +46,8 @@ fn settled(
     }
     RestingPose {
         up_in_object: up,
-        height_m: lowest(vertices, &up).map_or(recorded.height_m, |vertex| -up.dot(&vertex.coords)),
+        height_m: lowest(hull_in_object, &up)
+            .map_or(recorded.height_m, |vertex| -up.dot(&vertex.coords)),
     }
 }
 

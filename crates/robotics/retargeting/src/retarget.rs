@@ -1,16 +1,11 @@
-//! A whole demonstration, step by step, backward from the grasp.
+//! A whole motion, step by step, backward from the grasp.
 
-use dataflow::{Max, Mean, Sum};
-use motion::{HandRates, Motion, Step};
+use motion::{Motion, Step};
 use posture::{Environment, Hand};
-use schemas::{
-    demonstrations::Demonstration,
-    trajectories::{Tracking, TrajectoryRates},
-};
 use spatial::Object;
 
 use crate::{
-    RetargetConfig, RetargetError,
+    LandmarkStep, RetargetingConfig, RetargetingError, Tracking,
     follow::{Follower, Solved},
     goal::{Goal, goal},
     smoothing::smoothed,
@@ -23,80 +18,36 @@ const SUSPICIOUS_ERROR_M: f64 = 0.010;
 /// Share of the old cost that a fresh search must reach to replace what follows its neighbor.
 const WORTH_A_JUMP: f64 = 0.7;
 
-/// Retargeted demonstration.
-pub(crate) struct Tracked {
-    /// The hand in the object's frame.
-    pub(crate) motion: Motion<Object, TrajectoryRates>,
-    /// Tracking error at each step.
-    pub(crate) tracking: Vec<Tracking>,
-    /// Keypoint error at the grasp, in meters.
-    pub(crate) grasp_keypoint_error_m: f64,
+/// A motion of a person, retargeted to a robot hand.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Retargeted {
+    /// The hand in the object's frame, with the hand's joints, at the times of the landmarks.
+    pub motion: Motion<Object>,
+    /// Its tracking of the landmarks at each step.
+    pub tracking: Vec<Tracking>,
+    /// Root mean square distance to the followed landmarks at the grasp, in meters.
+    pub grasp_keypoint_error_m: f64,
     /// Number of steps that were searched afresh and found a better minimum.
-    pub(crate) restarts_n: usize,
+    pub restarts_n: usize,
     /// Postures that were tried on the way from step to step, by the searches that lead to the answer
     /// and those made afresh.
-    pub(crate) iterations_n: usize,
+    pub iterations_n: usize,
 }
 
-impl Tracked {
-    /// Returns the figures of the trajectory.
-    pub(crate) fn metrics(&self) -> TrajectoryMetrics {
-        let tracking = || self.tracking.iter();
-        let keypoint_errors: f64 = tracking().map(Tracking::keypoint_error_m).sum();
-        let still = Tracking::default();
-        let grasp = tracking().next_back().unwrap_or(&still);
-        let gaps = grasp.contact_gaps_m.iter().map(|gap| gap.abs());
-        let contacts_n = grasp.contact_gaps_m.len().max(1) as f64;
-        TrajectoryMetrics {
-            steps_n: self.tracking.len() as f64,
-            keypoint_error_m: keypoint_errors / self.tracking.len().max(1) as f64,
-            fingertip_error_m: grasp.fingertip_error_m(),
-            penetration_m: grasp.penetration_m,
-            table_penetration_m: tracking()
-                .map(|t| t.table_penetration_m)
-                .fold(0.0, f64::max),
-            tip_gap_m: gaps.sum::<f64>() / contacts_n,
-            restarts_n: self.restarts_n as f64,
-            iterations_n: self.iterations_n as f64,
-        }
-    }
-}
-
-dataflow::metrics! {
-    /// Metrics of a trajectory.
-    pub struct TrajectoryMetrics {
-        /// Number of steps.
-        steps_n: Sum,
-        /// Mean distance of the robot's points from their landmarks, in meters.
-        keypoint_error_m: Mean,
-        /// Distance of the fingertips from their landmarks at the grasp, in meters.
-        fingertip_error_m: Mean,
-        /// Depth of the hand in the object at the grasp, in meters.
-        penetration_m: Mean,
-        /// Largest depth of the hand in the table, in meters.
-        table_penetration_m: Max,
-        /// Distance of the fingertips from the surface at the grasp, in meters.
-        tip_gap_m: Mean,
-        /// Number of steps that were searched afresh and found a better minimum.
-        restarts_n: Sum,
-        /// Number of postures that were tried.
-        iterations_n: Sum,
-    }
-}
-
-/// Retargets a demonstration; `None` if it has no step.
+/// Retargets the landmarks of a person's hand, of which the last step is the grasp; `None` of no step.
 ///
 /// # Errors
 ///
-/// Fails if the hand and the configuration do not fit together, or the demonstration's times do not
-/// increase.
-pub(crate) fn track(
+/// Fails if the wrist is to be fixed and the hand's points do not say where it is
+/// ([`RetargetingConfig::check_wrist`]), or the times do not increase.
+pub fn retarget(
     hand: &Hand,
     environment: &Environment,
-    config: &RetargetConfig,
-    demonstration: &Demonstration,
-) -> Result<Option<Tracked>, RetargetError> {
-    let goals = goals(hand, environment, config, demonstration);
+    config: &RetargetingConfig,
+    steps: &[LandmarkStep],
+) -> Result<Option<Retargeted>, RetargetingError> {
+    config.check_wrist(hand)?;
+    let goals = goals(hand, environment, config, steps);
     let mut follower = Follower::new(hand, environment, config);
     let Some(grasp) = follower.grasp(&goals)? else {
         return Ok(None);
@@ -120,9 +71,9 @@ pub(crate) fn track(
         solved.push(best);
     }
     solved.reverse();
-    let (mut steps, mut tracking) = (Vec::new(), Vec::new());
-    for (shown, solved) in demonstration.steps.iter().zip(solved) {
-        steps.push(Step {
+    let (mut moved, mut tracking) = (Vec::new(), Vec::new());
+    for (shown, solved) in steps.iter().zip(solved) {
+        moved.push(Step {
             time_s: shown.time_s,
             frame_from_palm: solved.posture.root.pose(),
             q_rad: solved.posture.q,
@@ -130,20 +81,8 @@ pub(crate) fn track(
         });
         tracking.push(solved.tracking);
     }
-    let motion = Motion::new(&hand.model.joint_names(), steps)?.differentiated()?;
-    let rates = |idx: usize| {
-        let HandRates {
-            palm_velocity,
-            joints,
-            ..
-        } = motion.steps()[idx].rates.clone();
-        TrajectoryRates {
-            palm_velocity,
-            joints,
-        }
-    };
-    Ok(Some(Tracked {
-        motion: motion.with_rates(rates)?,
+    Ok(Some(Retargeted {
+        motion: Motion::new(&hand.model.joint_names(), moved)?.differentiated()?,
         tracking,
         grasp_keypoint_error_m: grasp_error_m,
         restarts_n,
@@ -155,16 +94,15 @@ pub(crate) fn track(
 fn goals(
     hand: &Hand,
     environment: &Environment,
-    config: &RetargetConfig,
-    demonstration: &Demonstration,
+    config: &RetargetingConfig,
+    steps: &[LandmarkStep],
 ) -> Vec<Goal> {
-    let Some(end) = demonstration.steps.last() else {
+    let Some(end) = steps.last() else {
         return Vec::new();
     };
-    demonstration
-        .steps
+    steps
         .iter()
-        .zip(smoothed(&demonstration.steps, config.smoothing_s))
+        .zip(smoothed(steps, config.smoothing_s))
         .map(|(step, keypoints_m)| {
             let to_grasp_s = end.time_s - step.time_s;
             goal(
@@ -182,25 +120,21 @@ fn goals(
 #[cfg(test)]
 mod tests {
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-    use posture::{Posture, RootPose};
+    use posture::{KEYPOINTS, Posture, RootPose};
     use proptest::prelude::*;
-    use schemas::demonstrations::KEYPOINTS;
     use spatial::{Palm, Pose};
 
     use super::*;
     use crate::{Wrist, fixture};
 
-    fn run(config: &RetargetConfig, keypoints: Vec<[[f64; 3]; KEYPOINTS]>) -> (Hand, Tracked) {
+    fn run(
+        config: &RetargetingConfig,
+        keypoints: Vec<[[f64; 3]; KEYPOINTS]>,
+    ) -> (Hand, Retargeted) {
         let hand = fixture::hand();
-        let tracked = track(
-            &hand,
-            &fixture::environment(),
-            config,
-            &fixture::demonstration(keypoints),
-        )
-        .unwrap()
-        .unwrap();
-        (hand, tracked)
+        let steps = fixture::steps(keypoints);
+        let retargeted = retarget(&hand, &fixture::environment(), config, &steps);
+        (hand, retargeted.unwrap().unwrap())
     }
 
     /// Returns a posture with its palm turned to the box from the side, `bend` between the limits.
@@ -241,7 +175,7 @@ mod tests {
         /// Whatever is shown, no joint leaves its limits.
         #[test]
         fn limits_hold(points in prop::collection::vec(prop::array::uniform3(-0.2..0.2), KEYPOINTS)) {
-            let config = RetargetConfig { max_keypoint_error_m: 1.0, ..fixture::config() };
+            let config = fixture::config();
             let mut keypoints = [[0.0; 3]; KEYPOINTS];
             keypoints.copy_from_slice(&points);
             let mut later = keypoints;
@@ -257,7 +191,7 @@ mod tests {
 
     #[test]
     fn links_are_pushed_out_of_the_object() {
-        let shown = |config: &RetargetConfig| {
+        let shown = |config: &RetargetingConfig| {
             let hand = fixture::hand();
             // The palm is shown inside the box.
             run(
@@ -269,7 +203,7 @@ mod tests {
                 .penetration_m
         };
         let without = shown(&fixture::following_only());
-        let with = shown(&RetargetConfig {
+        let with = shown(&RetargetingConfig {
             contact_weight: 0.0,
             ..fixture::config()
         });
@@ -281,7 +215,7 @@ mod tests {
 
     #[test]
     fn links_are_lifted_off_the_table() {
-        let shown = |config: &RetargetConfig| {
+        let shown = |config: &RetargetingConfig| {
             let hand = fixture::hand();
             let mut pose = *reaching(-0.3, 0.3).root.pose();
             pose.translation.z = -0.06;
@@ -292,7 +226,7 @@ mod tests {
                 .table_penetration_m
         };
         let without = shown(&fixture::following_only());
-        let with = shown(&RetargetConfig {
+        let with = shown(&RetargetingConfig {
             table_weight: 3.0,
             ..fixture::following_only()
         });
@@ -301,7 +235,7 @@ mod tests {
 
     #[test]
     fn clearance_is_kept_until_the_hand_closes() {
-        let config = RetargetConfig {
+        let config = RetargetingConfig {
             contact_weight: 0.0,
             ..fixture::config()
         };
@@ -311,7 +245,7 @@ mod tests {
         let (hand, tracked) = run(&config, vec![grasp; 31]);
         let environment = fixture::environment();
         let gap = |idx: usize| {
-            let step: &Step<Object, TrajectoryRates> = &tracked.motion.steps()[idx];
+            let step: &Step<Object> = &tracked.motion.steps()[idx];
             let links = hand.model.forward_kinematics::<Palm>(&step.q_rad).unwrap();
             let object_from_palm = step.frame_from_palm;
             let spheres = hand
@@ -363,11 +297,11 @@ mod tests {
         for keypoint in [4, 8, 12, 16] {
             keypoints[keypoint][0] += 0.1;
         }
-        let config = RetargetConfig {
+        let config = RetargetingConfig {
             wrist: Wrist::Fixed,
             ..fixture::following_only()
         };
-        let off = |config: &RetargetConfig| {
+        let off = |config: &RetargetingConfig| {
             let (_, tracked) = run(config, vec![keypoints; 2]);
             let steps = tracked.motion.steps().iter();
             let poses = steps.map(|step| step.frame_from_palm);
@@ -390,7 +324,7 @@ mod tests {
         let mut keypoints = fixture::own_points(&hand, &reaching(-0.3, 0.4));
         keypoints[4][2] += 0.15;
         let error = |loss| {
-            let config = RetargetConfig {
+            let config = RetargetingConfig {
                 loss,
                 ..fixture::following_only()
             };

@@ -7,7 +7,7 @@ use posture::{
 use spatial::Pose;
 
 use crate::{
-    RefineError,
+    RefinementError,
     balance::{Fingertip, ForceBalance},
     refiner::{PosedHand, Refiner, StepTerms, displaced, task},
 };
@@ -48,7 +48,7 @@ impl Refiner<'_> {
         environment: &Environment,
         drawn: &[PosedHand],
         clearances_m: &[f64],
-    ) -> Result<RefinedGrasp, RefineError> {
+    ) -> Result<RefinedGrasp, RefinementError> {
         let grasp = &drawn[drawn.len() - 1];
         let contacts = self.contacts(environment, grasp);
         let starts = self.starts(environment, drawn, clearances_m, &contacts)?;
@@ -83,7 +83,7 @@ impl Refiner<'_> {
         drawn: &PosedHand,
         start: Posture,
         terms: &mut StepTerms<'_>,
-    ) -> Result<(), RefineError> {
+    ) -> Result<(), RefinementError> {
         let most = GRASP_ITERATIONS * self.config.max_iterations;
         let found = self.search(drawn, None, start, most, terms)?;
         if found.1 < best.1 {
@@ -97,7 +97,7 @@ impl Refiner<'_> {
         &mut self,
         placed: &PosedHand,
         terms: &mut StepTerms<'_>,
-    ) -> Result<f64, RefineError> {
+    ) -> Result<f64, RefinementError> {
         let none = task(&[], None, None);
         let residual_m2 = self.solver.place(&none, &placed.posture, terms)?;
         let posed = self.solver.posed();
@@ -118,7 +118,7 @@ impl Refiner<'_> {
         drawn: &[PosedHand],
         clearances_m: &[f64],
         contacts: &[ContactTarget],
-    ) -> Result<Vec<Posture>, RefineError> {
+    ) -> Result<Vec<Posture>, RefinementError> {
         let most = self.config.max_iterations;
         let last = drawn.len() - 1;
         let grasp = &drawn[last];
@@ -151,7 +151,7 @@ impl Refiner<'_> {
         environment: &Environment,
         grasp: &PosedHand,
         terms: &StepTerms<'_>,
-    ) -> Result<Posture, RefineError> {
+    ) -> Result<Posture, RefinementError> {
         let squeeze_m = self.config.squeeze_m;
         let contacts = &terms.surroundings.contacts;
         if squeeze_m <= 0.0 || contacts.is_empty() {
@@ -281,19 +281,19 @@ mod tests {
 
     use super::*;
     use crate::{
-        RefineConfig,
+        RefinementConfig,
         fixture::{self, reach},
         refiner::Refined,
     };
 
-    fn refine(hand: &Hand, config: &RefineConfig, motion: &Motion<Object>) -> Refined {
+    fn refine(hand: &Hand, config: &RefinementConfig, motion: &Motion<Object>) -> Refined {
         let mut refiner = Refiner::new(hand, config, fixture::payload());
         refiner.refine(&fixture::environment(), motion).unwrap()
     }
 
     /// Distance of each touching fingertip's surface from the object at the last step, in meters.
     fn gaps_m(hand: &Hand, drawn: &Motion<Object>, moved: &Motion<Object>) -> Vec<f64> {
-        let (config, environment) = (fixture::config(), fixture::environment());
+        let (config, environment) = (RefinementConfig::default(), fixture::environment());
         let mut refiner = Refiner::new(hand, &config, fixture::payload());
         let [drawn, grasp] = [drawn.grasp(), moved.grasp()].map(|step| {
             let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
@@ -311,12 +311,12 @@ mod tests {
     fn squeeze_commands_the_touching_fingertips_into_the_object_and_moves_nothing_else() {
         let hand = fixture::hand();
         let drawn = reach(&hand, 0.0, 0.55);
-        let still = RefineConfig {
+        let still = RefinementConfig {
             squeeze_m: 0.0,
-            ..fixture::config()
+            ..RefinementConfig::default()
         };
         let touching = refine(&hand, &still, &drawn).motion;
-        let squeezing = refine(&hand, &fixture::config(), &drawn).motion;
+        let squeezing = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&touching, &squeezing].map(|motion| gaps_m(&hand, &drawn, motion));
         let pressed = before.iter().zip(&after).filter(|(before, after)| {
             assert!(before.abs() < 0.001 && after <= before, "{before} {after}");
@@ -340,9 +340,9 @@ mod tests {
         let hand = fixture::hand();
         let drawn = reach(&hand, 0.0, 0.55);
         let residual_m2 = |thumb_force_n: f64| {
-            let config = RefineConfig {
+            let config = RefinementConfig {
                 thumb_force_n,
-                ..fixture::config()
+                ..RefinementConfig::default()
             };
             refine(&hand, &config, &drawn).residual_m2
         };
@@ -353,7 +353,7 @@ mod tests {
     #[test]
     fn restarts_rotate_the_grasp_about_the_mean_of_its_touching_fingertips() {
         let hand = fixture::hand();
-        let (config, environment) = (fixture::config(), fixture::environment());
+        let (config, environment) = (RefinementConfig::default(), fixture::environment());
         let mut refiner = Refiner::new(&hand, &config, fixture::payload());
         let drawn = reach(&hand, 0.0, 0.55);
         let grasp = drawn.grasp();
@@ -386,9 +386,9 @@ mod tests {
         let hand = fixture::hand();
         let drawn = reach(&hand, 0.02, 0.65);
         let residual_m2 = |restart_angle_rad: f64| {
-            let config = RefineConfig {
+            let config = RefinementConfig {
                 restart_angle_rad,
-                ..fixture::config()
+                ..RefinementConfig::default()
             };
             refine(&hand, &config, &drawn).residual_m2
         };

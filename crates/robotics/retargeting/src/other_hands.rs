@@ -5,10 +5,7 @@ use posture::{Hand, HandTable, Posture};
 use proptest::prelude::*;
 use robot::RobotModel;
 
-use crate::{
-    fixture,
-    track::{Tracked, track},
-};
+use crate::{Retargeted, fixture, retarget};
 
 /// A hand in the manner of those with six motors: five fingers along −y that bend about −x, whose
 /// distal joints follow the proximal ones, a thumb of two motors whose last two joints follow one
@@ -130,18 +127,14 @@ const TABLE: &str = r#"
 "#;
 
 /// Returns the hand, and what it makes of being shown its own points.
-fn shown_itself(posture: &Posture) -> (Hand, Tracked) {
+fn shown_itself(posture: &Posture) -> (Hand, Retargeted) {
     let table: HandTable = TABLE.parse().unwrap();
     let hand = Hand::new(six_motors(), &table).unwrap();
     let keypoints = fixture::own_points(&hand, posture);
-    let shown = fixture::demonstration(vec![keypoints; 3]);
-    let tracked = track(
-        &hand,
-        &fixture::environment(),
-        &fixture::following_only(),
-        &shown,
-    );
-    (hand, tracked.unwrap().unwrap())
+    let steps = fixture::steps(vec![keypoints; 3]);
+    let config = fixture::following_only();
+    let retargeted = retarget(&hand, &fixture::environment(), &config, &steps);
+    (hand, retargeted.unwrap().unwrap())
 }
 
 proptest! {

@@ -2,6 +2,7 @@
 
 use std::{
     fs,
+    path::Path,
     sync::{Arc, OnceLock},
 };
 
@@ -12,31 +13,17 @@ use posture::{Environment, Hand};
 use robot::RobotModel;
 use spatial::{Object, Pose, RestingPose};
 
-use crate::{RefineConfig, refiner::Payload};
+use crate::Payload;
 
 /// Half of the box's sides, in meters.
 pub(crate) const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
 
-pub(crate) const URDF: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/../../data/robots/allegro_right.urdf"
-);
-pub(crate) const TABLE: &str = concat!(
-    env!("CARGO_MANIFEST_DIR"),
-    "/../../data/hands/allegro_right.toml"
-);
-
-/// Returns options with their defaults.
-pub(crate) fn config() -> RefineConfig {
-    let options = [("hand", URDF), ("hand_table", TABLE)];
-    let options = options.map(|(key, path)| (key.to_owned(), path.into()));
-    serde_json::from_value(serde_json::Value::Object(options.into_iter().collect())).unwrap()
-}
-
 /// Returns the Allegro hand.
 pub(crate) fn hand() -> Hand {
-    let model = RobotModel::from_urdf(&fs::read_to_string(URDF).unwrap()).unwrap();
-    Hand::new(model, &hand_files::load_table(TABLE.as_ref()).unwrap()).unwrap()
+    let data = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../../data");
+    let urdf = fs::read_to_string(data.join("robots/allegro_right.urdf")).unwrap();
+    let table = hand_files::load_table(&data.join("hands/allegro_right.toml")).unwrap();
+    Hand::new(RobotModel::from_urdf(&urdf).unwrap(), &table).unwrap()
 }
 
 /// Returns the distances of the box.

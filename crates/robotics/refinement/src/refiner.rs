@@ -9,37 +9,40 @@ use posture::{
 };
 use spatial::{Object, Pose};
 
-use crate::{RefineConfig, RefineError, balance::ForceBalance, grasp::RefinedGrasp};
+use crate::{RefinementConfig, RefinementError, balance::ForceBalance, grasp::RefinedGrasp};
 
 /// Share of the motion, at its end, over which the fingers go from the grasp to the squeeze.
 const SQUEEZE_SHARE: f64 = 0.1;
 
 /// A refined motion.
-pub(crate) struct Refined {
-    /// The hand in the object's frame, with the hand's joints.
-    pub(crate) motion: Motion<Object>,
+#[derive(Debug, Clone, PartialEq)]
+pub struct Refined {
+    /// The hand in the object's frame, with the hand's joints, at the times of the given motion.
+    pub motion: Motion<Object>,
     /// Displacement of the palm at the grasp, in meters.
-    pub(crate) palm_moved_m: f64,
+    pub palm_moved_m: f64,
     /// Deepest that the hand is in the object before it closes, in meters.
-    pub(crate) approach_penetration_m: f64,
+    pub approach_penetration_m: f64,
     /// Weighted squared residuals of object, table, contact and balance at the grasp, and of the greatest depth in
     /// the object before the hand closes, in m²; smaller is better.
-    pub(crate) residual_m2: f64,
+    pub residual_m2: f64,
 }
 
-/// Refines motions of one object.
-pub(crate) struct Refiner<'a> {
+/// Refines motions of a hand to one object.
+pub struct Refiner<'a> {
     pub(crate) hand: &'a Hand,
-    pub(crate) config: &'a RefineConfig,
+    pub(crate) config: &'a RefinementConfig,
     pub(crate) solver: Solver<'a>,
     pub(crate) payload: Payload,
 }
 
 /// Load of a grasp.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Payload {
-    pub(crate) center_of_mass_in_object: Point3<f64>,
-    pub(crate) mass_kg: f64,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Payload {
+    /// The object's center of mass in its own frame, in meters.
+    pub center_of_mass_in_object: Point3<f64>,
+    /// Its mass, in kilograms.
+    pub mass_kg: f64,
 }
 
 /// A hand at one step, with its points in the object's frame.
@@ -65,7 +68,8 @@ impl Terms for StepTerms<'_> {
 }
 
 impl<'a> Refiner<'a> {
-    pub(crate) fn new(hand: &'a Hand, config: &'a RefineConfig, payload: Payload) -> Self {
+    /// Returns a refiner of a hand's motions to an object of this mass.
+    pub fn new(hand: &'a Hand, config: &'a RefinementConfig, payload: Payload) -> Self {
         Self {
             hand,
             config,
@@ -74,16 +78,16 @@ impl<'a> Refiner<'a> {
         }
     }
 
-    /// Refines a motion of an object on a table.
+    /// Refines a motion of the hand in the frame of the object, as the object rests on its table.
     ///
     /// # Errors
     ///
-    /// Fails if the motion is of another hand.
-    pub(crate) fn refine(
+    /// Fails if the motion is of another hand, or the refined steps do not form one.
+    pub fn refine(
         &mut self,
         environment: &Environment,
         motion: &Motion<Object>,
-    ) -> Result<Refined, RefineError> {
+    ) -> Result<Refined, RefinementError> {
         let motion = motion.reordered(&self.hand.model.joint_names())?;
         let drawn = motion.steps().iter().map(|step| {
             let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
@@ -155,7 +159,7 @@ impl<'a> Refiner<'a> {
         start: Posture,
         max_iterations: usize,
         terms: &mut StepTerms<'_>,
-    ) -> Result<(PosedHand, f64), RefineError> {
+    ) -> Result<(PosedHand, f64), RefinementError> {
         let config = self.config;
         let contacts = &terms.surroundings.contacts;
         let targets: Vec<Target> = (self.hand.points.iter().zip(&drawn.points))
@@ -284,14 +288,14 @@ mod tests {
     use super::*;
     use crate::fixture::{self, reach};
 
-    fn refine(hand: &Hand, config: &RefineConfig, motion: &Motion<Object>) -> Refined {
+    fn refine(hand: &Hand, config: &RefinementConfig, motion: &Motion<Object>) -> Refined {
         let mut refiner = Refiner::new(hand, config, fixture::payload());
         refiner.refine(&fixture::environment(), motion).unwrap()
     }
 
     /// Greatest depth of the hand in the object and in the table, in meters.
     fn depths_m(hand: &Hand, motion: &Motion<Object>) -> [f64; 2] {
-        let (config, environment) = (fixture::config(), fixture::environment());
+        let (config, environment) = (RefinementConfig::default(), fixture::environment());
         let mut refiner = Refiner::new(hand, &config, fixture::payload());
         let steps = motion.steps();
         let mut deepest = [0.0_f64; 2];
@@ -316,7 +320,7 @@ mod tests {
     fn a_motion_through_the_object_goes_around_it_within_the_limits() {
         let hand = fixture::hand();
         let drawn = reach(&hand, 0.12, 0.5);
-        let refined = refine(&hand, &fixture::config(), &drawn).motion;
+        let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[0]);
         assert!(before > 0.02 && after < 0.004, "{before} m, then {after} m");
         for step in refined.steps() {
@@ -338,7 +342,7 @@ mod tests {
         let hand = fixture::hand();
         let down = nalgebra::Translation3::new(0.0, 0.0, -0.06);
         let drawn = reach(&hand, -0.1, 0.3).shifted(&down);
-        let refined = refine(&hand, &fixture::config(), &drawn).motion;
+        let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[1]);
         assert!(before > 0.02 && after < 0.001, "{before} m, then {after} m");
     }
@@ -367,7 +371,7 @@ mod tests {
         let hand = fixture::hand();
         let above = nalgebra::Translation3::new(0.0, 0.0, 0.3);
         let drawn = reach(&hand, -0.1, 0.3).shifted(&above);
-        let refined = refine(&hand, &fixture::config(), &drawn).motion;
+        let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         for (drawn, refined) in drawn.steps().iter().zip(refined.steps()) {
             let off = drawn.frame_from_palm.inv_mul(&refined.frame_from_palm);
             assert!(off.translation.vector.norm() < 1e-4, "{}", off.translation);
@@ -384,7 +388,7 @@ mod tests {
         let hand = fixture::hand();
         let drawn = reach(&hand, 0.0, 0.55);
         let gaps_m = |motion: &Motion<Object>| -> Vec<f64> {
-            let (config, environment) = (fixture::config(), fixture::environment());
+            let (config, environment) = (RefinementConfig::default(), fixture::environment());
             let mut refiner = Refiner::new(&hand, &config, fixture::payload());
             let [drawn, grasp] = [drawn.grasp(), motion.grasp()].map(|step| {
                 let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
@@ -397,9 +401,9 @@ mod tests {
             };
             contacts.iter().map(gap).collect()
         };
-        let config = RefineConfig {
+        let config = RefinementConfig {
             squeeze_m: 0.0,
-            ..fixture::config()
+            ..RefinementConfig::default()
         };
         let [before, after] = [
             gaps_m(&drawn),
@@ -411,7 +415,7 @@ mod tests {
             mean(&before) > 0.004 && mean(&after) < 0.002,
             "{before:?}, then {after:?}"
         );
-        let without = RefineConfig {
+        let without = RefinementConfig {
             contact_weight: 0.0,
             ..config
         };
@@ -423,10 +427,10 @@ mod tests {
     #[test]
     fn gradient_of_the_balance_is_that_of_its_cost() {
         let hand = fixture::hand();
-        let config = RefineConfig {
+        let config = RefinementConfig {
             balance_weight: 1.0,
             balance_friction: 0.0,
-            ..fixture::config()
+            ..RefinementConfig::default()
         };
         let environment = fixture::environment();
         let drawn = refine(&hand, &config, &reach(&hand, 0.0, 0.55)).motion;
@@ -473,7 +477,7 @@ mod tests {
     #[test]
     fn motions_are_refined_alike_after_others() {
         let hand = fixture::hand();
-        let config = fixture::config();
+        let config = RefinementConfig::default();
         let environment = fixture::environment();
         let motions = [reach(&hand, 0.1, 0.5), reach(&hand, 0.0, 0.4)];
         let mut refiner = Refiner::new(&hand, &config, fixture::payload());
