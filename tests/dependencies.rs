@@ -85,7 +85,7 @@ fn planning_has_never_heard_of_cells_nor_of_files() {
         "schemas",
         "robot_meshes",
     ] {
-        let of_planning = ["motion", "planning"].map(|planner| &dependencies[planner]);
+        let of_planning = ["motion", "planning", "sampling"].map(|planner| &dependencies[planner]);
         let knows = |names: &&Vec<String>| names.iter().any(|name| name == stranger);
         assert!(!of_planning.iter().any(knows), "{stranger}");
     }

@@ -24,6 +24,7 @@ use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
+use sampling::SamplingError;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
     checkpoint, distance_fields,
@@ -423,7 +424,10 @@ fn a_truncated_checkpoint_is_an_error() {
     let cx = Context::detached(&"can".parse().unwrap(), 7, folder.path());
     let err = Sample::make(&config(), &inputs, &cx).unwrap_err();
     assert!(
-        matches!(err.downcast_ref(), Some(SampleError::Cgf(_))),
+        matches!(
+            err.downcast_ref(),
+            Some(SampleError::Sampling(SamplingError::Cgf(_)))
+        ),
         "{err}"
     );
 }

@@ -8,6 +8,7 @@ use diversity::{ComparedMotion, Diversity};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
 use motion::MotionError;
+use sampling::{CollisionModel, PenetrationProbe};
 use schemas::{
     Table,
     candidates::Candidates,
@@ -20,7 +21,6 @@ use super::{charts, measure::Measure};
 use crate::{
     Sample, SampleConfig, SampleError,
     inputs::{hand_file, order},
-    penetration::{CollisionModel, PenetrationProbe},
 };
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
@@ -180,7 +180,7 @@ fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, Boxe
             what: format!("trajectory `{}`", artifact.key),
             source,
         },
-        other => SampleError::Motion(other),
+        other => other.into(),
     })?;
     Ok(Trajectory { motion, ..shown })
 }

@@ -6,6 +6,7 @@ use dataflow::{
 };
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use sampling::{CollisionModel, PenetrationProbe, Redraws, SamplingTask};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -18,9 +19,8 @@ use super::SampleMetrics;
 use crate::{
     CheckpointWeights, SampleConfig, SampleError, SeenShape,
     inputs::{hand_file, order},
-    motions::sample,
-    penetration::{CollisionModel, PenetrationProbe},
     recording,
+    rows::{draws_of, sampled_object},
 };
 
 /// One unit per object.
@@ -109,13 +109,25 @@ pub(super) fn make(
         .as_ref()
         .zip(order.as_ref())
         .zip(field.as_ref());
-    let probe = hand_and_field.filter(|_| config.redraws());
-    let probe = probe.map(|((collision_model, order), field)| PenetrationProbe {
-        collision_model,
-        field,
-        order,
+    let redraws = hand_and_field.filter(|_| config.redraws());
+    let redraws = redraws.map(|((collision_model, order), field)| Redraws {
+        probe: PenetrationProbe {
+            collision_model,
+            field,
+            order,
+        },
+        max_draws: config.draws,
+        max_depth_m: config.max_depth_m,
     });
-    let (candidates, every_draw) = sample(config, &cgf, object, other, probe, cx.seed())?;
+    let sampled = sampling::sample(&SamplingTask {
+        options: &config.sampling(),
+        cgf: &cgf,
+        object: sampled_object(object),
+        shown: other.map(sampled_object),
+        redraws,
+        seed: cx.seed(),
+    });
+    let (candidates, every_draw) = draws_of(&object.name, sampled.map_err(SampleError::from)?);
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
