@@ -1,10 +1,9 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    BoxedDiagnostic, Context, Diagnostic, Inputs, Line, Outcome, Output, Outputs, PartitionKey,
-    Scope, Stage, Sum, Unit,
+    BoxedDiagnostic, Context, Diagnostic, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::{ReadInputs, WriteArtifact};
+use lake::WriteArtifact;
 use motion::{HandRates, MotionError, palm_acceleration};
 use schemas::{
     Table,
@@ -28,8 +27,13 @@ dataflow::metrics! {
 /// Generator name of the candidates.
 const GENERATOR: &str = "demonstration";
 
-/// The label of a trajectory that names its object.
-const OBJECT: &str = "object";
+lake::inputs! {
+    /// What a unit reads: the demonstrations of an object.
+    pub struct ReplayInputs {
+        /// The demonstrations.
+        group trajectories: Trajectory, by "object", "to replay";
+    }
+}
 
 /// A trajectory changes too fast for its rates to be numbers.
 #[derive(Debug, thiserror::Error)]
@@ -43,14 +47,14 @@ impl Stage for Replay {
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
-    const INPUTS: &'static [&'static str] = &[Trajectory::NAME];
+    const INPUTS: &'static [&'static str] = ReplayInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 }
 
 impl Output for Replay {
     type Stage = Self;
     type Metrics = ReplayMetrics;
-    type Inputs<'a> = &'a Inputs;
+    type Inputs<'a> = ReplayInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -61,21 +65,14 @@ impl Output for Replay {
     });
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        scope.some(Trajectory::NAME, "to replay")?;
-        let by_object = scope.chosen_by_label(Trajectory::NAME, OBJECT, &config.objects)?;
-        let unit = |(object, trajectories)| {
-            let unit = Unit::new(object).with_label(OBJECT, object);
-            unit.reading::<&PartitionKey>(Trajectory::NAME, trajectories)
-        };
-        Ok(by_object.into_iter().map(unit).collect())
+        Ok(ReplayInputs::units(scope, &config.objects)?)
     }
 
     fn make(
         _config: &ReplayConfig,
-        inputs: &Inputs,
+        ReplayInputs { trajectories }: ReplayInputs,
         cx: &Context,
     ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
-        let trajectories: Vec<Trajectory> = inputs.all()?;
         let candidates = trajectories.iter().map(candidate);
         let candidates = Candidates {
             object: cx.partition().to_string(),
@@ -117,7 +114,7 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Partition};
+    use dataflow::{Artifact, Inputs, Partition};
     use motion::{Motion, Step};
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use schemas::trajectories::{Tracking, TrajectoryRates};
@@ -173,7 +170,7 @@ mod tests {
             Vec::new(),
         );
         let cx = Context::detached(&"can".parse().unwrap(), 0, folder);
-        Replay::make(&ReplayConfig::default(), &inputs, &cx)
+        Replay::read_and_make(&ReplayConfig::default(), &inputs, &cx)
     }
 
     #[test]
@@ -227,7 +224,7 @@ mod tests {
         let labeled = |key: &str, object: &str| {
             Partition::new(
                 key.parse().unwrap(),
-                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+                BTreeMap::from([("object".to_owned(), object.to_owned())]),
             )
         };
         let scope = Scope::new(BTreeMap::from([(
