@@ -1,15 +1,15 @@
 //! The stage: one unit per object.
 
-use dataflow::{
-    BoxedDiagnostic, Context, Diagnostic, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
-};
-use lake::WriteArtifact;
-use motion::{HandRates, MotionError, palm_acceleration};
+use dataflow::{BoxedDiagnostic, Context, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use lake::{Beside, WriteArtifact};
+use motion::{HandRates, Motion, MotionError, palm_acceleration};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource},
+    draws::{Draw, Draws, Refusal},
     trajectories::Trajectory,
 };
+use spatial::Object;
 
 use crate::ReplayConfig;
 
@@ -35,20 +35,13 @@ lake::inputs! {
     }
 }
 
-/// A trajectory changes too fast for its rates to be numbers.
-#[derive(Debug, thiserror::Error)]
-#[error("the palm's acceleration in a trajectory overflows")]
-pub struct ReplayError(#[from] MotionError);
-
-impl Diagnostic for ReplayError {}
-
 impl Stage for Replay {
     type Config = ReplayConfig;
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
     const INPUTS: &'static [&'static str] = ReplayInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 }
 
 impl Output for Replay {
@@ -73,25 +66,53 @@ impl Output for Replay {
         ReplayInputs { trajectories }: ReplayInputs,
         cx: &Context,
     ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
-        let candidates = trajectories.iter().map(candidate);
-        let candidates = Candidates {
-            object: cx.partition().to_string(),
-            joints: approach::joints_of(&trajectories)?.unwrap_or_default(),
-            candidates: candidates.collect::<Result<_, ReplayError>>()?,
+        let joints = approach::joints_of(&trajectories)?.unwrap_or_default();
+        let mut candidates = Vec::with_capacity(trajectories.len());
+        let mut draws = Draws::with_capacity(trajectories.len());
+        for trajectory in &trajectories {
+            match motion(trajectory) {
+                Ok(motion) => {
+                    let candidate = candidate(trajectory, motion);
+                    draws.push(Draw::kept(&candidate));
+                    candidates.push(candidate);
+                }
+                Err(err) => draws.push(refused(trajectory, &err)),
+            }
+        }
+        let metrics = ReplayMetrics {
+            candidates: candidates.len() as f64,
         };
-        cx.write(&candidates)?;
-        Ok(Outcome::Made(ReplayMetrics {
-            candidates: trajectories.len() as f64,
-        }))
+        cx.write(&Candidates {
+            object: cx.partition().to_string(),
+            joints,
+            candidates,
+        })?;
+        cx.write(&draws)?;
+        Ok(Outcome::Made(metrics))
     }
 }
 
-/// Returns a trajectory as the motion that it is.
-fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
+/// Returns the motion of a trajectory, with the palm's acceleration.
+///
+/// # Errors
+///
+/// Fails if the acceleration overflows.
+fn motion(trajectory: &Trajectory) -> Result<Motion<Object>, MotionError> {
     let motion = &trajectory.motion;
     let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
-    Ok(Candidate {
-        candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
+    motion.with_rates(|idx| {
+        let rates = &motion.steps()[idx].rates;
+        HandRates {
+            palm_velocity: rates.palm_velocity,
+            palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
+            joints: rates.joints.clone(),
+        }
+    })
+}
+
+fn candidate(trajectory: &Trajectory, motion: Motion<Object>) -> Candidate {
+    Candidate {
+        candidate_id: candidate_id(trajectory),
         generator: GENERATOR.to_owned(),
         source: DrawSource::replayed(&trajectory.sequence),
         latent: Vec::new(),
@@ -99,15 +120,26 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
         limit_excess_rad: 0.0,
         depth_m: None,
         residual_m2: None,
-        motion: motion.with_rates(|idx| {
-            let rates = &motion.steps()[idx].rates;
-            HandRates {
-                palm_velocity: rates.palm_velocity,
-                palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
-                joints: rates.joints.clone(),
-            }
-        })?,
-    })
+        motion,
+    }
+}
+
+fn refused(trajectory: &Trajectory, err: &MotionError) -> Draw {
+    Draw {
+        candidate_id: candidate_id(trajectory),
+        generator: GENERATOR.to_owned(),
+        source: DrawSource::replayed(&trajectory.sequence),
+        refused: Some(Refusal::Motion),
+        fault: err.to_string(),
+        depth_m: None,
+        residual_m2: None,
+        table_from_object: trajectory.rest.table_from_object(),
+        limit_excess_rad: 0.0,
+    }
+}
+
+fn candidate_id(trajectory: &Trajectory) -> String {
+    format!("{}-{}", trajectory.object, trajectory.sequence)
 }
 
 #[cfg(test)]
@@ -115,7 +147,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Inputs, Partition};
-    use motion::{Motion, Step};
+    use motion::Step;
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use schemas::trajectories::{Tracking, TrajectoryRates};
     use spatial::{Pose, RestingPose, Twist};
@@ -206,6 +238,36 @@ mod tests {
                 assert!((x - 1.0).abs() < 1e-12 && (turning + 3.0).abs() < 1e-12);
             }
         }
+    }
+
+    #[test]
+    fn a_trajectory_too_fast_for_numbers_is_a_draw_with_its_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut fast = trajectory("a", &["j"]);
+        let rates = |idx: usize| TrajectoryRates {
+            palm_velocity: Twist::from_array([1e308 * (1.0 - 2.0 * idx as f64); 6]),
+            ..TrajectoryRates::zero(1)
+        };
+        fast.motion = fast.motion.with_rates(rates).unwrap();
+        let outcome = run(&[fast, trajectory("b", &["j"])], folder.path());
+        assert!(matches!(outcome, Ok(Outcome::Made(made)) if made.candidates == 1.0));
+        let files = [lake::table::FILE, Draws::FILE];
+        let made = Artifact {
+            key: "can".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: files
+                .map(|file| (file.to_owned(), folder.path().join(file)))
+                .into(),
+        };
+        let read: Candidates = lake::table::read(&made).unwrap();
+        let draws: Draws = lake::table::read(&made).unwrap();
+        let [refused, kept] = &draws[..] else {
+            panic!("{draws:?}");
+        };
+        assert_eq!(refused.candidate_id, "can-a");
+        assert_eq!(refused.refused, Some(Refusal::Motion));
+        assert!(refused.fault.contains("not finite"), "{}", refused.fault);
+        assert_eq!(kept, &Draw::kept(&read.candidates[0]));
     }
 
     #[test]
