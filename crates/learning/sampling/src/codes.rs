@@ -2,32 +2,43 @@
 
 use cgf::{Cgf, EncodedDemonstration, Random};
 use nalgebra::{Unit, Vector3};
-use schemas::{
-    candidates::{DrawSource, ObjectSplit, Origin},
-    objects::Object,
-    training::Split,
-};
 use spatial::RestingPose;
 
-use crate::{
-    SampleError,
-    config::{RestingPoses, SampleConfig},
-};
+use crate::{Orientations, SampledObject, SamplingError, SamplingOptions};
 
-/// Resting orientation and code from which one motion is decoded.
+/// Origin of a latent code.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub enum CodeOrigin {
+    /// The standard normal distribution.
+    Prior,
+    /// The posterior of a demonstration.
+    Posterior {
+        /// Its name.
+        demonstration: String,
+    },
+    /// The line between the means of two demonstrations.
+    Path {
+        /// Name of the first.
+        from: String,
+    },
+}
+
+/// Resting orientation and latent code from which one motion is decoded.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Draw {
+pub(crate) struct Code {
+    /// Which draw of its motion it is, from 1.
+    pub(crate) draw_n: u32,
     /// Index of the object's resting orientation.
     pub(crate) rest: usize,
     /// The latent code.
     pub(crate) latent: Vec<f64>,
     /// Origin of the code.
-    pub(crate) source: DrawSource,
+    pub(crate) origin: CodeOrigin,
 }
 
-/// The ways of drawing motions for one object.
-pub(crate) struct Source<'a> {
-    config: &'a SampleConfig,
+/// The source of codes for one object.
+pub(crate) struct CodeSource<'a> {
+    options: &'a SamplingOptions,
     latent_dim: usize,
     /// Demonstrations about which codes are drawn, each with the orientation in which it lay; none for
     /// one of another object.
@@ -36,21 +47,20 @@ pub(crate) struct Source<'a> {
     path: Option<[(Option<usize>, &'a EncodedDemonstration); 2]>,
     /// Weight of each orientation.
     weights: Vec<f64>,
-    object_split: ObjectSplit,
 }
 
-impl<'a> Source<'a> {
+impl<'a> CodeSource<'a> {
     /// `rests` are the object's resting orientations as [`rests`] returns them.
     ///
     /// # Errors
     ///
-    /// Fails if the function knows no demonstration of a name in the configuration.
+    /// Fails if the function knows no demonstration of a name in the options.
     pub(crate) fn new(
-        config: &'a SampleConfig,
+        options: &'a SamplingOptions,
         cgf: &'a Cgf,
-        object: &Object,
+        object: &SampledObject<'_>,
         rests: &[RestingPose],
-    ) -> Result<Self, SampleError> {
+    ) -> Result<Self, SamplingError> {
         let description = cgf.description();
         let all = &description.demonstrations;
         let with_rest = |demonstration: &'a EncodedDemonstration| {
@@ -63,63 +73,56 @@ impl<'a> Source<'a> {
             let found = all.iter().find(|demonstration| demonstration.name == *name);
             found
                 .map(with_rest)
-                .ok_or_else(|| SampleError::UnknownDemonstration {
+                .ok_or_else(|| SamplingError::UnknownDemonstration {
                     name: name.clone(),
                     known: all.iter().map(|known| known.name.clone()).collect(),
                 })
         };
-        let demonstrations = if config.demonstrations.is_empty() {
-            let learned = all.iter().filter(|known| known.split == Split::Training);
+        let demonstrations = if options.demonstrations.is_empty() {
+            let learned = all.iter().filter(|known| known.is_learned());
             let own = learned.map(with_rest);
             own.filter(|(rest, _)| rest.is_some()).collect()
         } else {
-            let wanted = config.demonstrations.iter();
+            let wanted = options.demonstrations.iter();
             wanted.map(named).collect::<Result<_, _>>()?
         };
-        let is_learned = |known: &EncodedDemonstration| {
-            known.split == Split::Training && known.object == object.name
+        let path = match &options.path {
+            Some([from, to]) => Some([named(from)?, named(to)?]),
+            None => None,
         };
-        let path = match config.path.as_slice() {
-            [from, to] => Some([named(from)?, named(to)?]),
-            _ => None,
-        };
-        let object_split = if all.iter().any(is_learned) {
-            ObjectSplit::Seen
-        } else {
-            ObjectSplit::Unseen
-        };
-        let orientations = match (config.rests, object_split) {
+        let orientations = match options.orientations {
             // Nothing is known of the recordings of an unseen object.
-            (RestingPoses::Seen, ObjectSplit::Unseen) => RestingPoses::Stable,
-            (chosen, _) => chosen,
+            Orientations::Seen if !is_learned(cgf, object) => Orientations::Stable,
+            chosen => chosen,
         };
         Ok(Self {
-            config,
+            options,
             latent_dim: description.network.latent_dim,
             demonstrations,
             path,
             weights: weights(orientations, object, rests.len()),
-            object_split,
         })
     }
 
     /// Draws motion `number` of the object for the `draw_n`th time, from 1.
-    pub(crate) fn draw(&self, number: usize, draw_n: u32, random: &mut Random) -> Draw {
-        let source = |origin: Origin, demonstration: &str| DrawSource {
+    pub(crate) fn draw(&self, number: usize, draw_n: u32, random: &mut Random) -> Code {
+        let (rest, latent, origin) = self.code(number, random);
+        Code {
             draw_n,
+            rest,
+            latent,
             origin,
-            demonstration: demonstration.to_owned(),
-            object_split: Some(self.object_split),
-        };
+        }
+    }
+
+    fn code(&self, number: usize, random: &mut Random) -> (usize, Vec<f64>, CodeOrigin) {
         if let Some(path) = &self.path {
             let (rest, latent) = self.along(path, number);
-            return Draw {
-                rest,
-                latent,
-                source: source(Origin::Path, &path[0].1.name),
-            };
+            let from = path[0].1.name.clone();
+            return (rest, latent, CodeOrigin::Path { from });
         }
-        let about_demonstration = random.uniform() < self.config.demonstrated_share;
+        let spread = self.options.spread;
+        let about_demonstration = random.uniform() < self.options.posterior_share;
         if about_demonstration && !self.demonstrations.is_empty() {
             let (rest, demonstration) =
                 self.demonstrations[random.index(self.demonstrations.len())];
@@ -127,24 +130,15 @@ impl<'a> Source<'a> {
                 .latent_mean
                 .iter()
                 .zip(&demonstration.latent_deviation)
-                .map(|(mean, deviation)| mean + self.config.spread * deviation * random.normal())
+                .map(|(mean, deviation)| mean + spread * deviation * random.normal())
                 .collect();
             let rest = rest.unwrap_or_else(|| choose(&self.weights, random.uniform()));
-            return Draw {
-                rest,
-                latent,
-                source: source(Origin::Posterior, &demonstration.name),
-            };
+            let demonstration = demonstration.name.clone();
+            return (rest, latent, CodeOrigin::Posterior { demonstration });
         }
         let rest = choose(&self.weights, random.uniform());
-        let latent = (0..self.latent_dim)
-            .map(|_| self.config.spread * random.normal())
-            .collect();
-        Draw {
-            rest,
-            latent,
-            source: source(Origin::Prior, ""),
-        }
+        let latent = (0..self.latent_dim).map(|_| spread * random.normal());
+        (rest, latent.collect(), CodeOrigin::Prior)
     }
 
     /// Returns an orientation and the code that is as far along the line from the first demonstration's mean to the
@@ -156,7 +150,7 @@ impl<'a> Source<'a> {
         number: usize,
     ) -> (usize, Vec<f64>) {
         let [(rest, from), (_, to)] = path;
-        let last = self.config.per_object.saturating_sub(1).max(1);
+        let last = self.options.n.saturating_sub(1).max(1);
         let share = number as f64 / last as f64;
         let means = from.latent_mean.iter().zip(&to.latent_mean);
         let latent = means.map(|(from, to)| (1.0 - share) * from + share * to);
@@ -165,24 +159,27 @@ impl<'a> Source<'a> {
     }
 }
 
+/// Says whether the function was trained on demonstrations of the object.
+pub(crate) fn is_learned(cgf: &Cgf, object: &SampledObject<'_>) -> bool {
+    let mut all = cgf.description().demonstrations.iter();
+    all.any(|known| known.is_learned() && known.object == object.name)
+}
+
 /// Returns the object's resting orientations: the one that is given; else its own, or upright on its
 /// lowest point if it has none.
-pub(crate) fn rests(config: &SampleConfig, object: &Object) -> Vec<RestingPose> {
-    if let (RestingPoses::Given, Some(up)) = (config.rests, config.rest_up) {
-        return vec![on_lowest_point(object, Unit::new_normalize(up.into()))];
+pub(crate) fn rests(options: &SamplingOptions, object: &SampledObject<'_>) -> Vec<RestingPose> {
+    if let Orientations::Given(up) = options.orientations {
+        return vec![on_lowest_point(object, up)];
     }
-    if object.rests.is_empty() {
+    if object.orientations.is_empty() {
         return vec![on_lowest_point(object, Vector3::z_axis())];
     }
-    object
-        .rests
-        .iter()
-        .map(|orientation| orientation.rest)
-        .collect()
+    let own = object.orientations.iter();
+    own.map(|orientation| orientation.rest).collect()
 }
 
 /// Puts the mesh's lowest point on the table.
-fn on_lowest_point(object: &Object, up_in_object: Unit<Vector3<f64>>) -> RestingPose {
+fn on_lowest_point(object: &SampledObject<'_>, up_in_object: Unit<Vector3<f64>>) -> RestingPose {
     let vertices = object.vertices_m.iter();
     let heights = vertices.map(|&vertex| up_in_object.dot(&Vector3::from(vertex)));
     let lowest = heights.min_by(f64::total_cmp).unwrap_or(0.0);
@@ -192,21 +189,18 @@ fn on_lowest_point(object: &Object, up_in_object: Unit<Vector3<f64>>) -> Resting
     }
 }
 
-fn weights(rests: RestingPoses, object: &Object, n: usize) -> Vec<f64> {
-    if rests == RestingPoses::Given || object.rests.is_empty() {
+fn weights(orientations: Orientations, object: &SampledObject<'_>, n: usize) -> Vec<f64> {
+    let own = &object.orientations;
+    if matches!(orientations, Orientations::Given(_)) || own.is_empty() {
         return vec![1.0; n];
     }
-    let seen: Vec<f64> = object
-        .rests
-        .iter()
-        .map(|rest| f64::from(rest.seen_n))
-        .collect();
-    let stable: Vec<f64> = object.rests.iter().map(|rest| rest.probability).collect();
+    let seen: Vec<f64> = own.iter().map(|rest| f64::from(rest.seen_n)).collect();
+    let stable: Vec<f64> = own.iter().map(|rest| rest.probability).collect();
     let usable = |weights: &[f64]| weights.iter().sum::<f64>() > 0.0;
-    if rests == RestingPoses::Seen && usable(&seen) {
+    if orientations == Orientations::Seen && usable(&seen) {
         return seen;
     }
-    if rests == RestingPoses::Stable && usable(&stable) {
+    if orientations == Orientations::Stable && usable(&stable) {
         return stable;
     }
     let mut weights = vec![0.0; n];
