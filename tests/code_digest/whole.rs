@@ -206,18 +206,18 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
 const COMPUTING: [(&str, &str); 15] = [
+    ("cem_mpc", "crates/robotics/cem_mpc"),
     ("cgf", "crates/learning/cgf"),
     ("geometry", "crates/robotics/geometry"),
     ("motion", "crates/robotics/motion"),
     ("planning", "crates/robotics/planning"),
     ("posture", "crates/robotics/posture"),
     ("robot", "crates/robotics/robot"),
+    ("rrt_connect", "crates/robotics/rrt_connect"),
     ("simulation", "crates/physics/simulation"),
-    ("stage-cem_mpc", "stages/baselines/cem_mpc"),
     ("stage-ingest", "stages/ingest"),
     ("stage-refine", "stages/refine"),
     ("stage-retarget", "stages/retarget"),
-    ("stage-rrt", "stages/baselines/rrt"),
     ("stage-sample", "stages/sample"),
     ("stage-screen", "stages/screen"),
     ("stage-train", "stages/train"),
