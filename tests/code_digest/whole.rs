@@ -206,6 +206,7 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
 const COMPUTING: [(&str, &str); 17] = [
+    ("cem_mpc", "crates/robotics/cem_mpc"),
     ("cgf", "crates/learning/cgf"),
     ("geometry", "crates/robotics/geometry"),
     ("motion", "crates/robotics/motion"),
@@ -214,13 +215,12 @@ const COMPUTING: [(&str, &str); 17] = [
     ("refinement", "crates/robotics/refinement"),
     ("retargeting", "crates/robotics/retargeting"),
     ("robot", "crates/robotics/robot"),
+    ("rrt_connect", "crates/robotics/rrt_connect"),
     ("sampling", "crates/learning/sampling"),
     ("simulation", "crates/physics/simulation"),
-    ("stage-cem_mpc", "stages/baselines/cem_mpc"),
     ("stage-ingest", "stages/ingest"),
     ("stage-refine", "stages/refine"),
     ("stage-retarget", "stages/retarget"),
-    ("stage-rrt", "stages/baselines/rrt"),
     ("stage-screen", "stages/screen"),
     ("stage-train", "stages/train"),
 ];

@@ -10,13 +10,13 @@ const PALM: usize = 6;
 
 /// Greatest speeds of a command.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Speeds {
+pub struct Speeds {
     /// That of the palm's origin along each axis, in m/s.
-    pub(crate) palm: f64,
+    pub palm: f64,
     /// That of the palm about each axis, in rad/s.
-    pub(crate) turn: f64,
+    pub turn: f64,
     /// That of a joint, in rad/s (m/s if prismatic).
-    pub(crate) joint: f64,
+    pub joint: f64,
 }
 
 /// Meaning of an action's numbers: the speed of the palm along each of the object's axes and about it, and that of each

@@ -9,19 +9,19 @@ use crate::{
 
 /// Parameters of the growth of two trees.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Growth {
+pub struct Growth {
     /// Distances and their weights.
-    pub(crate) metric: Metric,
-    /// Greatest length of an edge.
-    pub(crate) step: f64,
-    /// Greatest distance between two checked configurations of an edge.
-    pub(crate) spacing: f64,
+    pub metric: Metric,
+    /// Greatest length of an edge, in the metric.
+    pub step: f64,
+    /// Greatest distance between two checked configurations of an edge, in the metric.
+    pub spacing: f64,
     /// Share of the targets that are drawn; the others are the other tree's root.
-    pub(crate) drawn_share: f64,
+    pub drawn_share: f64,
     /// Number of nodes of both trees at which the search ends.
-    pub(crate) max_nodes: usize,
+    pub max_nodes: usize,
     /// Number of checks at which the search ends.
-    pub(crate) max_checks: u64,
+    pub max_checks: u64,
 }
 
 /// Collision check of configurations, with a count.

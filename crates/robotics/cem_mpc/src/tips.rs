@@ -7,7 +7,7 @@ use spatial::{Palm, Pose, Table};
 
 /// The fingertips of a hand.
 #[derive(Debug, Clone)]
-pub(crate) struct Fingertips {
+pub struct Fingertips {
     /// Each with its link and its place in the link's frame, in meters.
     tips: Vec<(usize, Point3<f64>)>,
 }
@@ -18,7 +18,7 @@ impl Fingertips {
     /// # Errors
     ///
     /// Fails if the hand lacks a link that the table names.
-    pub(crate) fn new(hand: &RobotModel, table: &HandTable) -> Result<Self, RobotError> {
+    pub fn new(hand: &RobotModel, table: &HandTable) -> Result<Self, RobotError> {
         let marked = table.points.iter();
         let marked = marked.filter(|point| point.tip_radius_m.is_some());
         let tips = marked.map(|point| {
@@ -31,7 +31,7 @@ impl Fingertips {
     }
 
     /// Whether there is none.
-    pub(crate) fn is_empty(&self) -> bool {
+    pub fn is_empty(&self) -> bool {
         self.tips.is_empty()
     }
 

@@ -6,8 +6,6 @@ use posture::{
     RootMotion, SearchOptions, Solver, SolverError, Target, Task,
 };
 
-use robot::RobotModel;
-
 use crate::configuration::Configuration;
 
 /// Weight of a point's distance from where it is at the grasp.
@@ -41,11 +39,6 @@ impl<'a> PregraspSearch<'a> {
             hand,
             solver: Solver::new(&hand.compiled),
         }
-    }
-
-    /// Returns the hand's tree of links.
-    pub(crate) fn model(&self) -> &'a RobotModel {
-        &self.hand.model
     }
 
     /// Returns the posture nearest to a grasp whose links keep a distance from object and table, in meters, as far as

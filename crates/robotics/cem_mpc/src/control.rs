@@ -10,48 +10,71 @@ use simulation::{Episode, EpisodeState, SettledScene, SimulationError};
 use spatial::Object;
 
 use crate::{
-    CemMpcConfig,
-    actions::Actions,
+    actions::{Actions, Speeds},
     cross_entropy::CrossEntropy,
     tips::{Fingertips, distance_m, mean_distance_m},
 };
 
-/// Context that all motions of a hand share.
-pub(crate) struct Controller<'a> {
-    pub(crate) config: &'a CemMpcConfig,
-    pub(crate) hand: &'a RobotModel,
-    pub(crate) tips: &'a Fingertips,
-    pub(crate) actions: Actions,
+/// Parameters of control.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct ControlOptions {
+    /// The search for the next actions.
+    pub method: CrossEntropy,
+    /// Actions of a sequence, one per control step.
+    pub horizon: usize,
+    /// Share of the shifted mean with which the next search starts, from 0 to 1.
+    pub memory: f64,
+    /// Greatest speeds of a command.
+    pub speeds: Speeds,
+    /// Cost of a meter between the fingertips and the grasp's, as one vector, for each control step (1/m).
+    pub tip_weight_per_m: f64,
+    /// Cost of a meter by which the object is moved, for each control step (1/m).
+    pub object_weight_per_m: f64,
+    /// Cost of a meter by which the commanded hand is below the table, for each control step (1/m).
+    pub table_weight_per_m: f64,
+    /// Mean distance of the fingertips from the grasp's at which control ends, in meters.
+    pub tip_tolerance_m: f64,
+    /// Duration of a control step of the scenes, in seconds.
+    pub control_step_s: f64,
     /// Control steps of a motion.
-    pub(crate) steps_n: usize,
+    pub steps_n: usize,
+}
+
+/// Controls one hand.
+pub struct Controller<'a> {
+    hand: &'a RobotModel,
+    tips: &'a Fingertips,
+    joints: Vec<String>,
+    options: ControlOptions,
+    actions: Actions,
 }
 
 /// A commanded motion, and its cost.
 #[derive(Debug, Clone)]
-pub(crate) struct ControlledMotion {
+pub struct ControlledMotion {
     /// The commands in the object's frame, with the hand's joints, on the clock of the motion that was given.
-    pub(crate) motion: Motion<Object>,
+    pub motion: Motion<Object>,
     /// Control steps simulated by the searches.
-    pub(crate) searched_n: u64,
+    pub searched_n: u64,
     /// Control steps executed until the fingertips were there, or to the end.
-    pub(crate) executed_n: u64,
+    pub executed_n: u64,
     /// Whether the fingertips came to the grasp's.
-    pub(crate) reached: bool,
+    pub reached: bool,
     /// Distances from the grasp, and cost, at the start.
-    pub(crate) first: GoalDistance,
+    pub first: GoalDistance,
     /// The same at the end, with the last command held to the end of the motion.
-    pub(crate) last: GoalDistance,
+    pub last: GoalDistance,
 }
 
 /// Distances of a hand and an object from the grasp, and their cost.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct GoalDistance {
+pub struct GoalDistance {
     /// Cost of a control step that ends here.
-    pub(crate) cost: f64,
+    pub cost: f64,
     /// Mean distance of the fingertips from the grasp's, in meters.
-    pub(crate) tip_error_m: f64,
+    pub tip_error_m: f64,
     /// Displacement of the object, in meters.
-    pub(crate) object_moved_m: f64,
+    pub object_moved_m: f64,
 }
 
 /// The grasp as a goal.
@@ -62,8 +85,8 @@ struct Goal {
 
 /// Why a motion could not be controlled.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum ControlError {
-    /// Its steps form no motion.
+pub enum ControlError {
+    /// Its steps form no motion of the hand.
     #[error(transparent)]
     Motion(#[from] MotionError),
     /// It cannot be simulated.
@@ -71,18 +94,30 @@ pub(crate) enum ControlError {
     Simulation(#[from] SimulationError),
 }
 
-impl Controller<'_> {
-    /// Controls the hand from the first step of a motion, with the hand's joints, to the fingertips of its last.
+impl<'a> Controller<'a> {
+    /// Takes a hand and its fingertips.
+    pub fn new(hand: &'a RobotModel, tips: &'a Fingertips, options: ControlOptions) -> Self {
+        Self {
+            hand,
+            tips,
+            joints: hand.joint_names(),
+            options,
+            actions: Actions::new(hand, &options.speeds, options.control_step_s),
+        }
+    }
+
+    /// Controls the hand from the first step of a motion to the fingertips of its last, in a scene of the hand.
     ///
     /// # Errors
     ///
     /// Fails if the motion is not one of the hand, or steps are so near in time that rates are not finite.
-    pub(crate) fn control(
+    pub fn control(
         &self,
         scene: &SettledScene,
         given: &Motion<Object>,
         rng: &mut impl Rng,
     ) -> Result<ControlledMotion, ControlError> {
+        let given = given.reordered(&self.joints)?;
         let start = HandState::from(given.first());
         let grasp = given.grasp();
         let table_from_palm = scene.table_from_estimate() * grasp.frame_from_palm;
@@ -92,21 +127,26 @@ impl Controller<'_> {
         };
         let mut episode = scene.begin(&start)?;
         let first = self.distance_to_grasp(&goal, &scene.observe(&episode));
-        let config = self.config;
-        let method = config.method();
-        let mut mean = vec![0.0; self.actions.len() * config.horizon];
+        let ControlOptions {
+            horizon,
+            memory,
+            tip_tolerance_m,
+            steps_n,
+            ..
+        } = self.options;
+        let mut mean = vec![0.0; self.actions.len() * horizon];
         let mut commands = vec![start];
         let (mut searched_n, mut executed_n) = (0, 0);
         let mut distance = first;
-        let mut reached = first.tip_error_m < config.tip_tolerance_m;
-        while !reached && commands.len() <= self.steps_n {
+        let mut reached = first.tip_error_m < tip_tolerance_m;
+        while !reached && commands.len() <= steps_n {
             let before = commands[commands.len() - 1].clone();
             let cost = |plan: &[f64]| {
-                let (cost, steps_n) = self.cost(scene, &episode, &goal, &before, plan);
-                searched_n += steps_n;
+                let (cost, simulated_n) = self.cost(scene, &episode, &goal, &before, plan);
+                searched_n += simulated_n;
                 cost
             };
-            mean = method.minimize(mean, cost, rng);
+            mean = self.options.method.minimize(mean, cost, rng);
             let command = self.actions.command(&before, &mean[..self.actions.len()]);
             let advanced = scene.advance(&mut episode, &command);
             executed_n += 1;
@@ -116,26 +156,26 @@ impl Controller<'_> {
                 break;
             }
             distance = self.distance_to_grasp(&goal, &scene.observe(&episode));
-            reached = distance.tip_error_m < config.tip_tolerance_m;
+            reached = distance.tip_error_m < tip_tolerance_m;
             // The next search starts where this one left off; its last action is repeated.
             mean.drain(..self.actions.len());
             let kept_n = mean.len();
             mean.extend_from_within(kept_n.saturating_sub(self.actions.len())..);
-            mean.resize(self.actions.len() * config.horizon, 0.0);
+            mean.resize(self.actions.len() * horizon, 0.0);
             for number in &mut mean {
-                *number *= config.memory;
+                *number *= memory;
             }
         }
         // The last command is held to the end of the motion.
         let last_command = commands[commands.len() - 1].clone();
-        while commands.len() <= self.steps_n {
+        while commands.len() <= steps_n {
             if scene.advance(&mut episode, &last_command).is_ok() {
                 distance = self.distance_to_grasp(&goal, &scene.observe(&episode));
             }
             commands.push(last_command.clone());
         }
         Ok(ControlledMotion {
-            motion: on_clock(given, &commands)?,
+            motion: on_clock(&given, &commands)?,
             searched_n,
             executed_n,
             reached,
@@ -163,7 +203,7 @@ impl Controller<'_> {
                 return (f64::INFINITY, steps_n);
             }
             cost += self.distance_to_grasp(goal, &scene.observe(&episode)).cost
-                + self.config.table_weight_per_m * scene.below_table_m(&command);
+                + self.options.table_weight_per_m * scene.below_table_m(&command);
         }
         (cost, steps_n)
     }
@@ -175,26 +215,12 @@ impl Controller<'_> {
             .places(self.hand, &state.table_from_palm, &state.q);
         let object: Point3<f64> = state.table_from_object.translation.vector.into();
         let object_moved_m = (object - goal.object).norm();
-        let config = self.config;
+        let options = self.options;
         GoalDistance {
-            cost: config.tip_weight_per_m * distance_m(&tips, &goal.tips)
-                + config.object_weight_per_m * object_moved_m,
+            cost: options.tip_weight_per_m * distance_m(&tips, &goal.tips)
+                + options.object_weight_per_m * object_moved_m,
             tip_error_m: mean_distance_m(&tips, &goal.tips),
             object_moved_m,
-        }
-    }
-}
-
-impl CemMpcConfig {
-    /// Returns the parameters of the cross-entropy method.
-    fn method(&self) -> CrossEntropy {
-        CrossEntropy {
-            population: self.population,
-            elites: self.elites,
-            iterations: self.iterations,
-            initial_sd: self.initial_sd,
-            min_sd: self.min_sd,
-            smoothing: self.smoothing,
         }
     }
 }
@@ -220,46 +246,32 @@ fn on_clock(
 mod tests {
     use std::fs;
 
-    use nalgebra::{Isometry3, Vector3};
+    use nalgebra::{Isometry3, Matrix3, Vector3};
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
-    use schemas::objects::Object as ObjectArtifact;
-    use simulation::{ObjectShape, TraceMode};
+    use serde_json::json;
+    use simulation::{ObjectShape, Protocol, SceneConfig, TraceMode};
     use spatial::{Pose, RestingPose};
 
     use super::*;
-    use crate::{actions::Speeds, config};
 
     /// A box of 0.3 kg, 6 by 6 by 10 cm, about its center.
     fn carton() -> ObjectShape {
         let half_m = [0.03, 0.03, 0.05];
         let corner = |sides: usize| {
             let side = |axis: usize| if sides >> axis & 1 == 0 { -1.0 } else { 1.0 };
-            [0, 1, 2].map(|axis: usize| half_m[axis] * side(axis))
+            Point3::from([0, 1, 2].map(|axis: usize| half_m[axis] * side(axis)))
         };
-        let corners: Vec<[f64; 3]> = (0..8).map(corner).collect();
+        let corners = (0..8).map(corner);
         let (mass_kg, across) = (0.3, 0.3 * (0.06_f64.powi(2) + 0.1_f64.powi(2)) / 12.0);
-        ObjectShape::from_artifact(&ObjectArtifact {
-            name: "carton".to_owned(),
+        let upright = mass_kg * 0.06_f64.powi(2) / 6.0;
+        ObjectShape {
+            parts_m: vec![corners.collect()],
+            surface: None,
             mass_kg,
-            center_of_mass_m: [0.0; 3],
-            inertia_kg_m2: [
-                across,
-                across,
-                mass_kg * 0.06_f64.powi(2) / 6.0,
-                0.0,
-                0.0,
-                0.0,
-            ],
-            points_m: corners.clone(),
-            normals: vec![[0.0, 0.0, 1.0]; 8],
-            watertight: true,
-            mirror: None,
-            vertices_m: corners.clone(),
-            triangles: vec![[0, 1, 2]],
-            parts_m: vec![corners],
-            rests: Vec::new(),
-        })
+            center_of_mass_m: Point3::origin(),
+            inertia_kg_m2: Matrix3::from_diagonal(&Vector3::new(across, across, upright)),
+        }
     }
 
     /// The Allegro goes from 20 cm beside the carton to 6 cm beside it, and closes a little.
@@ -285,40 +297,56 @@ mod tests {
     /// Controls it at a part of the budget; returns the controlled motion, and after the screen's reach the fingertips'
     /// mean distance from the grasp and the displacement of the object, in meters.
     fn control(seed: u64) -> (ControlledMotion, [f64; 2]) {
-        let mut config = config::fixture();
-        config.population = 30;
-        config.elites = 5;
-        config.horizon = 3;
-        config.protocol.reach_s = 0.4;
-        config.protocol.early_tolerance_m = 1.0;
-        let urdf = fs::read_to_string(&config.hand).unwrap();
+        let data = concat!(env!("CARGO_MANIFEST_DIR"), "/../../../data");
+        let urdf = fs::read_to_string(format!("{data}/robots/allegro_right.urdf")).unwrap();
         let hand = RobotModel::from_urdf(&urdf).unwrap();
-        let table = hand_files::load_table(&config.hand_table).unwrap();
+        let table = format!("{data}/hands/allegro_right.toml");
+        let table = hand_files::load_table(table.as_ref()).unwrap();
         let tips = Fingertips::new(&hand, &table).unwrap();
+        let scene = json!({"drive": {
+            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+        }});
+        let scene_config: SceneConfig = serde_json::from_value(scene).unwrap();
+        let protocol = json!({
+            "flexion_joints": ["joint_1.0"], "reach_s": 0.4, "early_tolerance_m": 1.0,
+        });
+        let protocol: Protocol = serde_json::from_value(protocol).unwrap();
         let rest = RestingPose {
             up_in_object: Vector3::z_axis(),
             height_m: 0.05,
         };
-        let scene = SettledScene::new(&config.scene, &hand, &carton(), &rest).unwrap();
-        let speeds = Speeds {
-            palm: config.max_speed_m_per_s,
-            turn: config.max_turn_rad_per_s,
-            joint: config.max_joint_speed_rad_per_s,
+        let scene = SettledScene::new(&scene_config, &hand, &carton(), &rest).unwrap();
+        let options = ControlOptions {
+            method: CrossEntropy {
+                population: 30,
+                elites: 5,
+                iterations: 2,
+                initial_sd: 0.2,
+                min_sd: 0.05,
+                smoothing: 0.1,
+            },
+            horizon: 3,
+            memory: 0.2,
+            speeds: Speeds {
+                palm: 1.0,
+                turn: 1.57,
+                joint: 5.0,
+            },
+            tip_weight_per_m: 0.1,
+            object_weight_per_m: 2.0,
+            table_weight_per_m: 10.0,
+            tip_tolerance_m: 0.01,
+            control_step_s: scene_config.control_step_s(),
+            steps_n: 20,
         };
-        let mpc = Controller {
-            config: &config,
-            hand: &hand,
-            tips: &tips,
-            actions: Actions::new(&hand, &speeds, config.scene.control_step_s()),
-            steps_n: config.steps_n(),
-        };
+        let controller = Controller::new(&hand, &tips, options);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let controlled = mpc.control(&scene, &given(&hand), &mut rng).unwrap();
+        let controlled = controller.control(&scene, &given(&hand), &mut rng).unwrap();
         let rollout = scene
-            .rollout(&controlled.motion, &config.protocol, TraceMode::Trace)
+            .rollout(&controlled.motion, &protocol, TraceMode::Trace)
             .unwrap();
         let trace = rollout.trace.unwrap();
-        let end = &trace.steps[config.steps_n()];
+        let end = &trace.steps[options.steps_n];
         let screened = tips.places(&hand, &end.table_from_palm, &end.q);
         let goal = given(&hand);
         let goal = goal.grasp();

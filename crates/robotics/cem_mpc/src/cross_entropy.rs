@@ -5,19 +5,19 @@ use rand_distr::{Distribution, StandardNormal};
 
 /// Parameters of the cross-entropy method.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct CrossEntropy {
+pub struct CrossEntropy {
     /// Draws of one iteration.
-    pub(crate) population: usize,
+    pub population: usize,
     /// Number of best draws that make the next mean and deviation.
-    pub(crate) elites: usize,
+    pub elites: usize,
     /// Iterations.
-    pub(crate) iterations: usize,
-    /// Standard deviation of the first draws.
-    pub(crate) initial_sd: f64,
-    /// Least standard deviation.
-    pub(crate) min_sd: f64,
+    pub iterations: usize,
+    /// Standard deviation of the first draws, as a share of half the range of a number.
+    pub initial_sd: f64,
+    /// Least standard deviation, likewise.
+    pub min_sd: f64,
     /// Share of the former mean and deviation in the next ones.
-    pub(crate) smoothing: f64,
+    pub smoothing: f64,
 }
 
 impl CrossEntropy {

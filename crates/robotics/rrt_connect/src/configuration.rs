@@ -34,13 +34,13 @@ impl Configuration {
 /// Distance of two configurations: the root of the sum of the squares of the palm's way, its rotation and the joints'
 /// changes, each times its weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Metric {
+pub struct Metric {
     /// Weight of a meter of the palm's origin.
-    pub(crate) translation_per_m: f64,
+    pub translation_per_m: f64,
     /// Weight of a radian of the palm.
-    pub(crate) rotation_per_rad: f64,
+    pub rotation_per_rad: f64,
     /// Weight of a radian (meter if prismatic) of a joint.
-    pub(crate) joint_per_rad: f64,
+    pub joint_per_rad: f64,
 }
 
 impl Metric {
