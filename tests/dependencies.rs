@@ -75,7 +75,7 @@ fn denied_dependencies_have_no_users_but_their_wrappers() {
 }
 
 #[test]
-fn computations_have_never_heard_of_cells_nor_of_files() {
+fn planning_has_never_heard_of_cells_nor_of_files() {
     let dependencies = dependencies();
     for stranger in [
         "cell",
@@ -85,10 +85,10 @@ fn computations_have_never_heard_of_cells_nor_of_files() {
         "schemas",
         "robot_meshes",
     ] {
-        let computing = ["motion", "planning", "refinement", "retargeting"];
-        let computing = computing.map(|name| &dependencies[name]);
+        let of_planning = ["motion", "planning", "refinement", "retargeting"];
+        let of_planning = of_planning.map(|planner| &dependencies[planner]);
         let knows = |names: &&Vec<String>| names.iter().any(|name| name == stranger);
-        assert!(!computing.iter().any(knows), "{stranger}");
+        assert!(!of_planning.iter().any(knows), "{stranger}");
     }
 }
 

@@ -205,7 +205,7 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 }
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
-const COMPUTING: [(&str, &str); 17] = [
+const COMPUTING: [(&str, &str); 15] = [
     ("cgf", "crates/learning/cgf"),
     ("geometry", "crates/robotics/geometry"),
     ("motion", "crates/robotics/motion"),
@@ -217,8 +217,6 @@ const COMPUTING: [(&str, &str); 17] = [
     ("simulation", "crates/physics/simulation"),
     ("stage-cem_mpc", "stages/baselines/cem_mpc"),
     ("stage-ingest", "stages/ingest"),
-    ("stage-refine", "stages/refine"),
-    ("stage-retarget", "stages/retarget"),
     ("stage-rrt", "stages/baselines/rrt"),
     ("stage-sample", "stages/sample"),
     ("stage-screen", "stages/screen"),
