@@ -75,7 +75,7 @@ fn denied_dependencies_have_no_users_but_their_wrappers() {
 }
 
 #[test]
-fn computations_have_never_heard_of_cells_nor_of_files() {
+fn planning_has_never_heard_of_cells_nor_of_files() {
     let dependencies = dependencies();
     for stranger in [
         "cell",

@@ -205,7 +205,7 @@ fn edited(line: &str, rng: &mut ChaCha8Rng) -> Option<String> {
 }
 
 /// Crates that compute, each linked by a stage, by the names of their parts.
-const COMPUTING: [(&str, &str); 17] = [
+const COMPUTING: [(&str, &str); 15] = [
     ("cem_mpc", "crates/robotics/cem_mpc"),
     ("cgf", "crates/learning/cgf"),
     ("geometry", "crates/robotics/geometry"),
@@ -219,8 +219,6 @@ const COMPUTING: [(&str, &str); 17] = [
     ("sampling", "crates/learning/sampling"),
     ("simulation", "crates/physics/simulation"),
     ("stage-ingest", "stages/ingest"),
-    ("stage-refine", "stages/refine"),
-    ("stage-retarget", "stages/retarget"),
     ("stage-screen", "stages/screen"),
     ("stage-train", "stages/train"),
 ];

@@ -32,7 +32,7 @@
 //!     rates: (),
 //! };
 //! let steps = [0.0, 0.25, 0.5, 0.75, 1.0].map(step);
-//! let motion = Motion::new(&hand.model.joint_names(), steps.to_vec())?;
+//! let motion = Motion::new(&hand.model.joint_names(), steps.to_vec())?.differentiated()?;
 //!
 //! let payload = Payload { center_of_mass_in_object: Point3::origin(), mass_kg: 0.3 };
 //! let config = RefinementConfig::default();

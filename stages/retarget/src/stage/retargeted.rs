@@ -95,47 +95,52 @@ pub(super) fn make(
             .map(|point| point.keypoint.clone())
             .collect()
     };
+    let Retargeted {
+        motion,
+        tracking,
+        restarts_n,
+        iterations_n,
+        ..
+    } = retargeted;
     let rates = |idx: usize| {
-        let rates = &retargeted.motion.steps()[idx].rates;
+        let rates = &motion.steps()[idx].rates;
         TrajectoryRates {
             palm_velocity: rates.palm_velocity,
             joints: rates.joints.clone(),
         }
     };
-    let motion = retargeted.motion.with_rates(rates);
+    let with_rates = motion.with_rates(rates);
     let trajectory = Trajectory {
         sequence: demonstration.sequence,
         object: demonstration.object,
         keypoints: of_tips(false),
         tips: of_tips(true),
         rest: environment.rest(),
-        motion: motion.map_err(BoxedDiagnostic::without_hint)?,
-        tracking: retargeted.tracking.iter().map(columns).collect(),
+        motion: with_rates.map_err(BoxedDiagnostic::without_hint)?,
+        tracking: tracking.into_iter().map(columns).collect(),
     };
     cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    Ok(Outcome::Made(TrajectoryMetrics::of(
-        &trajectory.tracking,
-        &retargeted,
-    )))
+    let tracking = &trajectory.tracking;
+    let metrics = TrajectoryMetrics::of(tracking, restarts_n, iterations_n);
+    Ok(Outcome::Made(metrics))
 }
 
 /// Returns a step's tracking as columns of the table.
-fn columns(tracking: &retargeting::Tracking) -> Tracking {
-    let tracking = tracking.clone();
+fn columns(step: retargeting::Tracking) -> Tracking {
     Tracking {
-        keypoint_errors_m: tracking.keypoint_errors_m,
-        tip_errors_m: tracking.tip_errors_m,
-        contact_gaps_m: tracking.contact_gaps_m,
-        limit_margin_rad: tracking.limit_margin_rad,
-        penetration_m: tracking.penetration_m,
-        table_penetration_m: tracking.table_penetration_m,
+        keypoint_errors_m: step.keypoint_errors_m,
+        tip_errors_m: step.tip_errors_m,
+        contact_gaps_m: step.contact_gaps_m,
+        limit_margin_rad: step.limit_margin_rad,
+        penetration_m: step.penetration_m,
+        table_penetration_m: step.table_penetration_m,
     }
 }
 
 impl TrajectoryMetrics {
-    /// Returns the metrics of a retargeted motion, whose last step is the grasp.
-    fn of(tracking: &[Tracking], retargeted: &Retargeted) -> Self {
+    /// Returns the metrics of a motion whose last step is the grasp, after so many restarts and iterations.
+    fn of(tracking: &[Tracking], restarts_n: usize, iterations_n: usize) -> Self {
         let keypoint_errors: f64 = tracking.iter().map(Tracking::keypoint_error_m).sum();
         let still = Tracking::default();
         let grasp = tracking.last().unwrap_or(&still);
@@ -149,8 +154,8 @@ impl TrajectoryMetrics {
             penetration_m: grasp.penetration_m,
             table_penetration_m: table_depths_m.fold(0.0, f64::max),
             tip_gap_m: gaps.sum::<f64>() / contacts_n,
-            restarts_n: retargeted.restarts_n as f64,
-            iterations_n: retargeted.iterations_n as f64,
+            restarts_n: restarts_n as f64,
+            iterations_n: iterations_n as f64,
         }
     }
 }
