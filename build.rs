@@ -30,9 +30,10 @@ fn main() -> Result<(), Box<dyn Error>> {
         say(&format!("cargo::rerun-if-changed={name}"));
         list(&root, name, endings, &mut files)?;
     }
-    let listed = files
-        .iter()
-        .map(|(name, path)| format!("({name:?}, include_str!({path:?})),\n"));
+    let listed = files.iter().map(|(name, path)| {
+        let path = path.display().to_string();
+        format!("({name:?}, include_str!({path:?})),\n")
+    });
     let listed = format!("&[\n{}]\n", listed.collect::<String>());
     write(
         &Path::new(&env::var("OUT_DIR")?).join("project_files.rs"),

@@ -147,14 +147,14 @@ impl Output for CemMpc {
             Ok(scenes) => scenes,
             Err(source) => return skip_or_fail(&urdf, source),
         };
-        let controller = Controller::new(&hand, &tips, config.control());
+        let mpc = Controller::new(&hand, &tips, config.control());
         let controlled = given.candidates.par_iter().enumerate();
         let controlled = controlled.map(|(idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
             cpu_time::measured(|| {
                 let scene = scenes.at(&candidate.table_from_object)?;
-                controller.control(scene, &candidate.motion, &mut rng)
+                mpc.control(scene, &candidate.motion, &mut rng)
             })
         });
         let controlled: Vec<_> = controlled.collect();

@@ -124,13 +124,13 @@ impl Output for Rrt {
         let of_object = (given.object.as_str(), &given.joints[..]);
         AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let planned = given.candidates.par_iter().enumerate();
-        let planner = || RrtPlanner::new(&hand, config.planner());
-        let planned = planned.map_init(planner, |planner, (idx, candidate)| {
+        let search = || RrtPlanner::new(&hand, config.planner());
+        let planned = planned.map_init(search, |search, (idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
             let rest = RestingPose::of(&candidate.table_from_object);
             let environment = Environment::new(Arc::clone(&field), rest);
-            cpu_time::measured(|| planner.plan(&environment, &candidate.motion, &mut rng))
+            cpu_time::measured(|| search.plan(&environment, &candidate.motion, &mut rng))
         });
         let planned: Vec<_> = planned.collect();
         let mut metrics = RrtMetrics::none();
