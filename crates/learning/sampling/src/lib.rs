@@ -24,18 +24,19 @@
 //! #     q_rad: vec![0.5 * time_s],
 //! #     rates: (),
 //! # };
+//! # let track = TrainingMotion {
+//! #     name: "reach".to_owned(),
+//! #     scene: 0,
+//! #     split: schemas::training::Split::Training,
+//! #     motion: Motion::new(&["knuckle"], vec![above(0.0), above(0.5), above(1.0)])?,
+//! # };
 //! # let set = TrainingSet {
 //! #     scenes: vec![cgf::RestingObject {
 //! #         object: "can".to_owned(),
 //! #         rest,
 //! #         points_in_object: surface.iter().map(|&point| Point3::from(point)).collect(),
 //! #     }],
-//! #     tracks: vec![TrainingMotion {
-//! #         name: "reach".to_owned(),
-//! #         scene: 0,
-//! #         split: schemas::training::Split::Training,
-//! #         motion: Motion::new(&["knuckle"], vec![above(0.0), above(0.5), above(1.0)])?,
-//! #     }],
+//! #     tracks: vec![track.clone(), track],
 //! #     distances: Default::default(),
 //! # };
 //! # let network = NetworkConfig { points: 64, ..NetworkConfig::default() };
