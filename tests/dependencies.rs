@@ -75,7 +75,7 @@ fn denied_dependencies_have_no_users_but_their_wrappers() {
 }
 
 #[test]
-fn planning_has_never_heard_of_cells_nor_of_files() {
+fn planning_and_screening_have_never_heard_of_cells_nor_of_files() {
     let dependencies = dependencies();
     for stranger in [
         "cell",
@@ -85,7 +85,7 @@ fn planning_has_never_heard_of_cells_nor_of_files() {
         "schemas",
         "robot_meshes",
     ] {
-        let of_planning = ["motion", "planning"].map(|planner| &dependencies[planner]);
+        let of_planning = ["motion", "planning", "screening"].map(|planner| &dependencies[planner]);
         let knows = |names: &&Vec<String>| names.iter().any(|name| name == stranger);
         assert!(!of_planning.iter().any(knows), "{stranger}");
     }
