@@ -9,11 +9,12 @@ use dataflow::{
 use lake::WriteArtifact;
 use schemas::{
     Table,
-    candidates::Candidates,
+    candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{Rollout, Rollouts, Verdict},
+    rollouts::{ExecutedSmoothness, Rollout, Rollouts, Verdict},
     tally::Tally,
 };
+use screening::Judgment;
 use simulation::{Flexion, TraceMode, check_hand};
 
 use crate::{
@@ -96,10 +97,12 @@ impl Output for Screen {
             Err(err) => return screened.skip_or_fail(err),
         };
         let judged = screening.judge(&scenes, |share| cx.progress(share, "in physics"));
-        let (rollouts, cpu_s) = match judged {
+        let (found, cpu_s) = match judged {
             Ok(judged) => judged,
             Err(err) => return screened.skip_or_fail(err),
         };
+        let candidates = screened.candidates.candidates.iter().zip(found);
+        let rollouts: Rollouts = candidates.map(|(of, found)| row(of, found)).collect();
 
         cx.write(&rollouts)?;
         let context = recording::RecordingContext {
@@ -121,13 +124,31 @@ impl Output for Screen {
     }
 }
 
+/// Returns the row of a candidate.
+fn row(candidate: &Candidate, found: Option<Judgment>) -> Rollout {
+    let infeasible = Rollout::unsimulated(candidate, Verdict::Infeasible);
+    match found {
+        None => infeasible,
+        Some(found) => Rollout {
+            verdict: found.verdict,
+            measures: found.measures,
+            smoothness: found.smoothness,
+            executed: ExecutedSmoothness(found.executed),
+            ..infeasible
+        },
+    }
+}
+
 impl ScreenMetrics {
     fn of(rollouts: &[Rollout], cpu_s: f64) -> Self {
         let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
             accepted_n: verdicts.success_count() as f64,
-            control_steps_n: rollouts.iter().map(|r| f64::from(r.control_steps_n)).sum(),
+            control_steps_n: rollouts
+                .iter()
+                .map(|r| f64::from(r.measures.control_steps_n))
+                .sum(),
             cpu_s,
             verdicts_n: verdicts,
         }

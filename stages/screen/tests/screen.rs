@@ -261,7 +261,10 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     );
     assert_eq!(made.candidates_n, 3.0);
     assert_eq!(made.accepted_n, 1.0);
-    let steps: f64 = rows.iter().map(|row| f64::from(row.control_steps_n)).sum();
+    let steps: f64 = rows
+        .iter()
+        .map(|row| f64::from(row.measures.control_steps_n))
+        .sum();
     assert_eq!(made.control_steps_n, steps);
     let recording = lake::recording::read(&folder.path().join("out/can-0001.mcap")).unwrap();
     let moments = recording.topic("/joint_states").count();
@@ -269,12 +272,15 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 0.5 s hold, at 50 Hz, and the start.
     assert_eq!(moments, 116);
     assert!(
-        (90..=115).contains(&rows[1].control_steps_n),
+        (90..=115).contains(&rows[1].measures.control_steps_n),
         "{}",
-        rows[1].control_steps_n
+        rows[1].measures.control_steps_n
     );
     for row in &rows {
-        assert_eq!(row.control_steps_n + row.skipped_steps_n, 115);
+        assert_eq!(
+            row.measures.control_steps_n + row.measures.skipped_steps_n,
+            115
+        );
     }
     // A motion that is refused on geometry alone has no recording.
     let failed = lake::recording::read(&folder.path().join("out/can-0002.mcap")).unwrap();
@@ -282,7 +288,7 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // It is recorded until its end is certain without shortcuts.
     let steps_n = failed.topic("/joint_states").count();
     assert!(
-        (rows[2].control_steps_n as usize + 1..116).contains(&steps_n),
+        (rows[2].measures.control_steps_n as usize + 1..116).contains(&steps_n),
         "{steps_n}"
     );
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
@@ -328,7 +334,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
     );
     assert_eq!(
         row.control_steps_n,
-        3 * i64::from(rollouts[1].control_steps_n)
+        3 * i64::from(rollouts[1].measures.control_steps_n)
     );
 
     // On ice, a heavy can is not lifted.
@@ -377,7 +383,10 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.verdicts.count(verdict));
     assert_eq!(counted, [1, 1]);
     let rollouts = rows(folder.path());
-    let control_steps_n: i64 = rollouts.iter().map(|r| i64::from(r.control_steps_n)).sum();
+    let control_steps_n: i64 = rollouts
+        .iter()
+        .map(|r| i64::from(r.measures.control_steps_n))
+        .sum();
     assert_eq!(row.control_steps_n, control_steps_n);
     // One grasp has no spread.
     assert_eq!((row.spread_n, row.spread_palm_m), (0, 0.0));
@@ -487,7 +496,11 @@ fn a_published_protocol_replaces_the_options() {
         [Verdict::EarlyContact, Verdict::Held, Verdict::Dropped]
     );
     for row in &rows {
-        assert_eq!(row.control_steps_n + row.skipped_steps_n, 61, "{row:?}");
+        assert_eq!(
+            row.measures.control_steps_n + row.measures.skipped_steps_n,
+            61,
+            "{row:?}"
+        );
     }
 }
 
@@ -697,7 +710,7 @@ fn pose_noise_lowers_success_and_is_reproducible() {
     assert!(
         little
             .windows(2)
-            .any(|pair| pair[0].slip_m != pair[1].slip_m)
+            .any(|pair| pair[0].measures.slip_m != pair[1].measures.slip_m)
     );
     let much = judged(1.0);
     assert!(held(&much) <= 3, "{}", held(&much));

@@ -51,7 +51,7 @@ pub use played::CommandStep;
 pub use protocols::{ProtocolName, PublishedSettings};
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
-pub use schemas::rollouts::Verdict;
+pub use schemas::rollouts::{Measures, Verdict};
 pub use script::{Flexion, Phase, Setpoint};
 pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;

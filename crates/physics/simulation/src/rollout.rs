@@ -1,7 +1,7 @@
 //! Execution of one motion in physics, and its verdict.
 
 use motion::HandState;
-use schemas::rollouts::Verdict;
+use schemas::rollouts::{Measures, Verdict};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -30,20 +30,8 @@ pub enum TraceMode {
 pub struct Rollout {
     /// The verdict; success is [`Verdict::Held`].
     pub verdict: Verdict,
-    /// Control steps simulated.
-    pub control_steps_n: u32,
-    /// Control steps of the script that were omitted.
-    pub skipped_steps_n: u32,
-    /// Rise of the object's origin at the end, in meters.
-    pub lift_m: f64,
-    /// Motion of the object in the palm frame between lift and end, in meters.
-    pub slip_m: f64,
-    /// Motion of the object on the table before the squeeze, in meters.
-    pub displacement_m: f64,
-    /// Largest penetration depth of the hand in the object while it was held, in meters.
-    pub penetration_m: f64,
-    /// Hand links in contact with the object at the end.
-    pub contacts_n: u32,
+    /// What was measured.
+    pub measures: Measures,
     /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated
     /// to its end.
     pub executed: Vec<HandState<Object>>,
@@ -56,13 +44,10 @@ impl Rollout {
     pub(crate) fn refused(verdict: Verdict, script: &Script) -> Self {
         Self {
             verdict,
-            control_steps_n: 0,
-            skipped_steps_n: count(script.commands.len()),
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
+            measures: Measures {
+                skipped_steps_n: count(script.commands.len()),
+                ..Measures::default()
+            },
             executed: Vec::new(),
             trace: None,
         }
@@ -183,13 +168,11 @@ pub(crate) fn run_watched<'a>(
     let verdict = verdict.unwrap_or_else(|| judge.conclude(settled));
     let rollout = Rollout {
         verdict,
-        control_steps_n,
-        skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
-        lift_m: finite_or_zero(judge.rise_m()),
-        slip_m: finite_or_zero(judge.slip_m()),
-        displacement_m: finite_or_zero(judge.displacement_m()),
-        penetration_m: finite_or_zero(judge.penetration_m()),
-        contacts_n: judge.contact_count(),
+        measures: Measures {
+            control_steps_n,
+            skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
+            ..judge.measures()
+        },
         executed: if has_reached { executed } else { Vec::new() },
         trace: trace.filter(|_| verdict != Verdict::Diverged),
     };
@@ -326,11 +309,6 @@ impl<'a> Execution<'a> {
         }
         trace.steps.push(step);
     }
-}
-
-/// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
-fn finite_or_zero(figure: f64) -> f64 {
-    if figure.is_finite() { figure } else { 0.0 }
 }
 
 /// Reference of the fingers' drives over one physics step.

@@ -1,23 +1,65 @@
 //! Smoothness of a motion, by the definitions of [`Smoothness`].
 
-use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use robot::{RobotModel, WrongDof};
-use schemas::rollouts::{Smoothness, Variation, Variations};
 use spatial::{Object, Palm, Pose};
+
+use crate::HandState;
+
+/// Total variation of a motion, of its velocity and of its acceleration, all dimensionless. Less is
+/// smoother.
+///
+/// Of a channel x with n steps, taken as equally long: y = (x − x₀)/(xₙ₋₁ − x₀), which goes from 0 to 1;
+/// v its gradient by the time in units of the duration (central differences, one-sided at the ends), a
+/// the gradient of v; and of each of them Σ|difference of neighbors|. A straight line has 1, 0 and 0.
+/// A motion that ends where it began has no such measure: every number of it is 0, and its columns are null.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Variation {
+    /// Of the position.
+    pub position: f64,
+    /// Of the velocity.
+    pub velocity: f64,
+    /// Of the acceleration.
+    pub acceleration: f64,
+}
+
+/// Smoothness of a candidate, by one definition.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Variations {
+    /// Of the joints.
+    pub joints: Variation,
+    /// Of the hand's links in space.
+    pub cartesian: Variation,
+}
+
+/// Smoothness of a motion, by three definitions.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Smoothness {
+    /// The mean over channels (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
+    /// from Human Demonstrations*, 2023, section IV): one channel per joint; one per coordinate of each
+    /// link's origin in the object's frame. A channel that ends within 10⁻⁶ of where it began is left
+    /// out. The paper's tables have the logarithm (base 10) of its mean over motions, but for the
+    /// position.
+    pub paper: Variations,
+    /// The same as the released code computes it (github.com/jianglongye/cgf): joints and the three
+    /// coordinates of the palm together; the time of a step 1/n, not 1/(n − 1), of the duration; the root
+    /// link counted twice; and links placed with the palm's Euler angles (about its own x, y, z) read as a
+    /// rotation vector, which is a mistake of that code.
+    pub released: Variations,
+    /// With all joints (or all coordinates of all links) as one vector: y = (x − x₀)/‖xₙ₋₁ − x₀‖ and
+    /// Σ‖difference of neighbors‖, so that a channel that hardly moves cannot outweigh the others.
+    pub robust: Variations,
+}
 
 /// Net motion below which a channel has no shape of its own, in rad or m.
 const STANDING: f64 = 1e-6;
 
-/// Measures a motion at equally spaced times by all definitions.
+/// Measures a motion of a hand at equally spaced times by all definitions; its joints are in the hand's order.
 ///
 /// # Errors
 ///
 /// Fails if the motion has not as many joints as the hand.
-pub(crate) fn smoothness(
-    steps: &[HandState<Object>],
-    model: &RobotModel,
-) -> Result<Smoothness, WrongDof> {
+pub fn smoothness(steps: &[HandState<Object>], model: &RobotModel) -> Result<Smoothness, WrongDof> {
     let joints: Vec<Vec<f64>> = steps.iter().map(|step| step.q_rad.clone()).collect();
     let with_palm: Vec<Vec<f64>> = steps
         .iter()
