@@ -5,7 +5,7 @@ use geometry::DistanceField;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
 use posture::{Environment, HandTable};
-use retargeting::{LandmarkStep, Retargeted, RetargetingError, retarget, settled};
+use retargeting::{LandmarkStep, RetargetingError, retarget, settled};
 use schemas::{
     Table,
     demonstrations::{self, Demonstration},
@@ -95,34 +95,27 @@ pub(super) fn make(
             .map(|point| point.keypoint.clone())
             .collect()
     };
-    let Retargeted {
-        motion,
-        tracking,
-        restarts_n,
-        iterations_n,
-        ..
-    } = retargeted;
     let rates = |idx: usize| {
-        let rates = &motion.steps()[idx].rates;
+        let rates = &retargeted.motion.steps()[idx].rates;
         TrajectoryRates {
             palm_velocity: rates.palm_velocity,
             joints: rates.joints.clone(),
         }
     };
-    let with_rates = motion.with_rates(rates);
+    let motion = retargeted.motion.with_rates(rates);
     let trajectory = Trajectory {
         sequence: demonstration.sequence,
         object: demonstration.object,
         keypoints: of_tips(false),
         tips: of_tips(true),
         rest: environment.rest(),
-        motion: with_rates.map_err(BoxedDiagnostic::without_hint)?,
-        tracking: tracking.into_iter().map(columns).collect(),
+        motion: motion.map_err(BoxedDiagnostic::without_hint)?,
+        tracking: retargeted.tracking.into_iter().map(columns).collect(),
     };
     cx.write(&trajectory)?;
     recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    let tracking = &trajectory.tracking;
-    let metrics = TrajectoryMetrics::of(tracking, restarts_n, iterations_n);
+    let counts = [retargeted.restarts_n, retargeted.iterations_n];
+    let metrics = TrajectoryMetrics::of(&trajectory.tracking, counts);
     Ok(Outcome::Made(metrics))
 }
 
@@ -140,7 +133,7 @@ fn columns(step: retargeting::Tracking) -> Tracking {
 
 impl TrajectoryMetrics {
     /// Returns the metrics of a motion whose last step is the grasp, after so many restarts and iterations.
-    fn of(tracking: &[Tracking], restarts_n: usize, iterations_n: usize) -> Self {
+    fn of(tracking: &[Tracking], [restarts_n, iterations_n]: [usize; 2]) -> Self {
         let keypoint_errors: f64 = tracking.iter().map(Tracking::keypoint_error_m).sum();
         let still = Tracking::default();
         let grasp = tracking.last().unwrap_or(&still);
