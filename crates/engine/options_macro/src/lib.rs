@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn a_declaration_that_says_nothing_or_half_is_refused_with_the_reason() {
-        let known = "expected `default`, `default = VALUE`, `path`, `range = RANGE`, `table` or `why = REASON`";
+        let known = "expected `default`, `default = VALUE`, `flatten`, `path`, `range = RANGE`, `table` or `why = REASON`";
         for (option, expected) in [
             ("defualt = 4", known),
             ("default = 4, unit = \"m\"", known),
