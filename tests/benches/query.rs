@@ -165,12 +165,12 @@ fn rollout(object: &str, row: usize) -> Rollout {
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         measures: Measures {
             control_steps_n: 190,
-            skipped_steps_n: 0,
             lift_m: 0.15 * number,
             slip_m: 1e-3 * number,
             displacement_m: 2e-2 * number,
             penetration_m: 3e-3 * number,
             contacts_n: 6,
+            ..Measures::default()
         },
         smoothness: Smoothness::default(),
         executed: ExecutedSmoothness(None),

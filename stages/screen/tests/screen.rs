@@ -18,10 +18,7 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     success::Successes,
 };
-use simulation::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, PullConfig, SceneConfig,
-    SceneRandomization, Shortcuts, StrictConfig, Support, Trial,
-};
+use simulation::{ProtocolName, SceneRandomization};
 use spatial::{Pose, RestingPose};
 use stage_screen::report::{RatesReport, SuccessReport};
 use stage_screen::{
@@ -37,68 +34,19 @@ const HEIGHT_M: f64 = 0.102;
 
 fn config() -> ScreenConfig {
     let flexion = [1, 2, 3, 5, 6, 7, 9, 10, 11, 14, 15];
-    ScreenConfig {
-        hand: HAND.into(),
-        recorded_per_object: 1,
-        recorded_failures_per_object: 1,
-        pose_noise: 0.0,
-        max_penetration_m: 0.005,
-        robustness: RobustnessConfig::default(),
-        scene: SceneConfig {
-            friction: 1.0,
-            table_friction: None,
-            object_mass_kg: None,
-            object_density_kg_per_m3: None,
-            support: Support::Table,
-            mass_scale: 1.0,
-            hand_mass_scale: 1.0,
-            object_offset: Offset::default(),
-            time_step_s: 0.004,
-            substeps: 1,
-            steps_per_control: 5,
-            prediction_m: 0.002,
-            contact_recycle_m: 0.0,
-            fingers_touch: false,
-            settle_s: 1.0,
-            drive: DriveConfig {
-                controller: ControllerKind::Pd,
-                stiffness: 20.0,
-                damping: 1.0,
-                torque_limit: 0.7,
-                armature: 0.001,
-                stop_stiffness: 200.0,
-                delay_s: 0.0,
-            },
-            palm_drive: None,
-            shortcuts: Shortcuts::ALL,
+    let config = serde_json::json!({
+        "hand": HAND,
+        "recorded_per_object": 1,
+        "scene": {"drive": {
+            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+        }},
+        "protocol": {
+            "approach": "open",
+            "flexion_joints": flexion.map(|joint| format!("joint_{joint}.0")),
+            "hold_s": 0.5,
         },
-        protocol: Protocol {
-            approach: Approach::Open,
-            reach_s: 0.8,
-            close_fraction: 0.25,
-            flexion_joints: flexion.map(|joint| format!("joint_{joint}.0")).to_vec(),
-            open_rad: 0.3,
-            squeeze_rad: 0.15,
-            squeeze_s: 0.3,
-            pause_s: 0.3,
-            lift_m: 0.15,
-            lift_s: 0.4,
-            hold_s: 0.5,
-            lifted_m: 0.08,
-            min_links: 2,
-            max_slip_m_per_s: 0.01,
-            knocked_m: 0.03,
-            knocked_rad: 0.6,
-            limit_tolerance_rad: 0.1,
-            table_tolerance_m: 0.01,
-            early_tolerance_m: 0.02,
-            trial: Trial::Lift,
-            strict: StrictConfig::default(),
-            pull: PullConfig::default(),
-            name: ProtocolName::TableLift,
-            published: None,
-        },
-    }
+    });
+    serde_json::from_value(config).unwrap()
 }
 
 fn upright() -> RestingPose {
