@@ -59,6 +59,7 @@ fn config() -> ScreenConfig {
             prediction_m: 0.002,
             contact_recycle_m: 0.0,
             fingers_touch: false,
+            fingers_touch_palm: false,
             settle_s: 1.0,
             drive: DriveConfig {
                 controller: ControllerKind::Pd,
@@ -70,6 +71,7 @@ fn config() -> ScreenConfig {
                 delay_s: 0.0,
             },
             palm_drive: None,
+            palm_compliance: None,
             shortcuts: Shortcuts::ALL,
         },
         protocol: Protocol {

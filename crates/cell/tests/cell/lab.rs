@@ -47,6 +47,7 @@ pub(crate) fn scene() -> SceneConfig {
         prediction_m: 0.002,
         contact_recycle_m: 0.0,
         fingers_touch: false,
+        fingers_touch_palm: false,
         settle_s: 0.5,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -58,6 +59,7 @@ pub(crate) fn scene() -> SceneConfig {
             delay_s: 0.0,
         },
         palm_drive: None,
+        palm_compliance: None,
         shortcuts: Shortcuts::ALL,
     }
 }

@@ -42,6 +42,7 @@ pub(crate) fn scene() -> SceneConfig {
         prediction_m: 0.002,
         contact_recycle_m: 0.0,
         fingers_touch: false,
+        fingers_touch_palm: false,
         settle_s: 1.0,
         drive: DriveConfig {
             controller: ControllerKind::Pd,
@@ -53,6 +54,7 @@ pub(crate) fn scene() -> SceneConfig {
             delay_s: 0.0,
         },
         palm_drive: None,
+        palm_compliance: None,
         shortcuts: Shortcuts {
             refused: true,
             ..Shortcuts::NONE
