@@ -227,6 +227,7 @@ impl<'a> Judge<'a> {
             return false;
         }
         let load = contact::load_on_palm(world, &settled.hand.engine_from_palm(world));
+        let load = [load.force_n, load.torque_nm].map(|of| of.norm());
         let limits = [strict.max_palm_force_n, strict.max_palm_torque_nm];
         let exceeds = |(load, limit): (f64, Option<f64>)| limit.is_some_and(|limit| load > limit);
         if load.into_iter().zip(limits).any(exceeds) {

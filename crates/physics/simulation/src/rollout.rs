@@ -9,10 +9,12 @@ use crate::{
     contact::{ContactPoint, contact_points},
     desired::DesiredStep,
     judge::Judge,
+    palm_compliance::CompliantPalm,
     palm_course::PalmCourse,
     script::{Command, Phase, Script},
     settled_scene::SettledScene,
     shortcuts::Shortcuts,
+    units::EngineFrame,
     world::{Overflow, World},
 };
 
@@ -139,7 +141,11 @@ pub(crate) fn run_watched<'a>(
             break;
         }
         verdict = match execution.advance(script, idx, command) {
-            Ok(()) => judge.observe(settled, &execution.world, command),
+            Ok(()) => match judge.observe(settled, &execution.world, command) {
+                Some(Verdict::Diverged) => Some(Verdict::Diverged),
+                _ if execution.is_overloaded() => Some(Verdict::Overloaded),
+                judged => judged,
+            },
             Err(Overflow) => Some(Verdict::Diverged),
         };
         if verdict.is_some() {
@@ -191,12 +197,14 @@ struct Execution<'a> {
     arrival: usize,
     /// The palm's course, if it is driven.
     palm: Option<PalmCourse>,
+    /// The palm's deviation from its path, if it yields.
+    compliant: Option<CompliantPalm>,
     /// Whether the palm was halted.
     halted: bool,
     /// Whether every pull begins where the first one began.
     restart_each_pull: bool,
-    /// The world before the first pull, and the control steps commanded until then.
-    before_pulls: Option<(World, u32)>,
+    /// The world before the first pull, a palm that yields, and the control steps commanded until then.
+    before_pulls: Option<(World, Option<CompliantPalm>, u32)>,
     /// Control steps commanded since the start, by the clock of the drives.
     commanded_n: u32,
     control_steps_n: u32,
@@ -226,6 +234,7 @@ impl<'a> Execution<'a> {
                 .as_ref()
                 .map_or_else(|| script.arrival(), PalmCourse::control_step_count),
             palm,
+            compliant: None,
             halted: false,
             restart_each_pull: protocol.published_settings().restart_each_pull,
             before_pulls: None,
@@ -240,6 +249,8 @@ impl<'a> Execution<'a> {
         settled
             .hand
             .place(&mut execution.world, &table_from_palm, &start.hand.q_rad);
+        let engine_from_palm = settled.hand.engine_from_palm(&execution.world);
+        execution.compliant = CompliantPalm::at_rest(&settled.scene, engine_from_palm);
         execution.executed.push(start.hand.clone());
         execution.record(&start.hand.q_rad);
         execution
@@ -255,12 +266,13 @@ impl<'a> Execution<'a> {
         let control_s = settled.scene.control_step_s();
         let is_moving = idx < self.arrival;
         if is_moving {
-            if self.palm.is_none() {
+            if self.palm.is_none() && self.compliant.is_none() {
                 let target = command.table_from_palm(&self.table_from_estimate);
                 settled.hand.move_palm(world, &target, control_s);
             }
         } else {
-            if !self.halted {
+            // A palm that yields goes on to move.
+            if !self.halted && self.compliant.is_none() {
                 settled.hand.halt(world);
                 self.halted = true;
             }
@@ -272,9 +284,13 @@ impl<'a> Execution<'a> {
                 let turns = before
                     .is_some_and(|b| b.pull_in_table_m_per_s2 != command.pull_in_table_m_per_s2);
                 match &self.before_pulls {
-                    None => self.before_pulls = Some((world.fork(), self.commanded_n)),
-                    Some((before_pulls, commanded_n)) if turns => {
+                    None => {
+                        let compliant = self.compliant.clone();
+                        self.before_pulls = Some((world.fork(), compliant, self.commanded_n));
+                    }
+                    Some((before_pulls, compliant, commanded_n)) if turns => {
                         *world = before_pulls.fork();
+                        self.compliant.clone_from(compliant);
                         self.commanded_n = *commanded_n;
                     }
                     Some(_) => {}
@@ -282,7 +298,15 @@ impl<'a> Execution<'a> {
             }
             world.pull(settled.object, &command.pull_in_table_m_per_s2);
         }
-        let palm = self.palm.as_ref().filter(|_| is_moving);
+        let palm = match (&self.palm, &mut self.compliant) {
+            (Some(course), _) if is_moving => PalmMotion::Driven(course),
+            (_, Some(compliant)) => {
+                // The engine's frame is carried, not the palm in it.
+                let on_path = self.table_from_estimate * command.hand.frame_from_palm;
+                PalmMotion::Compliant(compliant, Pose::new(*on_path))
+            }
+            _ => PalmMotion::Set,
+        };
         let advanced = control_step(settled, world, script, idx, self.commanded_n, palm);
         self.commanded_n += 1;
         self.control_steps_n += 1;
@@ -295,6 +319,13 @@ impl<'a> Execution<'a> {
         }
         self.record(&command.hand.q_rad);
         advanced
+    }
+
+    /// Whether a palm that yields is too far off its path.
+    fn is_overloaded(&self) -> bool {
+        self.compliant
+            .as_ref()
+            .is_some_and(CompliantPalm::is_overloaded)
     }
 
     /// Records the current state and calls the observer.
@@ -351,23 +382,40 @@ fn arrived<'a>(
     }
 }
 
-/// Advances by one control step after `done_n` others, with `last` as the last one commanded; a driven palm moves along
-/// its course.
+/// Motion of the palm in one control step.
+enum PalmMotion<'a> {
+    /// At the velocity that it has.
+    Set,
+    /// Along the course of a driven palm.
+    Driven(&'a PalmCourse),
+    /// Off its path, which ends at this pose.
+    Compliant(&'a mut CompliantPalm, Pose<EngineFrame, Palm>),
+}
+
+/// Advances by one control step after `done_n` others, with `last` as the last one commanded.
 fn control_step(
     settled: &SettledScene,
     world: &mut World,
     script: &Script,
     last: usize,
     done_n: u32,
-    palm: Option<&PalmCourse>,
+    mut palm: PalmMotion,
 ) -> Result<(), Overflow> {
     let per_control = settled.scene.steps_per_control as usize;
     let first = done_n as usize * per_control;
     for step in first..first + per_control {
-        if let Some(object_from_palm) = palm.and_then(|palm| palm.pose(step, last)) {
-            let target = settled.table_from_estimate() * *object_from_palm;
-            let step_s = settled.scene.time_step_s;
-            settled.hand.move_palm(world, &target, step_s);
+        match &mut palm {
+            PalmMotion::Set => {}
+            PalmMotion::Driven(course) => {
+                if let Some(object_from_palm) = course.pose(step, last) {
+                    let target = settled.table_from_estimate() * *object_from_palm;
+                    let step_s = settled.scene.time_step_s;
+                    settled.hand.move_palm(world, &target, step_s);
+                }
+            }
+            PalmMotion::Compliant(palm, end) => {
+                palm.move_hand(world, &settled.hand, end, first + per_control - step);
+            }
         }
         match arrived(settled, script, last, step) {
             Some(Reference::Held(q_command)) => settled.hand.drive(world, q_command),
