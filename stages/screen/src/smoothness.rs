@@ -190,6 +190,26 @@ mod tests {
         near(found.acceleration.log10(), 1.35, 0.01);
     }
 
+    /// A motion of N steps has N - 1 intervals; the released code counts N.
+    #[test]
+    fn each_definition_has_its_own_time_of_a_step() {
+        let hand = RobotModel::from_urdf(
+            r#"<robot name="hand"><link name="palm"/><link name="finger"/>
+            <joint name="j" type="revolute"><parent link="palm"/><child link="finger"/>
+            <axis xyz="0 1 0"/><limit lower="0" upper="1" effort="1" velocity="1"/></joint></robot>"#,
+        );
+        let course = course(|s| s.powi(3) * (10.0 + s * (6.0 * s - 15.0)));
+        let steps = course.iter().map(|q| HandState {
+            frame_from_palm: Pose::identity(),
+            q_rad: q.clone(),
+        });
+        let found = smoothness(&steps.collect::<Vec<_>>(), &hand.unwrap()).unwrap();
+        let [own, released] = [N - 1, N].map(|n| 1.0 / n as f64);
+        assert_eq!(found.paper.joints, of_channels(&course, own));
+        assert_eq!(found.robust.joints, of_vector(&course, own));
+        assert_eq!(found.released.joints, of_channels(&course, released));
+    }
+
     #[test]
     fn a_channel_that_hardly_moves_rules_the_mean_and_not_the_vector() {
         // A bump of 0.1 and a net motion of 0.003, beside a joint that goes straight.

@@ -167,10 +167,14 @@ fn a_demonstration_whose_times_do_not_increase_is_skipped() {
 }
 
 #[test]
-fn non_finite_landmark_is_refused() {
-    let mut shown = demonstration();
+fn non_finite_time_or_landmark_is_refused() {
     let table = fixture::table();
+    let mut shown = demonstration();
     assert_eq!(retargeted::unusable(&shown, &table), None);
+    shown.steps[2].time_s = f64::INFINITY;
+    let reason = retargeted::unusable(&shown, &table).unwrap();
+    assert!(reason.contains("step 2 has a time"), "{reason}");
+    let mut shown = demonstration();
     shown.steps[1].keypoints_m[7][2] = f64::NAN;
     let reason = retargeted::unusable(&shown, &table).unwrap();
     assert!(reason.contains("step 1"), "{reason}");
