@@ -123,6 +123,7 @@ mod tests {
     fn a_whole_publication_removes_the_marks_of_dead_processes_and_leaves_those_of_live_ones() {
         let root = tempfile::tempdir().unwrap();
         let folder = Folder::new(root.path());
+        std::fs::create_dir(folder.staging()).unwrap();
         let locks = Locks::new(folder.locks());
         let marks = ChangingMarks::new(folder.clone());
         let _alive = locks
