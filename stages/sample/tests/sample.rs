@@ -294,7 +294,8 @@ fn config() -> SampleConfig {
 /// Draws motions into a folder, which is returned.
 fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, SampleMetrics) {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached(&"can".parse().unwrap(), seed, out.path());
+    let object = &inputs.artifacts("objects")[0].key;
+    let cx = Context::detached(object, seed, out.path());
     let Outcome::Made(made) = Sample::read_and_make(config, inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
