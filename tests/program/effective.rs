@@ -3,7 +3,7 @@
 //!
 //! `effective/defaults.txt` has the default of every option of every kind of stage, `effective/cgf.txt` what
 //! `cgf.toml` sets to something else, and each other file its differences from `cgf.toml` and, of stages
-//! that this does not have, from the defaults. `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program
+//! that this does not have, from the defaults. `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test suite
 //! effective::shipped` rewrites them.
 
 use std::{collections::BTreeMap, env, fs, path::Path};
@@ -140,7 +140,7 @@ fn shipped_files_have_the_golden_effective_values() {
     for (file, found) in files.chain([("defaults", told(&defaults, &BTreeMap::new()))]) {
         let path = format!("tests/program/effective/{file}.txt");
         if env::var_os("PIPELINE_WRITE_EFFECTIVE").is_some() {
-            crate::bench::put(Path::new(&path), &found);
+            crate::program::bench::put(Path::new(&path), &found);
         }
         let expected = fs::read_to_string(&path).unwrap_or_default();
         let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
@@ -159,7 +159,7 @@ fn every_shipped_file_is_short() {
         let text = fs::read_to_string(format!("pipelines/{file}.toml")).unwrap();
         assert!(text.lines().count() <= 80, "{file}");
     }
-    let shipped = crate::bench::pipeline_files();
+    let shipped = crate::program::bench::pipeline_files();
     assert_eq!(shipped.len(), FILES.len());
 }
 

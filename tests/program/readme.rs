@@ -6,7 +6,7 @@
 
 use std::{fs, path::Path, process::Command};
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     page,
     tables::readme::Readme,
