@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 use toml_edit::DocumentMut;
 
-use crate::{append, changed, digests, put};
+use super::{append, changed, digests, put};
 
 /// What no source ends with.
 const SEVEN: &str = "const SEVEN: u8 = 7;\n";

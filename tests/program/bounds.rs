@@ -4,7 +4,7 @@ use std::{path::Path, sync::LazyLock};
 
 use dataflow::{FileError, Kind, Override, Pipeline, Wiring};
 
-use crate::bench::{Bench, pipeline_files, stderr};
+use crate::program::bench::{Bench, pipeline_files, stderr};
 
 const FILE: &str = include_str!("../../pipelines/cgf.toml");
 
@@ -231,7 +231,7 @@ fn a_value_of_the_file_is_shown_where_it_stands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("much.toml");
     let file = FILE.replacen("per_object = 256", "per_object = 4_000_000_000", 1);
-    crate::bench::put(&path, &file);
+    crate::program::bench::put(&path, &file);
     let plan = std::process::Command::new(env!("CARGO_BIN_EXE_pipeline"))
         .arg("plan")
         .arg(&path)

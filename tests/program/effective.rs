@@ -3,7 +3,7 @@
 //!
 //! `effective/defaults.txt` has the default of every option of every kind of stage, `effective/cgf.txt` what
 //! `cgf.toml` sets to something else, and each other file its differences from `cgf.toml` and, of stages
-//! that this does not have, from the defaults. `PIPELINE_WRITE_GOLDEN=1 cargo test --release --test program golden`
+//! that this does not have, from the defaults. `PIPELINE_WRITE_GOLDEN=1 cargo test --release --test suite golden`
 //! writes them.
 
 use std::{collections::BTreeMap, fs, path::Path};
@@ -12,7 +12,7 @@ use dataflow::Pipeline;
 use serde_json::Value;
 use stage_retarget::Retarget;
 
-use crate::bench::{golden, pipeline_files};
+use crate::program::bench::{golden, pipeline_files};
 
 /// The shipped files, by their paths below `pipelines` without the ending.
 fn files() -> Vec<String> {

@@ -8,7 +8,7 @@ use std::{path::Path, process::Command};
 
 use dataflow::{Kind, OutputInfo, Wiring};
 
-use crate::{
+use crate::program::{
     bench::{golden, stderr, stdout},
     page,
     tables::readme::Readme,

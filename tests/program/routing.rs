@@ -10,7 +10,7 @@ use std::{
 
 use ::cell::{Counts, GoalOutcome, WatchEvent, Watcher};
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::{Lab, all_of},
 };
@@ -153,11 +153,11 @@ fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
     (outcomes, watcher.counts())
 }
 
-/// Twenty seconds, or as many as `PIPELINE_WATCH_S` says: `PIPELINE_WATCH_S=600 cargo test --release
-/// --workspace --test program -- --nocapture routing::whoever`.
+/// Fourteen seconds, or as many as `PIPELINE_WATCH_S` says: `PIPELINE_WATCH_S=600 cargo test --release
+/// --workspace --test suite -- --nocapture routing::watcher`.
 #[test]
 fn watcher_misses_no_result_when_the_router_is_killed() {
-    let seconds = env::var("PIPELINE_WATCH_S").map_or(20.0, |text| text.parse().unwrap());
+    let seconds = env::var("PIPELINE_WATCH_S").map_or(14.0, |text| text.parse().unwrap());
     let mut lab = Lab::behind_a_router();
     let mut router = lab.router();
     let cell = lab.cell(&[]);

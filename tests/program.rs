@@ -6,8 +6,6 @@ mod bench;
 mod bounds;
 mod cell;
 mod cell_lab;
-#[path = "../slurm/cluster.rs"]
-mod cluster;
 mod commands;
 mod dispatch_ledger;
 mod doctor;
@@ -15,7 +13,7 @@ mod effective;
 mod errors;
 mod exports;
 mod extended;
-#[path = "../../stages/dispatch/tests/model/model.rs"]
+#[path = "../stages/dispatch/tests/model/model.rs"]
 mod goal_model;
 mod history;
 mod imports;
@@ -30,7 +28,7 @@ mod older_lake;
 mod output;
 mod own_hand;
 mod page;
-#[path = "../../crates/cell/tests/cell/papers.rs"]
+#[path = "../crates/cell/tests/cell/papers.rs"]
 mod papers;
 mod projects;
 mod python;

@@ -6,9 +6,7 @@
 //! `PIPELINE_ROUNDS`;
 //! `PIPELINE_SEED` changes the random draws.
 
-#[path = "../slurm/cluster.rs"]
-mod cluster;
-#[path = "../own_stages/stages.rs"]
+#[path = "own_stages/stages.rs"]
 mod own_stages;
 mod place;
 
