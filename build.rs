@@ -27,7 +27,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let root = PathBuf::from(env::var("CARGO_MANIFEST_DIR")?);
     let mut files = BTreeMap::new();
     for (name, endings) in PROJECT {
-        say(&format!("cargo::rerun-if-changed={name}"));
+        println!("cargo::rerun-if-changed={name}");
         list(&root, name, endings, &mut files)?;
     }
     let listed = files.iter().map(|(name, path)| {
@@ -61,14 +61,6 @@ fn list(
         files.insert(name.to_owned(), path);
     }
     Ok(())
-}
-
-#[expect(
-    clippy::print_stdout,
-    reason = "a build script talks to cargo on stdout"
-)]
-fn say(instruction: &str) {
-    println!("{instruction}");
 }
 
 #[expect(

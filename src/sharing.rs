@@ -91,7 +91,7 @@ impl Program<'_> {
             );
             match &shared.unsent {
                 Some(why) => report::line(Label::Warn, format!("{why}\nhint: {waiting}")),
-                None => self.say(Label::Note, format!("{waiting}")),
+                None => self.say(Label::Note, waiting),
             }
         }
         if shared.n_damaged > 0 {

@@ -88,7 +88,7 @@ fn finish(
     let export = export.map_err(CommandError::with_hint(FormatError::hint))?;
     folder.write(&export.files)?;
     for fact in gathered.left_out.iter().chain(&export.lost) {
-        program.say(Label::Lost, format!("{fact}"));
+        program.say(Label::Lost, fact);
     }
     let n = gathered.episodes.len();
     program.say(Label::Done, format!("{n} motions of `{}`", args.artifact));

@@ -124,7 +124,7 @@ fn answer(
             let printed = print::table(&answer, Page::of_stdout());
             report::data(printed.text.as_bytes())?;
             for note in printed.left_out {
-                program.say(Label::Note, format!("{note}"));
+                program.say(Label::Note, note);
             }
             return Ok(CommandOutcome::Done);
         }

@@ -81,7 +81,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     }
     let foreign = physics::foreign_drives(&pipeline);
     for difference in physics::differences(&pipeline).iter().chain(&foreign) {
-        program.say(Label::Warn, format!("{}", difference.text));
+        program.say(Label::Warn, &difference.text);
         program.say(Label::Hint, &difference.hint);
     }
     let screen = Screen::new(program.quiet);

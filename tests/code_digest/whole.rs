@@ -128,7 +128,12 @@ fn layout_a_comment_and_a_test_in_every_source_of_every_crate_change_no_code() {
         let more = "// A comment.\n\n/// A test.\n#[cfg(test)]\nmod more {\n    use super::*;\n\n    \
                     #[test]\n    fn seven() {\n        assert_eq!(3 + 4, 7);\n    }\n}\n";
         let text = fs::read_to_string(&path).unwrap();
-        let has_whole_strings = |line: &str| line.replace("\\\"", "").matches('"').count() % 2 == 0;
+        let has_whole_strings = |line: &str| {
+            line.replace("\\\"", "")
+                .matches('"')
+                .count()
+                .is_multiple_of(2)
+        };
         // Where every string ends in its line, lines may move.
         let text = if text.lines().all(has_whole_strings) && !text.contains("r#") {
             laid_out_n += 1;

@@ -357,11 +357,12 @@ mod tests {
             let share = f64::from(number) / 20.0;
             let from_m = Vector3::new(0.25 * share - 0.3, 0.0, 0.05);
             let joints = hand.joints().iter();
-            let bent = joints.map(|joint| joint.lower + share * bend * (joint.upper - joint.lower));
+            let q_rad =
+                joints.map(|joint| joint.lower + share * bend * (joint.upper - joint.lower));
             Step {
                 time_s: share,
                 frame_from_palm: Pose::new(Isometry3::new(from_m, Vector3::new(0.1, 0.2, 0.0))),
-                q_rad: bent.collect(),
+                q_rad: q_rad.collect(),
                 rates: (),
             }
         };

@@ -102,7 +102,9 @@ impl Output for Screen {
             Err(err) => return screened.skip_or_fail(err),
         };
         let candidates = screened.candidates.candidates.iter().zip(found);
-        let rollouts: Rollouts = candidates.map(|(of, found)| row(of, found)).collect();
+        let rollouts: Rollouts = candidates
+            .map(|(of, found)| row(of, found.as_ref()))
+            .collect();
 
         cx.write(&rollouts)?;
         let context = recording::RecordingContext {
@@ -125,7 +127,7 @@ impl Output for Screen {
 }
 
 /// Returns the row of a candidate.
-fn row(candidate: &Candidate, found: Option<Judgment>) -> Rollout {
+fn row(candidate: &Candidate, found: Option<&Judgment>) -> Rollout {
     let infeasible = Rollout::unsimulated(candidate, Verdict::Infeasible);
     match found {
         None => infeasible,

@@ -339,9 +339,9 @@ mod tests {
             control_step_s: scene_config.control_step_s(),
             steps_n: 20,
         };
-        let controller = Controller::new(&hand, &tips, options);
+        let control = Controller::new(&hand, &tips, options);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let controlled = controller.control(&scene, &given(&hand), &mut rng).unwrap();
+        let controlled = control.control(&scene, &given(&hand), &mut rng).unwrap();
         let rollout = scene
             .rollout(&controlled.motion, &protocol, TraceMode::Trace)
             .unwrap();

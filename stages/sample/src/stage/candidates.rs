@@ -102,10 +102,7 @@ pub(super) fn make(
     let cgf = read_checkpoint(config.epoch, &checkpoint)?;
     let other = match config.shape {
         SeenShape::Own => None,
-        SeenShape::Other => {
-            let other = others.first();
-            Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
-        }
+        SeenShape::Other => Some(shown(&object, &others)?),
     };
     let order = hand.as_ref().map(|hand| {
         let joints = &cgf.description().joints;
@@ -151,17 +148,13 @@ pub(super) fn make(
         && let Some(hand) = &hand
         && let Some(order) = &order
     {
-        let numbers = recording::chosen(config.recorded_per_object, drawn.candidates.len());
-        let motions: Vec<&Candidate> = numbers
-            .into_iter()
-            .filter_map(|number| drawn.candidates.get(number))
-            .collect();
         let context = recording::RecordingContext {
             urdf: &robot::plain_urdf(&hand.urdf),
             model: &hand.model,
             object: &object,
             order,
         };
+        let motions = recorded(&drawn.candidates, config.recorded_per_object);
         recording::record(&context, &motions, cx.folder())?;
     }
     let metrics = SampleMetrics {
@@ -169,6 +162,20 @@ pub(super) fn make(
         draws: every_draw.len() as f64,
     };
     Ok(Outcome::Made(metrics))
+}
+
+/// Returns the other object whose shape the function is shown.
+fn shown<'a>(object: &Object, others: &'a [Object]) -> Result<&'a Object, SampleError> {
+    let other = others.first();
+    other.ok_or_else(|| SampleError::NoOther(object.name.clone()))
+}
+
+/// Returns the motions that are recorded.
+fn recorded(candidates: &[Candidate], n: usize) -> Vec<&Candidate> {
+    let numbers = recording::chosen(n, candidates.len()).into_iter();
+    numbers
+        .filter_map(|number| candidates.get(number))
+        .collect()
 }
 
 fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, BoxedDiagnostic> {

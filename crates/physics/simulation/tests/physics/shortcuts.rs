@@ -67,7 +67,7 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
         match all.verdict {
             Verdict::Held => assert_eq!(all.measures.skipped_steps_n, 0),
             Verdict::EarlyContact => {
-                assert!(all.measures.control_steps_n > 0 && few.measures.control_steps_n == 0)
+                assert!(all.measures.control_steps_n > 0 && few.measures.control_steps_n == 0);
             }
             _ => {}
         }
