@@ -25,7 +25,7 @@
 //! ([`Motion::at`]); one with all rates is also a [`MotionSpline`], through all steps with continuous
 //! velocity and acceleration. A [`JointTrack`] and [`PalmPoint`]s are controller commands: points
 //! at each controller's own rate. A [`HandState`] is a hand at one time, of a motion or not;
-//! [`smoothness`] measures a series of them.
+//! [`smoothness()`] measures a series of them.
 //! Times are in seconds, lengths in meters, angles in radians.
 //! This crate does no input or output; it knows neither limits nor a motion's purpose.
 

@@ -49,7 +49,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
-//! Each step becomes a pose of the robot's palm and a vector of joint positions ([`retarget`]),
+//! Each step becomes a pose of the robot's palm and a vector of joint positions ([`retarget()`]),
 //! by the position-based retargeting of Ye et al., "Learning Continuous Grasping Function with a
 //! Dexterous Hand from Human Demonstrations" (RA-L 2023, §III-A): points of the robot follow
 //! landmarks of the human hand, within the joint limits, and change little from step to step.
@@ -58,7 +58,7 @@
 //! it. Weight 0 disables a term ([`RetargetingConfig`]).
 //!
 //! Steps are solved backward from the grasp, as in the paper's time, so that the grasp, which matters
-//! most, does not depend on the steps before it. [`survey`] computes what a step asks of the object, once for
+//! most, does not depend on the steps before it. [`survey()`] computes what a step asks of the object, once for
 //! each, and [`settled`] how it lies without the recording's errors.
 //!
 //! - Everything is computed in the object frame, in `f64`, in meters, seconds and radians.
