@@ -229,16 +229,10 @@ impl Lab {
         )
     }
 
-    /// Runs the last stage, again where an answer is late, as on a loaded machine; expects that the cell has executed
-    /// every accepted goal once, and that all of them are reported.
+    /// Runs the last stage, and expects that the cell has executed every accepted goal once, and
+    /// that all of them are reported.
     pub(crate) fn dispatch_to_the_end(&mut self, cell: Served) {
-        let deadline = Instant::now() + Duration::from_mins(1);
-        let ran = loop {
-            let ran = self.dispatch().output().unwrap();
-            if !stderr(&ran).contains("is unknown") || Instant::now() > deadline {
-                break ran;
-            }
-        };
+        let ran = self.dispatch().output().unwrap();
         assert_eq!(ran.status.code(), Some(0), "{}", stderr(&ran));
         let taken = self.taken();
         self.end(cell);
@@ -246,6 +240,16 @@ impl Lab {
         assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
         assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
         assert_eq!(self.over.len(), taken);
+    }
+
+    /// Waits until a cell says that its router is there again, and keeps its output until then.
+    pub(crate) fn wait_until_back(&mut self, cell: &mut Served) {
+        let mut said = String::new();
+        while !said.contains("is there again") {
+            let n_bytes = cell.said.as_mut().unwrap().read_line(&mut said).unwrap();
+            assert!(n_bytes > 0, "{said}");
+        }
+        self.hear(&said);
     }
 
     /// Ends a cell and keeps its output.

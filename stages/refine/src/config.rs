@@ -9,8 +9,6 @@ use refinement::RefinementConfig;
 const MAX_DRAWS: usize = 10_000;
 
 /// Options of `kind = "refine"`.
-///
-/// A weight multiplies its residual before it is squared; 0 switches a term off.
 #[options]
 pub struct RefineConfig {
     /// File of the robot hand, or its URDF alone; the root link is the palm.

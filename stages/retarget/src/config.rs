@@ -13,8 +13,6 @@ const COARSEST_M: f64 = 0.1;
 const FINEST_M: f64 = 1e-4;
 
 /// Options of `kind = "retarget"`.
-///
-/// A weight multiplies its residual before it is squared; 0 switches a term off.
 #[options]
 pub struct RetargetConfig {
     /// File of the robot hand, or its URDF alone; the root link is the palm.

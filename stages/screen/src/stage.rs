@@ -193,7 +193,42 @@ fn failures(verdicts: &[Verdict]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use motion::{HandRates, Motion, Step};
+    use schemas::candidates::DrawSource;
+    use spatial::Pose;
+
     use super::*;
+
+    #[test]
+    fn a_motion_that_the_hand_cannot_execute_is_a_row_of_its_candidate() {
+        let step = |time_s: f64| Step {
+            time_s,
+            frame_from_palm: Pose::identity(),
+            q_rad: vec![0.0],
+            rates: HandRates::zero(1),
+        };
+        let candidate = Candidate {
+            candidate_id: "b".to_owned(),
+            generator: "test".to_owned(),
+            source: DrawSource::replayed("b"),
+            latent: Vec::new(),
+            table_from_object: Pose::identity(),
+            limit_excess_rad: 0.0,
+            depth_m: None,
+            residual_m2: None,
+            motion: Motion::new(&["j"], vec![step(0.0), step(1.0)]).unwrap(),
+        };
+        let row = row(&candidate, None);
+        assert_eq!(
+            (row.candidate_id.as_str(), row.verdict),
+            ("b", Verdict::Infeasible)
+        );
+        assert_eq!(row.source, candidate.source);
+        assert_eq!(
+            (row.measures.control_steps_n, row.measures.skipped_steps_n),
+            (0, 0)
+        );
+    }
 
     #[test]
     fn failures_are_one_of_each_reason_before_a_second_of_any() {
