@@ -21,6 +21,7 @@ columns! {
         slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
         displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
         penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
+        finger_penetration_m: Option<f64> ["m"] => "deepest that links of different fingers, or a finger and the palm, were in each other; null where they do not touch",
         contacts_n: u32 => "hand links in contact with the object at the end",
     }
 }
@@ -84,7 +85,7 @@ words! {
         Slipped = "slipped",
         /// Lifted, and fell before the end.
         Dropped = "dropped",
-        /// Held to the end, with the hand deeper in the object than solid bodies can be.
+        /// Held to the end, with the hand deeper in the object or in itself than solid bodies can be.
         TooDeep = "too_deep",
         /// Object and table loaded the palm more than an arm bears.
         Overloaded = "overloaded",

@@ -12,7 +12,7 @@ use stage_screen::Screen;
 
 /// Values of a scene on which it depends whether a grasp succeeds. Time steps are not among them: the cell's
 /// differ on purpose.
-const PHYSICS: [&str; 8] = [
+const PHYSICS: [&str; 9] = [
     "friction",
     "table_friction",
     "object_mass_kg",
@@ -20,6 +20,7 @@ const PHYSICS: [&str; 8] = [
     "mass_scale",
     "fingers_touch",
     "fingers_touch_palm",
+    "palm_compliance",
     "drive",
 ];
 
@@ -56,7 +57,7 @@ pub(crate) fn foreign_drives(pipeline: &Pipeline) -> Vec<Difference> {
 fn foreign_drive(stage: &StageEntry) -> Option<Difference> {
     // A published protocol has the drives of its paper.
     let options = stage.options::<Screen>();
-    let options = options.filter(|options| options.protocol.name.is_table_lift())?;
+    let options = options.filter(|options| options.protocol.name.is_own())?;
     let hand = RobotModel::from_urdf_bytes(&fs::read(&options.hand).ok()?).ok()?;
     let limit = options.scene.drive.torque_limit;
     let efforts = hand.finger_efforts_nm();
@@ -93,7 +94,7 @@ fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference
     let source = dispatch.inputs.get(Rollouts::NAME)?;
     let screen = pipeline.stages.iter().find(|it| it.name == source.stage)?;
     let screened = values(&screen.options::<Screen>()?.resolved().scene);
-    let executed = values(&options.simulated.scene);
+    let executed = values(&options.resolved().simulated.scene);
     let differing = PHYSICS
         .iter()
         .flat_map(|key| inner(key, &screened[*key], &executed[*key]));

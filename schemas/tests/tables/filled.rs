@@ -348,6 +348,7 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
             slip_m: 0.001,
             displacement_m: 0.002,
             penetration_m: 0.0005,
+            finger_penetration_m: (verdict == Verdict::Held).then_some(0.0003),
             contacts_n: 4,
         },
         smoothness: rollouts::Smoothness {

@@ -219,7 +219,7 @@ pub fn simulated_cell(
         })?;
         Ok::<_, BoxedDiagnostic>(arm_of(options, urdf)?)
     });
-    let (name, simulated) = (config.cell_name.clone(), config.simulated.clone());
+    let (name, simulated) = (config.cell_name.clone(), config.resolved().simulated);
     Ok(setup(name, listen, simulated, arm.transpose()?))
 }
 
@@ -262,7 +262,7 @@ fn simulated(
     };
     let (name, listen) = (config.cell_name.clone(), config.listen.clone());
     let requested = CellSetup {
-        config: setup(name, listen, config.simulated.clone(), arm),
+        config: setup(name, listen, config.resolved().simulated, arm),
         robot: robots.digest(),
     };
     let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);

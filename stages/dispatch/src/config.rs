@@ -165,6 +165,21 @@ pub struct SimulatedConfig {
 }
 
 impl DispatchConfig {
+    /// Returns the options for which the protocol's name stands.
+    #[must_use]
+    pub fn resolved(&self) -> Self {
+        let (scene, protocol) = self.protocol.resolved(&self.simulated.scene);
+        let simulated = SimulatedConfig {
+            scene,
+            ..self.simulated.clone()
+        };
+        Self {
+            protocol,
+            simulated,
+            ..self.clone()
+        }
+    }
+
     fn combined_faults(&self, faults: &mut OptionFaults) {
         let elsewhere = ["tcp/", "tls/"];
         if self.cell != SIMULATED && !elsewhere.iter().any(|way| self.cell.starts_with(way)) {

@@ -152,6 +152,7 @@ impl Output for Dispatch {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<DispatchMetrics>, BoxedDiagnostic> {
+        let config = &config.resolved();
         let rollouts: Rollouts = inputs.one()?;
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;

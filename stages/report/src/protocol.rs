@@ -84,6 +84,10 @@ impl<'a> ScreenOptions<'a> {
 
     /// Says whether different fingers touch each other in the screen's physics.
     fn fingers_touch(self) -> Option<bool> {
+        let name = self.0.pointer("/protocol/name");
+        if name.is_some_and(|name| name == "full_contact") {
+            return Some(true);
+        }
         self.0.pointer("/scene/fingers_touch")?.as_bool()
     }
 

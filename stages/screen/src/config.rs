@@ -44,6 +44,13 @@ pub struct ScreenConfig {
         why = "no object of a hand's size is deeper"
     )]
     pub max_penetration_m: f64,
+    /// Deepest that fingers may be in each other and in the palm at any control step of a motion that holds its object,
+    /// in meters, where they touch each other; deeper is `too_deep`: soft contacts of the simulation yield by that much.
+    #[option(
+        default = 0.002, range = 0.0..=MAX_PENETRATION_M,
+        why = "no finger is thicker"
+    )]
+    pub max_finger_penetration_m: f64,
     /// Trials of accepted motions under sampled errors.
     #[option(default, table)]
     pub robustness: RobustnessConfig,
@@ -84,6 +91,7 @@ impl ScreenConfig {
             scene: &self.scene,
             protocol: &self.protocol,
             max_penetration_m: self.max_penetration_m,
+            max_finger_penetration_m: self.max_finger_penetration_m,
             pose_noise: self.pose_noise,
             seed,
         }
@@ -93,13 +101,16 @@ impl ScreenConfig {
     #[must_use]
     pub fn resolved(&self) -> Self {
         let (scene, protocol) = self.protocol.resolved(&self.scene);
-        let max_penetration_m = if self.protocol.name.is_table_lift() {
-            self.max_penetration_m
-        } else {
-            f64::INFINITY
+        let of_own = |most_m: f64| {
+            if self.protocol.name.is_own() {
+                most_m
+            } else {
+                f64::INFINITY
+            }
         };
         Self {
-            max_penetration_m,
+            max_penetration_m: of_own(self.max_penetration_m),
+            max_finger_penetration_m: of_own(self.max_finger_penetration_m),
             scene,
             protocol,
             ..self.clone()

@@ -36,6 +36,7 @@ pub(crate) fn options<'a>(scene: &'a SceneConfig, protocol: &'a Protocol) -> Scr
         scene,
         protocol,
         max_penetration_m: 0.005,
+        max_finger_penetration_m: 0.002,
         pose_noise: 0.0,
         seed: 7,
     }

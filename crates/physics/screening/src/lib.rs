@@ -43,6 +43,7 @@
 //!     scene: &scene,
 //!     protocol: &protocol,
 //!     max_penetration_m: 0.005,
+//!     max_finger_penetration_m: 0.002,
 //!     pose_noise: 0.0,
 //!     seed: 7,
 //! };

@@ -27,6 +27,9 @@ pub struct ScreeningOptions<'a> {
     pub protocol: &'a Protocol,
     /// Deepest that the hand may be in an object that it holds, in meters; deeper is [`Verdict::TooDeep`].
     pub max_penetration_m: f64,
+    /// Deepest that fingers that touch each other and the palm may be in each other and in the palm, in meters; deeper
+    /// is [`Verdict::TooDeep`].
+    pub max_finger_penetration_m: f64,
     /// Standard deviation of the noise on the object's position, along each axis as a share of the object's extent; 0
     /// for none.
     pub pose_noise: f64,
@@ -35,11 +38,13 @@ pub struct ScreeningOptions<'a> {
 }
 
 impl ScreeningOptions<'_> {
-    /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it.
+    /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it, or inside itself.
     pub fn verdict(&self, rollout: &Rollout) -> Verdict {
-        let depth_m = rollout.measures.penetration_m;
+        let measures = &rollout.measures;
+        let is_too_deep = measures.penetration_m > self.max_penetration_m
+            || measures.finger_penetration_m > Some(self.max_finger_penetration_m);
         match rollout.verdict {
-            Verdict::Held if depth_m > self.max_penetration_m => Verdict::TooDeep,
+            Verdict::Held if is_too_deep => Verdict::TooDeep,
             verdict => verdict,
         }
     }

@@ -221,8 +221,9 @@ impl Approach {
 #[derive(PartialEq)]
 #[schemars(inline)]
 pub struct Protocol {
-    /// Name of the protocol: `table_lift`, by the options below, or a published one, which replaces most of
-    /// them and of the scene's.
+    /// Name of the protocol: `full_contact`, by the options below with contact between fingers, palm and arm;
+    /// `table_lift`, the lenient one, by the options alone; or a published one, which replaces most of them and of the
+    /// scene's.
     // Goals of cells that know no names stay as they are.
     #[serde(default, skip_serializing_if = "ProtocolName::is_table_lift")]
     #[schemars(extend("default" = "table_lift"))]
@@ -303,7 +304,7 @@ pub struct Protocol {
     /// The pulls of `six_directions`.
     #[option(default, table)]
     pub pull: PullConfig,
-    /// Settings of a published protocol for which there is no option; [`Protocol::resolved`] sets them.
+    /// Settings of a named protocol for which there is no option; [`Protocol::resolved`] sets them.
     #[serde(skip)]
     pub published: Option<PublishedSettings>,
 }

@@ -78,6 +78,17 @@ pub(crate) fn touch(
     touch
 }
 
+/// Returns the depth in meters to which links of different fingers, or a finger and the palm, are in each other after
+/// the last physics step, 0 if none are.
+pub(crate) fn self_depth_m(world: &World) -> f64 {
+    let of_hand = pairs(world).filter(|(_, both)| {
+        let mut both = both.iter();
+        both.all(|one| groups::is_hand(one.collision_groups()))
+    });
+    let points = of_hand.flat_map(|(pair, _)| pair.manifolds().iter().flat_map(|m| &m.points));
+    points.map(|point| -meters(point.dist)).fold(0.0, f64::max)
+}
+
 /// Load of object and table on the palm, along the engine's axes, which are the table's.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct PalmLoad {

@@ -43,6 +43,8 @@ pub(crate) struct Judge<'a> {
     rise_m: f64,
     displacement_m: f64,
     penetration_m: f64,
+    /// Depth of the fingers in each other and in the palm; none if they do not touch.
+    finger_penetration_m: Option<f64>,
     /// The object's pose in the palm frame, from the end of the lift on.
     palm_from_object_held: Vec<Pose<Palm, Object>>,
     /// The object's pose in the palm frame after the latest step.
@@ -96,6 +98,7 @@ impl<'a> Judge<'a> {
             rise_m: 0.0,
             displacement_m: 0.0,
             penetration_m: 0.0,
+            finger_penetration_m: (scene.fingers_touch && scene.fingers_touch_palm).then_some(0.0),
             palm_from_object_held: Vec::new(),
             last_palm_from_object: Pose::identity(),
             closing_left: scene.delay_control_steps(),
@@ -122,6 +125,9 @@ impl<'a> Judge<'a> {
         let table_from_object = settled.table_from_object_in(world);
         if implausible(settled, world, &table_from_object) {
             return Some(Verdict::Diverged);
+        }
+        if let Some(deepest_m) = &mut self.finger_penetration_m {
+            *deepest_m = deepest_m.max(contact::self_depth_m(world));
         }
         self.rise_m =
             table_from_object.translation.z - self.table_from_object_at_start.translation.z;
@@ -385,6 +391,7 @@ impl<'a> Judge<'a> {
             slip_m: finite_or_zero(self.slip_m()),
             displacement_m: finite_or_zero(self.displacement_m),
             penetration_m: finite_or_zero(self.penetration_m),
+            finger_penetration_m: self.finger_penetration_m.map(finite_or_zero),
             contacts_n: self.contact_count(),
             ..Measures::default()
         }

@@ -1,4 +1,4 @@
-//! Protocols by name: grasp trials of other projects, as far as this engine can reproduce them.
+//! Protocols by name: this project's, and grasp trials of other projects, as far as this engine can reproduce them.
 //!
 //! Each replaces the options that it states; the rest, e.g. the time step, is the scene's own.
 //! `protocols.md` beside the crate's README lists the differences that remain.
@@ -7,8 +7,8 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::config::{
-    Approach, ControllerKind, ObjectMass, Protocol, PullConfig, SceneConfig, StrictConfig, Support,
-    Trial,
+    Approach, ControllerKind, KnockedUntil, ObjectMass, Protocol, PullConfig, SceneConfig,
+    StrictConfig, Support, Trial,
 };
 
 /// A limit that nothing reaches, in the unit of its option.
@@ -17,13 +17,16 @@ const NO_LIMIT: f64 = 1e6;
 const NO_TORQUE_LIMIT_NM: f64 = 1e3;
 /// Deepest that a palm, which does not yield, may be commanded below the table, in meters.
 const PALM_IN_TABLE_M: f64 = 0.01;
+/// Greatest friction of `full_contact`.
+pub(crate) const FULL_CONTACT_FRICTION: f64 = 0.8;
 
 /// The name of a protocol.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
 pub enum ProtocolName {
-    /// This project's: as the options say.
+    /// This project's lenient one: as the options say, by default without contact between fingers and with a palm that
+    /// never yields.
     #[default]
     TableLift,
     /// The released simulation of Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand from
@@ -43,11 +46,14 @@ pub enum ProtocolName {
     /// The simulated pick of A. Li et al., *`FRoGGeR`: Fast Robust Grasp Generation via the Min-Weight Metric*,
     /// IROS 2023.
     Frogger,
+    /// This project's `table_lift` with every contact: fingers touch each other and the palm, contact pushes the palm off
+    /// its path, a displaced object counts up to the lift, and friction is at most 0.8.
+    FullContact,
 }
 
 impl ProtocolName {
     /// Every protocol.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::TableLift,
         Self::Paper,
         Self::DexgraspbenchForceClosure,
@@ -55,6 +61,7 @@ impl ProtocolName {
         Self::GetAGrip,
         Self::Dro,
         Self::Frogger,
+        Self::FullContact,
     ];
 
     /// Returns the word for it in a pipeline file.
@@ -67,16 +74,22 @@ impl ProtocolName {
             Self::GetAGrip => "get_a_grip",
             Self::Dro => "dro",
             Self::Frogger => "frogger",
+            Self::FullContact => "full_contact",
         }
     }
 
-    /// Whether it is this project's own.
+    /// Whether it is the lenient one, by the options alone.
     pub fn is_table_lift(&self) -> bool {
         *self == Self::TableLift
     }
+
+    /// Whether it is one of this project's, whose motions a cell executes.
+    pub fn is_own(self) -> bool {
+        matches!(self, Self::TableLift | Self::FullContact)
+    }
 }
 
-/// Settings of published protocols for which there is no option.
+/// Settings of protocols for which there is no option.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct PublishedSettings {
     /// Opening of the flexing joints before the closing, besides `open_rad`, as a share of the distance to their
@@ -138,7 +151,7 @@ impl Protocol {
     /// Returns the scene and the protocol for which the name stands.
     pub fn resolved(&self, scene: &SceneConfig) -> (SceneConfig, Self) {
         let (mut scene, mut protocol) = (scene.clone(), self.clone());
-        if !self.name.is_table_lift() {
+        if !self.name.is_own() {
             scene.mass_scale = 1.0;
             scene.support = Support::Table;
         }
@@ -150,6 +163,7 @@ impl Protocol {
             ProtocolName::GetAGrip => get_a_grip(&mut scene, &mut protocol),
             ProtocolName::Dro => dro(&mut scene, &mut protocol),
             ProtocolName::Frogger => frogger(&mut scene, &mut protocol),
+            ProtocolName::FullContact => full_contact(&mut scene, &mut protocol),
         }
         (scene, protocol)
     }
@@ -191,6 +205,17 @@ fn drive(scene: &mut SceneConfig, [stiffness, damping, torque_limit]: [f64; 3]) 
     scene.drive.stiffness = stiffness;
     scene.drive.damping = damping;
     scene.drive.torque_limit = torque_limit;
+}
+
+/// Every contact that a real hand has, and the limits of the arm that carries it.
+fn full_contact(scene: &mut SceneConfig, protocol: &mut Protocol) {
+    scene.fingers_touch = true;
+    scene.fingers_touch_palm = true;
+    if scene.palm_drive.is_none() {
+        scene.palm_compliance.get_or_insert_default();
+    }
+    protocol.strict.knocked_until = KnockedUntil::Lift;
+    protocol.published = Some(PublishedSettings::default());
 }
 
 /// 40 control steps of the motion and 15 of the lift by 15 cm; at the end, a contact and a rise of 4 cm.

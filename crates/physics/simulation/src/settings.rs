@@ -2,7 +2,10 @@
 
 use options::{OptionFault, OptionFaults, Options};
 
-use crate::config::{Approach, Protocol, SceneConfig, Support, Trial};
+use crate::{
+    config::{Approach, Protocol, SceneConfig, Support, Trial},
+    protocols::{FULL_CONTACT_FRICTION, ProtocolName},
+};
 
 /// Longest of the times that a protocol is made of, in seconds.
 pub(crate) const MAX_DURATION_S: f64 = 3600.0;
@@ -56,10 +59,10 @@ impl Protocol {
     /// Returns the setting for which a robot cell cannot execute the protocol, if there is one.
     pub fn cell_fault(&self) -> Option<OptionFault> {
         let fault = |key, problem: &str| Some(OptionFault::new(key, problem));
-        if !self.name.is_table_lift() {
+        if !self.name.is_own() {
             fault(
                 "protocol.name",
-                "is that of a published protocol: a cell executes `table_lift`",
+                "is that of a published protocol: a cell executes `full_contact` and `table_lift`",
             )
         } else if self.approach == Approach::AtGrasp {
             fault(
@@ -81,13 +84,22 @@ impl Protocol {
     pub fn faults_in(&self, scene: &SceneConfig) -> Vec<OptionFault> {
         let mut faults = OptionFaults::default();
         let in_range = self.faults();
-        if self.trial == Trial::Lift
-            && scene.support == Support::Nothing
-            && self.name.is_table_lift()
-        {
+        if self.trial == Trial::Lift && scene.support == Support::Nothing && self.name.is_own() {
             let problem =
                 "is `lift`, from no table and without weight: the scene's `support` is `nothing`";
             faults.note("trial", problem);
+        }
+        let friction = scene.friction.max(scene.table_friction.unwrap_or_default());
+        if self.name == ProtocolName::FullContact && friction > FULL_CONTACT_FRICTION {
+            let problem = format!(
+                "is `full_contact`, with a friction of at most {FULL_CONTACT_FRICTION}; the scene has {friction:?}"
+            );
+            faults.note("name", problem);
+        }
+        if self.name == ProtocolName::FullContact && scene.palm_drive.is_some() {
+            let problem =
+                "is `full_contact`, with a palm that yields: leave out the scene's `palm_drive`";
+            faults.note("name", problem);
         }
         if in_range.is_empty() && faults.is_empty() && scene.faults().is_empty() {
             self.check_steps(scene, &mut faults);

@@ -100,9 +100,10 @@ pub struct CemMpcConfig {
 }
 
 impl CemMpcConfig {
-    /// Returns the options for which the protocol's name stands.
+    /// Returns the options for which the protocol's name stands; the palm of the plan follows its commands.
     pub(crate) fn resolved(&self) -> Self {
-        let (scene, protocol) = self.protocol.resolved(&self.scene);
+        let (mut scene, protocol) = self.protocol.resolved(&self.scene);
+        scene.palm_compliance = self.scene.palm_compliance;
         Self {
             scene,
             protocol,

@@ -225,9 +225,14 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
             format!("{approach}, no scripted squeeze")
         }
     };
-    let published = ProtocolName::ALL
+    let named = ProtocolName::ALL
         .into_iter()
-        .find(|name| !name.is_table_lift() && is(*name as u8, all.protocol_n));
+        .find(|name| is(*name as u8, all.protocol_n));
+    let protocol = match named {
+        Some(ProtocolName::TableLift) | None => own(),
+        Some(name) if name.is_own() => format!("{}, {}", name.as_str(), own()),
+        Some(name) => name.as_str().to_owned(),
+    };
     format!(
         "{} object{}: mean {:.1} % (95 % CI {:.0} to {:.0}); {}",
         all.objects_n,
@@ -235,7 +240,7 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
         percent(all.candidate_rate_mean),
         percent(all.candidate_rate_low),
         percent(all.candidate_rate_high),
-        published.map_or_else(own, |name| name.as_str().to_owned()),
+        protocol,
     )
 }
 

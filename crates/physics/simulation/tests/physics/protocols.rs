@@ -5,8 +5,8 @@ use motion::{Motion, Step};
 use nalgebra::Isometry3;
 use robot::RobotModel;
 use simulation::{
-    Approach, DriveConfig, Protocol, ProtocolName, Rollout, SceneConfig, SettledScene, Support,
-    TraceMode, Trial, Verdict,
+    Approach, DriveConfig, KnockedUntil, PalmComplianceConfig, Protocol, ProtocolName, Rollout,
+    SceneConfig, SettledScene, Support, TraceMode, Trial, Verdict,
 };
 use spatial::{Object, Pose};
 
@@ -174,7 +174,8 @@ fn each_protocol_states_its_friction_mass_drive_and_steps() {
             1 + 10 + 50 + 75,
         ),
     ];
-    assert_eq!(stated.len() + 1, ProtocolName::ALL.len());
+    let published = ProtocolName::ALL.into_iter().filter(|name| !name.is_own());
+    assert_eq!(stated.len(), published.count());
     let mut odd = scene::scene();
     (odd.mass_scale, odd.table_friction, odd.object_mass_kg) = (3.0, Some(0.1), Some(7.0));
     for (name, friction, mass_kg, density, drive, steps_n) in stated {
@@ -457,6 +458,60 @@ fn fingers_that_touch_stop_each_other() {
     for (end_m, expected_m) in ends.iter().flatten().zip([0.08, 0.08, 0.06, 0.06]) {
         assert!((end_m - expected_m).abs() < 5e-4, "{ends:?}");
     }
+}
+
+/// Two plates that are pressed together by 200 N/m and 2 cm each, through each other without contact.
+#[test]
+fn full_contact_has_every_contact_an_arm_that_yields_and_little_friction() {
+    let given = protocol(ProtocolName::FullContact);
+    let mut slippery = scene::scene();
+    slippery.friction = 0.8;
+    (slippery.drive.stiffness, slippery.drive.damping) = (200.0, 10.0);
+    assert!(given.faults_in(&slippery).is_empty());
+    for table_friction in [None, Some(1.0)] {
+        let rough = SceneConfig {
+            friction: if table_friction.is_none() { 1.0 } else { 0.8 },
+            table_friction,
+            ..slippery.clone()
+        };
+        let [fault] = &given.faults_in(&rough)[..] else {
+            panic!("not refused");
+        };
+        assert!(fault.problem.contains("at most 0.8"), "{fault:?}");
+    }
+    let (scene, resolved) = given.resolved(&slippery);
+    assert!(scene.fingers_touch && scene.fingers_touch_palm);
+    assert_eq!(scene.palm_compliance, Some(PalmComplianceConfig::default()));
+    assert_eq!(resolved.strict.knocked_until, KnockedUntil::Lift);
+    // What a scene says of its arm stays.
+    let soft = PalmComplianceConfig {
+        force_limit_n: 20.0,
+        ..PalmComplianceConfig::default()
+    };
+    let with_arm = SceneConfig {
+        palm_compliance: Some(soft),
+        ..slippery.clone()
+    };
+    assert_eq!(given.resolved(&with_arm).0.palm_compliance, Some(soft));
+    // The rest is that of the lenient one.
+    assert_eq!(
+        Protocol {
+            name: ProtocolName::TableLift,
+            strict: given.strict,
+            published: None,
+            ..resolved.clone()
+        },
+        protocol(ProtocolName::TableLift)
+    );
+    let beside = motion(0.3, [0.05, 0.08]);
+    let depth_m = |name: ProtocolName| {
+        execute(&slippery, &protocol(name), &beside)
+            .measures
+            .finger_penetration_m
+    };
+    assert_eq!(depth_m(ProtocolName::TableLift), None);
+    let touching_m = depth_m(ProtocolName::FullContact).unwrap();
+    assert!((1e-6..1e-3).contains(&touching_m), "{touching_m}");
 }
 
 #[test]
