@@ -256,11 +256,11 @@ pub(crate) fn sampling() -> Vec<Sampled> {
         candidate_id: name.to_owned(),
         limit_excess_rad,
         approach_depth_m: 4.0,
-        approach_depth_time_s: 5.0,
+        approach_depth_time_s: (limit_excess_rad > 0.1).then_some(5.0),
         grasp_depth_m: 6.0,
         table_depth_m: 7.0,
         demonstration: (limit_excess_rad > 0.1).then(|| ("a".to_owned(), distance(0.1))),
-        from_mean: distance(0.3),
+        from_mean: (limit_excess_rad > 0.1).then(|| distance(0.3)),
     };
     vec![sampled("can-0", 0.049), sampled("can-1", 0.2)]
 }
@@ -290,9 +290,9 @@ pub(crate) fn success() -> Vec<Success> {
             .collect(),
         draws_n: 400,
         control_steps_n: 1000,
-        spread_palm_m: 1.0,
-        spread_palm_rad: 2.0,
-        spread_q_rad: 3.0,
+        spread_palm_m: (successes_n > 0).then_some(1.0),
+        spread_palm_rad: (successes_n > 0).then_some(2.0),
+        spread_q_rad: (successes_n > 0).then_some(3.0),
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
@@ -313,9 +313,9 @@ pub(crate) fn rates() -> Vec<Rate> {
         candidates_n: 50,
         draws_n: 200,
         successes_n: 40,
-        candidate_rate_mean: 0.8,
-        candidate_rate_low: 0.6,
-        candidate_rate_high: 0.9,
+        candidate_rate_mean: object_split.map(|_| 0.8),
+        candidate_rate_low: object_split.map(|_| 0.6),
+        candidate_rate_high: object_split.map(|_| 0.9),
         draw_rate_mean: 0.2,
         draw_rate_low: 0.1,
         draw_rate_high: 0.4,

@@ -86,9 +86,9 @@ fn run(objects_n: usize) -> PageData {
         ]),
         draws_n: 80,
         control_steps_n: 2000,
-        spread_palm_m: 0.0,
-        spread_palm_rad: 0.0,
-        spread_q_rad: 0.0,
+        spread_palm_m: None,
+        spread_palm_rad: None,
+        spread_q_rad: None,
         spread_n: 0,
     };
     let shown = names.iter().take(48);
