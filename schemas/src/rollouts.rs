@@ -11,17 +11,22 @@ use crate::{
 };
 
 columns! {
-    /// What a simulation measures of one motion, verdict and smoothness aside; the default is that of a motion that was
-    /// not simulated.
+    /// What a simulation measures of one motion, verdict and smoothness aside; what it did not measure is none. The
+    /// default is that of a motion that was not simulated.
     #[derive(Debug, Clone, Copy, Default, PartialEq)]
     pub struct Measures {
         control_steps_n: u32 => "control steps simulated; with `skipped_steps_n` those of the full script",
-        skipped_steps_n: u32 => "control steps of the script that were not simulated",
-        lift_m: f64 ["m"] => "rise of the object's origin at the end",
-        slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
-        displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
-        penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
-        contacts_n: u32 => "hand links in contact with the object at the end",
+        skipped_steps_n: Option<u32>
+            => "control steps of the script that were not simulated; null if there is no script, as of an `infeasible` motion",
+        lift_m: Option<f64> ["m"] => "rise of the object's origin at the end; null if nothing was simulated",
+        slip_m: Option<f64> ["m"]
+            => "motion of the object in the palm frame between lift and end; null if the motion ended before",
+        displacement_m: Option<f64> ["m"]
+            => "motion of the object on the table before the squeeze; null if nothing was simulated until then",
+        penetration_m: Option<f64> ["m"]
+            => "deepest that the hand was in the object while it was held; null if the motion ended before",
+        contacts_n: Option<u32>
+            => "hand links in contact with the object at the end; null if the motion ended before the end of the hold",
     }
 }
 
@@ -62,7 +67,7 @@ impl Rollout {
 
 /// The rollouts of one object's candidates.
 pub type Rollouts = Vec<Rollout>;
-table! {"rollouts", 7, per "object", rows: Rollout}
+table! {"rollouts", 8, per "object", rows: Rollout}
 
 words! {
     /// Outcome of a rollout; success is first.

@@ -295,12 +295,10 @@ fn verdicts_on_recorded_grasps_agree() {
         .as_any()
         .downcast_ref::<arrow_array::Float64Array>()
         .unwrap();
-    let verdicts = text("reason")
-        .into_iter()
-        .zip(lift.iter().map(Option::unwrap));
+    let verdicts = text("reason").into_iter().zip(lift.iter());
     // The recorded script judges by height alone.
     let held: Vec<bool> = verdicts
-        .map(|(reason, lift_m)| reason == "held" && (0.1..0.3).contains(&lift_m))
+        .map(|(reason, lift_m)| reason == "held" && (0.1..0.3).contains(&lift_m.unwrap()))
         .collect();
     let recorded: Vec<bool> = grasps
         .iter()

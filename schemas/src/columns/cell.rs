@@ -174,6 +174,23 @@ impl Cell for Option<f64> {
     }
 }
 
+/// None is null.
+impl Cell for Option<u32> {
+    const TYPE: &'static str = u32::TYPE;
+    const UNIT: Option<&'static str> = u32::UNIT;
+    const NULL: Option<Self> = Some(None);
+
+    fn array(cells: &[&Self]) -> ArrayRef {
+        let cells = cells.iter().map(|cell| cell.map(i64::from));
+        Arc::new(cells.collect::<Int64Array>())
+    }
+
+    fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError> {
+        let n = column.array.is_valid(row).then(|| u32::read(column, row));
+        Ok(n.transpose()?.filter(|n| !(column.zero_is_null && *n == 0)))
+    }
+}
+
 impl<const N: usize> Cell for [f64; N] {
     const TYPE: &'static str = "a fixed list of f64";
 

@@ -17,12 +17,12 @@ pub const JOINTS: &str = "joints";
 struct ReadAs {
     older: &'static str,
     version: &'static str,
-    /// Whether it has 0 where the later one has null; a depth of 0 that was measured reads as null, too. A column that
-    /// has 0 for what was measured more often than for what was not is read as it is.
+    /// Whether it has 0 where the later one has null; a 0 that was measured reads as null, too. A column that has 0
+    /// for what was measured more often than for what was not is read as it is.
     zero_is_null: bool,
 }
 
-const READ_AS: [ReadAs; 8] = [
+const READ_AS: [ReadAs; 9] = [
     ReadAs {
         older: "candidates/4",
         version: "candidates/6",
@@ -35,7 +35,12 @@ const READ_AS: [ReadAs; 8] = [
     },
     ReadAs {
         older: "rollouts/6",
-        version: "rollouts/7",
+        version: "rollouts/8",
+        zero_is_null: true,
+    },
+    ReadAs {
+        older: "rollouts/7",
+        version: "rollouts/8",
         zero_is_null: true,
     },
     ReadAs {

@@ -341,14 +341,17 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
         generator: "cgf".to_owned(),
         source: source(2),
         verdict,
-        measures: rollouts::Measures {
-            control_steps_n: 65,
-            skipped_steps_n: 125,
-            lift_m: 0.15,
-            slip_m: 0.001,
-            displacement_m: 0.002,
-            penetration_m: 0.0005,
-            contacts_n: 4,
+        measures: match verdict {
+            Verdict::Infeasible => rollouts::Measures::default(),
+            _ => rollouts::Measures {
+                control_steps_n: 65,
+                skipped_steps_n: Some(125),
+                lift_m: Some(0.15),
+                slip_m: Some(0.001),
+                displacement_m: Some(0.002),
+                penetration_m: Some(0.0005),
+                contacts_n: Some(4),
+            },
         },
         smoothness: rollouts::Smoothness {
             paper: variations(1.0),

@@ -6,7 +6,9 @@ mod snapshots;
 use std::{fmt::Debug, sync::Arc};
 
 use arrow_array::{
-    ArrayRef, Float64Array, ListArray, RecordBatch, StringArray, cast::AsArray, types::Float64Type,
+    ArrayRef, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
+    cast::AsArray,
+    types::{Float64Type, Int64Type},
 };
 use arrow_schema::{DataType, Field, FieldRef, Schema};
 use schemas::{
@@ -100,6 +102,11 @@ fn a_joint_outside_its_limits_is_told_apart() {
 #[test]
 fn a_zero_of_the_version_before_is_null_where_nothing_was_measured() {
     let (success, sampling, rates) = (filled::success(), filled::sampling(), filled::rates());
+    let rollouts = filled::rollouts();
+    for older in ["rollouts/6", "rollouts/7"] {
+        let before = of_version_before(&rollouts.to_batch().unwrap(), older);
+        assert_eq!(Rollouts::from_batch("can", &before).unwrap(), rollouts);
+    }
     let before = of_version_before(&success.to_batch().unwrap(), "success/5");
     assert_eq!(Successes::from_batch("all", &before).unwrap(), success);
     let before = of_version_before(&sampling.to_batch().unwrap(), "sampling/1");
@@ -118,7 +125,13 @@ fn of_version_before(batch: &RecordBatch, version: &str) -> RecordBatch {
             let numbers = numbers.iter().map(Option::unwrap_or_default);
             Arc::new(Float64Array::from_iter_values(numbers)) as ArrayRef
         }
-        None => Arc::clone(column),
+        None => match column.as_primitive_opt::<Int64Type>() {
+            Some(counts) => {
+                let counts = counts.iter().map(Option::unwrap_or_default);
+                Arc::new(Int64Array::from_iter_values(counts)) as ArrayRef
+            }
+            None => Arc::clone(column),
+        },
     };
     let mut metadata = batch.schema().metadata().clone();
     metadata.insert("schema".to_owned(), version.to_owned());

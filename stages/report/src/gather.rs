@@ -177,8 +177,6 @@ impl PageData {
                 origin: rollout.source.origin.as_str().to_owned(),
                 verdict: rollout.verdict.as_str().to_owned(),
                 outcome,
-                lift_m: rollout.measures.lift_m,
-                slip_m: rollout.measures.slip_m,
                 duration_s: motion.moments.last().map_or(0.0, |last| last.time_s),
                 recording: self.link(object, file),
                 glb: motion.to_glb(id, config.object_triangles)?,

@@ -58,10 +58,6 @@ pub struct Motion {
     pub verdict: String,
     /// Its class.
     pub outcome: OutcomeGroup,
-    /// Rise of the object at the end, in meters.
-    pub lift_m: f64,
-    /// Slip in the hand, in meters.
-    pub slip_m: f64,
     /// Length, in seconds.
     pub duration_s: f64,
     /// Its recording, relative to the page.

@@ -20,9 +20,9 @@ fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
         verdict,
         measures: Measures {
             control_steps_n: 100,
-            skipped_steps_n: 20,
-            lift_m: 0.15,
-            contacts_n: 3,
+            skipped_steps_n: Some(20),
+            lift_m: Some(0.15),
+            contacts_n: Some(3),
             ..Measures::default()
         },
         smoothness: Smoothness::default(),
@@ -51,8 +51,6 @@ fn motion(object: &str, n: usize, verdict: Verdict) -> Motion {
         origin: "prior".to_owned(),
         verdict: verdict.as_str().to_owned(),
         outcome: OutcomeGroup::of(&rollout),
-        lift_m: 0.1,
-        slip_m: 0.0,
         duration_s: 1.0,
         recording: None,
         glb: scene

@@ -226,7 +226,7 @@ mod tests {
         assert_eq!(row.source, candidate.source);
         assert_eq!(
             (row.measures.control_steps_n, row.measures.skipped_steps_n),
-            (0, 0)
+            (0, None)
         );
     }
 

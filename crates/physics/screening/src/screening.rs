@@ -38,8 +38,9 @@ impl ScreeningOptions<'_> {
     /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it.
     pub fn verdict(&self, rollout: &Rollout) -> Verdict {
         let depth_m = rollout.measures.penetration_m;
+        let is_too_deep = depth_m.is_some_and(|depth_m| depth_m > self.max_penetration_m);
         match rollout.verdict {
-            Verdict::Held if depth_m > self.max_penetration_m => Verdict::TooDeep,
+            Verdict::Held if is_too_deep => Verdict::TooDeep,
             verdict => verdict,
         }
     }

@@ -166,8 +166,7 @@ class Bench:
     def judge(self, candidate, trace=None):
         """The row of a candidate; its steps are added to `trace`."""
         row = {key: candidate[key] for key in SOURCE}
-        row |= {"control_steps_n": 0, "skipped_steps_n": 0, "lift_m": 0.0, "slip_m": 0.0, "displacement_m": 0.0, "penetration_m": 0.0,
-                "contacts_n": 0, "reached": False}
+        row |= {"control_steps_n": 0, "reached": False}  # Columns that a row lacks are null.
         row |= smoothness.unmeasured("executed_")  # The hand's motion as executed is not measured here.
         motion, start_pose = candidate["motion"], self.lies(candidate["table_from_object"])
         if start_pose is None:
@@ -205,8 +204,9 @@ class Bench:
         if verdict == "diverged":
             return verdict
         row["lift_m"], row["displacement_m"], row["slip_m"] = judge.rise_m, judge.displacement_m, judge.slip_m()
-        row["contacts_n"] = len(judge.touching())
-        row["penetration_m"] = float(penetration_m(judge.deep, self.surface))
+        row["contacts_n"] = len(judge.touching()) if judge.hold_left < judge.window else None
+        if setpoint["phase"] in ("lift", "hold"):
+            row["penetration_m"] = float(penetration_m(judge.deep, self.surface))
         is_too_deep = verdict == "held" and row["penetration_m"] > self.options["max_penetration_m"]
         return "too_deep" if is_too_deep else verdict
 

@@ -114,7 +114,7 @@ fn touched(rollout: &Rollout) -> bool {
     match rollout.verdict {
         Verdict::Limit | Verdict::Table | Verdict::Infeasible => false,
         Verdict::NotGrasped | Verdict::Diverged => {
-            rollout.measures.contacts_n > 0 || rollout.measures.penetration_m > 0.0
+            rollout.measures.contacts_n > Some(0) || rollout.measures.penetration_m > Some(0.0)
         }
         Verdict::Held
         | Verdict::EarlyContact
@@ -502,7 +502,7 @@ mod tests {
         // One that was in contact, or moved the object, is another matter.
         let pressed = Rollout {
             measures: Measures {
-                penetration_m: 1e-4,
+                penetration_m: Some(1e-4),
                 ..past.measures
             },
             ..past.clone()
