@@ -26,7 +26,7 @@ use limits::Limits;
 use schemas::{
     Table,
     candidates::DrawSource,
-    rollouts::{ExecutedSmoothness, Measures, Rollout, Rollouts, Smoothness, Verdict},
+    rollouts::{Measures, Rollout, Rollouts, Verdict},
 };
 
 /// Rows of the table, if `ROLLOUTS` does not say.
@@ -172,8 +172,6 @@ fn rollout(object: &str, row: usize) -> Rollout {
             contacts_n: Some(6),
             ..Measures::default()
         },
-        smoothness: Smoothness::default(),
-        executed: ExecutedSmoothness(None),
     }
 }
 

@@ -18,6 +18,7 @@ use schemas::{
     robustness::{Robustness, TrialVerdict},
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
+    smoothness::{CandidateSmoothness, ExecutedSmoothness, Smoothness, Variation, Variations},
     success::Success,
     tracking::TrackingSummary,
     training::{self, Split},
@@ -46,6 +47,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &draws());
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
+    tables.table("can", &smoothness());
     tables.table("can", &robustness());
     tables.table("all", &success());
     tables.table("all", &rates());
@@ -325,17 +327,6 @@ pub(crate) fn rates() -> Vec<Rate> {
 }
 
 pub(crate) fn rollouts() -> Vec<Rollout> {
-    let variations = |first: f64| {
-        let variation = |first: f64| rollouts::Variation {
-            position: first,
-            velocity: first + 1.0,
-            acceleration: first + 2.0,
-        };
-        rollouts::Variations {
-            joints: variation(first),
-            cartesian: variation(first + 3.0),
-        }
-    };
     let rollout = |verdict: Verdict| Rollout {
         candidate_id: verdict.as_str().to_owned(),
         generator: "cgf".to_owned(),
@@ -353,20 +344,37 @@ pub(crate) fn rollouts() -> Vec<Rollout> {
                 contacts_n: Some(4),
             },
         },
-        smoothness: rollouts::Smoothness {
-            paper: variations(1.0),
-            released: variations(10.0),
-            robust: variations(100.0),
-        },
-        executed: rollouts::ExecutedSmoothness((verdict == Verdict::Held).then(|| {
-            rollouts::Smoothness {
-                paper: variations(2.0),
-                released: variations(20.0),
-                robust: variations(200.0),
-            }
-        })),
     };
     Verdict::ALL.map(rollout).into()
+}
+
+pub(crate) fn smoothness() -> Vec<CandidateSmoothness> {
+    let variations = |first: f64| {
+        let variation = |first: f64| Variation {
+            position: first,
+            velocity: first + 1.0,
+            acceleration: first + 2.0,
+        };
+        Variations {
+            joints: variation(first),
+            cartesian: variation(first + 3.0),
+        }
+    };
+    let of = |first: f64| Smoothness {
+        paper: variations(first),
+        released: variations(10.0 * first),
+        robust: variations(100.0 * first),
+    };
+    let row = |candidate_id: &str, executed: Option<Smoothness>| CandidateSmoothness {
+        candidate_id: candidate_id.to_owned(),
+        drawn: of(1.0),
+        executed: ExecutedSmoothness(executed),
+    };
+    let unmeasured = CandidateSmoothness {
+        drawn: Smoothness::default(),
+        ..row("can-2", None)
+    };
+    vec![row("can-0", Some(of(2.0))), row("can-1", None), unmeasured]
 }
 
 pub(crate) fn executions() -> Vec<Execution> {

@@ -15,6 +15,7 @@ use schemas::{
     rates::SuccessRates,
     robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts},
+    smoothness::{CandidateSmoothness, SmoothnessTable},
     success::Successes,
     training::Training,
     trajectories::Trajectory,
@@ -43,6 +44,8 @@ pub struct PageData {
     pub draws: Option<Draws>,
     /// Every rollout, by object.
     pub rollouts: BTreeMap<String, Vec<Rollout>>,
+    /// Smoothness of every candidate, by object.
+    pub smoothness: BTreeMap<String, Vec<CandidateSmoothness>>,
     /// Success by object, generator and origin.
     pub successes: Successes,
     /// Means over objects.
@@ -104,6 +107,12 @@ impl PageData {
         for artifact in inputs.artifacts(Rollouts::NAME) {
             let rollouts: Rollouts = table::read(artifact)?;
             gathered.rollouts.insert(artifact.key.to_string(), rollouts);
+        }
+        for artifact in inputs.artifacts(SmoothnessTable::NAME) {
+            let smoothness: SmoothnessTable = table::read(artifact)?;
+            gathered
+                .smoothness
+                .insert(artifact.key.to_string(), smoothness);
         }
         for artifact in inputs.artifacts(Executions::NAME) {
             let executions: Executions = table::read(artifact)?;

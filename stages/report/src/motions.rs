@@ -106,10 +106,7 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use schemas::{
-        candidates::DrawSource,
-        rollouts::{ExecutedSmoothness, Measures, Smoothness},
-    };
+    use schemas::{candidates::DrawSource, rollouts::Measures};
 
     use super::*;
 
@@ -123,8 +120,6 @@ mod tests {
                 control_steps_n: 1,
                 ..Measures::default()
             },
-            smoothness: Smoothness::default(),
-            executed: ExecutedSmoothness(None),
         }
     }
 

@@ -6,7 +6,7 @@ use dataflow::RunFacts;
 use glb::{Moment, MotionScene, ObjectMesh};
 use schemas::{
     candidates::{DrawSource, ObjectSplit, Origin},
-    rollouts::{ExecutedSmoothness, Measures, Rollout, Smoothness, Verdict},
+    rollouts::{Measures, Rollout, Verdict},
     success::Success,
     tally::Tally,
 };
@@ -25,8 +25,6 @@ fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
             contacts_n: Some(3),
             ..Measures::default()
         },
-        smoothness: Smoothness::default(),
-        executed: ExecutedSmoothness(None),
     }
 }
 

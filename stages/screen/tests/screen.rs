@@ -16,6 +16,7 @@ use schemas::{
     rates::SuccessRates,
     robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts, Verdict},
+    smoothness::SmoothnessTable,
     success::Successes,
 };
 use simulation::{ProtocolName, SceneRandomization};
@@ -612,8 +613,9 @@ fn smoothness_of_a_straight_reach_is_that_of_a_line_for_the_palm() {
         candidate.motion = Motion::new(&joints(), steps).unwrap();
     }
     made(run(&config(), &can(0.35), &candidates, folder.path()).unwrap());
-    for row in rows(folder.path()) {
-        let found = row.smoothness;
+    let rows: SmoothnessTable = lake::table::read(&artifact(&folder.path().join("out"))).unwrap();
+    for row in rows {
+        let found = row.drawn;
         for line in [
             found.paper.joints,
             found.robust.joints,
