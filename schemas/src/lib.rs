@@ -33,6 +33,7 @@ pub mod robustness;
 pub mod rollouts;
 pub mod ros2;
 pub mod sampling;
+pub mod smoothness;
 pub mod success;
 mod table;
 pub mod tally;

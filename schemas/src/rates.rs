@@ -7,7 +7,7 @@
 //! by resampling objects (crate `statistics`). Motions of one object are alike, so that no interval
 //! is given for the pooled rates.
 
-use crate::{candidates::ObjectSplit, columns::columns, table::table};
+use crate::{candidates::ObjectSplit, columns::columns, table::table, tally::share};
 
 /// The origin of a row of motions of all origins together.
 pub const ALL_ORIGINS: &str = "all";
@@ -29,25 +29,38 @@ columns! {
         candidates_n: i64 => "candidates that were screened",
         draws_n: i64 => "draws of this origin, refused ones included",
         successes_n: i64 => "those that were lifted and held to the end",
-        + candidate_rate: f64 ["1"] = |row| share(row.successes_n, row.candidates_n)
-            => "share of all candidates that held; 0 of none",
-        + draw_rate: f64 ["1"] = |row| share(row.successes_n, row.draws_n)
-            => "share of all draws that held; 0 of none",
-        candidate_rate_mean: f64 ["1"]
-            => "mean over objects of the share of candidates that held; objects without one left out",
-        candidate_rate_low: f64 ["1"] => "lower end of its 95 % interval by resampling objects",
-        candidate_rate_high: f64 ["1"] => "upper end of its 95 % interval by resampling objects",
+        + candidate_rate: Option<f64> ["1"] = |row| share(row.successes_n, row.candidates_n)
+            => "share of all candidates that held; null of none",
+        + draw_rate: Option<f64> ["1"] = |row| share(row.successes_n, row.draws_n)
+            => "share of all draws that held; null of none",
+        candidate_rate_mean: Option<f64> ["1"]
+            => "mean over objects of the share of candidates that held; objects without one left out, null if all are",
+        candidate_rate_low: Option<f64> ["1"]
+            => "lower end of its 95 % interval by resampling objects; null without it",
+        candidate_rate_high: Option<f64> ["1"]
+            => "upper end of its 95 % interval by resampling objects; null without it",
         draw_rate_mean: f64 ["1"] => "mean over objects of the share of draws that held",
         draw_rate_low: f64 ["1"] => "lower end of its 95 % interval by resampling objects",
         draw_rate_high: f64 ["1"] => "upper end of its 95 % interval by resampling objects",
     }
 }
 
-/// Returns the share that held; 0 of none.
-pub(crate) fn share(successes_n: i64, n: i64) -> f64 {
-    successes_n as f64 / n.max(1) as f64
+impl Rate {
+    /// Returns the mean over objects of the share of candidates that held, with the lower and the upper end of its
+    /// interval; none if no object has a candidate.
+    pub fn by_candidate(&self) -> Option<[f64; 3]> {
+        let ends = self.candidate_rate_low.zip(self.candidate_rate_high);
+        let (mean, (low, high)) = self.candidate_rate_mean.zip(ends)?;
+        Some([mean, low, high])
+    }
+
+    /// Returns the mean over objects of the share of draws that held, with the lower and the upper end of its
+    /// interval.
+    pub fn by_draw(&self) -> [f64; 3] {
+        [self.draw_rate_mean, self.draw_rate_low, self.draw_rate_high]
+    }
 }
 
 /// The rates of a screening.
 pub type SuccessRates = Vec<Rate>;
-table! {"rates", 2, per "screening", rows: Rate}
+table! {"rates", 3, per "screening", rows: Rate}

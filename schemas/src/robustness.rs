@@ -37,7 +37,7 @@ impl OutcomeClass for TrialVerdict {
         all
     };
     const TOTAL: [&'static str; 2] = ["trials_n", "trials under drawn errors"];
-    const RATE: &'static str = "share of the trials that held; 0 of none";
+    const RATE: &'static str = "share of the trials that held; null of none";
 
     fn word(self) -> &'static str {
         self.0.as_str()
@@ -53,4 +53,4 @@ impl OutcomeClass for TrialVerdict {
 
 /// The robustness of the motions of one object.
 pub type RobustnessTable = Vec<Robustness>;
-table! {"robustness", 2, per "object", rows: Robustness}
+table! {"robustness", 3, per "object", rows: Robustness}

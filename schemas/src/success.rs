@@ -10,15 +10,14 @@
 //! p̄|²/n), for its orientation √(Σ∠(R, R̄)²/n) with R̄ the rotation of least squared distance as
 //! matrices (Markley et al., *Averaging Quaternions*, 2007), for dof joints √(Σ|q − q̄|²/(n ·
 //! dof)). Only grasps of an object that lies alike, its up directions within 10 degrees, share a mean, and one
-//! without others is left out: `spread_n` is n, and with 0 of them every spread is 0.
+//! without others is left out: `spread_n` is n, and with 0 of them every spread is null.
 
 use crate::{
     candidates::{ObjectSplit, Origin},
     columns::columns,
-    rates::share,
     rollouts::Verdict,
     table::table,
-    tally::{OutcomeClass, Tally},
+    tally::{OutcomeClass, Tally, share},
 };
 
 columns! {
@@ -32,27 +31,27 @@ columns! {
         /// The candidates by verdict.
         verdicts: Tally<Verdict>,
         draws_n: i64 => "draws of this origin, refused ones included",
-        + draw_rate: f64 ["1"] = |row| share(row.verdicts.success_count(), row.draws_n)
-            => "share of the draws that held; 0 of none",
+        + draw_rate: Option<f64> ["1"] = |row| share(row.verdicts.success_count(), row.draws_n)
+            => "share of the draws that held; null of none",
         control_steps_n: i64 => "control steps simulated, for failures too",
-        + control_steps_per_success: f64 ["1"] = Self::control_steps_per_success
-            => "control steps simulated, for failures too, per success; 0 without one",
-        spread_palm_m: f64 ["m"]
-            => "root mean square distance of the palms of successful grasps from their mean",
-        spread_palm_rad: f64 ["rad"]
-            => "root mean square angle of the palms of successful grasps from their mean",
-        spread_q_rad: f64 ["rad"]
-            => "root mean square difference of the joint positions of successful grasps from their mean",
+        + control_steps_per_success: Option<f64> ["1"] = Self::control_steps_per_success
+            => "control steps simulated, for failures too, per success; null without one",
+        spread_palm_m: Option<f64> ["m"]
+            => "root mean square distance of the palms of successful grasps from their mean; null if `spread_n` is 0",
+        spread_palm_rad: Option<f64> ["rad"]
+            => "root mean square angle of the palms of successful grasps from their mean; null if `spread_n` is 0",
+        spread_q_rad: Option<f64> ["rad"]
+            => "root mean square difference of the joint positions of successful grasps from their mean; null if `spread_n` is 0",
         spread_n: i64 => "successful grasps that have another one to be compared with",
     }
 }
 
 impl Success {
-    /// Returns the control steps simulated for each success, failures included; 0 without a success.
-    pub fn control_steps_per_success(&self) -> f64 {
+    /// Returns the control steps simulated for each success, failures included; none without a success.
+    pub fn control_steps_per_success(&self) -> Option<f64> {
         match self.verdicts.success_count() {
-            0 => 0.0,
-            n => self.control_steps_n as f64 / n as f64,
+            0 => None,
+            n => Some(self.control_steps_n as f64 / n as f64),
         }
     }
 }
@@ -60,7 +59,7 @@ impl Success {
 impl OutcomeClass for Verdict {
     const ALL: &'static [Self] = &Self::ALL;
     const TOTAL: [&'static str; 2] = ["candidates_n", "candidates that were screened"];
-    const RATE: &'static str = "share of the candidates that held; 0 of none";
+    const RATE: &'static str = "share of the candidates that held; null of none";
 
     fn word(self) -> &'static str {
         self.as_str()
@@ -76,4 +75,4 @@ impl OutcomeClass for Verdict {
 
 /// The success of the candidates of all objects.
 pub type Successes = Vec<Success>;
-table! {"success", 5, per "screening", rows: Success}
+table! {"success", 6, per "screening", rows: Success}

@@ -38,7 +38,7 @@ pub trait OutcomeClass: Copy + Ord + 'static {
 /// let tally: Tally<Verdict> = [(Verdict::Held, 1), (Verdict::Slipped, 2), (Verdict::Held, 1)]
 ///     .into_iter()
 ///     .collect();
-/// assert_eq!((tally.success_count(), tally.total_count(), tally.rate()), (2, 4, 0.5));
+/// assert_eq!((tally.success_count(), tally.total_count(), tally.rate()), (2, 4, Some(0.5)));
 /// ```
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Tally<E>(BTreeMap<E, i64>);
@@ -76,9 +76,9 @@ impl<E: OutcomeClass> Tally<E> {
         self.count(E::ALL[0])
     }
 
-    /// Returns the share of the trials that succeeded, in 0..=1; 0 of none.
-    pub fn rate(&self) -> f64 {
-        self.success_count() as f64 / self.total_count().max(1) as f64
+    /// Returns the share of the trials that succeeded, in 0..=1; none without a trial.
+    pub fn rate(&self) -> Option<f64> {
+        share(self.success_count(), self.total_count())
     }
 
     /// Returns the 95 % interval of that share.
@@ -87,7 +87,7 @@ impl<E: OutcomeClass> Tally<E> {
     }
 
     fn write_rates(rows: &[&Self], to: &mut Writer) {
-        let rates: Vec<f64> = rows.iter().map(|row| row.rate()).collect();
+        let rates: Vec<Option<f64>> = rows.iter().map(|row| row.rate()).collect();
         to.computed("rate", Some("1"), E::RATE, &rates);
         for (column, end, idx) in [("rate_low", "lower", 0), ("rate_high", "upper", 1)] {
             let about = format!("{end} end of its 95 % interval by Wilson");
@@ -134,6 +134,11 @@ impl<E: OutcomeClass> Row for Tally<E> {
             )),
         }
     }
+}
+
+/// Returns the share of `n` that succeeded; none of none.
+pub(crate) fn share(successes_n: i64, n: i64) -> Option<f64> {
+    (n > 0).then(|| successes_n as f64 / n as f64)
 }
 
 /// Returns the 95 % confidence interval of a probability from `successes` in `n` trials (E. B.

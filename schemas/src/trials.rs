@@ -28,7 +28,7 @@ impl OutcomeClass for Outcome {
         "trials_n",
         "motions of which anything may have moved, but for those that a person stopped",
     ];
-    const RATE: &'static str = "share of the trials that succeeded; 0 of none";
+    const RATE: &'static str = "share of the trials that succeeded; null of none";
 
     fn word(self) -> &'static str {
         self.as_str()
@@ -53,4 +53,4 @@ impl OutcomeClass for Outcome {
 
 /// The trials of all objects.
 pub type AllTrials = Vec<Trials>;
-table! {"trials", 2, per "dispatching", rows: Trials}
+table! {"trials", 3, per "dispatching", rows: Trials}

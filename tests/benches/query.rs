@@ -26,7 +26,7 @@ use limits::Limits;
 use schemas::{
     Table,
     candidates::DrawSource,
-    rollouts::{ExecutedSmoothness, Measures, Rollout, Rollouts, Smoothness, Verdict},
+    rollouts::{Measures, Rollout, Rollouts, Verdict},
 };
 
 /// Rows of the table, if `ROLLOUTS` does not say.
@@ -162,18 +162,17 @@ fn rollout(object: &str, row: usize) -> Rollout {
         candidate_id: format!("{object}-{row:05}"),
         generator: "cgf".to_owned(),
         source: DrawSource::replayed("a"),
+        protocol: None,
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
         measures: Measures {
             control_steps_n: 190,
-            lift_m: 0.15 * number,
-            slip_m: 1e-3 * number,
-            displacement_m: 2e-2 * number,
-            penetration_m: 3e-3 * number,
-            contacts_n: 6,
+            lift_m: Some(0.15 * number),
+            slip_m: Some(1e-3 * number),
+            displacement_m: Some(2e-2 * number),
+            penetration_m: Some(3e-3 * number),
+            contacts_n: Some(6),
             ..Measures::default()
         },
-        smoothness: Smoothness::default(),
-        executed: ExecutedSmoothness(None),
     }
 }
 

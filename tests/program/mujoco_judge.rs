@@ -13,6 +13,7 @@ use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     objects::{Object, RestingOrientation},
     rollouts::{Rollouts, Verdict},
+    smoothness::{Smoothness, SmoothnessTable},
 };
 use serde_json::{Value, json};
 use simulation::{ObjectShape, Phase, SettledScene};
@@ -55,7 +56,22 @@ files.hand = "data/robots/allegro_right.urdf"
 files.hand_file = "data/hands/allegro_right.toml"
 shared.options.protocol = "protocol"
 options.recorded = 1
+
+[stages.mujoco_smoothness]
+kind = "program"
+command = ["PYTHON", "stages/program/examples/mujoco/judge.py"]
+code = ["stages/program/examples/mujoco/*.py"]
+inputs.candidates = "replay.candidates"
+inputs.objects = "ingest.objects"
+each = "candidates"
+makes = "smoothness"
+files.hand = "data/robots/allegro_right.urdf"
+files.hand_file = "data/hands/allegro_right.toml"
+shared.options.protocol = "protocol"
 "#;
+
+/// Greatest relative difference of a figure of smoothness; accelerations are second differences of positions.
+const SMOOTHNESS: f64 = 1e-6;
 
 #[test]
 fn script_start_and_limits_are_those_of_the_screen_step_by_step() {
@@ -182,6 +198,35 @@ fn script_start_and_limits_are_those_of_the_screen_step_by_step() {
             assert_eq!(ours, theirs, "{candidate}");
         }
     }
+    smoothness_is_that_of_the_screen(&lake);
+}
+
+/// Both measure the motions as drawn alike.
+fn smoothness_is_that_of_the_screen(lake: &Lake) {
+    let of = |stage: &str| -> BTreeMap<String, Smoothness> {
+        let parts = lake.newest_partitions("smoothness", Some(stage)).unwrap();
+        let rows = parts
+            .values()
+            .flat_map(|part| lake::table::read::<SmoothnessTable>(part).unwrap());
+        rows.map(|row| (row.candidate_id, row.drawn)).collect()
+    };
+    let (ours, theirs) = (of("screen"), of("mujoco_smoothness"));
+    assert_eq!(ours.len(), theirs.len());
+    let figures = |of: &Smoothness| {
+        let all = [of.paper, of.released, of.robust].map(|of| [of.joints, of.cartesian]);
+        let all = all.as_flattened().iter();
+        all.flat_map(|of| [of.position, of.velocity, of.acceleration])
+            .collect::<Vec<f64>>()
+    };
+    for (candidate, ours) in &ours {
+        let (ours, theirs) = (figures(ours), figures(&theirs[candidate]));
+        for (ours, theirs) in ours.into_iter().zip(theirs) {
+            assert!(
+                (ours - theirs).abs() <= SMOOTHNESS * ours.abs(),
+                "{candidate}: {ours} {theirs}"
+            );
+        }
+    }
 }
 
 /// Returns the number of commands after the one that a command's lift is relative to. A command before the lift is
@@ -262,7 +307,7 @@ fn verdicts_on_recorded_grasps_agree() {
         },
         "files": {"hand": format!("{}/data/robots/allegro_right.urdf", env!("CARGO_MANIFEST_DIR"))},
         "inputs": {"candidates": input("candidates"), "objects": input("objects")},
-        "output": {"template": "template.parquet", "table": "out/part.parquet"},
+        "output": {"artifact": "rollouts", "template": "template.parquet", "table": "out/part.parquet"},
     });
     fs::write(job.path().join("job.json"), description.to_string()).unwrap();
     let judged = Command::new(python)
@@ -295,12 +340,10 @@ fn verdicts_on_recorded_grasps_agree() {
         .as_any()
         .downcast_ref::<arrow_array::Float64Array>()
         .unwrap();
-    let verdicts = text("reason")
-        .into_iter()
-        .zip(lift.iter().map(Option::unwrap));
+    let verdicts = text("reason").into_iter().zip(lift.iter());
     // The recorded script judges by height alone.
     let held: Vec<bool> = verdicts
-        .map(|(reason, lift_m)| reason == "held" && (0.1..0.3).contains(&lift_m))
+        .map(|(reason, lift_m)| reason == "held" && (0.1..0.3).contains(&lift_m.unwrap()))
         .collect();
     let recorded: Vec<bool> = grasps
         .iter()

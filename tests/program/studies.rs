@@ -209,7 +209,7 @@ fn controllers(bench: &Bench, rows: &[Value]) {
     }
     let executed = ask(
         bench,
-        "select candidate_id, count(distinct executed_robust_joints_position) as n from rollouts \
+        "select candidate_id, count(distinct executed_robust_joints_position) as n from smoothness \
          where reached and stage like 'screen_pd%' group by candidate_id",
     );
     assert!(

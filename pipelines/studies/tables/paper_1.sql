@@ -7,8 +7,10 @@ with
     newest as (
         select max(run) as newest_run from runs where pipeline = 'paper_tables' and run in (select run from runs)),
     held as (
-        select * from all_rollouts join newest on all_rollouts.run = newest.newest_run where success and reached
-            and stage in ('screen', 'screen_drawn', 'screen_rrt', 'screen_rrt_tta', 'screen_rrt_eigengrasp', 'screen_cem', 'screen_line')),
+        select s.* from all_smoothness s join newest on s.run = newest.newest_run
+            join all_rollouts r on r.run = s.run and r.stage = s.stage and r.object = s.object and r.candidate_id = s.candidate_id
+        where r.success and s.reached
+            and s.stage in ('screen', 'screen_drawn', 'screen_rrt', 'screen_rrt_tta', 'screen_rrt_eigengrasp', 'screen_cem', 'screen_line')),
     measured as (
         select stage, 0 as place, 'planned' as motion, count(*) as n,
             avg(paper_joints_position) as q, log10(avg(paper_joints_velocity)) as dq,

@@ -85,6 +85,21 @@ impl Cell for String {
     }
 }
 
+/// None is null.
+impl Cell for Option<String> {
+    const TYPE: &'static str = String::TYPE;
+    const NULL: Option<Self> = Some(None);
+
+    fn array(cells: &[&Self]) -> ArrayRef {
+        Arc::new(cells.iter().copied().collect::<StringArray>())
+    }
+
+    fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError> {
+        let text = column.array.is_valid(row).then(|| String::read(column, row));
+        text.transpose()
+    }
+}
+
 impl Cell for bool {
     const TYPE: &'static str = "bool";
 
@@ -171,6 +186,23 @@ impl Cell for Option<f64> {
 
     fn is_finite(&self) -> bool {
         self.is_none_or(f64::is_finite)
+    }
+}
+
+/// None is null.
+impl Cell for Option<u32> {
+    const TYPE: &'static str = u32::TYPE;
+    const UNIT: Option<&'static str> = u32::UNIT;
+    const NULL: Option<Self> = Some(None);
+
+    fn array(cells: &[&Self]) -> ArrayRef {
+        let cells = cells.iter().map(|cell| cell.map(i64::from));
+        Arc::new(cells.collect::<Int64Array>())
+    }
+
+    fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError> {
+        let n = column.array.is_valid(row).then(|| u32::read(column, row));
+        Ok(n.transpose()?.filter(|n| !(column.zero_is_null && *n == 0)))
     }
 }
 

@@ -17,11 +17,12 @@ pub const JOINTS: &str = "joints";
 struct ReadAs {
     older: &'static str,
     version: &'static str,
-    /// Whether it has 0 where the later one has null; a depth of 0 that was measured reads as null, too.
+    /// Whether it has 0 where the later one has null; a 0 that was measured reads as null, too. A column that has 0
+    /// for what was measured more often than for what was not is read as it is.
     zero_is_null: bool,
 }
 
-const READ_AS: [ReadAs; 3] = [
+const READ_AS: [ReadAs; 9] = [
     ReadAs {
         older: "candidates/4",
         version: "candidates/6",
@@ -34,8 +35,38 @@ const READ_AS: [ReadAs; 3] = [
     },
     ReadAs {
         older: "rollouts/6",
-        version: "rollouts/7",
+        version: "rollouts/8",
         zero_is_null: true,
+    },
+    ReadAs {
+        older: "rollouts/7",
+        version: "rollouts/8",
+        zero_is_null: true,
+    },
+    ReadAs {
+        older: "rates/2",
+        version: "rates/3",
+        zero_is_null: false,
+    },
+    ReadAs {
+        older: "robustness/2",
+        version: "robustness/3",
+        zero_is_null: false,
+    },
+    ReadAs {
+        older: "sampling/1",
+        version: "sampling/2",
+        zero_is_null: true,
+    },
+    ReadAs {
+        older: "success/5",
+        version: "success/6",
+        zero_is_null: true,
+    },
+    ReadAs {
+        older: "trials/2",
+        version: "trials/3",
+        zero_is_null: false,
     },
 ];
 

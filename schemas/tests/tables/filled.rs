@@ -18,6 +18,7 @@ use schemas::{
     robustness::{Robustness, TrialVerdict},
     rollouts::{self, Rollout, Verdict},
     sampling::{self, Sampled},
+    smoothness::{CandidateSmoothness, ExecutedSmoothness, Smoothness, Variation, Variations},
     success::Success,
     tracking::TrackingSummary,
     training::{self, Split},
@@ -46,6 +47,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &draws());
     tables.table("can", &sampling());
     tables.table("can", &rollouts());
+    tables.table("can", &smoothness());
     tables.table("can", &robustness());
     tables.table("all", &success());
     tables.table("all", &rates());
@@ -256,11 +258,11 @@ pub(crate) fn sampling() -> Vec<Sampled> {
         candidate_id: name.to_owned(),
         limit_excess_rad,
         approach_depth_m: 4.0,
-        approach_depth_time_s: 5.0,
+        approach_depth_time_s: (limit_excess_rad > 0.1).then_some(5.0),
         grasp_depth_m: 6.0,
         table_depth_m: 7.0,
         demonstration: (limit_excess_rad > 0.1).then(|| ("a".to_owned(), distance(0.1))),
-        from_mean: distance(0.3),
+        from_mean: (limit_excess_rad > 0.1).then(|| distance(0.3)),
     };
     vec![sampled("can-0", 0.049), sampled("can-1", 0.2)]
 }
@@ -290,9 +292,9 @@ pub(crate) fn success() -> Vec<Success> {
             .collect(),
         draws_n: 400,
         control_steps_n: 1000,
-        spread_palm_m: 1.0,
-        spread_palm_rad: 2.0,
-        spread_q_rad: 3.0,
+        spread_palm_m: (successes_n > 0).then_some(1.0),
+        spread_palm_rad: (successes_n > 0).then_some(2.0),
+        spread_q_rad: (successes_n > 0).then_some(3.0),
         spread_n: successes_n,
     };
     vec![row("cgf", 40), row("interpolate", 0)]
@@ -313,9 +315,9 @@ pub(crate) fn rates() -> Vec<Rate> {
         candidates_n: 50,
         draws_n: 200,
         successes_n: 40,
-        candidate_rate_mean: 0.8,
-        candidate_rate_low: 0.6,
-        candidate_rate_high: 0.9,
+        candidate_rate_mean: object_split.map(|_| 0.8),
+        candidate_rate_low: object_split.map(|_| 0.6),
+        candidate_rate_high: object_split.map(|_| 0.9),
         draw_rate_mean: 0.2,
         draw_rate_low: 0.1,
         draw_rate_high: 0.4,
@@ -325,46 +327,56 @@ pub(crate) fn rates() -> Vec<Rate> {
 }
 
 pub(crate) fn rollouts() -> Vec<Rollout> {
-    let variations = |first: f64| {
-        let variation = |first: f64| rollouts::Variation {
-            position: first,
-            velocity: first + 1.0,
-            acceleration: first + 2.0,
-        };
-        rollouts::Variations {
-            joints: variation(first),
-            cartesian: variation(first + 3.0),
-        }
-    };
     let rollout = |verdict: Verdict| Rollout {
         candidate_id: verdict.as_str().to_owned(),
         generator: "cgf".to_owned(),
         source: source(2),
+        protocol: Some("full_contact".to_owned()),
         verdict,
-        measures: rollouts::Measures {
-            control_steps_n: 65,
-            skipped_steps_n: 125,
-            lift_m: 0.15,
-            slip_m: 0.001,
-            displacement_m: 0.002,
-            penetration_m: 0.0005,
-            finger_penetration_m: (verdict == Verdict::Held).then_some(0.0003),
-            contacts_n: 4,
+        measures: match verdict {
+            Verdict::Infeasible => rollouts::Measures::default(),
+            _ => rollouts::Measures {
+                control_steps_n: 65,
+                skipped_steps_n: Some(125),
+                lift_m: Some(0.15),
+                slip_m: Some(0.001),
+                displacement_m: Some(0.002),
+                penetration_m: Some(0.0005),
+                finger_penetration_m: (verdict == Verdict::Held).then_some(0.0003),
+                contacts_n: Some(4),
+            },
         },
-        smoothness: rollouts::Smoothness {
-            paper: variations(1.0),
-            released: variations(10.0),
-            robust: variations(100.0),
-        },
-        executed: rollouts::ExecutedSmoothness((verdict == Verdict::Held).then(|| {
-            rollouts::Smoothness {
-                paper: variations(2.0),
-                released: variations(20.0),
-                robust: variations(200.0),
-            }
-        })),
     };
     Verdict::ALL.map(rollout).into()
+}
+
+pub(crate) fn smoothness() -> Vec<CandidateSmoothness> {
+    let variations = |first: f64| {
+        let variation = |first: f64| Variation {
+            position: first,
+            velocity: first + 1.0,
+            acceleration: first + 2.0,
+        };
+        Variations {
+            joints: variation(first),
+            cartesian: variation(first + 3.0),
+        }
+    };
+    let of = |first: f64| Smoothness {
+        paper: variations(first),
+        released: variations(10.0 * first),
+        robust: variations(100.0 * first),
+    };
+    let row = |candidate_id: &str, executed: Option<Smoothness>| CandidateSmoothness {
+        candidate_id: candidate_id.to_owned(),
+        drawn: of(1.0),
+        executed: ExecutedSmoothness(executed),
+    };
+    let unmeasured = CandidateSmoothness {
+        drawn: Smoothness::default(),
+        ..row("can-2", None)
+    };
+    vec![row("can-0", Some(of(2.0))), row("can-1", None), unmeasured]
 }
 
 pub(crate) fn executions() -> Vec<Execution> {

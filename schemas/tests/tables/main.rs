@@ -6,7 +6,9 @@ mod snapshots;
 use std::{fmt::Debug, sync::Arc};
 
 use arrow_array::{
-    ArrayRef, Float64Array, ListArray, RecordBatch, StringArray, cast::AsArray, types::Float64Type,
+    ArrayRef, Float64Array, Int64Array, ListArray, RecordBatch, StringArray,
+    cast::AsArray,
+    types::{Float64Type, Int64Type},
 };
 use arrow_schema::{DataType, Field, FieldRef, Schema};
 use schemas::{
@@ -14,9 +16,10 @@ use schemas::{
     candidates::{Candidates, DrawSource},
     draws::{Draw, Draws, Refusal},
     latents::{self, Latents},
+    rates::SuccessRates,
     reconstruction::{self, Reconstruction},
     rollouts::{Rollouts, Verdict},
-    sampling::Sampled,
+    sampling::{Sampled, Sampling},
     success::{Success, Successes},
     trajectories::Trajectory,
 };
@@ -97,12 +100,53 @@ fn a_joint_outside_its_limits_is_told_apart() {
 }
 
 #[test]
+fn a_zero_of_the_version_before_is_null_where_nothing_was_measured() {
+    let (success, sampling, rates) = (filled::success(), filled::sampling(), filled::rates());
+    let rollouts = filled::rollouts();
+    for older in ["rollouts/6", "rollouts/7"] {
+        let before = of_version_before(&rollouts.to_batch().unwrap(), older);
+        assert_eq!(Rollouts::from_batch("can", &before).unwrap(), rollouts);
+    }
+    let before = of_version_before(&success.to_batch().unwrap(), "success/5");
+    assert_eq!(Successes::from_batch("all", &before).unwrap(), success);
+    let before = of_version_before(&sampling.to_batch().unwrap(), "sampling/1");
+    assert_eq!(Sampling::from_batch("can", &before).unwrap(), sampling);
+    // A mean rate of 0 is most often one that was measured.
+    let before = of_version_before(&rates.to_batch().unwrap(), "rates/2");
+    let read = SuccessRates::from_batch("all", &before).unwrap();
+    assert_eq!(read[0], rates[0]);
+    assert_eq!(read[1].by_candidate(), Some([0.0; 3]));
+}
+
+/// Returns the table with 0 for null, and this version.
+fn of_version_before(batch: &RecordBatch, version: &str) -> RecordBatch {
+    let without_null = |column: &ArrayRef| match column.as_primitive_opt::<Float64Type>() {
+        Some(numbers) => {
+            let numbers = numbers.iter().map(Option::unwrap_or_default);
+            Arc::new(Float64Array::from_iter_values(numbers)) as ArrayRef
+        }
+        None => match column.as_primitive_opt::<Int64Type>() {
+            Some(counts) => {
+                let counts = counts.iter().map(Option::unwrap_or_default);
+                Arc::new(Int64Array::from_iter_values(counts)) as ArrayRef
+            }
+            None => Arc::clone(column),
+        },
+    };
+    let mut metadata = batch.schema().metadata().clone();
+    metadata.insert("schema".to_owned(), version.to_owned());
+    let schema = Schema::new_with_metadata(batch.schema().fields().clone(), metadata);
+    let columns = batch.columns().iter().map(without_null).collect();
+    RecordBatch::try_new(Arc::new(schema), columns).unwrap()
+}
+
+#[test]
 fn successes_add_up() {
     let rows = filled::success();
     let totals = rows.iter().map(|row| row.verdicts.total_count());
     assert_eq!(totals.collect::<Vec<_>>(), [105, 65]);
     let per_success = rows.iter().map(Success::control_steps_per_success);
-    assert_eq!(per_success.collect::<Vec<_>>(), [25.0, 0.0]);
+    assert_eq!(per_success.collect::<Vec<_>>(), [Some(25.0), None]);
     assert_eq!(rows[0].verdicts.count(Verdict::Table), 3);
 
     // Counts that do not add up are refused.
@@ -123,7 +167,7 @@ fn trials_add_up() {
     let outcomes = &filled::trials()[0].outcomes;
     assert_eq!((outcomes.total_count(), outcomes.success_count()), (20, 11));
     let [low, high] = outcomes.interval();
-    assert!(low < 0.55 && 0.55 < high && outcomes.rate() == 0.55);
+    assert!(low < 0.55 && 0.55 < high && outcomes.rate() == Some(0.55));
 }
 
 #[test]

@@ -47,8 +47,7 @@ impl<'a> Queue<'a> {
     ) -> Result<Self, DispatchError> {
         let shares: BTreeMap<&str, f64> = robustness
             .iter()
-            .filter(|row| row.trials.total_count() > 0)
-            .map(|row| (row.candidate_id.as_str(), row.trials.rate()))
+            .filter_map(|row| Some((row.candidate_id.as_str(), row.trials.rate()?)))
             .collect();
         let held = rollouts
             .iter()

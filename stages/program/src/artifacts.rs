@@ -5,7 +5,8 @@ use arrow_schema::Schema;
 use dataflow::Inputs;
 use schemas::{
     SchemaError, Table, candidates::Candidates, demonstrations::Demonstration,
-    robustness::RobustnessTable, rollouts::Rollouts, trajectories::Trajectory,
+    robustness::RobustnessTable, rollouts::Rollouts, smoothness::SmoothnessTable,
+    trajectories::Trajectory,
 };
 
 use crate::{error::Broken, result};
@@ -91,6 +92,7 @@ impl Artifacts for Shipped {
         KnownArtifact::table::<Demonstration>(),
         KnownArtifact::checked_against::<Rollouts>(result::one_rollout_per_candidate),
         KnownArtifact::table::<RobustnessTable>(),
+        KnownArtifact::table::<SmoothnessTable>(),
         KnownArtifact::table::<Trajectory>(),
     ];
 }

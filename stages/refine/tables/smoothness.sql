@@ -1,5 +1,5 @@
 -- How smooth refined motions are, single samples of the prior, beside the retargeted demonstrations, by each definition of
--- `rollouts`: means over the motions, of velocity and acceleration their logarithm to base 10.
+-- `smoothness`: means over the motions, of velocity and acceleration their logarithm to base 10.
 --
 -- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
 -- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
@@ -7,7 +7,7 @@
 with
     motions as (
         select case when pipeline = 'replay' then 'demonstrations' else 'refined' end as motions, *
-        from all_rollouts where run in (select run from runs)),
+        from all_smoothness where run in (select run from runs)),
     means as (
         select 1 as number, 'the paper''s' as definition, motions,
             avg(paper_joints_position) as joints_0, log10(avg(paper_joints_velocity)) as joints_1, log10(avg(paper_joints_acceleration)) as joints_2,

@@ -15,6 +15,7 @@ use schemas::{
     rates::SuccessRates,
     robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts},
+    smoothness::{CandidateSmoothness, SmoothnessTable},
     success::Successes,
     training::Training,
     trajectories::Trajectory,
@@ -43,6 +44,8 @@ pub struct PageData {
     pub draws: Option<Draws>,
     /// Every rollout, by object.
     pub rollouts: BTreeMap<String, Vec<Rollout>>,
+    /// Smoothness of every candidate, by object.
+    pub smoothness: BTreeMap<String, Vec<CandidateSmoothness>>,
     /// Success by object, generator and origin.
     pub successes: Successes,
     /// Means over objects.
@@ -104,6 +107,12 @@ impl PageData {
         for artifact in inputs.artifacts(Rollouts::NAME) {
             let rollouts: Rollouts = table::read(artifact)?;
             gathered.rollouts.insert(artifact.key.to_string(), rollouts);
+        }
+        for artifact in inputs.artifacts(SmoothnessTable::NAME) {
+            let smoothness: SmoothnessTable = table::read(artifact)?;
+            gathered
+                .smoothness
+                .insert(artifact.key.to_string(), smoothness);
         }
         for artifact in inputs.artifacts(Executions::NAME) {
             let executions: Executions = table::read(artifact)?;
@@ -177,8 +186,6 @@ impl PageData {
                 origin: rollout.source.origin.as_str().to_owned(),
                 verdict: rollout.verdict.as_str().to_owned(),
                 outcome,
-                lift_m: rollout.measures.lift_m,
-                slip_m: rollout.measures.slip_m,
                 duration_s: motion.moments.last().map_or(0.0, |last| last.time_s),
                 recording: self.link(object, file),
                 glb: motion.to_glb(id, config.object_triangles)?,

@@ -58,10 +58,6 @@ pub struct Motion {
     pub verdict: String,
     /// Its class.
     pub outcome: OutcomeGroup,
-    /// Rise of the object at the end, in meters.
-    pub lift_m: f64,
-    /// Slip in the hand, in meters.
-    pub slip_m: f64,
     /// Length, in seconds.
     pub duration_s: f64,
     /// Its recording, relative to the page.
@@ -110,10 +106,7 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
-    use schemas::{
-        candidates::DrawSource,
-        rollouts::{ExecutedSmoothness, Measures, Smoothness},
-    };
+    use schemas::{candidates::DrawSource, rollouts::Measures};
 
     use super::*;
 
@@ -127,8 +120,6 @@ mod tests {
                 control_steps_n: 1,
                 ..Measures::default()
             },
-            smoothness: Smoothness::default(),
-            executed: ExecutedSmoothness(None),
         }
     }
 

@@ -7,7 +7,8 @@
 use schemas::{
     candidates::ObjectSplit,
     executions::Outcome,
-    rollouts::{Rollout, Variation, Variations, Verdict},
+    rollouts::Verdict,
+    smoothness::{Smoothness, Variation, Variations},
     tally::OutcomeClass,
 };
 
@@ -74,6 +75,10 @@ pub(crate) fn section(gathered: &PageData) -> Section {
          Demonstrations, RA-L 2023) as printed, and this run's. ≠ marks a figure of this run that was measured by \
          another protocol than the paper's; it says how where it is pointed at, and in the last column.",
     );
+    if gathered.smoothness.is_empty() {
+        section
+            .say("Table I has the paper's figures alone: no `smoothness` is wired to this report.");
+    }
     section.tables.push(smoothness(gathered));
     section.tables.push(cost(gathered));
     section.tables.push(real(gathered));
@@ -88,8 +93,8 @@ fn paper_number(number: f64) -> Cell {
     Cell::Number(number, format!("{number:.2}"))
 }
 
-/// Takes one definition of smoothness of a rollout.
-type Definition = fn(&Rollout) -> &Variations;
+/// Takes one definition of smoothness.
+type Definition = fn(&Smoothness) -> &Variations;
 
 fn smoothness(gathered: &PageData) -> DataTable {
     let mut table = DataTable::new(
@@ -112,28 +117,29 @@ fn smoothness(gathered: &PageData) -> DataTable {
         row.push(Cell::text("paper, table I"));
         table.row(row);
     }
-    let motions: Vec<&Rollout> = gathered
-        .rollouts
+    let motions: Vec<&Smoothness> = gathered
+        .smoothness
         .values()
         .flatten()
-        .filter(|one| one.smoothness != schemas::rollouts::Smoothness::default())
+        .map(|one| &one.drawn)
+        .filter(|drawn| **drawn != Smoothness::default())
         .collect();
     if motions.is_empty() {
         return table;
     }
-    let mean = |number: &dyn Fn(&Rollout) -> f64| {
+    let mean = |number: &dyn Fn(&Smoothness) -> f64| {
         motions.iter().map(|one| number(one)).sum::<f64>() / motions.len() as f64
     };
     let definitions: [(&str, &str, Definition); 2] = [
         (
             "this run, the paper's definition",
             "mean over all candidates of this run's objects; other objects, motions and count of steps",
-            |one| &one.smoothness.paper,
+            |one| &one.paper,
         ),
         (
             "this run, as the released code computes it",
             "the same, with the released code's mistakes",
-            |one| &one.smoothness.released,
+            |one| &one.released,
         ),
     ];
     for (name, how, of) in definitions {

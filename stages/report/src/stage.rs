@@ -8,7 +8,8 @@ use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table, candidates::Candidates, demonstrations::Demonstration, draws::Draws,
     executions::Executions, objects::Object, rates::SuccessRates, robustness::RobustnessTable,
-    rollouts::Rollouts, success::Successes, training::Training, trajectories::Trajectory,
+    rollouts::Rollouts, smoothness::SmoothnessTable, success::Successes, training::Training,
+    trajectories::Trajectory,
 };
 
 use crate::{Facts, PageData, ReportConfig, render::render, sections::result};
@@ -21,6 +22,7 @@ pub const INPUTS: &[&str] = &[
     Training::NAME,
     Candidates::NAME,
     Rollouts::NAME,
+    SmoothnessTable::NAME,
     RobustnessTable::NAME,
     Successes::NAME,
     SuccessRates::NAME,

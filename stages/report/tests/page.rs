@@ -6,7 +6,7 @@ use dataflow::RunFacts;
 use glb::{Moment, MotionScene, ObjectMesh};
 use schemas::{
     candidates::{DrawSource, ObjectSplit, Origin},
-    rollouts::{ExecutedSmoothness, Measures, Rollout, Smoothness, Verdict},
+    rollouts::{Measures, Rollout, Verdict},
     success::Success,
     tally::Tally,
 };
@@ -20,13 +20,11 @@ fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
         verdict,
         measures: Measures {
             control_steps_n: 100,
-            skipped_steps_n: 20,
-            lift_m: 0.15,
-            contacts_n: 3,
+            skipped_steps_n: Some(20),
+            lift_m: Some(0.15),
+            contacts_n: Some(3),
             ..Measures::default()
         },
-        smoothness: Smoothness::default(),
-        executed: ExecutedSmoothness(None),
     }
 }
 
@@ -51,8 +49,6 @@ fn motion(object: &str, n: usize, verdict: Verdict) -> Motion {
         origin: "prior".to_owned(),
         verdict: verdict.as_str().to_owned(),
         outcome: OutcomeGroup::of(&rollout),
-        lift_m: 0.1,
-        slip_m: 0.0,
         duration_s: 1.0,
         recording: None,
         glb: scene
@@ -86,9 +82,9 @@ fn run(objects_n: usize) -> PageData {
         ]),
         draws_n: 80,
         control_steps_n: 2000,
-        spread_palm_m: 0.0,
-        spread_palm_rad: 0.0,
-        spread_q_rad: 0.0,
+        spread_palm_m: None,
+        spread_palm_rad: None,
+        spread_q_rad: None,
         spread_n: 0,
     };
     let shown = names.iter().take(48);

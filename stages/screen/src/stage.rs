@@ -6,16 +6,17 @@ use dataflow::{
     BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
-use lake::WriteArtifact;
+use lake::{Beside, WriteArtifact};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{ExecutedSmoothness, Rollout, Rollouts, Verdict},
+    rollouts::{Rollout, Rollouts, Verdict},
+    smoothness::{CandidateSmoothness, ExecutedSmoothness, Smoothness, SmoothnessTable},
     tally::Tally,
 };
 use screening::Judgment;
-use simulation::{Flexion, TraceMode, check_hand};
+use simulation::{Flexion, ProtocolName, TraceMode, check_hand};
 
 use crate::{
     ScreenConfig, ScreenError,
@@ -50,7 +51,11 @@ impl Stage for Screen {
     const KIND: &'static str = "screen";
     const ABOUT: &'static str = "Judges candidate motions in physics";
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
-    const OUTPUTS: Outputs<Self> = &[&Self, &RobustnessTrials];
+    const OUTPUTS: Outputs<Self> = &[
+        &Self,
+        &Beside::<Self, SmoothnessTable>::OUTPUT,
+        &RobustnessTrials,
+    ];
 
     /// Checks that the hand can be read, and be simulated as the options say.
     fn prepare(config: &ScreenConfig) -> Result<(), BoxedDiagnostic> {
@@ -101,12 +106,18 @@ impl Output for Screen {
             Ok(judged) => judged,
             Err(err) => return screened.skip_or_fail(err),
         };
-        let candidates = screened.candidates.candidates.iter().zip(found);
-        let rollouts: Rollouts = candidates
-            .map(|(of, found)| row(of, found.as_ref()))
-            .collect();
+        let candidates = screened.candidates.candidates.iter().zip(&found);
+        let (rollouts, smoothness): (Rollouts, SmoothnessTable) = candidates
+            .map(|(of, found)| {
+                (
+                    row(of, config.protocol.name, found.as_ref()),
+                    smoothness(of, found.as_ref()),
+                )
+            })
+            .unzip();
 
         cx.write(&rollouts)?;
+        cx.write(&smoothness)?;
         let context = recording::RecordingContext {
             urdf: &screened.xml,
             model: &screened.hand,
@@ -126,18 +137,28 @@ impl Output for Screen {
     }
 }
 
-/// Returns the row of a candidate.
-fn row(candidate: &Candidate, found: Option<&Judgment>) -> Rollout {
-    let infeasible = Rollout::unsimulated(candidate, Verdict::Infeasible);
+/// Returns the row of a candidate, judged by a protocol.
+fn row(candidate: &Candidate, protocol: ProtocolName, found: Option<&Judgment>) -> Rollout {
+    let infeasible = Rollout {
+        protocol: Some(protocol.as_str().to_owned()),
+        ..Rollout::unsimulated(candidate, Verdict::Infeasible)
+    };
     match found {
         None => infeasible,
         Some(found) => Rollout {
             verdict: found.verdict,
             measures: found.measures,
-            smoothness: found.smoothness,
-            executed: ExecutedSmoothness(found.executed),
             ..infeasible
         },
+    }
+}
+
+/// Returns the smoothness of a candidate.
+fn smoothness(candidate: &Candidate, found: Option<&Judgment>) -> CandidateSmoothness {
+    CandidateSmoothness {
+        candidate_id: candidate.candidate_id.clone(),
+        drawn: found.map_or_else(Smoothness::default, |found| found.smoothness),
+        executed: ExecutedSmoothness(found.and_then(|found| found.executed)),
     }
 }
 
@@ -226,7 +247,7 @@ mod tests {
         assert_eq!(row.source, candidate.source);
         assert_eq!(
             (row.measures.control_steps_n, row.measures.skipped_steps_n),
-            (0, 0)
+            (0, None)
         );
     }
 

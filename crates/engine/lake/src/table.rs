@@ -85,13 +85,14 @@ fn is_small(batch: &RecordBatch) -> bool {
     bytes < COMPRESSED_BYTES
 }
 
-/// Reads the table of an artifact.
+/// Reads the table of an artifact: where it lies beside another one, or where it is the artifact's own.
 ///
 /// # Errors
 ///
 /// Fails if the artifact has no table, or it is not valid Parquet or does not follow its schema.
 pub fn read<T: Table>(artifact: &Artifact) -> Result<T, LakeError> {
-    let batch = read_file(artifact, T::FILE)?;
+    let is_beside = artifact.file(T::FILE).is_some();
+    let batch = read_file(artifact, if is_beside { T::FILE } else { FILE })?;
     T::from_batch(artifact.key.as_str(), &batch).map_err(|source| LakeError::Schema {
         table: T::NAME,
         key: artifact.key.clone(),

@@ -40,9 +40,13 @@ pub struct ScreeningOptions<'a> {
 impl ScreeningOptions<'_> {
     /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it, or inside itself.
     pub fn verdict(&self, rollout: &Rollout) -> Verdict {
-        let measures = &rollout.measures;
-        let is_too_deep = measures.penetration_m > self.max_penetration_m
-            || measures.finger_penetration_m > Some(self.max_finger_penetration_m);
+        let Measures {
+            penetration_m,
+            finger_penetration_m,
+            ..
+        } = rollout.measures;
+        let is_too_deep = penetration_m > Some(self.max_penetration_m)
+            || finger_penetration_m > Some(self.max_finger_penetration_m);
         match rollout.verdict {
             Verdict::Held if is_too_deep => Verdict::TooDeep,
             verdict => verdict,

@@ -41,8 +41,8 @@ pub(crate) struct Judge<'a> {
     /// The settled object.
     table_from_object_at_start: Pose<Table, Object>,
     rise_m: f64,
-    displacement_m: f64,
-    penetration_m: f64,
+    displacement_m: Option<f64>,
+    penetration_m: Option<f64>,
     /// Depth of the fingers in each other and in the palm; none if they do not touch.
     finger_penetration_m: Option<f64>,
     /// The object's pose in the palm frame, from the end of the lift on.
@@ -55,7 +55,9 @@ pub(crate) struct Judge<'a> {
     hold_left: usize,
     window: usize,
     control_s: f64,
-    /// Steps of the final window in which each body of the hand pressed.
+    /// Steps of the final window until now.
+    window_n: usize,
+    /// Those of them in which each body of the hand pressed.
     pressed: Vec<usize>,
     /// Latest control steps in a row in which the palm was loaded by too much.
     overloaded_n: usize,
@@ -96,8 +98,8 @@ impl<'a> Judge<'a> {
             protocol,
             table_from_object_at_start: settled.table_from_object(),
             rise_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
+            displacement_m: None,
+            penetration_m: None,
             finger_penetration_m: (scene.fingers_touch && scene.fingers_touch_palm).then_some(0.0),
             palm_from_object_held: Vec::new(),
             last_palm_from_object: Pose::identity(),
@@ -106,6 +108,7 @@ impl<'a> Judge<'a> {
             hold_left,
             window: steps(FINAL_WINDOW_S, scene).clamp(1, hold_left.max(1)),
             control_s: scene.control_step_s(),
+            window_n: 0,
             pressed: vec![0; settled.hand.body_count()],
             overloaded_n: 0,
             palm_from_object_at_pull: None,
@@ -248,7 +251,7 @@ impl<'a> Judge<'a> {
     fn before_squeeze(&mut self, table_from_object: &Pose<Table, Object>) -> Option<Verdict> {
         let moved = table_from_object.translation.vector
             - self.table_from_object_at_start.translation.vector;
-        self.displacement_m = moved.norm();
+        self.displacement_m = Some(moved.norm());
         self.knocked_over(table_from_object)
     }
 
@@ -271,6 +274,7 @@ impl<'a> Judge<'a> {
     /// Counts, in the final window, in how many steps each body of the hand pressed.
     fn count_pressing(&mut self, touch: &Touch) {
         if self.hold_left <= self.window {
+            self.window_n += 1;
             for (count, pressed) in self.pressed.iter_mut().zip(&touch.bodies) {
                 *count += usize::from(*pressed);
             }
@@ -341,7 +345,8 @@ impl<'a> Judge<'a> {
     fn measure_touch(&mut self, settled: &SettledScene, world: &World) -> Touch {
         let surface = settled.surface.as_ref();
         let touch = contact::touch(world, settled.object, surface, settled.hand.body_count());
-        self.penetration_m = self.penetration_m.max(touch.depth_m);
+        let deepest_m = self.penetration_m.unwrap_or(0.0).max(touch.depth_m);
+        self.penetration_m = Some(deepest_m);
         touch
     }
 
@@ -387,19 +392,19 @@ impl<'a> Judge<'a> {
     /// Returns what was measured until now, without the numbers of steps.
     pub(crate) fn measures(&self) -> Measures {
         Measures {
-            lift_m: finite_or_zero(self.rise_m),
-            slip_m: finite_or_zero(self.slip_m()),
-            displacement_m: finite_or_zero(self.displacement_m),
-            penetration_m: finite_or_zero(self.penetration_m),
-            finger_penetration_m: self.finger_penetration_m.map(finite_or_zero),
+            lift_m: finite(self.rise_m),
+            slip_m: self.slip_m().and_then(finite),
+            displacement_m: self.displacement_m.and_then(finite),
+            penetration_m: self.penetration_m.and_then(finite),
+            finger_penetration_m: self.finger_penetration_m.and_then(finite),
             contacts_n: self.contact_count(),
             ..Measures::default()
         }
     }
 
     /// Motion of the object in the palm frame since the end of the lift, in meters.
-    fn slip_m(&self) -> f64 {
-        self.palm_from_object_held.first().map_or(0.0, |lifted| {
+    fn slip_m(&self) -> Option<f64> {
+        self.palm_from_object_held.first().map(|lifted| {
             lifted
                 .inv_mul(&self.last_palm_from_object)
                 .translation
@@ -408,12 +413,11 @@ impl<'a> Judge<'a> {
         })
     }
 
-    /// Hand links in contact with the object at the end.
-    fn contact_count(&self) -> u32 {
-        if let Some(links) = self.settled {
-            return u32::try_from(links).unwrap_or(u32::MAX);
-        }
-        u32::try_from(self.touching().len()).unwrap_or(u32::MAX)
+    /// Hand links in contact with the object at the end; none before the final window.
+    fn contact_count(&self) -> Option<u32> {
+        let counted = || (self.window_n > 0).then(|| self.touching().len());
+        let links = self.settled.or_else(counted)?;
+        Some(u32::try_from(links).unwrap_or(u32::MAX))
     }
 
     /// Bodies of the hand in contact with the object at the end.
@@ -425,9 +429,9 @@ impl<'a> Judge<'a> {
     }
 }
 
-/// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
-fn finite_or_zero(figure: f64) -> f64 {
-    if figure.is_finite() { figure } else { 0.0 }
+/// Returns a figure that can be stored: none if it is meaningless after a divergence.
+fn finite(figure: f64) -> Option<f64> {
+    figure.is_finite().then_some(figure)
 }
 
 /// Returns the indices of those that are true.

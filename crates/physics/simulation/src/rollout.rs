@@ -47,7 +47,7 @@ impl Rollout {
         Self {
             verdict,
             measures: Measures {
-                skipped_steps_n: count(script.commands.len()),
+                skipped_steps_n: Some(count(script.commands.len())),
                 ..Measures::default()
             },
             executed: Vec::new(),
@@ -176,7 +176,7 @@ pub(crate) fn run_watched<'a>(
         verdict,
         measures: Measures {
             control_steps_n,
-            skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
+            skipped_steps_n: Some(count(script.commands.len()).saturating_sub(control_steps_n)),
             ..judge.measures()
         },
         executed: if has_reached { executed } else { Vec::new() },

@@ -1,8 +1,9 @@
 """A second judge of candidates: MuJoCo, by the protocol of `screen`, as a program for `kind = "program"`.
 
 Reads `candidates` and `objects` of one object, the hand's URDF (`files.hand`) and the hand's file (`files.hand_file`),
-whose drive and flexion joints are the defaults; makes `rollouts`. Its options are those of `screen`: `scene`, `protocol`,
-`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts. Unknown ones are refused.
+whose drive and flexion joints are the defaults; makes `rollouts`, or `smoothness` of the motions as drawn. Its options
+are those of `screen`: `scene`, `protocol`, `max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes
+contacts. Unknown ones are refused.
 `recorded` writes the first rollouts step by step as JSON.
 """
 
@@ -163,16 +164,20 @@ class Bench:
             self.settled[key] = self.scene.settle(pose, self.parts, self.settings["settle_s"])
         return self.settled[key]
 
+    def smoothness(self, candidate):
+        """The row of a candidate's smoothness as drawn; as executed it is not measured here: columns that a row lacks are null."""
+        row = {"candidate_id": candidate["candidate_id"], "reached": False}
+        if self.lies(candidate["table_from_object"]) is None:
+            return row
+        return row | smoothness.columns(candidate["motion"], self.scene.origins)
+
     def judge(self, candidate, trace=None):
         """The row of a candidate; its steps are added to `trace`."""
         row = {key: candidate[key] for key in SOURCE}
-        row |= {"control_steps_n": 0, "skipped_steps_n": 0, "lift_m": 0.0, "slip_m": 0.0, "displacement_m": 0.0, "penetration_m": 0.0,
-                "contacts_n": 0, "reached": False}
-        row |= smoothness.unmeasured("executed_")  # The hand's motion as executed is not measured here.
+        row |= {"protocol": self.protocol["name"], "control_steps_n": 0}
         motion, start_pose = candidate["motion"], self.lies(candidate["table_from_object"])
         if start_pose is None:
-            return row | smoothness.unmeasured() | {"reason": "infeasible", "success": False}
-        row |= smoothness.columns(motion, self.scene.origins)
+            return row | {"reason": "infeasible", "success": False}
         start, commands, requested = script.write(motion, self.protocol, self.joints, self.control_s)
         setpoints = [script.setpoint(command, start_pose) for command in [start, *commands]]
         verdict = self.scene.refusal(start, commands, requested, start_pose)
@@ -205,8 +210,9 @@ class Bench:
         if verdict == "diverged":
             return verdict
         row["lift_m"], row["displacement_m"], row["slip_m"] = judge.rise_m, judge.displacement_m, judge.slip_m()
-        row["contacts_n"] = len(judge.touching())
-        row["penetration_m"] = float(penetration_m(judge.deep, self.surface))
+        row["contacts_n"] = len(judge.touching()) if judge.hold_left < judge.window else None
+        if setpoint["phase"] in ("lift", "hold"):
+            row["penetration_m"] = float(penetration_m(judge.deep, self.surface))
         is_too_deep = verdict == "held" and row["penetration_m"] > self.options["max_penetration_m"]
         return "too_deep" if is_too_deep else verdict
 
@@ -220,15 +226,17 @@ def main():
         sys.exit(str(error))
     (part,) = job["inputs"]["candidates"]
     asked = candidates(part["files"]["part.parquet"], bench.joints)
+    columns = pq.read_schema(job["output"]["template"])
+    is_judge = job["output"]["artifact"] == "rollouts"
     rows = []
     for idx, candidate in enumerate(asked):
-        trace = {"candidate_id": candidate["candidate_id"]} if idx < bench.options["recorded"] else None
-        rows.append(bench.judge(candidate, trace))
+        is_recorded = is_judge and idx < bench.options["recorded"]
+        trace = {"candidate_id": candidate["candidate_id"]} if is_recorded else None
+        rows.append(bench.judge(candidate, trace) if is_judge else bench.smoothness(candidate))
         if trace is not None:
             with open(f"out/{candidate['candidate_id']}.json", "w") as file:
                 json.dump(trace, file)
         print(f"progress {(idx + 1) / len(asked):.3f} in MuJoCo")
-    columns = pq.read_schema(job["output"]["template"])
     pq.write_table(pa.Table.from_pylist(rows, schema=columns), job["output"]["table"])
 
 

@@ -341,7 +341,7 @@ class Judge:
         self.hold_left = sum(i["phase"] == "hold" for i in setpoints)
         self.window = min(max(round(FINAL_WINDOW_S / control_s), 1), self.hold_left)
         self.pressed, self.in_palm, self.deep = {}, [], []
-        self.rise_m = self.displacement_m = 0.0
+        self.rise_m, self.displacement_m = 0.0, None
 
     def fail(self, verdict):
         self.failure = self.failure or verdict
@@ -391,8 +391,8 @@ class Judge:
         return [body for body, n in self.pressed.items() if n >= enough]
 
     def slip_m(self):
-        """How far the object moved in the palm's frame since the end of the lift."""
-        return float(np.linalg.norm(self.in_palm[-1][0] - self.in_palm[0][0])) if self.in_palm else 0.0
+        """How far the object moved in the palm's frame since the end of the lift; nothing before it."""
+        return float(np.linalg.norm(self.in_palm[-1][0] - self.in_palm[0][0])) if self.in_palm else None
 
     def verdict(self):
         if self.failure:

@@ -1,4 +1,4 @@
-"""How smooth a motion is, by the definitions of `schemas/src/rollouts.rs`."""
+"""How smooth a motion is, by the definitions of `schemas/src/smoothness.rs`."""
 
 import numpy as np
 
@@ -40,12 +40,6 @@ def misread(palm):
     angle = np.linalg.norm(vector, axis=1, keepdims=True)
     axis = np.divide(vector, angle, out=np.zeros_like(vector), where=angle > 0)
     return np.concatenate([palm[:, :3], axis * np.sin(angle / 2), np.cos(angle / 2)], axis=1)
-
-
-def unmeasured(prefix=""):
-    """The 18 columns of a motion that was not measured, null."""
-    return {f"{prefix}{how}_{space}_{order}": None for how in ("paper", "released", "robust")
-            for space in ("joints", "cartesian") for order in ORDERS}
 
 
 def columns(motion, origins):

@@ -52,18 +52,10 @@ fn figures(runs: &[NamedRun<'_>]) -> DataTable {
     });
     put("executions that succeed".to_owned(), &executions);
     put("candidates that succeed".to_owned(), &|run| {
-        success(run, |rate| {
-            [
-                rate.candidate_rate_mean,
-                rate.candidate_rate_low,
-                rate.candidate_rate_high,
-            ]
-        })
+        success(run, Rate::by_candidate)
     });
     put("samples that succeed".to_owned(), &|run| {
-        success(run, |rate| {
-            [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
-        })
+        success(run, |rate| Some(rate.by_draw()))
     });
     let mut names: Vec<&str> = Vec::new();
     for step in runs.iter().flat_map(|run| steps(run.gathered)) {
@@ -106,17 +98,17 @@ fn executions(run: &PageData) -> Cell {
 }
 
 /// Returns a rate of a run over all origins, given its mean and the ends of its interval.
-fn success(run: &PageData, ends: fn(&Rate) -> [f64; 3]) -> Cell {
+fn success(run: &PageData, ends: fn(&Rate) -> Option<[f64; 3]>) -> Cell {
     let rate = run.rates.iter().find(|rate| rate.origin == ALL_ORIGINS);
-    rate.map_or(Cell::Missing, |rate| {
-        let [mean, low, high] = ends(rate);
-        Cell::text(format!(
-            "{} ({:.0} to {:.0})",
-            percent(mean),
-            100.0 * low,
-            100.0 * high
-        ))
-    })
+    rate.and_then(ends)
+        .map_or(Cell::Missing, |[mean, low, high]| {
+            Cell::text(format!(
+                "{} ({:.0} to {:.0})",
+                percent(mean),
+                100.0 * low,
+                100.0 * high
+            ))
+        })
 }
 
 fn objects(runs: &[NamedRun<'_>]) -> DataTable {

@@ -68,7 +68,7 @@ fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
             .map(|one| i64::from(one.measures.control_steps_n))
             .sum();
         let skipped_n: i64 = rollouts()
-            .map(|one| i64::from(one.measures.skipped_steps_n))
+            .filter_map(|one| one.measures.skipped_steps_n.map(i64::from))
             .sum();
         let mut text = format!(
             "{} control steps simulated, {} saved",

@@ -162,30 +162,33 @@ fn of_split(rate: &Rate) -> String {
     })
 }
 
-/// Returns the rates of candidates and of samples in a line each, with their intervals and denominators.
-fn rate_lines(rate: &Rate) -> [String; 2] {
+/// Returns the rates of candidates, if there are any, and of samples in a line each, with their intervals and
+/// denominators.
+fn rate_lines(rate: &Rate) -> Vec<String> {
     let split = of_split(rate);
-    [
+    let by_candidate = rate.by_candidate().map(|[mean, low, high]| {
         format!(
             "{} of candidates succeed (95 % CI {:.0} to {:.0}; mean of {} objects; {} of {} candidates; `{}`{split})",
-            percent(rate.candidate_rate_mean),
-            100.0 * rate.candidate_rate_low,
-            100.0 * rate.candidate_rate_high,
+            percent(mean),
+            100.0 * low,
+            100.0 * high,
             rate.objects_n,
             rate.successes_n,
             rate.candidates_n,
             rate.generator,
-        ),
-        format!(
-            "{} of samples succeed (95 % CI {:.0} to {:.0}; {} of {} samples; `{}`{split})",
-            percent(rate.draw_rate_mean),
-            100.0 * rate.draw_rate_low,
-            100.0 * rate.draw_rate_high,
-            rate.successes_n,
-            rate.draws_n,
-            rate.generator,
-        ),
-    ]
+        )
+    });
+    let [mean, low, high] = rate.by_draw();
+    let by_draw = format!(
+        "{} of samples succeed (95 % CI {:.0} to {:.0}; {} of {} samples; `{}`{split})",
+        percent(mean),
+        100.0 * low,
+        100.0 * high,
+        rate.successes_n,
+        rate.draws_n,
+        rate.generator,
+    );
+    by_candidate.into_iter().chain([by_draw]).collect()
 }
 
 /// Returns the row of the executions that count.
@@ -219,22 +222,19 @@ fn rate_rows(rate: &Rate) -> [[Cell; 6]; 2] {
     [
         (
             "candidates that succeed",
-            rate.candidate_rate_mean,
-            [rate.candidate_rate_low, rate.candidate_rate_high],
+            rate.by_candidate(),
             rate.candidates_n,
         ),
-        (
-            "samples that succeed",
-            rate.draw_rate_mean,
-            [rate.draw_rate_low, rate.draw_rate_high],
-            rate.draws_n,
-        ),
+        ("samples that succeed", Some(rate.by_draw()), rate.draws_n),
     ]
-    .map(|(what, mean, ends, n)| {
+    .map(|(what, rate_of, n)| {
+        let missing = || [Cell::Missing, Cell::Missing];
+        let cells = |[mean, low, high]: [f64; 3]| [Cell::share(mean), Cell::interval([low, high])];
+        let [mean, interval] = rate_of.map_or_else(missing, cells);
         [
             Cell::text(format!("{what} ({of})")),
-            Cell::share(mean),
-            Cell::interval(ends),
+            mean,
+            interval,
             Cell::count(rate.successes_n),
             Cell::count(n),
             Cell::text(format!(

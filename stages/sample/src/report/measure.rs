@@ -33,10 +33,11 @@ impl Measure<'_> {
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
+                let is_compared = diversity.is_compared.get(idx).copied();
                 let from_mean = diversity.from_mean.get(idx).copied().flatten();
                 Ok(Sampled {
                     demonstration: self.nearest(candidate.motion.grasp()),
-                    from_mean: from_mean.unwrap_or_default(),
+                    from_mean: from_mean.filter(|_| is_compared == Some(true)),
                     ..self.depths(candidate)?
                 })
             })
@@ -49,18 +50,18 @@ impl Measure<'_> {
             candidate_id: candidate.candidate_id.clone(),
             limit_excess_rad: candidate.limit_excess_rad,
             approach_depth_m: 0.0,
-            approach_depth_time_s: 0.0,
+            approach_depth_time_s: None,
             grasp_depth_m: 0.0,
             table_depth_m: 0.0,
             demonstration: None,
-            from_mean: GraspDistance::default(),
+            from_mean: None,
         };
         let (table_from_object, motion) = (&candidate.table_from_object, &candidate.motion);
         for step in &motion.steps()[..motion.steps().len() - 1] {
             let depth = self.probe.depth(table_from_object, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
-                sampled.approach_depth_time_s = step.time_s;
+                sampled.approach_depth_time_s = Some(step.time_s);
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }

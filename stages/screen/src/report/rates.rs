@@ -147,6 +147,8 @@ fn rates(successes: &[Success], config: &ScreenConfig) -> SuccessRates {
     }
     let rate = |((generator, origin, object_split), objects): (_, ByObject)| {
         let [by_candidate, by_draw] = objects.means();
+        let candidates_n = objects.sum(|counts| counts.candidates);
+        let by_candidate = (candidates_n > 0).then_some(by_candidate);
         let (generator, origin): (&str, &str) = (generator, origin);
         Rate {
             generator: generator.to_owned(),
@@ -160,12 +162,12 @@ fn rates(successes: &[Success], config: &ScreenConfig) -> SuccessRates {
             object_mass: object_mass(scene),
             // No count in memory is larger than the largest `i64`.
             objects_n: i64::try_from(objects.0.len()).unwrap_or(i64::MAX),
-            candidates_n: objects.sum(|counts| counts.candidates),
+            candidates_n,
             draws_n: objects.sum(|counts| counts.draws),
             successes_n: objects.sum(|counts| counts.successes),
-            candidate_rate_mean: by_candidate.mean,
-            candidate_rate_low: by_candidate.low,
-            candidate_rate_high: by_candidate.high,
+            candidate_rate_mean: by_candidate.map(|mean| mean.mean),
+            candidate_rate_low: by_candidate.map(|mean| mean.low),
+            candidate_rate_high: by_candidate.map(|mean| mean.high),
             draw_rate_mean: by_draw.mean,
             draw_rate_low: by_draw.low,
             draw_rate_high: by_draw.high,
@@ -253,10 +255,10 @@ fn chart(rates: &[Rate]) -> Option<String> {
             .to_owned()
     };
     let names: Vec<String> = rates.iter().map(name).collect();
-    let series = |title: &str, ends: fn(&Rate) -> [f64; 3]| {
+    let series = |title: &str, ends: fn(&Rate) -> Option<[f64; 3]>| {
         let estimate = |rate: &Rate| {
-            let [value, low, high] = ends(rate).map(|share| 100.0 * share);
-            Estimate { value, low, high }
+            let [value, low, high] = ends(rate)?.map(|share| 100.0 * share);
+            Some(Estimate { value, low, high })
         };
         Estimates {
             name: title.to_owned(),
@@ -264,20 +266,13 @@ fn chart(rates: &[Rate]) -> Option<String> {
                 .iter()
                 .cloned()
                 .zip(rates.iter().map(estimate))
+                .filter_map(|(name, estimate)| Some((name, estimate?)))
                 .collect(),
         }
     };
     let series = [
-        series("by candidate", |rate| {
-            [
-                rate.candidate_rate_mean,
-                rate.candidate_rate_low,
-                rate.candidate_rate_high,
-            ]
-        }),
-        series("by sample", |rate| {
-            [rate.draw_rate_mean, rate.draw_rate_low, rate.draw_rate_high]
-        }),
+        series("by candidate", Rate::by_candidate),
+        series("by sample", |rate| Some(rate.by_draw())),
     ];
     let captions = Captions {
         title: "Motions that succeed, mean over objects",
@@ -319,9 +314,9 @@ mod tests {
                 .collect(),
             draws_n,
             control_steps_n: 0,
-            spread_palm_m: 0.0,
-            spread_palm_rad: 0.0,
-            spread_q_rad: 0.0,
+            spread_palm_m: None,
+            spread_palm_rad: None,
+            spread_q_rad: None,
             spread_n: 0,
         }
     }
@@ -360,14 +355,17 @@ mod tests {
         ];
         assert_eq!(counts, [3, 30, 68, 17]);
         // 7 of 10 of the box and 10 of 20 of the can; of draws 7 of 24, 10 of 40 and 0 of 4.
-        assert!((all.candidate_rate_mean - 0.6).abs() < 1e-12);
+        assert!((all.candidate_rate_mean.unwrap() - 0.6).abs() < 1e-12);
         let by_draw = (7.0 / 24.0 + 0.25) / 3.0;
         assert!((all.draw_rate_mean - by_draw).abs() < 1e-12);
-        let ends = [all.candidate_rate_low, all.candidate_rate_high];
+        let ends = [all.candidate_rate_low, all.candidate_rate_high].map(Option::unwrap);
         let expected = bootstrap_mean(&[0.7, 0.5]);
         assert_eq!(ends, [expected.low, expected.high]);
         let prior = &rates[3];
-        assert_eq!((prior.objects_n, prior.candidate_rate_mean), (2, 0.25));
+        assert_eq!(
+            (prior.objects_n, prior.candidate_rate_mean),
+            (2, Some(0.25))
+        );
         assert_eq!((all.approach.as_str(), all.squeeze_rad), ("follow", 0.15));
         let svg = chart(&rates).unwrap();
         for name in ["cgf, all seen", "cgf, prior unseen", "by sample"] {

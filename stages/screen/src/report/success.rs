@@ -114,7 +114,7 @@ fn touched(rollout: &Rollout) -> bool {
     match rollout.verdict {
         Verdict::Limit | Verdict::Table | Verdict::Infeasible => false,
         Verdict::NotGrasped | Verdict::Diverged => {
-            rollout.measures.contacts_n > 0 || rollout.measures.penetration_m > 0.0
+            rollout.measures.contacts_n > Some(0) || rollout.measures.penetration_m > Some(0.0)
         }
         Verdict::Held
         | Verdict::EarlyContact
@@ -219,6 +219,7 @@ impl Group<'_> {
             .filter(|(r, _)| r.verdict == Verdict::Held);
         let grasps: Vec<ComparedMotion> = held.map(|(_, candidate)| grasp(candidate)).collect();
         let diversity = Diversity::of(&grasps);
+        let spread = (diversity.compared_n > 0).then_some(diversity.at_grasp);
         Success {
             object: object.to_owned(),
             generator: generator.to_owned(),
@@ -229,9 +230,9 @@ impl Group<'_> {
             control_steps_n: rollouts()
                 .map(|r| i64::from(r.measures.control_steps_n))
                 .sum(),
-            spread_palm_m: diversity.at_grasp.palm_m,
-            spread_palm_rad: diversity.at_grasp.palm_rad,
-            spread_q_rad: diversity.at_grasp.q_rad,
+            spread_palm_m: spread.map(|spread| spread.palm_m),
+            spread_palm_rad: spread.map(|spread| spread.palm_rad),
+            spread_q_rad: spread.map(|spread| spread.q_rad),
             // No count in memory is larger than the largest `i64`.
             spread_n: i64::try_from(diversity.compared_n).unwrap_or(i64::MAX),
         }
@@ -289,7 +290,7 @@ fn chart(rows: &[Success]) -> Option<String> {
     let estimate = |row: &Success| {
         let [low, high] = row.verdicts.interval().map(|end| 100.0 * end);
         Estimate {
-            value: 100.0 * row.verdicts.rate(),
+            value: 100.0 * row.verdicts.rate().unwrap_or_default(),
             low,
             high,
         }
@@ -410,12 +411,13 @@ mod tests {
         let near = |found: f64, expected: f64| {
             assert!((found - expected).abs() < 1e-9, "{found} {expected}");
         };
-        near(cgf.spread_palm_m, 0.02);
-        near(cgf.spread_palm_rad, 0.3);
-        near(cgf.spread_q_rad, 0.2);
+        near(cgf.spread_palm_m.unwrap(), 0.02);
+        near(cgf.spread_palm_rad.unwrap(), 0.3);
+        near(cgf.spread_q_rad.unwrap(), 0.2);
         assert_eq!((another.verdicts.success_count(), another.spread_n), (0, 0));
         assert_eq!(another.verdicts.count(Verdict::Table), 1);
-        assert_eq!(another.control_steps_per_success(), 0.0);
+        assert_eq!(another.control_steps_per_success(), None);
+        assert_eq!(another.spread_palm_m, None);
         assert_eq!((another.draws_n, cgf.draws_n), (1, 4));
         let metrics = SuccessMetrics::of(&rows, 4);
         assert_eq!((metrics.touched_n, metrics.table_n), (4.0, 1.0));
@@ -500,7 +502,7 @@ mod tests {
         // One that was in contact, or moved the object, is another matter.
         let pressed = Rollout {
             measures: Measures {
-                penetration_m: 1e-4,
+                penetration_m: Some(1e-4),
                 ..past.measures
             },
             ..past.clone()

@@ -44,9 +44,12 @@ fn roll(motion: &Motion<Object, ()>) -> Rollout {
 fn a_closed_hand_lifts_and_holds_the_can() {
     let rollout = roll(&good());
     assert_eq!(rollout.verdict, Verdict::Held);
-    assert!((rollout.measures.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
-    assert!(rollout.measures.slip_m < 0.003, "{rollout:?}");
-    assert!(rollout.measures.contacts_n >= 2, "{rollout:?}");
+    assert!(
+        (rollout.measures.lift_m.unwrap() - 0.15).abs() < 0.02,
+        "{rollout:?}"
+    );
+    assert!(rollout.measures.slip_m.unwrap() < 0.003, "{rollout:?}");
+    assert!(rollout.measures.contacts_n.unwrap() >= 2, "{rollout:?}");
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 2 s hold, at 50 Hz.
     assert_eq!(rollout.measures.control_steps_n, 190);
 }
@@ -65,11 +68,11 @@ fn palm_without_inertia_holds_the_same_grasp() {
     assert_eq!(rollout.verdict, Verdict::Held);
     let with = roll(&good());
     assert!(
-        (rollout.measures.lift_m - with.measures.lift_m).abs() < 1e-3,
+        (rollout.measures.lift_m.unwrap() - with.measures.lift_m.unwrap()).abs() < 1e-3,
         "{rollout:?}"
     );
     assert!(
-        (rollout.measures.slip_m - with.measures.slip_m).abs() < 1e-3,
+        (rollout.measures.slip_m.unwrap() - with.measures.slip_m.unwrap()).abs() < 1e-3,
         "{rollout:?}"
     );
 }
@@ -122,8 +125,11 @@ fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
     };
     let rollout = roll(&good());
     assert_eq!(rollout.verdict, Verdict::Held);
-    assert!((rollout.measures.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
-    assert!(rollout.measures.contacts_n >= 2, "{rollout:?}");
+    assert!(
+        (rollout.measures.lift_m.unwrap() - 0.15).abs() < 0.02,
+        "{rollout:?}"
+    );
+    assert!(rollout.measures.contacts_n.unwrap() >= 2, "{rollout:?}");
     assert_eq!(roll(&too_open()).verdict, Verdict::NotGrasped);
     // What geometry alone refuses it refuses of meshes, too.
     let fingers = q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
@@ -138,7 +144,7 @@ fn an_open_hand_leaves_the_can_and_ends_early() {
     let rollout = roll(&too_open());
     assert_eq!(rollout.verdict, Verdict::NotGrasped);
     assert!(rollout.measures.control_steps_n < 100, "{rollout:?}");
-    assert!(rollout.measures.lift_m.abs() < 0.01, "{rollout:?}");
+    assert!(rollout.measures.lift_m.unwrap().abs() < 0.01, "{rollout:?}");
 }
 
 #[test]
@@ -196,7 +202,10 @@ fn a_hand_that_pushes_the_can_knocks_it_over() {
         .rollout(&motion, &protocol, TraceMode::Nothing)
         .unwrap();
     assert_eq!(rollout.verdict, Verdict::KnockedOver);
-    assert!(rollout.measures.displacement_m > 0.02, "{rollout:?}");
+    assert!(
+        rollout.measures.displacement_m.unwrap() > 0.02,
+        "{rollout:?}"
+    );
 }
 
 #[test]
@@ -370,7 +379,7 @@ fn exploding_simulation_is_a_divergence() {
             rollout.measures.displacement_m,
             rollout.measures.penetration_m,
         ];
-        assert!(figures.iter().all(|figure| figure.is_finite()));
+        assert!(figures.iter().flatten().all(|figure| figure.is_finite()));
     };
     // A palm that jumps a kilometer aside and up, where no tilt of the can puts it below the table, and one
     // that jumps beyond single precision.

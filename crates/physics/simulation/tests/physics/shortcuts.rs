@@ -60,12 +60,12 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
     }
     for (few, all) in few.iter().zip(&all) {
         assert_eq!(
-            few.measures.control_steps_n + few.measures.skipped_steps_n,
-            all.measures.control_steps_n + all.measures.skipped_steps_n
+            few.measures.control_steps_n + few.measures.skipped_steps_n.unwrap(),
+            all.measures.control_steps_n + all.measures.skipped_steps_n.unwrap()
         );
         assert!(few.measures.control_steps_n <= all.measures.control_steps_n);
         match all.verdict {
-            Verdict::Held => assert_eq!(all.measures.skipped_steps_n, 0),
+            Verdict::Held => assert_eq!(all.measures.skipped_steps_n.unwrap(), 0),
             Verdict::EarlyContact => {
                 assert!(all.measures.control_steps_n > 0 && few.measures.control_steps_n == 0);
             }
@@ -74,7 +74,9 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
     }
     // The hold is more than half of the script, and is cut to a third where nothing creeps in the hand.
     let held = || few.iter().filter(|r| r.verdict == Verdict::Held);
-    let early = held().filter(|r| r.measures.skipped_steps_n > 60).count();
+    let early = held()
+        .filter(|r| r.measures.skipped_steps_n.unwrap() > 60)
+        .count();
     assert!(
         5 * early > 4 * held().count(),
         "{early} of {}",
@@ -111,7 +113,9 @@ fn recorded_rollout_runs_to_its_end() {
         (short.verdict, whole.verdict),
         (Verdict::Held, Verdict::Held)
     );
-    assert!(short.measures.skipped_steps_n > 0 && whole.measures.skipped_steps_n == 0);
+    assert!(
+        short.measures.skipped_steps_n.unwrap() > 0 && whole.measures.skipped_steps_n.unwrap() == 0
+    );
     assert_eq!(
         whole.trace.unwrap().steps.len() - 1,
         whole.measures.control_steps_n as usize
