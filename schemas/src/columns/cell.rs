@@ -95,7 +95,10 @@ impl Cell for Option<String> {
     }
 
     fn read(column: &Column<'_>, row: usize) -> Result<Self, SchemaError> {
-        let text = column.array.is_valid(row).then(|| String::read(column, row));
+        let text = column
+            .array
+            .is_valid(row)
+            .then(|| String::read(column, row));
         text.transpose()
     }
 }

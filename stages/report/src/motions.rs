@@ -115,6 +115,7 @@ mod tests {
             candidate_id: String::new(),
             generator: "cgf".to_owned(),
             source: DrawSource::replayed("a"),
+            protocol: None,
             verdict,
             measures: Measures {
                 control_steps_n: 1,

@@ -17,6 +17,7 @@ fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
         candidate_id: format!("{object}-{n:05}"),
         generator: "cgf".to_owned(),
         source: DrawSource::replayed("a"),
+        protocol: None,
         verdict,
         measures: Measures {
             control_steps_n: 100,

@@ -239,12 +239,13 @@ mod tests {
             residual_m2: None,
             motion: Motion::new(&["j"], vec![step(0.0), step(1.0)]).unwrap(),
         };
-        let row = row(&candidate, None);
+        let row = row(&candidate, ProtocolName::FullContact, None);
         assert_eq!(
             (row.candidate_id.as_str(), row.verdict),
             ("b", Verdict::Infeasible)
         );
         assert_eq!(row.source, candidate.source);
+        assert_eq!(row.protocol.as_deref(), Some("full_contact"));
         assert_eq!(
             (row.measures.control_steps_n, row.measures.skipped_steps_n),
             (0, None)

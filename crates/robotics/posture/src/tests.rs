@@ -272,9 +272,16 @@ fn check_derivatives(case: &Case, root: Root, loss: Loss) -> Result<(), TestCase
         let cost = evaluation.cost(&state, &task, &mut terms);
         evaluation.differentiate(&state, &task, Order::Exact);
         let (gradient, hessian) = derivatives(&evaluation);
-        (cost, gradient, hessian)
+        evaluation.slopes(&state, &task);
+        let alone = DVector::from_column_slice(&evaluation.gradient);
+        (cost, gradient, hessian, alone)
     };
-    let (_, gradient, hessian) = at(&vec![0.0; n]);
+    let (_, gradient, hessian, alone) = at(&vec![0.0; n]);
+    let error = (&gradient - &alone).norm();
+    prop_assert!(
+        error < 1e-12 * (1.0 + gradient.norm()),
+        "gradient alone off by {error:e}"
+    );
     let mut numeric = (DVector::zeros(n), DMatrix::zeros(n, n));
     for u in 0..n {
         let mut step = vec![0.0; n];
