@@ -2,8 +2,9 @@
 //!
 //! The simulated hand executes every candidate on the object in the candidate's resting orientation:
 //! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
-//! failure; the first accepted and failed ones of each object are recorded for a viewer. Accepted motions
-//! are tried again under drawn errors; the share that holds is a row of `robustness`.
+//! failure; the first accepted and failed ones of each object are recorded for a viewer. Beside it is a row of
+//! `smoothness`, of the motion as drawn and as executed. Accepted motions are tried again under drawn errors; the
+//! share that holds is a row of `robustness`.
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun
 //! alone with the same verdict. This stage does not depend on the generator.

@@ -240,7 +240,7 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
         (rows[2].measures.control_steps_n as usize + 1..116).contains(&steps_n),
         "{steps_n}"
     );
-    assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
+    assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 4);
 }
 
 /// Writes the rollouts of a can's candidates, and tries those that hold under these errors.
@@ -381,8 +381,13 @@ fn writes_the_same_bytes_on_any_number_of_threads() {
             .build()
             .unwrap();
         pool.install(|| run(&config(), &can(0.35), &three(), folder.path()).unwrap());
-        ["part.parquet", "can-0001.mcap", "can-0002.mcap"]
-            .map(|file| fs::read(folder.path().join("out").join(file)).unwrap())
+        [
+            "part.parquet",
+            "smoothness.parquet",
+            "can-0001.mcap",
+            "can-0002.mcap",
+        ]
+        .map(|file| fs::read(folder.path().join("out").join(file)).unwrap())
     };
     assert!(bytes(1) == bytes(3));
 }
