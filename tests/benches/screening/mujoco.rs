@@ -141,7 +141,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
             "impratio": engine.impratio,
             "multiccd": "enable",
             "solref": engine.solref,
-            "noslip": engine.noslip,
+            "noslip_iterations": engine.noslip,
         },
     })
 }

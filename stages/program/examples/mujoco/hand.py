@@ -5,6 +5,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 
 KINDS = {"revolute", "continuous", "prismatic", "fixed"}
+# The number of the root link, and of the palm's body among fingers.
+PALM = 0
 
 
 class HandError(Exception):
@@ -180,3 +182,21 @@ def joints(links):
 def followers(links):
     """The joints that follow others."""
     return [link["joint"] for link in links if link["joint"] and "master" in link["joint"]]
+
+
+def bodies(links):
+    """For each link the first of those that are fixed to each other: their body."""
+    found = []
+    for number, link in enumerate(links):
+        is_fixed = link["parent"] is not None and link["joint"] is None
+        found.append(found[link["parent"]] if is_fixed else number)
+    return found
+
+
+def fingers(links):
+    """For each link the first body of its finger, which hangs on the palm; the palm's own is `PALM`."""
+    found, body_of = [PALM], bodies(links)
+    for number, link in enumerate(links[1:], 1):
+        above = found[link["parent"]]
+        found.append(number if above == PALM and body_of[number] == number else above)
+    return found

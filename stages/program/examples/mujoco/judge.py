@@ -3,8 +3,9 @@
 Reads `candidates` and `objects` of one object, the hand's URDF (`files.hand`) and the hand's file (`files.hand_file`),
 whose drive and flexion joints are the defaults; makes `rollouts`, or `smoothness` of the motions as drawn. Its options
 are those of `screen`: `scene`, `protocol`, `max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes
-contacts. Unknown ones are refused.
-`recorded` writes the first rollouts step by step as JSON.
+contacts (`ENGINE` in `scene.py`). Unknown ones are refused. With `parts = "own"` the object has the convex parts of
+`inputs.parts`, a table of `parts.py`, in place of those of `objects`. `recorded` writes the first rollouts step by step
+as JSON.
 """
 
 import json
@@ -23,11 +24,13 @@ import pyarrow.parquet as pq
 import hand as urdf
 import script
 import smoothness
-from scene import Judge, Scene
+from arm import PALM_COMPLIANCE
+from scene import ENGINE, HAND_CONTACTS, Judge, Scene
 from surface import Surface
 
 # The defaults of `pipeline stages screen`; what has none there is required here too.
 SCENE = {"friction": 1.0, "mass_scale": 1.0, "time_step_s": 0.004, "steps_per_control": 5, "settle_s": 1.0}
+SCENE |= HAND_CONTACTS
 DRIVE = ["stiffness", "damping", "torque_limit", "armature"]
 PROTOCOL = {
     "name": "table_lift", "approach": "follow", "trial": "lift", "reach_s": 0.8, "close_fraction": 0.25,
@@ -39,9 +42,10 @@ STRICT = {
     "min_fingers": 2, "max_spin_rad_per_s": 0.2, "palm_table_tolerance_m": 0.002, "start_tolerance_m": 0.002,
     "knocked_until": "squeeze",
 }
-# Contacts about as soft as those of `screen`: a held object is about as deep in the fingers.
-ENGINE = {"cone": "elliptic", "impratio": 10.0, "solref": [0.01, 1.0], "multiccd": "enable", "noslip": 0, "steps": 1}
-OPTIONS = {"max_penetration_m": 0.005, "recorded": 0}
+KNOCKED_UNTIL = ["squeeze", "lift"]
+# The object's convex parts: `shared` with `screen`, or made apart from them.
+PARTS = ["shared", "own"]
+OPTIONS = {"max_penetration_m": 0.005, "parts": "shared", "recorded": 0}
 # Contacts that are measured against the mesh, in meters.
 NOTED_DEPTH_M = 0.001
 # Columns of a candidate that its rollout repeats.
@@ -73,13 +77,23 @@ def settings(options, of_hand):
     drive, strict = scene.pop("drive", {}), protocol.pop("strict", {})
     engine = given("engine", options.pop("engine", {}), ENGINE)
     scene = given("scene", scene, SCENE)
+    if scene["palm_compliance"] is not None:
+        scene["palm_compliance"] = given("scene.palm_compliance", scene["palm_compliance"], PALM_COMPLIANCE)
     scene["drive"] = given("scene.drive", of_hand.get("drive", {}) | drive, {}, DRIVE)
     flexion = {key: of_hand[key] for key in ["flexion_joints"] if key in of_hand}
     protocol = given("protocol", flexion | protocol, PROTOCOL, ["flexion_joints"])
     protocol["strict"] = given("protocol.strict", strict, STRICT)
     if protocol["name"] != "table_lift" or protocol["trial"] != "lift":
         sys.exit("`options.protocol` names another protocol than `table_lift`, or another trial than `lift`")
-    return scene, protocol, engine, given("", options, OPTIONS)
+    options = given("", options, OPTIONS)
+    one_of("protocol.strict.knocked_until", protocol["strict"]["knocked_until"], KNOCKED_UNTIL)
+    one_of("parts", options["parts"], PARTS)
+    return scene, protocol, engine, options
+
+
+def one_of(name, value, known):
+    if value not in known:
+        sys.exit(f"`options.{name}` is {value!r}: this judge knows {', '.join(known)}")
 
 
 def column(table, name):
@@ -112,6 +126,15 @@ def thing(path, scale):
     }
     triangles = np.array(row["triangles"], int).reshape(-1, 3)
     return body, Surface(np.array(row["vertices_m"], float), triangles)
+
+
+def own_parts(job):
+    """The convex parts of the object that `parts.py` made."""
+    if "parts" not in job["inputs"]:
+        sys.exit('`options.parts` is "own", which needs `inputs.parts`: a stage with the command `parts.py`')
+    (table,) = job["inputs"]["parts"]
+    rows = pq.read_table(table["files"]["part.parquet"]).to_pylist()
+    return [np.array(row["points_m"], float).reshape(-1, 3) for row in sorted(rows, key=lambda row: row["part_idx"])]
 
 
 def lying(table_from_object):
@@ -147,12 +170,15 @@ class Bench:
         steps = self.engine["steps"]
         (objects,) = job["inputs"]["objects"]
         body, self.surface = thing(objects["files"]["part.parquet"], self.settings["mass_scale"])
+        if self.options["parts"] == "own":
+            body["parts"] = own_parts(job)
         self.control_s = self.settings["time_step_s"] * self.settings["steps_per_control"]
         self.scene = Scene({
             "time_step_s": self.settings["time_step_s"] / steps,
             "steps_per_control": self.settings["steps_per_control"] * steps,
             "friction": self.settings["friction"], "drive": self.settings["drive"], "protocol": self.protocol,
             "noted_depth_m": NOTED_DEPTH_M, "links": links, "object": body, "engine": self.engine,
+            **{key: self.settings[key] for key in HAND_CONTACTS},
         })
         self.parts, self.settled = body["parts"], {}
 

@@ -4,9 +4,11 @@ A hand as a tree of links with primitives, masses, joint limits and torque limit
 table. Lengths in meters, quaternions as x y z w.
 
 What is told to the palm is done: its mass is 10 t, and each control step gives it the velocity that takes
-it to its place, so that it yields to nothing; it never touches the table, which yields as little. Finger
-joints are position servos with damping and a torque limit, the hand feels no gravity, and hand touches
-hand nowhere. All contacts have the scene's friction and no friction about the normal.
+it to its place, so that it yields to nothing; it never touches the table, which yields as little. With
+`palm_compliance` an `Arm` of limited force carries a palm that has a mass, and the table stops it. Finger
+joints are position servos with damping and a torque limit, and the hand feels no gravity. Fingers touch each
+other with `fingers_touch` and the palm with `fingers_touch_palm`, else hand touches hand nowhere. All
+contacts have the scene's friction and no friction about the normal.
 """
 
 import time
@@ -15,10 +17,32 @@ import mujoco
 import numpy as np
 
 import hand
+from arm import Arm
 from script import compose, turned as turned_by
 
+# How MuJoCo computes contacts.
+ENGINE = {
+    # MuJoCo's default, `pyramidal`, lets held objects slide out of the fingers.
+    "cone": "elliptic",
+    # Friction ten times as stiff as the normal force: a sticking contact creeps a tenth as fast as by default (1).
+    "impratio": 10.0,
+    # Time constant in seconds and damping ratio: a held object is about as deep in the fingers as in `screen`.
+    "solref": [0.01, 1.0],
+    # Several points where convex bodies meet: a box would rock on one.
+    "multiccd": "enable",
+    # Solver passes that stop creep: none, MuJoCo's default. With 5 neither engine is more lenient.
+    "noslip_iterations": 0,
+    # Most iterations of Newton's method, and the relative improvement that ends it: MuJoCo's defaults.
+    "iterations": 100, "tolerance": 1e-8,
+    # MuJoCo's time steps in one `scene.time_step_s`, by default 4 ms as in `screen`: at half of it, 4.5 % of verdicts change.
+    "steps": 1,
+}
+# What hand touches hand, and an arm that yields: as in `screen`, none by default.
+HAND_CONTACTS = {"fingers_touch": False, "fingers_touch_palm": False, "palm_compliance": None}
+
 PALM_MASS, PALM_INERTIA = 1e4, 1e2
-HAND, OBJECT = 2, 1
+# Contact groups. From `FINGER` on each finger has one of its own, those beyond the last share it.
+OBJECT, HAND, PALM, ON_PALM, FINGER, LAST = 1, 2, 4, 8, 16, 1 << 30
 DIVERGED = [
     mujoco.mjtWarning.mjWARN_BADQPOS,
     mujoco.mjtWarning.mjWARN_BADQVEL,
@@ -50,20 +74,65 @@ def inertial(body):
     )
 
 
-def geom(shape):
+def geom(shape, name, groups):
     sizes = text(shape["size"])
+    own, others = groups
     return (
-        f'<geom type="{shape["type"]}" size="{sizes}" {placed(shape["link_from_shape"])} '
-        f'contype="{HAND}" conaffinity="{OBJECT}"/>'
+        f'<geom name="{name}" type="{shape["type"]}" size="{sizes}" {placed(shape["link_from_shape"])} '
+        f'contype="{own}" conaffinity="{others}"/>'
     )
 
 
-def link_xml(links, number, armature):
+def contact_groups(scene, on_palm):
+    """For the shapes of each link, by their names, their own group and those that they touch; `on_palm` names those of
+    fingers that touch the palm."""
+    links = scene["links"]
+    fingers = hand.fingers(links)
+    numbers = sorted({finger for finger in fingers if finger != hand.PALM})
+    own_group = {finger: min(FINGER << idx, LAST) for idx, finger in enumerate(numbers)}
+    every_finger = 0
+    for group in own_group.values():
+        every_finger |= group
+    groups = {}
+    for number, link in enumerate(links):
+        for idx in range(len(link["shapes"])):
+            own, others, name = HAND, OBJECT, shape_name(number, idx)
+            if fingers[number] == hand.PALM:
+                if scene["fingers_touch_palm"]:
+                    own, others = own | PALM, others | ON_PALM
+            else:
+                if scene["fingers_touch"]:
+                    group = own_group[fingers[number]]
+                    own, others = own | group, others | (every_finger & ~group)
+                if name in on_palm:
+                    own, others = own | ON_PALM, others | PALM
+            groups[name] = (own, others)
+    return groups
+
+
+def shape_name(link, idx):
+    return f"link{link}_{idx}"
+
+
+def palm_mass(scene):
+    """Mass and moment of inertia of the palm's body: with an arm that yields, what the fingers leave of the effective mass."""
+    arm = scene["palm_compliance"]
+    if arm is None:
+        return PALM_MASS, PALM_INERTIA
+    others_kg = sum(link["mass"] for link in scene["links"][1:])
+    if others_kg >= arm["mass_kg"]:
+        raise hand.HandError(f"the hand without its root weighs {others_kg:.2f} kg, as much as `palm_compliance.mass_kg`")
+    return arm["mass_kg"] - others_kg, arm["inertia_kg_m2"]
+
+
+def link_xml(scene, number, groups):
+    links, armature = scene["links"], scene["drive"]["armature"]
     link = links[number]
     if link["parent"] is None:
+        mass, inertia = palm_mass(scene)
         own = (
-            f'<freejoint/><inertial pos="0 0 0" mass="{PALM_MASS}" '
-            f'diaginertia="{PALM_INERTIA} {PALM_INERTIA} {PALM_INERTIA}"/>'
+            f'<freejoint/><inertial pos="0 0 0" mass="{mass!r}" '
+            f'diaginertia="{inertia!r} {inertia!r} {inertia!r}"/>'
         )
         place = ""
     else:
@@ -81,14 +150,16 @@ def link_xml(links, number, armature):
                 f'<joint name="{joint["name"]}" type="{kind}" axis="{text(joint["axis"])}" '
                 f'{limits} armature="{armature!r}"/>'
             )
-    own += "".join(geom(shape) for shape in link["shapes"])
+    for idx, shape in enumerate(link["shapes"]):
+        name = shape_name(number, idx)
+        own += geom(shape, name, groups[name])
     children = (idx for idx, other in enumerate(links) if other["parent"] == number)
-    inside = "".join(link_xml(links, child, armature) for child in children)
+    inside = "".join(link_xml(scene, child, groups) for child in children)
     name = "palm" if link["parent"] is None else link["name"]
     return f'<body name="{name}" {place} gravcomp="1">{own}{inside}</body>'
 
 
-def mjcf(scene):
+def mjcf(scene, on_palm=frozenset()):
     """The scene as MuJoCo reads it; coordinates are palm, fingers, object."""
     drive, engine = scene["drive"], scene["engine"]
     links, thing = scene["links"], scene["object"]
@@ -112,18 +183,21 @@ def mjcf(scene):
         f'polycoef="{text([joint["offset"], joint["multiplier"], 0, 0, 0])}"/>'
         for joint in hand.followers(links)
     )
+    groups = contact_groups(scene, on_palm)
+    beside = '<exclude body1="world" body2="palm"/>' if scene["palm_compliance"] is None else ""
     return f"""<mujoco>
 <compiler angle="radian" fusestatic="true"/>
 <option timestep="{scene["time_step_s"]!r}" integrator="implicitfast" cone="{engine["cone"]}"
- impratio="{engine["impratio"]!r}" noslip_iterations="{engine["noslip"]}"><flag multiccd="{engine["multiccd"]}"/></option>
+ impratio="{engine["impratio"]!r}" noslip_iterations="{engine["noslip_iterations"]}"
+ iterations="{engine["iterations"]}" tolerance="{engine["tolerance"]!r}"><flag multiccd="{engine["multiccd"]}"/></option>
 <default><geom friction="{scene["friction"]!r} 0 0" condim="3" solref="{text(engine["solref"])}"/></default>
 <asset>{meshes}</asset>
 <worldbody>
 <geom name="table" type="box" size="1 1 0.025" pos="0 0 -0.025" contype="0" conaffinity="{HAND | OBJECT}"/>
-{link_xml(links, 0, drive["armature"])}
+{link_xml(scene, 0, groups)}
 <body name="object"><freejoint/>{inertial(thing)}{parts}</body>
 </worldbody>
-<contact><exclude body1="world" body2="palm"/></contact>
+<contact>{beside}</contact>
 <equality>{equal}</equality>
 <actuator>{servos}</actuator>
 </mujoco>"""
@@ -136,9 +210,18 @@ def turned(xyzw):
 
 class Scene:
     def __init__(self, scene):
+        scene = HAND_CONTACTS | scene | {"engine": ENGINE | scene["engine"]}
         self.scene, self.protocol = scene, scene["protocol"]
-        self.model = mujoco.MjModel.from_xml_string(mjcf(scene))
+        self.load(mjcf(scene))
+        if scene["fingers_touch_palm"]:
+            self.load(mjcf(scene, self.apart_from_palm()))
+        arm = scene["palm_compliance"]
+        self.arm = None if arm is None else Arm(arm, self.data, self.palm_q, self.palm_v)
+
+    def load(self, xml):
+        self.model = mujoco.MjModel.from_xml_string(xml)
         self.data = mujoco.MjData(self.model)
+        scene = self.scene
         joints = hand.joints(scene["links"])
         self.followers = hand.followers(scene["links"])
         self.lower = np.array([joint["lower"] for joint in joints])
@@ -152,6 +235,26 @@ class Scene:
         self.palm_q = self.model.jnt_qposadr[self.model.body_jntadr[self.palm]]
         self.palm_v = self.model.jnt_dofadr[self.model.body_jntadr[self.palm]]
         self.thing_q = self.model.jnt_qposadr[self.model.body_jntadr[self.thing]]
+
+    def apart_from_palm(self):
+        """The fingers' shapes that can meet all of the palm's: not of a link next to it, and apart from them with every
+        joint at 0 or at its limit nearest to it."""
+        links = self.scene["links"]
+        bodies, fingers = hand.bodies(links), hand.fingers(links)
+        self.start_at([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], np.clip(0.0, self.lower, self.upper))
+        mujoco.mj_kinematics(self.model, self.data)
+        shapes = [(number, idx) for number, link in enumerate(links) for idx in range(len(link["shapes"]))]
+        number_of = lambda shape: mujoco.mj_name2id(self.model, mujoco.mjtObj.mjOBJ_GEOM, shape_name(*shape))
+        palm = [number_of(shape) for shape in shapes if fingers[shape[0]] == hand.PALM]
+        found = set()
+        for shape in shapes:
+            body = bodies[shape[0]]
+            if fingers[body] in (hand.PALM, body):
+                continue
+            of_shape = number_of(shape)
+            if all(mujoco.mj_geomDistance(self.model, self.data, of_shape, of_palm, 1.0, None) > 0 for of_palm in palm):
+                found.add(shape_name(*shape))
+        return found
 
     def palm_pose(self):
         at = self.data.qpos[self.palm_q :]
@@ -209,21 +312,37 @@ class Scene:
         """Puts hand and object where a script starts."""
         data = self.data
         mujoco.mj_resetData(self.model, data)
-        for at, pose in ((self.palm_q, start["palm"]), (self.thing_q, table_from_object)):
-            data.qpos[at : at + 3] = pose[:3]
-            data.qpos[at + 3 : at + 7] = turned(pose[3:])
-        data.qpos[self.q] = start["q"]
-        for joint, q in zip(self.followers, self.q_of_followers):
-            data.qpos[q] = joint["multiplier"] * start["q"][joint["number"]] + joint["offset"]
+        self.start_at(start["palm"], start["q"])
+        data.qpos[self.thing_q : self.thing_q + 3] = table_from_object[:3]
+        data.qpos[self.thing_q + 3 : self.thing_q + 7] = turned(table_from_object[3:])
         mujoco.mj_forward(self.model, data)
+        if self.arm is not None:
+            self.arm.begin()
+
+    def start_at(self, palm, q):
+        """Puts the hand there."""
+        data = self.data
+        data.qpos[self.palm_q : self.palm_q + 3] = palm[:3]
+        data.qpos[self.palm_q + 3 : self.palm_q + 7] = turned(palm[3:])
+        data.qpos[self.q] = q
+        for joint, at in zip(self.followers, self.q_of_followers):
+            data.qpos[at] = joint["multiplier"] * q[joint["number"]] + joint["offset"]
 
     def step(self, setpoint):
         """Carries out one command; returns the seconds that the physics took."""
-        substeps = self.scene["steps_per_control"]
-        self.move_palm(setpoint["palm"], substeps * self.scene["time_step_s"])
+        substeps, step_s = self.scene["steps_per_control"], self.scene["time_step_s"]
         self.data.ctrl[:] = np.clip(setpoint["q"], self.lower, self.upper)
+        if self.arm is None:
+            self.move_palm(setpoint["palm"], substeps * step_s)
+        else:
+            self.arm.lead_to(setpoint["palm"], substeps * step_s)
         before = time.thread_time()
-        mujoco.mj_step(self.model, self.data, substeps)
+        if self.arm is None:
+            mujoco.mj_step(self.model, self.data, substeps)
+        else:
+            for _ in range(substeps):
+                self.arm.pull(step_s)
+                mujoco.mj_step(self.model, self.data)
         return time.thread_time() - before
 
     def roll(self, rollout):
@@ -280,7 +399,7 @@ class Scene:
     def is_below(self, palm_m, finger_m):
         """Whether a shape of the hand is deeper below the table than a palm or a finger may be."""
         model, data = self.model, self.data
-        for geom in np.flatnonzero(model.geom_contype == HAND):
+        for geom in np.flatnonzero(model.geom_contype & HAND):
             size, row = model.geom_size[geom], data.geom_xmat[geom].reshape(3, 3)[2]
             reach = {
                 GEOM.mjGEOM_BOX: lambda: np.abs(row) @ size,
@@ -296,9 +415,8 @@ class Scene:
     def depth(self):
         """How deep the hand is in the object's deepest part, in meters."""
         contacts = (self.data.contact[idx] for idx in range(self.data.ncon))
-        deep = [-c.dist for c in contacts
-                if {int(self.model.geom_contype[g]) for g in (c.geom1, c.geom2)} == {HAND, OBJECT}]
-        return max(deep, default=0.0)
+        bodies = lambda contact: {int(self.model.geom_bodyid[g]) for g in (contact.geom1, contact.geom2)}
+        return max((-c.dist for c in contacts if self.thing in bodies(c) and 0 not in bodies(c)), default=0.0)
 
     def origins(self, palm, q):
         """Coordinates of the origins of all links, the root's first, for a palm pose in any frame."""
@@ -351,6 +469,8 @@ class Judge:
         # MuJoCo starts again from the beginning where numbers overflow, and warns.
         if any(self.scene.data.warning[idx].number for idx in DIVERGED):
             self.fail("diverged")
+        if self.scene.arm is not None and self.scene.arm.is_overloaded():
+            self.fail("overloaded")
         rise = self.rise_m = float(place[2] - self.start[0][2])
         until_lift = protocol["strict"]["knocked_until"] == "lift"
         if phase in ("reach", "close") or (phase == "squeeze" and until_lift):
