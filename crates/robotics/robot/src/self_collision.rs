@@ -1,6 +1,6 @@
 //! Distances and depths between the links of a hand, with their gradients.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{IsometryMatrix3, Matrix3, Point3, Vector3};
 use spatial::Pose;
 
 use crate::{
@@ -37,7 +37,7 @@ pub struct SelfCollision {
 #[derive(Debug, Clone)]
 struct RoundedShape {
     link: usize,
-    link_from_shape: Pose<Link, Shape>,
+    link_from_shape: PlacedShape,
     core: Shape,
     /// Distance of the surface from the core, in meters.
     radius_m: f64,
@@ -50,6 +50,29 @@ struct RoundedShape {
 struct PlacedShape {
     rotation: Matrix3<f64>,
     center: Vector3<f64>,
+}
+
+impl PlacedShape {
+    fn of<A, B>(pose: &Pose<A, B>) -> Self {
+        Self {
+            rotation: pose.rotation.to_rotation_matrix().into_inner(),
+            center: pose.translation.vector,
+        }
+    }
+
+    /// Returns the shape, which is placed in a link, where the link is at this pose.
+    #[inline]
+    fn moved(&self, frame_from_link: &IsometryMatrix3<f64>) -> Self {
+        let turn = frame_from_link.rotation.matrix();
+        let [x, y, z] = [0, 1, 2].map(|axis| turn.column(axis));
+        // Column by column: nalgebra's general product is several times slower.
+        let turned = |v: Vector3<f64>| x * v.x + y * v.y + z * v.z;
+        let [u, v, w] = [0, 1, 2].map(|axis| turned(self.rotation.column(axis).into_owned()));
+        Self {
+            rotation: Matrix3::from_columns(&[u, v, w]),
+            center: turned(self.center) + frame_from_link.translation.vector,
+        }
+    }
 }
 
 /// The gap between two links, in the frame in which the links' poses were given.
@@ -96,7 +119,7 @@ impl SelfCollision {
                 let (core, radius_m) = rounded(&collision.shape);
                 RoundedShape {
                     link,
-                    link_from_shape: collision.link_from_shape,
+                    link_from_shape: PlacedShape::of(&collision.link_from_shape),
                     reach_m: core.radius_m() + radius_m,
                     core,
                     radius_m,
@@ -132,15 +155,25 @@ impl SelfCollision {
         margin_m: f64,
         gaps: &'g mut SelfGaps,
     ) -> &'g [SelfGap] {
+        let pose = |link: usize| {
+            let pose = &frame_from_links[link];
+            IsometryMatrix3::from_parts(pose.translation, pose.rotation.to_rotation_matrix())
+        };
+        self.gaps_at(pose, margin_m, gaps)
+    }
+
+    /// As [`SelfCollision::gaps`], with a function that returns a link's pose, for each link that has a shape.
+    pub fn gaps_at<'g>(
+        &self,
+        frame_from_link: impl Fn(usize) -> IsometryMatrix3<f64>,
+        margin_m: f64,
+        gaps: &'g mut SelfGaps,
+    ) -> &'g [SelfGap] {
         gaps.gaps.clear();
         gaps.placed.clear();
-        gaps.placed.extend(self.shapes.iter().map(|shape| {
-            let pose = frame_from_links[shape.link] * shape.link_from_shape;
-            PlacedShape {
-                rotation: pose.rotation.to_rotation_matrix().into_inner(),
-                center: pose.translation.vector,
-            }
-        }));
+        let places = self.shapes.iter();
+        let places = places.map(|shape| shape.link_from_shape.moved(&frame_from_link(shape.link)));
+        gaps.placed.extend(places);
         for pair in &self.pairs {
             let [a, b] =
                 [pair.first, pair.second].map(|idx| (&self.shapes[idx], &gaps.placed[idx]));
