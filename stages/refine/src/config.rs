@@ -64,8 +64,8 @@ pub struct RefineConfig {
     #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub table_margin_m: f64,
     /// Weight of what a finger lacks to its margin from another finger, or from the palm (1): off, because screens
-    /// let fingers pass through each other unless `scene.fingers_touch` is set; with 3, as the object's, no link ends
-    /// deeper than 2 mm in another.
+    /// let fingers pass through each other unless `scene.fingers_touch` is set, and it takes a fifth more time; with 1
+    /// no finger of the Allegro ends in another.
     #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub self_collision_weight: f64,
     /// Distance that fingers keep from each other and from the palm (m): the table's.

@@ -44,13 +44,11 @@ impl Solver<'_> {
             if !self.eliminator.solve(&system, &mut self.step) {
                 return None;
             }
-            if !pairs.is_empty() {
-                let (factors, eliminator) = (&mut self.pair_factors, &mut *self.eliminator);
-                if !factors.prepare(pairs, eliminator, layout, &self.free) {
-                    return None;
-                }
-                factors.correct(pairs, &mut self.step);
+            let (factors, eliminator) = (&mut self.pair_factors, &mut *self.eliminator);
+            if !factors.prepare(pairs, eliminator, layout, &self.free) {
+                return None;
             }
+            factors.correct(pairs, &mut self.step);
             if is_shifted {
                 for u in n_root..n {
                     self.step[u] += self.held[u];
@@ -179,10 +177,7 @@ impl Solver<'_> {
         }
         let (free, step) = (&self.free, &mut self.step);
         self.eliminator.solve_again(layout, &self.right, free, step);
-        let pairs = &self.evaluation.pairs;
-        if !pairs.is_empty() {
-            self.pair_factors.correct(pairs, step);
-        }
+        self.pair_factors.correct(&self.evaluation.pairs, step);
         let gained: f64 = step
             .iter()
             .zip(&self.right)

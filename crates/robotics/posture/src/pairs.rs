@@ -136,6 +136,10 @@ impl PairFactors {
         free: &[f64],
     ) -> bool {
         let (n, n_pairs) = (pairs.n, pairs.curvatures.len());
+        self.shares.clear();
+        if n_pairs == 0 {
+            return true;
+        }
         self.solved.resize(n_pairs * n, 0.0);
         self.factor.resize(n_pairs * n_pairs, 0.0);
         self.shares.resize(n_pairs, 0.0);
@@ -172,6 +176,9 @@ impl PairFactors {
     /// Corrects a solution of the arrow to one of the arrow with the pairs prepared last.
     pub(crate) fn correct(&mut self, pairs: &PairRows, step: &mut [f64]) {
         let n_pairs = self.shares.len();
+        if n_pairs == 0 {
+            return;
+        }
         for (i, (_, row)) in pairs.each().enumerate() {
             let of_row = &self.factor[i * n_pairs..];
             let rest = dot(row, step) - dot(&of_row[..i], &self.shares[..i]);
