@@ -33,6 +33,7 @@ use self::{
 };
 use crate::{
     jobs::{JobOrders, here_key, orders_key},
+    label::Label,
     report, sharing,
 };
 
@@ -315,7 +316,7 @@ impl Batch<'_> {
                     return Err(self.refused(&err));
                 }
                 Err(err) if n_looks == 0 => {
-                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    report::line(Label::Wait, format!("{} does not answer: {err}", self.name));
                 }
                 Err(_) => {}
             }

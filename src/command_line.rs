@@ -1,13 +1,15 @@
 //! From the command line to an exit code.
 
-use std::{env, path::PathBuf, process::ExitCode};
+use std::{env, fmt::Display, path::PathBuf, process::ExitCode};
 
 use clap::FromArgMatches;
 use dataflow::Kind;
 
 use crate::{
     arguments::{Cli, Command},
-    commands, memory,
+    commands,
+    label::Label,
+    memory,
     outcome::CommandOutcome,
     progress::Quiet,
     report,
@@ -25,9 +27,16 @@ pub(crate) struct Program<'a> {
 
 impl Program<'_> {
     /// Prints a line for people, unless only errors are printed.
-    pub(crate) fn say(&self, line: &str) {
+    pub(crate) fn say(&self, label: Label, text: impl Display) {
         if self.quiet == Quiet::No {
-            report::line(line);
+            report::line(label, text);
+        }
+    }
+
+    /// Prints text for people, unless only errors are printed.
+    pub(crate) fn say_plain(&self, text: &str) {
+        if self.quiet == Quiet::No {
+            report::plain(text);
         }
     }
 }

@@ -11,7 +11,7 @@ use signal_hook::{
 
 use stage_dispatch::{Cancellation, MotionInFlight};
 
-use crate::{batch, commands::worker, outcome::CommandError, report};
+use crate::{batch, commands::worker, label::Label, outcome::CommandError, report};
 
 /// Exit code of a program that was interrupted.
 pub(crate) const INTERRUPTED: u8 = 130;
@@ -29,10 +29,13 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
         // A second signal ends the program at once.
         if signals.next().is_some() {
             for motion in stage_dispatch::stop_sending() {
-                report::line(&format!(
-                    "stop   {}: left without the cell's answer, the robot may still move",
-                    name(&motion)
-                ));
+                report::line(
+                    Label::Stop,
+                    format!(
+                        "{}: left without the cell's answer, the robot may still move",
+                        name(&motion)
+                    ),
+                );
             }
             process::exit(i32::from(INTERRUPTED));
         }
@@ -43,7 +46,7 @@ pub(crate) fn drop_on_signal(lake: &Arc<Lake>) -> Result<(), CommandError> {
 /// Cancels motions, drops the units in flight, reports both, and ends the program.
 pub(crate) fn stop(lake: &Lake) -> ! {
     for array in batch::cancel_all() {
-        report::line(&format!("stop   array {array}: canceled"));
+        report::line(Label::Stop, format!("array {array}: canceled"));
     }
     // First, so that nothing is written any more into what is dropped below.
     stage_program::stop_all();
@@ -60,19 +63,23 @@ pub(crate) fn stop(lake: &Lake) -> ! {
         1 => "the unit in the making is dropped, ".to_owned(),
         n => format!("the {n} units in the making are dropped, "),
     };
-    report::line(&format!(
-        "interrupted: {dropped}everything made before is kept; the same command goes on from there"
-    ));
+    report::line(
+        Label::Interrupted,
+        format!("{dropped}everything made before is kept; the same command goes on from there"),
+    );
     process::exit(i32::from(INTERRUPTED));
 }
 
 /// Cancels a motion, and reports whether the robot has stopped.
 fn cancel(motion: &MotionInFlight) {
     let name = name(motion);
-    report::line(&format!(
-        "stop   {name}: canceled, waiting up to {} for the cell; Ctrl-C again does not wait",
-        report::duration(motion.answer_timeout().as_secs_f64())
-    ));
+    report::line(
+        Label::Stop,
+        format!(
+            "{name}: canceled, waiting up to {} for the cell; Ctrl-C again does not wait",
+            report::duration(motion.answer_timeout().as_secs_f64())
+        ),
+    );
     let (end, hint) = match motion.cancel() {
         Cancellation::Stopped => (
             "the robot stands".to_owned(),
@@ -89,10 +96,10 @@ fn cancel(motion: &MotionInFlight) {
              before it sends another",
         ),
     };
-    report::line(&format!(
-        "stop   {name}: {end} (goal {})\nhint: {hint}",
-        motion.goal_id()
-    ));
+    report::line(
+        Label::Stop,
+        format!("{name}: {end} (goal {})\nhint: {hint}", motion.goal_id()),
+    );
 }
 
 fn name(motion: &MotionInFlight) -> String {

@@ -17,6 +17,7 @@ mod heartbeats;
 mod interrupt;
 mod jobs;
 mod kinds;
+mod label;
 mod memory;
 mod numbers;
 mod outages;

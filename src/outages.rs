@@ -8,7 +8,7 @@ use std::{
 use clap::ValueEnum;
 use lake::{Sharing, ToldTrouble, Trouble, WhenDown};
 
-use crate::{progress::Quiet, report, timestamps};
+use crate::{label::Label, progress::Quiet, report, timestamps};
 
 /// Minutes for which a run waits for a depot that is down: a night, so that a disk that is full at three in the
 /// morning ends no run before somebody comes at nine.
@@ -72,24 +72,26 @@ pub(crate) fn minutes(number: f64) -> Duration {
 fn told(quiet: Quiet, when_down: WhenDown) -> Arc<ToldTrouble> {
     Arc::new(move |trouble| {
         if quiet == Quiet::No {
-            report::line(&text(trouble, when_down));
+            let (label, text) = described(trouble, when_down);
+            report::line(label, text);
         }
     })
 }
 
 /// Describes an outage, or its end.
-fn text(trouble: &Trouble, when_down: WhenDown) -> String {
+fn described(trouble: &Trouble, when_down: WhenDown) -> (Label, String) {
     let outage = &trouble.outage;
     let Some(why) = &outage.why else {
         let lasted = report::duration(outage.lasted.as_secs_f64());
-        return format!("note   the depot is back after {lasted}");
+        return (Label::Note, format!("the depot is back after {lasted}"));
     };
     let since = clock(trouble.since);
     if trouble.is_of_sending {
-        return format!(
-            "wait   results are not sent to the depot since {since}: {why}\n\
+        let text = format!(
+            "results are not sent to the depot since {since}: {why}\n\
              hint: they are kept in the lake, and sent when it is back"
         );
+        return (Label::Wait, text);
     }
     let left = report::duration(outage.left.as_secs_f64());
     let at_stake = trouble.at_stake.as_ref();
@@ -100,7 +102,9 @@ fn text(trouble: &Trouble, when_down: WhenDown) -> String {
              `--depot-down alone` does that"
         )
     });
-    format!("wait   the depot does not answer since {since}, waiting for up to {left}: {why}{then}")
+    let text =
+        format!("the depot does not answer since {since}, waiting for up to {left}: {why}{then}");
+    (Label::Wait, text)
 }
 
 /// A time of the day to the second.
@@ -130,7 +134,8 @@ mod tests {
             is_of_sending: false,
             at_stake: Some((dataflow::NodeName::parse("split.parts").unwrap(), 101)),
         };
-        let said = text(&trouble, WhenDown::Fail);
+        let (label, said) = described(&trouble, WhenDown::Fail);
+        assert_eq!(label, Label::Wait);
         for part in [
             "since 1970-01-01 00:00:00Z",
             "for up to 8 h 00 min: cannot list `units`",
@@ -138,11 +143,11 @@ mod tests {
         ] {
             assert!(said.contains(part), "{said}");
         }
-        assert!(!text(&trouble, WhenDown::Alone).contains("hint"));
+        assert!(!described(&trouble, WhenDown::Alone).1.contains("hint"));
         trouble.outage.why = None;
         assert_eq!(
-            text(&trouble, WhenDown::Fail),
-            "note   the depot is back after 6.0 s"
+            described(&trouble, WhenDown::Fail),
+            (Label::Note, "the depot is back after 6.0 s".to_owned())
         );
     }
 }

@@ -10,7 +10,7 @@ use std::{
 use dataflow::{Event, NodeName, StageName, UnitName};
 use indicatif::{ProgressBar, ProgressStyle};
 
-use crate::report;
+use crate::{label::Label, report};
 
 /// Ticks of the bar per unit, so that a single long unit moves it too.
 const TICKS: f64 = 1000.0;
@@ -103,8 +103,8 @@ impl State {
             Event::RunStarted { n_outputs } => self.n_outputs = *n_outputs,
             Event::OutputStarted { output, n_units } => self.start_bar(output, *n_units),
             Event::UnitWaiting { unit, holder } => {
-                let text = format!("wait   {unit}: waiting for {holder}");
-                self.print(&text, report::line);
+                let text = format!("{unit}: waiting for {holder}");
+                self.print(|| report::line(Label::Wait, &text));
             }
             Event::UnitProgress {
                 unit,
@@ -121,8 +121,8 @@ impl State {
             }
             Event::UnitLost { unit, why } => {
                 self.fractions.remove(unit);
-                let text = format!("lost   {unit}: {why}");
-                self.print(&text, report::line);
+                let text = format!("{unit}: {why}");
+                self.print(|| report::line(Label::Lost, &text));
             }
             Event::Queue {
                 output,
@@ -131,8 +131,8 @@ impl State {
                 running,
             } => self.show_queue(output, on, waiting, running),
             Event::UnitDamaged { unit } => {
-                let text = format!("repair {unit} is damaged in the lake and is made again");
-                self.print(&text, report::line);
+                let text = format!("{unit} is damaged in the lake and is made again");
+                self.print(|| report::line(Label::Repair, &text));
             }
             Event::UnitDone {
                 unit,
@@ -145,8 +145,8 @@ impl State {
                 self.n_made_now += usize::from(*made_now);
                 self.move_bar();
                 if let Some(reason) = skipped {
-                    let text = format!("skip   {}: {reason}", unit.partition);
-                    self.print(&text, report::short_line);
+                    let text = format!("{}: {reason}", unit.partition);
+                    self.print(|| report::short_line(Label::Skip, &text));
                 }
             }
             // A rebuilt artifact.
@@ -154,8 +154,8 @@ impl State {
             // Others go on; the command reports it again at its end.
             Event::UnitFailed { unit, message, .. } => {
                 self.fractions.remove(unit);
-                let text = format!("fail   {unit}: {message}");
-                self.print(&text, report::line);
+                let text = format!("{unit}: {message}");
+                self.print(|| report::line(Label::Fail, &text));
             }
             Event::OutputDone {
                 output,
@@ -199,7 +199,7 @@ impl State {
                     0 => String::new(),
                     n => format!("{n} of {} units made, ", self.n_units),
                 };
-                report::line(&format!("queue  {output} on {on}: {done}{places}"));
+                report::line(Label::Queue, format!("{output} on {on}: {done}{places}"));
                 let before = self.queued.take().filter(|said| said.output == *output);
                 let pause = before.map_or(QUEUE_PERIOD, |said| said.pause * 2);
                 self.queued = Some(SaidQueue {
@@ -266,7 +266,7 @@ impl State {
             .push(stage_line(&head, description, &time, self.width));
         if n_made_now > 0 {
             for line in self.held_back.drain(..) {
-                report::line(&line);
+                report::plain(&line);
             }
         }
     }
@@ -279,10 +279,10 @@ impl State {
     }
 
     /// Prints a line without disturbing the bar.
-    fn print(&self, text: &str, print: fn(&str)) {
+    fn print(&self, print: impl FnOnce()) {
         match &self.bar {
-            Some(bar) => bar.suspend(|| print(text)),
-            None => print(text),
+            Some(bar) => bar.suspend(print),
+            None => print(),
         }
     }
 }

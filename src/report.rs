@@ -1,7 +1,7 @@
 //! Printing: the only file that writes to stdout and stderr.
 
 use std::{
-    env,
+    env, fmt,
     io::{self, IsTerminal, Write},
     os::fd::AsFd,
 };
@@ -10,7 +10,7 @@ use anstream::AutoStream;
 use clap::builder::styling::{AnsiColor, Style};
 use serde::Serialize;
 
-use crate::{arguments::Format, outcome::CommandError, system_errors::in_words};
+use crate::{arguments::Format, label::Label, outcome::CommandError, system_errors::in_words};
 
 /// Writes data to stdout. A closed pipe is not an error; other write errors are.
 pub(crate) fn data(bytes: &[u8]) -> Result<(), CommandError> {
@@ -29,7 +29,7 @@ fn checked(written: io::Result<()>) -> Result<(), CommandError> {
     }
 }
 
-/// Writes text for people to stdout, with the first word of each line in color if enabled.
+/// Writes text for people to stdout, labels in color.
 pub(crate) fn text(text: &str) -> Result<(), CommandError> {
     let lines = text.lines().map(|line| painted(line) + "\n");
     let text: String = lines.collect();
@@ -60,21 +60,33 @@ pub(crate) fn answer<T: Serialize>(
     }
 }
 
-/// Writes a line for people to stderr. A failure cannot be reported anywhere.
-pub(crate) fn line(text: &str) {
+/// Writes a line for people to stderr.
+pub(crate) fn line(label: Label, text: impl fmt::Display) {
+    plain(&label.line(text));
+}
+
+/// Writes text for people to stderr, labels in color. A failure cannot be reported anywhere.
+pub(crate) fn plain(text: &str) {
     if clock::process().is_some() {
         // A simulated process has no terminal.
         return;
     }
     let mut stderr = AutoStream::auto(io::stderr().lock());
-    let _gone = writeln!(stderr, "{}", painted(&in_words(text)));
+    let text = in_words(text);
+    let lines: Vec<String> = text.lines().map(painted).collect();
+    let _gone = writeln!(stderr, "{}", lines.join("\n"));
 }
 
 /// Writes a line about a run to stderr, cut where a terminal would wrap it.
-pub(crate) fn short_line(text: &str) {
+pub(crate) fn short_line(label: Label, text: impl fmt::Display) {
+    short_plain(&label.line(text));
+}
+
+/// Writes a line to stderr as it is, cut where a terminal would wrap it.
+pub(crate) fn short_plain(text: &str) {
     match width_of(&io::stderr()) {
-        Some(width) => line(&cut(&in_words(text), width)),
-        None => line(text),
+        Some(width) => plain(&cut(&in_words(text), width)),
+        None => plain(text),
     }
 }
 
@@ -130,28 +142,11 @@ pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// The color of a line's first word.
-fn color(word: &str) -> Option<Style> {
-    let color = match word {
-        "error:" | "fail" | "lost" | "missing" | "wrong" => AnsiColor::Red,
-        "hint:" | "next" => AnsiColor::Cyan,
-        "ok" | "done" | "cached" => AnsiColor::Green,
-        "run" | "pending" | "unset" | "doubtful" | "note" | "queue" | "skip" | "repair"
-        | "drop" | "wait" | "interrupted:" => AnsiColor::Yellow,
-        _ => return None,
-    };
-    let style = Style::new().fg_color(Some(color.into()));
-    Some(if word == "error:" {
-        style.bold()
-    } else {
-        style
-    })
-}
-
-/// A line with its first word, or its trailing carets, in color.
+/// A line with the label that begins it, or its trailing carets, in color.
 fn painted(line: &str) -> String {
     let word = line.split(' ').next().unwrap_or_default();
-    if let Some(style) = color(word) {
+    if let Some(label) = Label::of(word) {
+        let style = label.style();
         let rest = line.get(word.len()..).unwrap_or_default();
         return format!("{style}{word}{style:#}{rest}");
     }
@@ -181,9 +176,9 @@ pub(crate) fn trouble(trouble: &CommandError) -> u8 {
     match trouble {
         CommandError::File(err) => {
             for problem in &err.problems {
-                line(&format!("error: {}", problem.message));
+                line(Label::Error, &problem.message);
                 if let Some(location) = &problem.location {
-                    line(&location.to_string());
+                    plain(&location.to_string());
                 }
                 hint(problem.hint.as_deref());
             }
@@ -193,7 +188,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> u8 {
             message,
             hint: advice,
         } => {
-            line(&format!("error: {message}"));
+            line(Label::Error, message);
             hint(advice.as_deref());
             2
         }
@@ -201,7 +196,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> u8 {
             error,
             hint: advice,
         } => {
-            line(&format!("error: {}", chain(error)));
+            line(Label::Error, chain(error));
             hint(advice.as_deref());
             1
         }
@@ -210,7 +205,7 @@ pub(crate) fn trouble(trouble: &CommandError) -> u8 {
 
 fn hint(advice: Option<&str>) {
     if let Some(advice) = advice {
-        line(&format!("hint: {advice}"));
+        line(Label::Hint, advice);
     }
 }
 

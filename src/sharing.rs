@@ -12,7 +12,7 @@ use depot::{Depot, FolderDepot};
 use lake::{Lake, Sharing};
 use object_depot::ObjectDepot;
 
-use crate::{command_line::Program, outages, outcome::CommandError, report};
+use crate::{command_line::Program, label::Label, outages, outcome::CommandError, report};
 
 /// Variable with the depot's URL or folder.
 pub(crate) const VARIABLE: &str = "PIPELINE_DEPOT";
@@ -63,42 +63,52 @@ impl Program<'_> {
         };
         let traffic = shared.traffic;
         if traffic.n_requests > 0 {
-            self.say(&format!(
-                "depot  {} units found, {} files fetched ({}), {} units sent ({}), {} requests",
-                shared.n_units_found,
-                shared.n_files_fetched,
-                report::bytes(traffic.bytes_got),
-                shared.n_units_sent,
-                report::bytes(traffic.bytes_put),
-                traffic.n_requests,
-            ));
+            self.say(
+                Label::Depot,
+                format!(
+                    "{} units found, {} files fetched ({}), {} units sent ({}), {} requests",
+                    shared.n_units_found,
+                    shared.n_files_fetched,
+                    report::bytes(traffic.bytes_got),
+                    shared.n_units_sent,
+                    report::bytes(traffic.bytes_put),
+                    traffic.n_requests,
+                ),
+            );
         }
         if let Some(why) = &shared.offline {
-            report::line(&format!(
-                "warn   the depot is not used: {why}\n\
+            report::line(
+                Label::Warn,
+                format!(
+                    "the depot is not used: {why}\n\
                  hint: what is made here is kept, and sent by a later run or `pipeline push`"
-            ));
+                ),
+            );
         } else if shared.n_units_waiting > 0 {
             let waiting = format!(
                 "{} units are not in the depot yet; a later run or `pipeline push` sends them",
                 shared.n_units_waiting
             );
             match &shared.unsent {
-                Some(why) => report::line(&format!("warn   {why}\nhint: {waiting}")),
-                None => self.say(&format!("note   {waiting}")),
+                Some(why) => report::line(Label::Warn, format!("{why}\nhint: {waiting}")),
+                None => self.say(Label::Note, waiting),
             }
         }
         if shared.n_damaged > 0 {
-            report::line(&format!(
-                "warn   {} files came damaged from the depot and are not used\n\
+            report::line(
+                Label::Warn,
+                format!(
+                    "{} files came damaged from the depot and are not used\n\
                  hint: `pipeline verify --depot` lists what is damaged in it",
-                shared.n_damaged
-            ));
+                    shared.n_damaged
+                ),
+            );
         }
         for (unit, host) in shared.differing.iter().take(NAMED) {
-            report::line(&format!(
-                "note   {unit} came out differently on `{host}`, whose result the depot keeps"
-            ));
+            report::line(
+                Label::Note,
+                format!("{unit} came out differently on `{host}`, whose result the depot keeps"),
+            );
         }
         Ok(())
     }
@@ -109,11 +119,14 @@ pub(crate) fn say_unlocked(lake: &Lake) {
     if lake.check_exists().is_err()
         && let Some(kind) = lake.file_system_without_locks()
     {
-        report::line(&format!(
-            "note   the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
+        report::line(
+            Label::Note,
+            format!(
+                "the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
              hint: {}",
-            instead()
-        ));
+                instead()
+            ),
+        );
     }
 }
 

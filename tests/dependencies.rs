@@ -75,7 +75,7 @@ fn denied_dependencies_have_no_users_but_their_wrappers() {
 }
 
 #[test]
-fn planning_has_never_heard_of_cells_nor_of_files() {
+fn computations_have_never_heard_of_cells_nor_of_files() {
     let dependencies = dependencies();
     for stranger in [
         "cell",
@@ -85,9 +85,19 @@ fn planning_has_never_heard_of_cells_nor_of_files() {
         "schemas",
         "robot_meshes",
     ] {
-        let of_planning = ["motion", "planning"].map(|planner| &dependencies[planner]);
-        let knows = |names: &&Vec<String>| names.iter().any(|name| name == stranger);
-        assert!(!of_planning.iter().any(knows), "{stranger}");
+        for computing in [
+            "cem_mpc",
+            "motion",
+            "planning",
+            "refinement",
+            "retargeting",
+            "rrt_connect",
+            "sampling",
+            "screening",
+        ] {
+            let knows = dependencies[computing].iter().any(|name| name == stranger);
+            assert!(!knows, "{computing}: {stranger}");
+        }
     }
 }
 

@@ -1,12 +1,29 @@
 //! `rollouts`: the outcome of each candidate in simulation, one partition per object, one row per
 //! candidate.
 
+pub use motion::{Smoothness, Variation, Variations};
+
 use crate::{
     SchemaError,
     candidates::{Candidate, DrawSource},
     columns::{Reader, Row, Writer, columns, words},
     table::table,
 };
+
+columns! {
+    /// What a simulation measures of one motion, verdict and smoothness aside; the default is that of a motion that was
+    /// not simulated.
+    #[derive(Debug, Clone, Copy, Default, PartialEq)]
+    pub struct Measures {
+        control_steps_n: u32 => "control steps simulated; with `skipped_steps_n` those of the full script",
+        skipped_steps_n: u32 => "control steps of the script that were not simulated",
+        lift_m: f64 ["m"] => "rise of the object's origin at the end",
+        slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
+        displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
+        penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
+        contacts_n: u32 => "hand links in contact with the object at the end",
+    }
+}
 
 columns! {
     /// The outcome of one candidate in simulation.
@@ -19,13 +36,8 @@ columns! {
         + success: bool = |rollout| rollout.verdict == Verdict::Held
             => "lifted, held to the end and still in contact",
         verdict as reason: Verdict => "`held`, or why it failed",
-        control_steps_n: u32 => "control steps simulated; with `skipped_steps_n` those of the full script",
-        skipped_steps_n: u32 => "control steps of the script that were not simulated",
-        lift_m: f64 ["m"] => "rise of the object's origin at the end",
-        slip_m: f64 ["m"] => "motion of the object in the palm frame between lift and end",
-        displacement_m: f64 ["m"] => "motion of the object on the table before the squeeze",
-        penetration_m: f64 ["m"] => "deepest that the hand was in the object while it was held",
-        contacts_n: u32 => "hand links in contact with the object at the end",
+        /// What the simulation measured.
+        measures: Measures,
         /// Smoothness of the candidate as drawn; the default of an infeasible one, whose columns are null.
         smoothness: Smoothness,
         /// Smoothness of the hand's motion as executed.
@@ -41,13 +53,7 @@ impl Rollout {
             generator: candidate.generator.clone(),
             source: candidate.source.clone(),
             verdict,
-            control_steps_n: 0,
-            skipped_steps_n: 0,
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
+            measures: Measures::default(),
             smoothness: Smoothness::default(),
             executed: ExecutedSmoothness(None),
         }
@@ -90,51 +96,6 @@ words! {
     }
 }
 
-/// Total variation of a motion, of its velocity and of its acceleration, all dimensionless. Less is
-/// smoother.
-///
-/// Of a channel x with n steps, taken as equally long: y = (x − x₀)/(xₙ₋₁ − x₀), which goes from 0 to 1;
-/// v its gradient by the time in units of the duration (central differences, one-sided at the ends), a
-/// the gradient of v; and of each of them Σ|difference of neighbors|. A straight line has 1, 0 and 0.
-/// A motion that ends where it began has no such measure: every number of it is 0, and its columns are null.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Variation {
-    /// Of the position.
-    pub position: f64,
-    /// Of the velocity.
-    pub velocity: f64,
-    /// Of the acceleration.
-    pub acceleration: f64,
-}
-
-/// Smoothness of a candidate, by one definition.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Variations {
-    /// Of the joints.
-    pub joints: Variation,
-    /// Of the hand's links in space.
-    pub cartesian: Variation,
-}
-
-/// Smoothness of a motion, by three definitions.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct Smoothness {
-    /// The mean over channels (Ye et al., *Learning Continuous Grasping Function with a Dexterous Hand
-    /// from Human Demonstrations*, 2023, section IV): one channel per joint; one per coordinate of each
-    /// link's origin in the object's frame. A channel that ends within 10⁻⁶ of where it began is left
-    /// out. The paper's tables have the logarithm (base 10) of its mean over motions, but for the
-    /// position.
-    pub paper: Variations,
-    /// The same as the released code computes it (github.com/jianglongye/cgf): joints and the three
-    /// coordinates of the palm together; the time of a step 1/n, not 1/(n − 1), of the duration; the root
-    /// link counted twice; and links placed with the palm's Euler angles (about its own x, y, z) read as a
-    /// rotation vector, which is a mistake of that code.
-    pub released: Variations,
-    /// With all joints (or all coordinates of all links) as one vector: y = (x − x₀)/‖xₙ₋₁ − x₀‖ and
-    /// Σ‖difference of neighbors‖, so that a channel that hardly moves cannot outweigh the others.
-    pub robust: Variations,
-}
-
 /// Smoothness of the hand's motion as executed: of its palm and joints at the control steps of the reach. Nothing of a
 /// motion whose reach was not simulated to its end.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
@@ -160,62 +121,61 @@ const ORDERS: [Part<Variation, f64>; 3] = [
     ("acceleration", "acceleration", |of| &of.acceleration),
 ];
 
-impl Smoothness {
-    /// Writes one column for each definition, space and order, e.g. `paper_joints_position`.
-    fn write_columns(rows: &[&Self], to: &mut Writer, prefix: &str, motion: &str) {
-        for (definition, how, variations) in DEFINITIONS {
-            for (space, of, variation) in SPACES {
-                for (order, what, number) in ORDERS {
-                    let name = format!("{prefix}{definition}_{space}_{order}");
-                    let about = format!("total variation of the {of}' {what}{motion}, {how}");
-                    let cells = rows.iter().map(|row| {
-                        let measured = variation(variations(row));
-                        (measured.position > 0.0).then(|| *number(measured))
-                    });
-                    to.computed(
-                        &name,
-                        Some("1"),
-                        &about,
-                        &cells.collect::<Vec<Option<f64>>>(),
-                    );
-                }
+/// Writes one column for each definition, space and order, e.g. `paper_joints_position`.
+fn write_smoothness(rows: &[&Smoothness], to: &mut Writer, prefix: &str, motion: &str) {
+    for (definition, how, variations) in DEFINITIONS {
+        for (space, of, variation) in SPACES {
+            for (order, what, number) in ORDERS {
+                let name = format!("{prefix}{definition}_{space}_{order}");
+                let about = format!("total variation of the {of}' {what}{motion}, {how}");
+                let cells = rows.iter().map(|row| {
+                    let measured = variation(variations(row));
+                    (measured.position > 0.0).then(|| *number(measured))
+                });
+                to.computed(
+                    &name,
+                    Some("1"),
+                    &about,
+                    &cells.collect::<Vec<Option<f64>>>(),
+                );
             }
         }
     }
+}
 
-    fn read_columns(from: &Reader<'_>, row: usize, prefix: &str) -> Result<Self, SchemaError> {
-        let variations = |definition: &str| -> Result<Variations, SchemaError> {
-            let variation = |space: &str| -> Result<Variation, SchemaError> {
-                let number = |order: &str| -> Result<f64, SchemaError> {
-                    let name = format!("{prefix}{definition}_{space}_{order}");
-                    Ok(from.cell::<Option<f64>>(&name, row)?.unwrap_or_default())
-                };
-                Ok(Variation {
-                    position: number("position")?,
-                    velocity: number("velocity")?,
-                    acceleration: number("acceleration")?,
-                })
+/// Reads what [`write_smoothness`] wrote.
+fn read_smoothness(from: &Reader<'_>, row: usize, prefix: &str) -> Result<Smoothness, SchemaError> {
+    let variations = |definition: &str| -> Result<Variations, SchemaError> {
+        let variation = |space: &str| -> Result<Variation, SchemaError> {
+            let number = |order: &str| -> Result<f64, SchemaError> {
+                let name = format!("{prefix}{definition}_{space}_{order}");
+                Ok(from.cell::<Option<f64>>(&name, row)?.unwrap_or_default())
             };
-            Ok(Variations {
-                joints: variation("joints")?,
-                cartesian: variation("cartesian")?,
+            Ok(Variation {
+                position: number("position")?,
+                velocity: number("velocity")?,
+                acceleration: number("acceleration")?,
             })
         };
-        Ok(Self {
-            paper: variations("paper")?,
-            released: variations("released")?,
-            robust: variations("robust")?,
+        Ok(Variations {
+            joints: variation("joints")?,
+            cartesian: variation("cartesian")?,
         })
-    }
+    };
+    Ok(Smoothness {
+        paper: variations("paper")?,
+        released: variations("released")?,
+        robust: variations("robust")?,
+    })
 }
 
 impl Row for Smoothness {
     fn write(rows: &[&Self], to: &mut Writer) {
-        Self::write_columns(rows, to, "", "");
+        write_smoothness(rows, to, "", "");
     }
 
     fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        Self::read_columns(from, row, "")
+        read_smoothness(from, row, "")
     }
 }
 
@@ -228,11 +188,11 @@ impl Row for ExecutedSmoothness {
         to.column("reached", None, about, &reached.iter().collect::<Vec<_>>());
         let executed: Vec<Smoothness> = rows.iter().map(|row| row.0.unwrap_or_default()).collect();
         let executed: Vec<&Smoothness> = executed.iter().collect();
-        Smoothness::write_columns(&executed, to, EXECUTED, " as executed");
+        write_smoothness(&executed, to, EXECUTED, " as executed");
     }
 
     fn read(from: &Reader<'_>, row: usize) -> Result<Self, SchemaError> {
-        let executed = Smoothness::read_columns(from, row, EXECUTED)?;
+        let executed = read_smoothness(from, row, EXECUTED)?;
         Ok(Self(from.cell::<bool>("reached", row)?.then_some(executed)))
     }
 }

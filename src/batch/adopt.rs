@@ -8,7 +8,7 @@ use std::{
 use dataflow::{Digest, Failure, OnOutcome, Store, UnitOutcome, Wave};
 
 use super::{Array, Batch, drivers::TIMEOUT, failed, key, out, queue::JobState, unique_name};
-use crate::report;
+use crate::{label::Label, report};
 
 /// Longest pause of a run that wanted the same units as another at the same time, in milliseconds.
 const LONGEST_CLAIM_PAUSE_MS: u64 = 4_000;
@@ -58,11 +58,10 @@ impl Batch<'_> {
             driver.clone_into(&mut array.driver);
             self.leave(&key(wave, &array.name), array)?;
             out(|out| out.insert(array.name.clone(), self.cancellation(array)));
-            report::line(&format!(
-                "adopt  {}: array {} goes on",
-                wave.output(),
-                array.name
-            ));
+            report::line(
+                Label::Adopt,
+                format!("{}: array {} goes on", wave.output(), array.name),
+            );
         }
         Ok(kept)
     }
@@ -171,12 +170,15 @@ impl Batch<'_> {
                     // Its end is seen at once.
                     takeover.clear();
                 }
-                report::line(&format!(
-                    "wait   {}: made by jobs of another run, process {} on `{}`{takeover}",
-                    wave.output(),
-                    heartbeat.process,
-                    heartbeat.host
-                ));
+                report::line(
+                    Label::Wait,
+                    format!(
+                        "{}: made by jobs of another run, process {} on `{}`{takeover}",
+                        wave.output(),
+                        heartbeat.process,
+                        heartbeat.host
+                    ),
+                );
             })?;
         }
         Ok(have_waited)

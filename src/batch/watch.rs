@@ -14,7 +14,7 @@ use super::{
     Array, Batch, POLL_PERIOD, described, failed, limit_s,
     queue::{JobState, Queue},
 };
-use crate::{jobs::here_key, report};
+use crate::{jobs::here_key, label::Label, report};
 
 /// Looks after which a job that is over and has left nothing counts as lost: files of another machine
 /// may be seen late.
@@ -126,7 +126,7 @@ impl Batch<'_> {
                     }
                 }
                 Err(err) if !is_told => {
-                    report::line(&format!("wait   {} does not answer: {err}", self.name));
+                    report::line(Label::Wait, format!("{} does not answer: {err}", self.name));
                     is_told = true;
                 }
                 Err(_) => {}

@@ -30,6 +30,7 @@ use crate::{
         pipeline_file,
         router::{warn_of_nameless, warn_of_stale},
     },
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     progress::Quiet,
     report,
@@ -72,21 +73,27 @@ pub(crate) fn cell(program: &Program, args: &CellArgs) -> Result<CommandOutcome,
     serve_objects(&served, program.lake.clone());
     if program.quiet == Quiet::No {
         served.on_outcome(Box::new(|over| {
-            report::line(&format!(
-                "goal   {} {}: {}",
-                over.goal_id,
-                over.outcome.as_str(),
-                over.message
-            ));
+            report::line(
+                Label::Goal,
+                format!(
+                    "{} {}: {}",
+                    over.goal_id,
+                    over.outcome.as_str(),
+                    over.message
+                ),
+            );
         }));
     }
     report::data(format!("{}\n", served.endpoint()).as_bytes())?;
-    program.say(&format!(
-        "cell   `{name}` at `{}`{}, what it has done is in `{}`; Ctrl-C ends it",
-        served.endpoint(),
-        if args.fast { "" } else { " in real time" },
-        journal.display()
-    ));
+    program.say(
+        Label::Cell,
+        format!(
+            "`{name}` at `{}`{}, what it has done is in `{}`; Ctrl-C ends it",
+            served.endpoint(),
+            if args.fast { "" } else { " in real time" },
+            journal.display()
+        ),
+    );
     warn_of_access(program, args)?;
     let ended = AtomicBool::new(false);
     let router = args
@@ -146,7 +153,7 @@ fn serve_objects(served: &SimulatedCell, lake: PathBuf) {
         find(&lake, object).inspect_err(|why| {
             let mut told = told.lock().unwrap_or_else(PoisonError::into_inner);
             if told.insert(object.to_owned()) {
-                report::line(&format!("object `{object}`: {why}"));
+                report::line(Label::Object, format!("`{object}`: {why}"));
             }
         })
     }));
@@ -155,7 +162,7 @@ fn serve_objects(served: &SimulatedCell, lake: PathBuf) {
 /// Warns where programs other than the dispatchers that are meant may drive the robot.
 fn warn_of_access(program: &Program, args: &CellArgs) -> Result<(), CommandError> {
     match &args.access {
-        None => program.say(UNGUARDED),
+        None => program.say_plain(UNGUARDED),
         Some(access) => {
             let access = Access::read(access).map_err(CommandError::with_hint(CellError::hint))?;
             if args.connect.is_none() {
@@ -174,13 +181,15 @@ fn watch(served: &SimulatedCell, router: &str, ended: &AtomicBool) {
     while !ended.load(Ordering::Relaxed) {
         let is = served.router();
         match (&was, &is) {
-            (Some(_), None) => report::line(&format!(
-                "router `{router}` is lost; the cell comes back when it is there again"
-            )),
-            (None, Some(_)) => report::line(&format!("router `{router}` is there again")),
-            (Some(old), Some(new)) if old != new => report::line(&format!(
-                "router `{router}` was lost for a moment and is there again"
-            )),
+            (Some(_), None) => report::line(
+                Label::Router,
+                format!("`{router}` is lost; the cell comes back when it is there again"),
+            ),
+            (None, Some(_)) => report::line(Label::Router, format!("`{router}` is there again")),
+            (Some(old), Some(new)) if old != new => report::line(
+                Label::Router,
+                format!("`{router}` was lost for a moment and is there again"),
+            ),
             _ => {}
         }
         was = is;

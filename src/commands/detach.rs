@@ -20,6 +20,7 @@ use crate::{
     arguments::AttachArgs,
     command_line::Program,
     interrupt::INTERRUPTED,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -48,12 +49,15 @@ pub(crate) fn detach(program: &Program) -> Result<CommandOutcome, CommandError> 
         }
         thread::sleep(LOOK_EVERY);
     }
-    program.say(&format!(
-        "detach run goes on as process {}; `kill {}` stops it as Ctrl-C would",
-        child.id(),
-        child.id()
-    ));
-    program.say(&format!("next   `pipeline attach {number}`"));
+    program.say(
+        Label::Detach,
+        format!(
+            "run goes on as process {}; `kill {}` stops it as Ctrl-C would",
+            child.id(),
+            child.id()
+        ),
+    );
+    program.say(Label::Next, format!("`pipeline attach {number}`"));
     Ok(CommandOutcome::Done)
 }
 
@@ -85,13 +89,16 @@ pub(crate) fn attach(program: &Program, args: &AttachArgs) -> Result<CommandOutc
     };
     let (number, folder) = there.swap_remove(chosen);
     if let Ok(process) = fs::read_to_string(folder.join("process")) {
-        program.say(&format!(
-            "attach run {number}, process {}; Ctrl-C leaves it alone",
-            process.trim()
-        ));
+        program.say(
+            Label::Attach,
+            format!(
+                "run {number}, process {}; Ctrl-C leaves it alone",
+                process.trim()
+            ),
+        );
     }
     if !show(&folder, || signals.pending().next().is_some())? {
-        program.say(&format!("left   run {number} goes on"));
+        program.say(Label::Left, format!("run {number} goes on"));
         return Ok(CommandOutcome::ExitCode(INTERRUPTED));
     }
     let code = fs::read_to_string(folder.join("code")).ok();

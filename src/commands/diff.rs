@@ -14,6 +14,7 @@ use crate::{
     arguments::DiffArgs,
     command_line::Program,
     commands::lookup,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -57,16 +58,22 @@ pub(crate) fn diff(program: &Program, args: &DiffArgs) -> Result<CommandOutcome,
     for (run, is_kept) in [(&old, old_is_kept), (&new, new_is_kept)] {
         if !is_kept {
             let number = run.number;
-            program.say(&format!(
-                "note   the units of run {number} were collected: only values and metrics are compared"
-            ));
+            program.say(
+                Label::Note,
+                format!(
+                    "the units of run {number} were collected: only values and metrics are compared"
+                ),
+            );
         }
     }
     if difference.n_collected > 0 {
-        program.say(&format!(
-            "note   the records of {} units were collected: what they read is not known",
-            difference.n_collected
-        ));
+        program.say(
+            Label::Note,
+            format!(
+                "the records of {} units were collected: what they read is not known",
+                difference.n_collected
+            ),
+        );
     }
     report::answer(args.format, &difference, text::text)?;
     Ok(CommandOutcome::Done)

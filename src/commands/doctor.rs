@@ -12,6 +12,7 @@ use crate::{
     command_line::Program,
     commands::{physics, pipeline_file},
     executors::RemoteExecutor,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
     system_errors::in_words,
@@ -40,12 +41,12 @@ enum State {
 }
 
 impl State {
-    fn word(self) -> &'static str {
+    fn label(self) -> Label {
         match self {
-            Self::Ok => "ok",
-            Self::Doubtful => "doubtful",
-            Self::Missing => "missing",
-            Self::Unset => "unset",
+            Self::Ok => Label::Ok,
+            Self::Doubtful => Label::Doubtful,
+            Self::Missing => Label::Missing,
+            Self::Unset => Label::Unset,
         }
     }
 }
@@ -80,7 +81,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
         .iter()
         .map(|check| {
             vec![
-                format!("{:<7}", check.state.word()),
+                format!("{:<7}", check.state.label().word()),
                 check.subject.clone(),
                 check.finding.clone(),
             ]
@@ -93,7 +94,7 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
         .collect();
     hints.dedup();
     for hint in hints {
-        report::line(&format!("hint: {hint}"));
+        report::line(Label::Hint, hint);
     }
     let is_missing = |check: &&Check| check.state == State::Missing;
     match found.iter().filter(is_missing).count() {

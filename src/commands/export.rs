@@ -16,6 +16,7 @@ use crate::{
     arguments::{DexgraspbenchArgs, ExportArgs, ExportFormat, GlbArgs, LerobotArgs, MotionsArgs},
     command_line::Program,
     commands::lookup,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -87,10 +88,10 @@ fn finish(
     let export = export.map_err(CommandError::with_hint(FormatError::hint))?;
     folder.write(&export.files)?;
     for fact in gathered.left_out.iter().chain(&export.lost) {
-        program.say(&format!("lost   {fact}"));
+        program.say(Label::Lost, fact);
     }
     let n = gathered.episodes.len();
-    program.say(&format!("done   {n} motions of `{}`", args.artifact));
+    program.say(Label::Done, format!("{n} motions of `{}`", args.artifact));
     report::data(format!("{}\n", args.out.display()).as_bytes())?;
     Ok(CommandOutcome::Done)
 }

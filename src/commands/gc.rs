@@ -12,6 +12,7 @@ use crate::{
     arguments::{GcArgs, ValueArgs},
     command_line::Program,
     commands::pipeline_file,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -30,7 +31,16 @@ pub(crate) fn gc(program: &Program, args: &GcArgs) -> Result<CommandOutcome, Com
         of_lake(program, args, collecting)?
     };
     report::answer(args.format, &collected, |it| listed(it, collecting))?;
-    program.say(&summary(&collected, collecting));
+    let words = summary(&collected);
+    match collecting {
+        GcMode::Remove => program.say(Label::Done, format!("removed {words}")),
+        GcMode::Count => {
+            program.say(
+                Label::Note,
+                format!("would remove {words}; nothing is removed"),
+            );
+        }
+    }
     Ok(CommandOutcome::Done)
 }
 
@@ -76,10 +86,10 @@ fn pipelines(program: &Program, args: &GcArgs, lake: &Lake) -> Result<Vec<Pipeli
 
 /// Reports a pipeline file that cannot be read, so that only its runs' artifacts are kept.
 fn note(program: &Program, file: &Path, why: &str) {
-    program.say(&format!(
-        "note   of `{}` only the newest runs count: {why}",
-        file.display()
-    ));
+    program.say(
+        Label::Note,
+        format!("of `{}` only the newest runs count: {why}", file.display()),
+    );
 }
 
 fn listed(collected: &GcReport, collecting: GcMode) -> String {
@@ -106,17 +116,13 @@ fn listed(collected: &GcReport, collecting: GcMode) -> String {
     report::columns(&rows, &[2, 3])
 }
 
-fn summary(collected: &GcReport, collecting: GcMode) -> String {
+fn summary(collected: &GcReport) -> String {
     let n_units: usize = collected.units.values().map(|units| units.n_units).sum();
-    let words = format!(
+    format!(
         "{n_units} units, {} files with {}, {} leftovers of dead processes; {} units stay",
         collected.n_blobs,
         report::bytes(collected.n_bytes),
         collected.n_leftovers,
         collected.n_kept
-    );
-    match collecting {
-        GcMode::Remove => format!("done   removed {words}"),
-        GcMode::Count => format!("note   would remove {words}; nothing is removed"),
-    }
+    )
 }

@@ -7,6 +7,7 @@ use crate::{
     arguments::InspectArgs,
     command_line::Program,
     commands::lookup,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
     system_errors::in_words,
@@ -28,10 +29,13 @@ pub(crate) fn inspect(
     }
     let n_collected = units.len() - results.len();
     if n_collected > 0 {
-        program.say(&format!(
-            "note   {n_collected} partitions of `{}` were collected",
-            args.artifact
-        ));
+        program.say(
+            Label::Note,
+            format!(
+                "{n_collected} partitions of `{}` were collected",
+                args.artifact
+            ),
+        );
     }
     let text = if args.skipped {
         left_out(&results, &run)

@@ -11,6 +11,7 @@ use lake::write_atomic;
 use crate::{
     arguments::NewArgs,
     command_line::Program,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
 };
 
@@ -20,66 +21,8 @@ const NAMED: usize = 3;
 /// Placeholder of the project's name in its README.
 const NAME: &str = "NAME";
 
-/// Files of this repository at the same place in a new project.
-macro_rules! files {
-    ($($path:literal),* $(,)?) => {
-        [$(($path, include_str!(concat!("../../", $path)))),*]
-    };
-}
-
-/// The files of a new project, by path.
-const FILES: [(&str, &str); 50] = files![
-    "data/access/README.md",
-    "data/access/certificates/cell.json5",
-    "data/access/certificates/dispatcher.json5",
-    "data/access/certificates/router.json5",
-    "data/access/certificates/viewer.json5",
-    "data/access/passwords/cell.json5",
-    "data/access/passwords/dispatcher.json5",
-    "data/access/passwords/router.json5",
-    "data/access/passwords/viewer.json5",
-    "data/hands/README.md",
-    "data/hands/allegro_left.toml",
-    "data/hands/allegro_right.toml",
-    "data/hands/allegro_right_paper.toml",
-    "data/hands/allegro_right_released.toml",
-    "data/hands/leap_right.toml",
-    "data/hands/shadow_right.toml",
-    "data/robots/allegro_left.urdf",
-    "data/robots/allegro_right.urdf",
-    "data/robots/leap_right.urdf",
-    "data/robots/shadow_right.urdf",
-    "data/robots/xarm6_allegro.urdf",
-    "data/sample/recipe.toml",
-    "pipelines/arm.toml",
-    "pipelines/baseline.toml",
-    "pipelines/cgf.toml",
-    "pipelines/studies/contribution.toml",
-    "pipelines/studies/contribution_generators.toml",
-    "pipelines/studies/expert.toml",
-    "pipelines/grasps.toml",
-    "pipelines/interpolation.toml",
-    "pipelines/paper.toml",
-    "pipelines/studies/paper_cell.toml",
-    "pipelines/studies/paper_generators.toml",
-    "pipelines/studies/paper_planners.toml",
-    "pipelines/studies/paper_tables.toml",
-    "pipelines/planners.toml",
-    "pipelines/studies/refinement.toml",
-    "pipelines/studies/refinement_parts.toml",
-    "pipelines/released.toml",
-    "pipelines/replay.toml",
-    "pipelines/studies/protocols.toml",
-    "pipelines/rivals.toml",
-    "pipelines/studies/robustness.toml",
-    "pipelines/studies/script.toml",
-    "pipelines/studies/strict.toml",
-    "pipelines/studies/training_parts.toml",
-    "pipelines/unseen.toml",
-    "pipelines/studies/waterfall.toml",
-    "pipelines/studies/waterfall_functions.toml",
-    ".gitignore",
-];
+/// The files of a new project, by path, with those of this repository at the same place: `build.rs` lists them.
+const FILES: &[(&str, &str)] = include!(concat!(env!("OUT_DIR"), "/project_files.rs"));
 
 /// Writes a project in which the main job runs.
 pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<CommandOutcome, CommandError> {
@@ -96,10 +39,11 @@ pub(crate) fn new(program: &Program, args: &NewArgs) -> Result<CommandOutcome, C
         let context = format!("cannot make the project `{name}`");
         return Err(CommandError::failed(err.context(context), None));
     }
-    program.say(&format!("done   the project `{name}` is there"));
-    program.say(&format!(
-        "next   `cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"
-    ));
+    program.say(Label::Done, format!("the project `{name}` is there"));
+    program.say(
+        Label::Next,
+        format!("`cd {name}`, then `pipeline run pipelines/cgf.toml`; its README says more"),
+    );
     Ok(CommandOutcome::Done)
 }
 

@@ -12,13 +12,14 @@ use stage_screen::Screen;
 
 /// Values of a scene on which it depends whether a grasp succeeds. Time steps are not among them: the cell's
 /// differ on purpose.
-const PHYSICS: [&str; 7] = [
+const PHYSICS: [&str; 8] = [
     "friction",
     "table_friction",
     "object_mass_kg",
     "object_density_kg_per_m3",
     "mass_scale",
     "fingers_touch",
+    "fingers_touch_palm",
     "drive",
 ];
 

@@ -13,6 +13,7 @@ use crate::{
         query::page::Page,
         sweep::{self, Done},
     },
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -70,20 +71,24 @@ fn plan_variant(
 /// One line per output and cause, cut to a width if there is one.
 pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
     if plan.is_up_to_date() {
-        return "cached   everything; nothing to run\n".to_owned();
+        return Label::Cached.line("  everything; nothing to run\n");
     }
     let outputs = plan.nodes.iter().map(|node| node.node.to_string().len());
     // The preceding columns have the width of their widest words.
     let room =
         width.map(|width| width.saturating_sub("pending".len() + outputs.max().unwrap_or(0) + 4));
     let mut rows: Vec<Vec<String>> = Vec::new();
-    let mut row = |state: &str, node: String, what: String| {
-        rows.push(vec![state.to_owned(), node, what]);
+    let mut row = |state: Label, node: String, what: String| {
+        rows.push(vec![state.word().to_owned(), node, what]);
     };
     for node in &plan.nodes {
         let name = node.node.to_string();
         let Some(units) = &node.units else {
-            row("pending", name, "known once its inputs exist".to_owned());
+            row(
+                Label::Pending,
+                name,
+                "known once its inputs exist".to_owned(),
+            );
             continue;
         };
         let n_cached = units
@@ -97,7 +102,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
         let in_depot: Vec<u64> = in_depot.collect();
         if n_cached > 0 {
             row(
-                "cached",
+                Label::Cached,
                 name.clone(),
                 format!("{n_cached} of {}", units.len()),
             );
@@ -105,11 +110,11 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
         if !in_depot.is_empty() {
             let (n, bytes) = (in_depot.len(), report::bytes(in_depot.iter().sum()));
             let what = format!("{n} of {}, up to {bytes} to fetch", units.len());
-            row("depot", name.clone(), what);
+            row(Label::Depot, name.clone(), what);
         }
         if node.may_grow {
             row(
-                "pending",
+                Label::Pending,
                 name.clone(),
                 "more partitions if upstream labels change".to_owned(),
             );
@@ -123,7 +128,7 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
 }
 
 /// Groups the units that may run by their causes.
-fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>> {
+fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(Label, String), Vec<&str>> {
     let mut groups: BTreeMap<_, Vec<&str>> = BTreeMap::new();
     for unit in units {
         let key = match &unit.state {
@@ -133,12 +138,12 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(&'static str, String), Vec<&str>
                 if !upstream.is_empty() {
                     reasons.push(needs(upstream));
                 }
-                ("run", reasons.join("; "))
+                (Label::Run, reasons.join("; "))
             }
             UnitState::Pending { upstream, causes } => {
                 let mut reasons = vec![needs(upstream)];
                 reasons.extend(said(causes));
-                ("pending", reasons.join("; "))
+                (Label::Pending, reasons.join("; "))
             }
         };
         groups.entry(key).or_default().push(unit.partition.as_str());

@@ -36,6 +36,7 @@ use self::{page::Page, question::Question, source::Source, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
+    label::Label,
     memory,
     outcome::{CommandError, CommandOutcome},
     report,
@@ -112,9 +113,10 @@ fn answer(
         program.say_shared(lake)?;
     }
     for (table, n) in &tables.collected {
-        program.say(&format!(
-            "note   {n} partitions of `{table}` were collected"
-        ));
+        program.say(
+            Label::Note,
+            format!("{n} partitions of `{table}` were collected"),
+        );
     }
     let answer = tables.answer(question)?;
     let bytes = match args.format {
@@ -122,7 +124,7 @@ fn answer(
             let printed = print::table(&answer, Page::of_stdout());
             report::data(printed.text.as_bytes())?;
             for note in printed.left_out {
-                program.say(&format!("note   {note}"));
+                program.say(Label::Note, note);
             }
             return Ok(CommandOutcome::Done);
         }

@@ -9,6 +9,7 @@ use signal_hook::{
 use crate::{
     arguments::RouterArgs,
     command_line::Program,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -23,14 +24,14 @@ pub(crate) fn router(program: &Program, args: &RouterArgs) -> Result<CommandOutc
     let access = access.transpose().map_err(&failed)?;
     let router = Router::start(&args.listen, access.as_ref()).map_err(failed)?;
     report::data(format!("{}\n", router.endpoint()).as_bytes())?;
-    program.say(&format!(
-        "router at `{}`; Ctrl-C ends it",
-        router.endpoint()
-    ));
+    program.say(
+        Label::Router,
+        format!("at `{}`; Ctrl-C ends it", router.endpoint()),
+    );
     if let Some(access) = &access {
         warn_of_stale(access);
     } else {
-        program.say(
+        program.say_plain(
             "without TLS there is no authentication: any program on this machine can drive the robots \
              whose cells connect to it",
         );
@@ -51,9 +52,9 @@ pub(crate) fn warn_of_nameless(access: &Access) {
 
 fn warn(found: Option<CellError>, effect: &str) {
     if let Some(found) = found {
-        report::line(&format!("warn   {found}: {effect}"));
+        report::line(Label::Warn, format!("{found}: {effect}"));
         if let Some(hint) = found.hint() {
-            report::line(&format!("hint: {hint}"));
+            report::line(Label::Hint, hint);
         }
     }
 }

@@ -17,7 +17,9 @@ use crate::{
         sweep::{self, Done},
     },
     executors::{self, RemoteExecutor},
-    interrupt, outages,
+    interrupt,
+    label::Label,
+    outages,
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
@@ -79,8 +81,8 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     }
     let foreign = physics::foreign_drives(&pipeline);
     for difference in physics::differences(&pipeline).iter().chain(&foreign) {
-        program.say(&format!("warn   {}", difference.text));
-        program.say(&format!("hint: {}", difference.hint));
+        program.say(Label::Warn, &difference.text);
+        program.say(Label::Hint, &difference.hint);
     }
     let screen = Screen::new(program.quiet);
     let processes = args
@@ -112,11 +114,14 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         CommandOutcome::SkippedItems
     } else {
         if let Some(last) = last.filter(|_| ran.made_now_count() > 0) {
-            program.say(&format!(
-                "next   `pipeline inspect {}`, or edit `{}` and run",
-                last.record.node,
-                args.pipeline.file.display()
-            ));
+            program.say(
+                Label::Next,
+                format!(
+                    "`pipeline inspect {}`, or edit `{}` and run",
+                    last.record.node,
+                    args.pipeline.file.display()
+                ),
+            );
         }
         CommandOutcome::Done
     };
@@ -127,7 +132,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
         let page = page
             .and_then(|page| page_of(&folder, page))
             .unwrap_or(folder);
-        report::line(&format!("report `{}`", page.display()));
+        report::line(Label::Report, format!("`{}`", page.display()));
     }
     Ok(Done { outcome, said })
 }
@@ -141,34 +146,38 @@ fn say_done(pipeline: &Pipeline, ran: &RunReport, said: &str) {
             nodes.any(|node| node.record.node.stage == stage.name)
         });
         let n_stages = ran_stages.count();
-        report::short_line(&format!("done   {n_stages} stages cached, nothing to run"));
+        report::short_line(
+            Label::Done,
+            format!("{n_stages} stages cached, nothing to run"),
+        );
         format!("       {said}")
     } else {
         let took = format!("in {}", report::duration(ran.seconds));
-        let line = format!("done   {said} {took}");
+        let line = Label::Done.line(format_args!("{said} {took}"));
         if line.chars().count() <= report::LINE_WIDTH {
             line
         } else {
-            report::short_line(&format!("done   {took}"));
+            report::short_line(Label::Done, took);
             format!("       {said}")
         }
     };
-    report::short_line(&line);
+    report::short_plain(&line);
 }
 
 /// Reports that items were skipped, and how to see the reasons.
 fn report_skipped(store: &Lake, ran: &RunReport) {
-    report::line(&format!(
-        "note   {} items were skipped",
-        ran.skipped_count()
-    ));
+    report::line(
+        Label::Note,
+        format!("{} items were skipped", ran.skipped_count()),
+    );
     let skipping = ran.nodes.iter().filter(|node| node.record.n_skipped > 0);
     for node in skipping {
         if let Some(run) = left_by(store, ran, node) {
-            report::line(&format!(
-                "hint: see each reason with `pipeline inspect {} --skipped --run {run}`",
-                node.record.node
-            ));
+            let node = &node.record.node;
+            report::line(
+                Label::Hint,
+                format!("see each reason with `pipeline inspect {node} --skipped --run {run}`"),
+            );
         }
     }
 }

@@ -67,7 +67,7 @@ pub(crate) fn each(
     let mut rows = vec![report::header(["variant", "result", "time"])];
     let mut has_run = false;
     for (idx, (label, args)) in variants.into_iter().enumerate() {
-        program.say(&format!("variant {} of {n_variants}: {label}", idx + 1));
+        program.say_plain(&format!("variant {} of {n_variants}: {label}", idx + 1));
         let started = Instant::now();
         let said = match command(Some(&label), args) {
             Ok(done) => {
@@ -87,7 +87,7 @@ pub(crate) fn each(
         rows.push(vec![label, said, time]);
     }
     if has_run {
-        program.say(report::columns(&rows, &[2]).trim_end());
+        program.say_plain(report::columns(&rows, &[2]).trim_end());
     }
     if n_failed > 0 {
         return Err(CommandError::failed(

@@ -5,6 +5,7 @@ use lake::Lake;
 use crate::{
     arguments::{TagArgs, UntagArgs},
     command_line::Program,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
 };
 
@@ -17,13 +18,13 @@ pub(crate) fn tag(program: &Program, args: &TagArgs) -> Result<CommandOutcome, C
         Some(before) if before != run => format!(", no longer run {before}"),
         _ => String::new(),
     };
-    program.say(&format!("done   `{}` is run {run}{was}", args.name));
+    program.say(Label::Done, format!("`{}` is run {run}{was}", args.name));
     Ok(CommandOutcome::Done)
 }
 
 /// Removes a tag from its run.
 pub(crate) fn untag(program: &Program, args: &UntagArgs) -> Result<CommandOutcome, CommandError> {
     Lake::open(&program.lake).untag(&args.name)?;
-    program.say(&format!("done   no run is tagged `{}` now", args.name));
+    program.say(Label::Done, format!("no run is tagged `{}` now", args.name));
     Ok(CommandOutcome::Done)
 }

@@ -8,6 +8,7 @@ use lake::{Fault, Lake};
 use crate::{
     arguments::VerifyArgs,
     command_line::Program,
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     progress::Quiet,
     report,
@@ -48,11 +49,14 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutc
     }
     report::answer(args.format, &verified, |verified| listed(&verified.faults))?;
     if verified.faults.is_empty() {
-        program.say(&format!(
-            "done   {} files with {} read, nothing is damaged or missing",
-            verified.n_files,
-            report::bytes(verified.n_bytes)
-        ));
+        program.say(
+            Label::Done,
+            format!(
+                "{} files with {} read, nothing is damaged or missing",
+                verified.n_files,
+                report::bytes(verified.n_bytes)
+            ),
+        );
         return Ok(CommandOutcome::Done);
     }
     let n_faults = verified.faults.len();
@@ -62,7 +66,7 @@ pub(crate) fn verify(program: &Program, args: &VerifyArgs) -> Result<CommandOutc
         } else {
             lake.drop_damaged(&|_, _| {})?
         };
-        program.say(&format!("drop   {n_dropped} damaged files"));
+        program.say(Label::Drop, format!("{n_dropped} damaged files"));
     }
     Err(CommandError::failed(
         anyhow::anyhow!(

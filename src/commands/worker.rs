@@ -19,6 +19,7 @@ use crate::{
     command_line::Program,
     heartbeats, interrupt,
     jobs::{self, JobOrders},
+    label::Label,
     outages,
     outcome::{CommandError, CommandOutcome},
     report, sharing,
@@ -97,13 +98,16 @@ pub(crate) fn leave_scratch(lake: &Lake) {
         let _gone = fs::remove_dir_all(folder);
         return;
     }
-    report::line(&format!(
-        "kept   {n_waiting} results that are not in the depot lie on `{}` in `{}`\n\
+    report::line(
+        Label::Kept,
+        format!(
+            "{n_waiting} results that are not in the depot lie on `{}` in `{}`\n\
          hint: `pipeline push --lake {}` sends them from there",
-        lake::host(),
-        folder.display(),
-        for_shell(&folder.display().to_string())
-    ));
+            lake::host(),
+            folder.display(),
+            for_shell(&folder.display().to_string())
+        ),
+    );
 }
 
 /// Time that this job has left, as Slurm says.
@@ -272,7 +276,7 @@ impl Worker<'_> {
         if let Some(log) = self.lake.log(&item.fingerprint)
             && let Ok(text) = fs::read(log)
         {
-            report::line(String::from_utf8_lossy(&text).trim_end());
+            report::plain(String::from_utf8_lossy(&text).trim_end());
         }
         let (hint, left_out) = err.advice();
         let hint = hint.map(|hint| self.without_scratch(item, &hint));

@@ -323,13 +323,13 @@ fn compare(
         let rollout = settled.rollout(motion, protocol, TraceMode::Nothing);
         let cpu_s = cpu_time::thread_s() - before;
         let rollout = rollout.unwrap();
-        held.push(screen.verdict(&rollout) == Verdict::Held);
+        held.push(screen.screening(0).verdict(&rollout) == Verdict::Held);
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
             counts.here_held_s += cpu_s;
             counts.here_held_steps +=
-                f64::from(rollout.control_steps_n) * f64::from(scene.steps_per_control);
+                f64::from(rollout.measures.control_steps_n) * f64::from(scene.steps_per_control);
         }
         let setpoints = settled.setpoints(motion, protocol).unwrap();
         counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
@@ -380,7 +380,7 @@ fn finer(
         let rest = RestingPose::of(&candidate.table_from_object);
         let settled = SettledScene::new(&scene, hand, object, &rest).unwrap();
         let rollout = settled.rollout(&candidate.motion, &screen.protocol, TraceMode::Nothing);
-        screen.verdict(&rollout.unwrap()) == Verdict::Held
+        screen.screening(0).verdict(&rollout.unwrap()) == Verdict::Held
     });
     holds.collect()
 }

@@ -26,7 +26,7 @@ use limits::Limits;
 use schemas::{
     Table,
     candidates::DrawSource,
-    rollouts::{ExecutedSmoothness, Rollout, Rollouts, Smoothness, Verdict},
+    rollouts::{ExecutedSmoothness, Measures, Rollout, Rollouts, Smoothness, Verdict},
 };
 
 /// Rows of the table, if `ROLLOUTS` does not say.
@@ -163,13 +163,15 @@ fn rollout(object: &str, row: usize) -> Rollout {
         generator: "cgf".to_owned(),
         source: DrawSource::replayed("a"),
         verdict: Verdict::ALL[row % Verdict::ALL.len()],
-        control_steps_n: 190,
-        skipped_steps_n: 0,
-        lift_m: 0.15 * number,
-        slip_m: 1e-3 * number,
-        displacement_m: 2e-2 * number,
-        penetration_m: 3e-3 * number,
-        contacts_n: 6,
+        measures: Measures {
+            control_steps_n: 190,
+            lift_m: 0.15 * number,
+            slip_m: 1e-3 * number,
+            displacement_m: 2e-2 * number,
+            penetration_m: 3e-3 * number,
+            contacts_n: 6,
+            ..Measures::default()
+        },
         smoothness: Smoothness::default(),
         executed: ExecutedSmoothness(None),
     }

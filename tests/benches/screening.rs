@@ -93,14 +93,14 @@ fn main() -> ExitCode {
     let steps = settled.setpoints(&motions[0], protocol).unwrap().len() - 1;
     let steps = steps as f64 * f64::from(scene.steps_per_control);
     println!("{CANDIDATES} candidates of a can, {steps} physics steps each to the end");
-    let verdicts = ours.iter();
-    let verdicts = verdicts.map(|(rollout, _)| screen.verdict(rollout));
+    let (verdicts, options) = (ours.iter(), screen.screening(0));
+    let verdicts = verdicts.map(|(rollout, _)| options.verdict(rollout));
     let verdicts: Vec<Verdict> = verdicts.collect();
     count("here", verdicts.iter().map(|verdict| verdict.as_str()));
     let substeps = f64::from(scene.steps_per_control);
     let simulated: f64 = ours
         .iter()
-        .map(|(r, _)| f64::from(r.control_steps_n) * substeps)
+        .map(|(r, _)| f64::from(r.measures.control_steps_n) * substeps)
         .sum();
     let candidates = CANDIDATES as f64;
     println!(
@@ -119,7 +119,7 @@ fn main() -> ExitCode {
     let all_steps = whole.len() as f64 * steps;
     let our_steps: f64 = whole
         .iter()
-        .map(|&idx| f64::from(ours[idx].0.control_steps_n) * substeps)
+        .map(|&idx| f64::from(ours[idx].0.measures.control_steps_n) * substeps)
         .sum();
     let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / our_steps;
     println!(

@@ -172,7 +172,12 @@ fn compare<R: Rates + Sync>(
                     .unwrap();
                 let cpu_s = cpu_time::thread_s() - before;
                 let said = format!("{rollout:?}");
-                (rollout.verdict, rollout.control_steps_n, cpu_s, said)
+                (
+                    rollout.verdict,
+                    rollout.measures.control_steps_n,
+                    cpu_s,
+                    said,
+                )
             };
             sets.iter().map(|(_, shortcuts)| roll(*shortcuts)).collect()
         })

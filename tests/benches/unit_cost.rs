@@ -11,6 +11,8 @@
 #[path = "../slurm/cluster.rs"]
 #[expect(dead_code, reason = "tests kill its daemons")]
 mod cluster;
+#[path = "../folder.rs"]
+mod folder;
 mod limits;
 #[path = "../own_stages/stages.rs"]
 mod own_stages;

@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
 
-use crate::{append, changed, digests, put, small};
+use super::{append, changed, digests, put, small};
 
 #[test]
 fn an_edit_of_a_comment_or_a_test_reruns_nothing_of_a_chart_reports_and_of_the_core_all() {

@@ -4,7 +4,7 @@ use std::{fs, path::Path, process::Command};
 
 use tempfile::TempDir;
 
-use crate::{append, changed, digests, put};
+use super::{append, changed, digests, put};
 
 /// A program with a stage that uses a library of the workspace, which uses a locked dependency; its
 /// reports use another library. A generator links the stage.

@@ -13,7 +13,7 @@ use rand::{Rng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
 
-use crate::place::{
+use crate::engine::place::{
     Place, assert_same, chances, files_below, number, published, put, read, stderr, stdout,
 };
 

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, process::Stdio};
 
-use crate::{
+use crate::engine::{
     place::{Place, Running, assert_same, stderr},
     program_maps::Maps,
 };

@@ -12,7 +12,7 @@ use std::{
 use rand::{Rng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 
-use crate::place::{
+use crate::engine::place::{
     CHAIN, Place, assert_same, chances, files_below, number, read, stderr, stdout, well,
     write_unnoticed,
 };

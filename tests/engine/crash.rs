@@ -13,7 +13,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::{
+use crate::engine::{
     place::{CHAIN, Place, assert_same, chances, files_below, published, stdout, well},
     program_maps::Maps,
 };

@@ -8,7 +8,7 @@ use lake::Lake;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::place::Place;
+use crate::engine::place::Place;
 
 /// The code, which does not change.
 const CODE: Code = Code { parts: "number=1" };

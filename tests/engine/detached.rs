@@ -2,7 +2,7 @@
 
 use std::{fs, process::Command};
 
-use crate::place::{CHAIN, Place, Running, stderr, stdout, well};
+use crate::engine::place::{CHAIN, Place, Running, stderr, stdout, well};
 
 /// Starts a run in the background whose units wait; returns the number of its process.
 fn detach(place: &Place) -> String {

@@ -14,13 +14,12 @@ use std::{
 use rand::Rng;
 use tempfile::TempDir;
 
-use crate::{
-    cluster::workers,
-    place::{
-        CHAIN, LONG, Place, Running, assert_same, chances, files_below, free_port, name, number,
-        put, stderr, stdout, well,
-    },
+use crate::cluster::workers;
+use crate::engine::place::{
+    CHAIN, LONG, Place, Running, assert_same, chances, files_below, free_port, name, number, put,
+    stderr, stdout, well,
 };
+use crate::folder;
 
 /// The scheduler's commands, by name.
 const COMMANDS: [(&str, &str); 4] = [
@@ -38,7 +37,7 @@ pub(crate) struct Cluster {
 impl Cluster {
     pub(crate) fn new() -> Self {
         let cluster = Self {
-            folder: TempDir::new().unwrap(),
+            folder: folder::in_memory(),
         };
         for folder in ["depot", "commands", "fake", "scratch"] {
             fs::create_dir(cluster.path(folder)).unwrap();
@@ -157,12 +156,20 @@ fn jobs_and_processes_behind_a_prefix_give_the_bytes_of_threads() {
     well(other.with(place.command_in(&lake, "run", &["--on", "box"])));
     assert_eq!(place.take_log().len(), n_units);
     well(other.with(place.bare(&lake, "pull")));
-    assert_same(&crate::place::published(&lake), &expected, "a prefix");
+    assert_same(
+        &crate::engine::place::published(&lake),
+        &expected,
+        "a prefix",
+    );
     other.assert_tidy();
 
     let lake = place.path("lake_of_processes");
     well(place.command_in(&lake, "run", &["--processes"]));
-    assert_same(&crate::place::published(&lake), &expected, "processes");
+    assert_same(
+        &crate::engine::place::published(&lake),
+        &expected,
+        "processes",
+    );
 }
 
 /// A machine reached by `ssh`, its server stopped when this is dropped.
@@ -174,7 +181,7 @@ struct Sshd {
 impl Sshd {
     /// Starts it; where it cannot run, says so and returns `None`.
     fn start() -> Option<Self> {
-        let folder = TempDir::new().unwrap();
+        let folder = folder::in_memory();
         let path = |name: &str| folder.path().join(name).display().to_string();
         for key in ["host", "own"] {
             let mut made = Command::new("ssh-keygen");

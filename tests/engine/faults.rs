@@ -12,7 +12,7 @@ use std::{
 use rand::{Rng, seq::IndexedRandom};
 use rand_chacha::ChaCha8Rng;
 
-use crate::place::{
+use crate::engine::place::{
     CHAIN, Place, chances, files_below, number, put, read, stderr, stdout, well, write_unnoticed,
 };
 

@@ -10,13 +10,13 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::place::{CHAIN, Place, assert_same, program, published, put, stderr, well};
+use crate::engine::place::{CHAIN, Place, assert_same, program, published, put, stderr, well};
 
 const MIB: u64 = 1 << 20;
 
 /// A place whose files are large enough to fill something.
 fn place() -> Place {
-    let place = Place::new(CHAIN);
+    let place = Place::on_disk(CHAIN);
     for number in 0_u8..3 {
         let file = File::create(place.inputs().join(format!("p{number}.txt"))).unwrap();
         { &file }.write_all(&[b'a' + number]).unwrap();

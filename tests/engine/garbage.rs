@@ -4,7 +4,7 @@ use std::{fs, process::Command};
 
 use serde_json::Value;
 
-use crate::place::{CHAIN, Place, Running, assert_same, files_below, stderr, stdout, well};
+use crate::engine::place::{CHAIN, Place, Running, assert_same, files_below, stderr, stdout, well};
 
 /// The pipeline with another value, which changes every unit of `first` and downstream.
 const OTHER: [&str; 2] = ["--set", "first.add=9"];

@@ -9,7 +9,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::{
+use crate::engine::{
     elsewhere::Cluster,
     place::{CHAIN, LONG, Place, Running, assert_same, files_below, put, stderr, well},
 };

@@ -12,7 +12,7 @@ use std::{
 
 use rand::seq::IndexedRandom;
 
-use crate::place::{CHAIN, Place, chances, number, program, put, read, well};
+use crate::engine::place::{CHAIN, Place, chances, number, program, put, read, well};
 
 /// A command that takes longer waits for something.
 const HANGS: Duration = Duration::from_mins(1);

@@ -2,7 +2,7 @@
 
 use std::{fs, os::unix::process::CommandExt, process::Command};
 
-use crate::place::{CHAIN, Place, Running, assert_same, well};
+use crate::engine::place::{CHAIN, Place, Running, assert_same, well};
 
 /// Whom the signal reaches.
 #[derive(Clone, Copy)]

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use dataflow::Artifact;
 use schemas::trials::AllTrials;
 
-use crate::place::{Place, stderr};
+use crate::engine::place::{Place, stderr};
 
 const PIPELINE: &str = r"
 [stages.bench]

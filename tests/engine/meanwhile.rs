@@ -8,7 +8,7 @@ use std::{
     thread,
 };
 
-use crate::place::{
+use crate::engine::place::{
     CHAIN, Place, Running, assert_same, chances, files_below, number, put, read, stderr, stdout,
     well, write_unnoticed,
 };

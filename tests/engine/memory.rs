@@ -9,7 +9,7 @@ use std::{
     time::Duration,
 };
 
-use crate::place::Place;
+use crate::engine::place::Place;
 
 const MIB: u64 = 1 << 20;
 

@@ -15,8 +15,8 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::elsewhere::{ACTS, Cluster};
-use crate::place::{
+use crate::engine::elsewhere::{ACTS, Cluster};
+use crate::engine::place::{
     CHAIN, LONG, Place, Running, files_below, free_port, put, read, stderr, stdout,
 };
 

@@ -18,6 +18,8 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tempfile::TempDir;
 
+use crate::folder;
+
 /// Longer than anything here takes; a test that waits this long has failed.
 pub(crate) const LONG: Duration = Duration::from_secs(90);
 
@@ -66,9 +68,16 @@ pub(crate) struct Execution {
 impl Place {
     /// Makes a place; `INPUTS` in the pipeline stands for the folder of input files.
     pub(crate) fn new(pipeline: &str) -> Self {
-        let place = Self {
-            folder: TempDir::new().unwrap(),
-        };
+        Self::of(pipeline, folder::in_memory())
+    }
+
+    /// Makes a place on the disk, for tests of that.
+    pub(crate) fn on_disk(pipeline: &str) -> Self {
+        Self::of(pipeline, TempDir::new().unwrap())
+    }
+
+    fn of(pipeline: &str, folder: TempDir) -> Self {
+        let place = Self { folder };
         fs::create_dir(place.inputs()).unwrap();
         let inputs = place.inputs().display().to_string();
         let text = format!("seed = 7\n{}", pipeline.replace("INPUTS", &inputs));
@@ -230,7 +239,7 @@ fn execution(line: &str) -> Execution {
 }
 
 /// The built example, which is not part of this test: `cargo test` builds both, `cargo test --test
-/// engine` only this.
+/// suite` only this.
 pub(crate) fn program() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(up_to_date_program)

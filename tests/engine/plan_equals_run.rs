@@ -26,7 +26,7 @@ use self::{
     model::{Expected, Model, Unit},
     world::World,
 };
-use crate::{
+use crate::engine::{
     own_stages,
     place::{Place, chances, number, read},
 };

@@ -8,7 +8,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::{
+use crate::engine::{
     place::{Place, name, stdout, well},
     program_maps::Maps,
 };

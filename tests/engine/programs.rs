@@ -9,7 +9,7 @@ use std::{fs, sync::Arc};
 
 use arrow_array::{ArrayRef, Float64Array, Int64Array, RecordBatch, StringArray};
 
-use crate::{
+use crate::engine::{
     place::{CHAIN, Place, put, stderr, stdout, well},
     program_maps::Maps,
 };

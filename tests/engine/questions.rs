@@ -2,7 +2,7 @@
 
 use std::{fs, path::Path};
 
-use crate::place::{CHAIN, Place, stdout, well};
+use crate::engine::place::{CHAIN, Place, stdout, well};
 
 const ROWS: &str = "select stage, part, name, bytes, sum from parts order by stage, part";
 

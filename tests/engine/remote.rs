@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, fs};
 
-use crate::{
+use crate::engine::{
     place::{CHAIN, Place, assert_same, published, well},
     program_maps::Maps,
 };

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, fs};
 
-use crate::place::{Place, files_below, put, read, stderr, stdout, well};
+use crate::engine::place::{Place, files_below, put, read, stderr, stdout, well};
 
 const CHARTED: &str = r#"
 [stages.split]

@@ -9,7 +9,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::place::{Place, Running, assert_same, stderr, well};
+use crate::engine::place::{Place, Running, assert_same, stderr, well};
 
 const STEPS: &str = r#"
 [stages.steps]

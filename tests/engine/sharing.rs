@@ -14,10 +14,11 @@ use rand::{Rng, seq::IndexedRandom};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::place::{
+use crate::engine::place::{
     CHAIN, Place, Running, assert_same, chances, files_below, number, put, read, stderr, stdout,
     well, write_unnoticed,
 };
+use crate::folder;
 
 /// Longest delay of a run by a depot that is down, beyond the time that it takes alone.
 const LOST: Duration = Duration::from_secs(5);
@@ -36,7 +37,7 @@ struct Lab {
 impl Lab {
     fn new() -> Self {
         let lab = Self {
-            folder: TempDir::new().unwrap(),
+            folder: folder::in_memory(),
         };
         fs::create_dir(lab.depot()).unwrap();
         lab
@@ -421,7 +422,7 @@ fn a_depot_that_goes_down_in_the_middle_costs_one_warning() {
         // Held in the middle of the units whose inputs are still in the depot.
         second.input("held", b"a held one");
         for partition in 0..12 {
-            second.let_go(&crate::place::name(partition));
+            second.let_go(&crate::engine::place::name(partition));
         }
         let mut run = Running::start(lab.share(second.held(&ALONE)));
         run.wait_for(&second, "held");
@@ -612,7 +613,7 @@ fn a_kill_while_sending_leaves_nothing_half_sent() {
     // Large enough to be cut.
     for partition in 0..12 {
         let bytes = vec![u8::try_from(partition).unwrap(); 1 << 20];
-        first.input(&crate::place::name(partition), &bytes);
+        first.input(&crate::engine::place::name(partition), &bytes);
     }
     first.run_well(&[]);
     let n_kills: usize = number("PIPELINE_KILLS", 12);
@@ -749,7 +750,7 @@ fn gc_of_a_depot_keeps_the_newest_runs_and_whatever_is_young() {
     // Results that another machine makes meanwhile, and that the old run had as well, stay.
     second.input("held", b"a held one");
     for partition in 0..12 {
-        second.let_go(&crate::place::name(partition));
+        second.let_go(&crate::engine::place::name(partition));
     }
     let mut run = Running::start(lab.share(second.held(&["--set", "first.add=4"])));
     run.wait_for(&second, "held");

@@ -1,6 +1,6 @@
 //! Units made by the jobs of Slurm itself, some of whose processes are killed. `PIPELINE_KILLS` sets the number of
 //! times that each is killed; without it the daemons are killed once, early. `PIPELINE_BAD_MINUTES` sets the number of
-//! runs whose driver is killed or whose depot is away, for at most `PIPELINE_AWAY_S` seconds.
+//! runs whose driver is killed, and of those whose depot is away for at most `PIPELINE_AWAY_S` seconds.
 
 use std::{
     fs,
@@ -10,21 +10,21 @@ use std::{
 };
 
 use rand::Rng;
-use tempfile::TempDir;
 
-use crate::{
-    cluster::{Slurm, processes_with, workers},
+use crate::cluster::{Slurm, processes_with, workers};
+use crate::engine::{
     elsewhere::graph,
     hiccups::away_for,
     place::{
         CHAIN, LONG, Place, Running, assert_same, chances, number, published, stderr, stdout, well,
     },
 };
+use crate::folder;
 
 #[test]
 fn slurm_gives_the_bytes_of_threads() {
     let Some(slurm) = Slurm::start() else { return };
-    let depot = TempDir::new().unwrap();
+    let depot = folder::in_memory();
     let (place, n_units) = graph();
     let arguments = ["--on", "slurm"];
     well(slurm.with(depot.path(), place.command("run", &arguments)));
@@ -33,7 +33,7 @@ fn slurm_gives_the_bytes_of_threads() {
     let expected = place.undisturbed(&[]);
     assert_same(&place.published(), &expected, "sbatch");
 
-    let other = TempDir::new().unwrap();
+    let other = folder::in_memory();
     let lake = place.path("lake_of_srun");
     well(slurm.with(
         other.path(),
@@ -89,7 +89,7 @@ fn slurm_says_at_once_what_no_job_of_it_can_have() {
             ["takes no jobs", "invalid partition"],
         ),
     ] {
-        let depot = TempDir::new().unwrap();
+        let depot = folder::in_memory();
         let place = with_resources(resources);
         let began = Instant::now();
         let run = place.command("run", &["--on", "slurm", "--until", "split"]);
@@ -118,9 +118,9 @@ fn slurm_says_at_once_what_no_job_of_it_can_have() {
 }
 
 #[test]
-fn a_job_without_enough_time_is_tried_once_and_one_that_is_preempted_again() {
+fn a_job_without_enough_time_is_tried_once() {
     let Some(slurm) = Slurm::start() else { return };
-    let depot = TempDir::new().unwrap();
+    let depot = folder::in_memory();
     let place = with_resources("time_min = 1");
     let run = place.held(&["--on", "slurm", "--until", "split"]);
     let mut run = Running::start(slurm.with(depot.path(), run));
@@ -133,8 +133,12 @@ fn a_job_without_enough_time_is_tried_once_and_one_that_is_preempted_again() {
         "{said}"
     );
     assert_eq!(place.take_log().len(), 2, "each once: {said}");
+}
 
-    let depot = TempDir::new().unwrap();
+#[test]
+fn a_job_that_is_preempted_is_tried_again() {
+    let Some(slurm) = Slurm::start() else { return };
+    let depot = folder::in_memory();
     let place = with_resources("cores = 2");
     let run = place.held(&["--on", "slurm", "--until", "split"]);
     let mut run = Running::start(slurm.with(depot.path(), run));
@@ -168,7 +172,7 @@ fn a_job_without_enough_time_is_tried_once_and_one_that_is_preempted_again() {
 #[test]
 fn a_run_says_where_its_units_are_and_how_long_the_others_take() {
     let Some(slurm) = Slurm::start() else { return };
-    let depot = TempDir::new().unwrap();
+    let depot = folder::in_memory();
     let place = Place::with_inputs(CHAIN, 3);
     let run = place.held(&["--on", "slurm", "--until", "split"]);
     let began = Instant::now();
@@ -234,17 +238,30 @@ enum Moment {
 const AWAY: Duration = Duration::from_secs(2);
 
 #[test]
-fn a_run_survives_the_death_of_each_process_of_slurm() {
-    use {Moment::*, Part::*};
+fn a_run_survives_the_death_of_the_controller() {
+    survives_deaths_of(Part::Controller);
+}
+
+#[test]
+fn a_run_survives_the_death_of_the_nodes() {
+    survives_deaths_of(Part::Nodes);
+}
+
+#[test]
+fn a_run_survives_the_death_of_what_makes_its_units() {
+    survives_deaths_of(Part::Worker);
+    if number::<usize>("PIPELINE_KILLS", 0) > 0 {
+        survives_deaths_of(Part::Step);
+    }
+}
+
+fn survives_deaths_of(part: Part) {
     let n_rounds = number::<usize>("PIPELINE_KILLS", 0);
-    let once = [(Controller, Early), (Nodes, Early), (Worker, Early)];
-    let parts = [Controller, Nodes, Step, Worker];
-    let each = parts.map(|part| [(part, Early), (part, Late)]).concat();
-    let kills = match n_rounds {
-        0 => once.to_vec(),
-        n_rounds => each.repeat(n_rounds),
+    let moments = match n_rounds {
+        0 => vec![Moment::Early],
+        n_rounds => [Moment::Early, Moment::Late].repeat(n_rounds),
     };
-    for (part, moment) in kills {
+    for moment in moments {
         // One whose job steps were killed may hold their nodes for ever.
         let Some(slurm) = Slurm::start() else { return };
         survives(&slurm, part, moment);
@@ -254,7 +271,7 @@ fn a_run_survives_the_death_of_each_process_of_slurm() {
 /// Has two units made by jobs that wait until a process is killed.
 fn survives(slurm: &Slurm, part: Part, moment: Moment) {
     let began = Instant::now();
-    let depot = TempDir::new().unwrap();
+    let depot = folder::in_memory();
     let place = Place::with_inputs(CHAIN, 2);
     let arguments = ["--on", "slurm", "--until", "split"];
     let mut run = Running::start(slurm.with(depot.path(), place.held(&arguments)));
@@ -338,13 +355,31 @@ fn steps(slurm: &Slurm) -> Vec<String> {
 const UNITS: usize = 12;
 
 #[test]
-fn runs_outlive_the_death_of_their_driver_and_a_depot_that_is_away() {
-    let n_rounds = number::<usize>("PIPELINE_BAD_MINUTES", 2);
+fn runs_outlive_the_death_of_their_driver() {
+    bad_minutes(Bad::Driver);
+}
+
+#[test]
+fn runs_outlive_a_depot_that_is_away() {
+    bad_minutes(Bad::Depot);
+}
+
+/// What happens to a run.
+#[derive(Clone, Copy, Debug)]
+enum Bad {
+    /// Its driver is killed, and it is started again.
+    Driver,
+    /// Its depot is away for a while.
+    Depot,
+}
+
+fn bad_minutes(bad: Bad) {
+    let n_rounds = number::<usize>("PIPELINE_BAD_MINUTES", 1);
     let longest_s = number("PIPELINE_AWAY_S", 3.0);
-    let mut rng = chances("bad minutes of runs by Slurm");
+    let mut rng = chances(&format!("{bad:?} in bad minutes"));
     let Some(slurm) = Slurm::start() else { return };
     for round in 0..n_rounds {
-        let folder = TempDir::new().unwrap();
+        let folder = folder::in_memory();
         let depot = folder.path().join("depot");
         fs::create_dir(&depot).unwrap();
         let place = Place::with_inputs(CHAIN, UNITS);
@@ -355,15 +390,18 @@ fn runs_outlive_the_death_of_their_driver_and_a_depot_that_is_away() {
         };
         let mut run = start();
         thread::sleep(Duration::from_secs_f64(rng.random_range(0.0..6.0)));
-        let what = if round % 2 == 0 {
-            run.child.kill().unwrap();
-            run.finish();
-            run = start();
-            "driver killed".to_owned()
-        } else {
-            let away_s = rng.random_range(1.0..=longest_s);
-            away_for(&depot, Duration::from_secs_f64(away_s));
-            format!("depot away for {away_s:.0} s")
+        let what = match bad {
+            Bad::Driver => {
+                run.child.kill().unwrap();
+                run.finish();
+                run = start();
+                "driver killed".to_owned()
+            }
+            Bad::Depot => {
+                let away_s = rng.random_range(1.0..=longest_s);
+                away_for(&depot, Duration::from_secs_f64(away_s));
+                format!("depot away for {away_s:.0} s")
+            }
         };
         let (code, said) = run.finish();
         assert_eq!(code, Some(0), "{what}: {said}");

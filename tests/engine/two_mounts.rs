@@ -14,7 +14,8 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::place::{CHAIN, LONG, Place, number, put, stderr, stdout};
+use crate::engine::place::{CHAIN, LONG, Place, number, put, stderr, stdout};
+use crate::folder;
 
 /// The program to which `sshfs` speaks, here without a network between.
 const SERVER: &str = "/usr/lib/openssh/sftp-server";
@@ -29,7 +30,7 @@ impl Shared {
     /// Mounts a folder twice; says why not, if it cannot be done here.
     fn new() -> Option<Self> {
         let mut shared = Self {
-            folder: TempDir::new().unwrap(),
+            folder: folder::in_memory(),
             mounts: Vec::new(),
         };
         let has_sshfs = Command::new("sshfs").arg("--version").output().is_ok();

@@ -8,7 +8,7 @@ use schemas::ros2::{
 };
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::program::bench::{Bench, stderr, stdout};
 
 fn rows(bench: &Bench, sql: &str) -> Vec<Value> {
     let asked = bench.ask(&["query", "--format", "json", sql]);

@@ -6,7 +6,7 @@ use std::{collections::BTreeMap, fs, process::Command};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr};
+use crate::program::bench::{Bench, stderr};
 
 /// The pipeline file, from the root of the project.
 const FILE: &str = "pipelines/baseline.toml";

@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    env, fs,
     path::{Path, PathBuf},
     process::{Command, Output},
     sync::OnceLock,
@@ -256,6 +256,14 @@ pub(crate) fn stdout(output: &Output) -> String {
 )]
 pub(crate) fn put(path: &Path, text: &str) {
     fs::write(path, text).unwrap();
+}
+
+/// Returns the text of a file with which a test compares what it found; `PIPELINE_WRITE_GOLDEN=1` writes that first.
+pub(crate) fn golden(path: &Path, found: &str) -> String {
+    if env::var_os("PIPELINE_WRITE_GOLDEN").is_some() {
+        put(path, found);
+    }
+    fs::read_to_string(path).unwrap_or_default()
 }
 
 pub(crate) fn copy_folder(from: &Path, to: &Path) {

@@ -1,14 +1,14 @@
 //! An out-of-range number is refused when the pipeline file is read, before anything runs.
 
-use std::path::Path;
+use std::{path::Path, sync::LazyLock};
 
-use dataflow::{FileError, Override, Pipeline};
+use dataflow::{FileError, Kind, Override, Pipeline, Wiring};
 
-use crate::bench::{Bench, pipeline_files, stderr};
+use crate::program::bench::{Bench, pipeline_files, stderr};
 
 const FILE: &str = include_str!("../../pipelines/cgf.toml");
 
-/// The same with an arm, so that it has every option.
+/// The same with an arm.
 const ARM: &str = include_str!("../../pipelines/arm.toml");
 
 /// A program, which no shipped job has.
@@ -20,53 +20,60 @@ makes = 'lengths'
 columns.length_m = { type = 'number' }
 ";
 
-/// Generators of grasps, which the arm's job does not have.
-const GRASPS: &str = "
-[stages.eigengrasp]
-kind = 'eigengrasp'
-inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
-shared.hand = 'hand'
-[stages.force_closure]
-kind = 'force_closure'
-inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
-shared.hand = 'hand'
-[stages.grasp_tta]
-kind = 'grasp_tta'
-inputs = { objects = 'ingest.objects', distance_fields = 'retarget.distance_fields', trajectories = 'retarget.trajectories' }
-shared.hand = 'hand'
-";
-
-/// Rivals of the function, which the arm's job does not have either.
-const RIVALS: &str = "
-[stages.transfer]
-kind = 'transfer'
-inputs = { objects = 'ingest.objects', trajectories = 'retarget.trajectories' }
-[stages.rrt]
-kind = 'rrt'
-inputs = { candidates = 'sample.candidates', distance_fields = 'retarget.distance_fields' }
-shared.hand = 'hand'
-[stages.cem_mpc]
-kind = 'cem_mpc'
-inputs = { candidates = 'sample.candidates', objects = 'ingest.objects' }
-shared = { hand = 'hand', protocol = 'protocol' }
-";
-
 /// Whole numbers that only name something, and take no memory or time.
 const NAMES: [&str; 1] = ["dispatch.attempt"];
+
+/// The file with a stage of every kind of which it has none, and so with every option.
+fn whole() -> &'static str {
+    static WHOLE: LazyLock<String> = LazyLock::new(|| {
+        let kinds = pipeline::kinds();
+        let read = Pipeline::parse(Path::new("pipelines/arm.toml"), ARM, &kinds, None, &[]);
+        let stages = read.unwrap().stages;
+        let maker = |artifact: &str| {
+            let mut makers = stages.iter().filter(|stage| {
+                let mut outputs = stage.kind.outputs.iter();
+                outputs.any(|output| output.artifact == artifact)
+            });
+            makers.next().unwrap().name.clone()
+        };
+        let mut text = format!("{ARM}{PROGRAM}");
+        let is_there = |kind: &Kind| stages.iter().any(|stage| stage.kind.name == kind.name);
+        for kind in kinds
+            .iter()
+            .filter(|kind| kind.wiring == Wiring::Declared && !is_there(kind))
+        {
+            let name = kind.name;
+            text += &format!("\n[stages.{name}]\nkind = '{name}'\n");
+            for input in &kind.inputs {
+                text += &format!("inputs.{input} = '{}.{input}'\n", maker(input));
+            }
+            let options = kind.options();
+            for shared in ["hand", "protocol"] {
+                let table = format!("{shared}.");
+                if options
+                    .iter()
+                    .any(|it| it.key == shared || it.key.starts_with(&table))
+                {
+                    text += &format!("shared.{shared} = '{shared}'\n");
+                }
+            }
+        }
+        text
+    });
+    &WHOLE
+}
 
 /// Reads the pipeline, with every option, and with one value in place of its own.
 fn read(set: &str) -> Result<Pipeline, FileError> {
     let given: Override = set.parse().unwrap();
     let path = Path::new("pipelines/arm.toml");
-    let text = format!("{ARM}{PROGRAM}{GRASPS}{RIVALS}");
-    Pipeline::parse(path, &text, &pipeline::kinds(), None, &[given])
+    Pipeline::parse(path, whole(), &pipeline::kinds(), None, &[given])
 }
 
 /// The options of these types of every stage of the pipeline.
 fn options(kind_of: &str) -> Vec<String> {
     let mut found = Vec::new();
     for kind in pipeline::kinds() {
-        // Each kind has a stage of its name in this file, or no numbers.
         for option in kind.options() {
             if option.value.split(" or ").any(|word| word == kind_of) {
                 found.push(format!("{}.{}", kind.name, option.key));
@@ -224,7 +231,7 @@ fn a_value_of_the_file_is_shown_where_it_stands() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("much.toml");
     let file = FILE.replacen("per_object = 256", "per_object = 4_000_000_000", 1);
-    crate::bench::put(&path, &file);
+    crate::program::bench::put(&path, &file);
     let plan = std::process::Command::new(env!("CARGO_BIN_EXE_pipeline"))
         .arg("plan")
         .arg(&path)

@@ -9,9 +9,9 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr, stdout},
-    cell_lab::{Lab, all_of},
+    cell_lab::{Lab, all_of, screened},
 };
 
 #[test]
@@ -326,10 +326,7 @@ fn two_cells_do_not_share_a_journal() {
 
 #[test]
 fn two_runs_at_once_have_a_cell_each() {
-    let benches = [Bench::new(), Bench::new()];
-    for bench in &benches {
-        bench.run_well(&["--until", "screen"]);
-    }
+    let benches = [Bench::after(screened()), Bench::after(screened())];
     let runs = benches.each_ref().map(|bench| {
         let mut run = bench.command("run", &[]);
         run.stderr(Stdio::piped()).spawn().unwrap()

@@ -14,7 +14,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr, stdout},
     papers::Papers,
 };
@@ -53,6 +53,27 @@ pub(crate) struct Served {
     said: Option<BufReader<ChildStderr>>,
 }
 
+/// A lake in which everything up to `screen` is made, once for all tests of this program; they take copies.
+pub(crate) fn screened() -> &'static Bench {
+    static SCREENED: OnceLock<Bench> = OnceLock::new();
+    SCREENED.get_or_init(|| until_screened(Bench::new()))
+}
+
+/// A lake in which everything is made; tests only look at it.
+pub(crate) fn executed() -> &'static Bench {
+    static EXECUTED: OnceLock<Bench> = OnceLock::new();
+    EXECUTED.get_or_init(|| {
+        let bench = Bench::after(screened());
+        bench.run_well(&[]);
+        bench
+    })
+}
+
+fn until_screened(bench: Bench) -> Bench {
+    bench.run_well(&["--until", "screen"]);
+    bench
+}
+
 impl Lab {
     /// A lab whose cell listens itself.
     pub(crate) fn new() -> Self {
@@ -76,22 +97,12 @@ impl Lab {
     /// A lab with the motions of a few objects.
     pub(crate) fn of_few_objects() -> Self {
         static SCREENED: OnceLock<Bench> = OnceLock::new();
-        Self::after(&SCREENED, || Bench::of_objects(&OBJECTS), Behind::Nothing)
+        let screened = SCREENED.get_or_init(|| until_screened(Bench::of_objects(&OBJECTS)));
+        Self::with(Bench::after(screened), Behind::Nothing)
     }
 
     fn of(behind: Behind) -> Self {
-        static SCREENED: OnceLock<Bench> = OnceLock::new();
-        Self::after(&SCREENED, Bench::new, behind)
-    }
-
-    /// A lab with a copy of a lake of screened motions, which are made once for all tests of this program.
-    fn after(screened: &OnceLock<Bench>, bench: fn() -> Bench, behind: Behind) -> Self {
-        let screened = screened.get_or_init(|| {
-            let bench = bench();
-            bench.run_well(&["--until", "screen"]);
-            bench
-        });
-        Self::with(Bench::after(screened), behind)
+        Self::with(Bench::after(screened()), behind)
     }
 
     fn with(bench: Bench, behind: Behind) -> Self {
@@ -229,6 +240,16 @@ impl Lab {
         assert!(!outcomes.contains_key("unknown"), "{outcomes:?}");
         assert_eq!(all_of(&outcomes), taken as u64, "{outcomes:?}");
         assert_eq!(self.over.len(), taken);
+    }
+
+    /// Waits until a cell says that its router is there again, and keeps its output until then.
+    pub(crate) fn wait_until_back(&mut self, cell: &mut Served) {
+        let mut said = String::new();
+        while !said.contains("is there again") {
+            let n_bytes = cell.said.as_mut().unwrap().read_line(&mut said).unwrap();
+            assert!(n_bytes > 0, "{said}");
+        }
+        self.hear(&said);
     }
 
     /// Ends a cell and keeps its output.

@@ -11,7 +11,7 @@ use std::{
 use dataflow::Pipeline;
 use serde_json::Value;
 
-use crate::bench::{Bench, put, stderr, stdout};
+use crate::program::bench::{Bench, put, stderr, stdout};
 
 /// A lake in which everything up to `retarget` is made; tests only look at it.
 pub(crate) fn finished() -> &'static Bench {

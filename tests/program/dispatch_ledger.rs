@@ -8,7 +8,7 @@ use cell::{
 };
 use robot::RobotModel;
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::Lab,
 };

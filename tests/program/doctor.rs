@@ -2,7 +2,7 @@
 
 use std::{fs, net::TcpListener};
 
-use crate::{
+use crate::program::{
     bench::{Bench, put, stderr, stdout},
     commands::{done, pipeline},
 };

@@ -3,47 +3,26 @@
 //!
 //! `effective/defaults.txt` has the default of every option of every kind of stage, `effective/cgf.txt` what
 //! `cgf.toml` sets to something else, and each other file its differences from `cgf.toml` and, of stages
-//! that this does not have, from the defaults. `PIPELINE_WRITE_EFFECTIVE=1 cargo test --test program
-//! effective::shipped` rewrites them.
+//! that this does not have, from the defaults. `PIPELINE_WRITE_GOLDEN=1 cargo test --release --test suite golden`
+//! writes them.
 
-use std::{collections::BTreeMap, env, fs, path::Path};
+use std::{collections::BTreeMap, fs, path::Path};
 
 use dataflow::Pipeline;
 use serde_json::Value;
 use stage_retarget::Retarget;
 
-const FILES: [&str; 30] = [
-    "cgf",
-    "studies/agreement",
-    "arm",
-    "baseline",
-    "studies/contribution",
-    "studies/contribution_generators",
-    "studies/expert",
-    "generator",
-    "studies/hands",
-    "grasps",
-    "interpolation",
-    "paper",
-    "studies/paper_cell",
-    "studies/paper_generators",
-    "studies/paper_planners",
-    "studies/paper_tables",
-    "planners",
-    "studies/refinement",
-    "studies/refinement_parts",
-    "released",
-    "replay",
-    "studies/protocols",
-    "rivals",
-    "studies/robustness",
-    "studies/script",
-    "studies/strict",
-    "studies/training_parts",
-    "unseen",
-    "studies/waterfall",
-    "studies/waterfall_functions",
-];
+use crate::program::bench::{golden, pipeline_files};
+
+/// The shipped files, by their paths below `pipelines` without the ending.
+fn files() -> Vec<String> {
+    let names = pipeline_files().into_iter().map(|path| {
+        let name = path.with_extension("");
+        let below = name.strip_prefix(concat!(env!("CARGO_MANIFEST_DIR"), "/pipelines"));
+        below.unwrap().to_str().unwrap().to_owned()
+    });
+    names.collect()
+}
 
 fn parsed(file: &str) -> Pipeline {
     let path = format!("pipelines/{file}.toml");
@@ -129,20 +108,19 @@ fn told(values: &BTreeMap<String, String>, beside: &BTreeMap<String, String>) ->
 #[test]
 fn shipped_files_have_the_golden_effective_values() {
     let (whole, defaults) = (effective("cgf"), defaults());
-    let files = FILES.into_iter().map(|file| {
-        let mut beside = usual(file, &defaults);
+    let files = files().into_iter().map(|file| {
+        let mut beside = usual(&file, &defaults);
         if file != "cgf" {
             beside.extend(whole.clone());
         }
-        (file, told(&effective(file), &beside))
+        let found = told(&effective(&file), &beside);
+        (file, found)
     });
+    let of_kinds = ("defaults".to_owned(), told(&defaults, &BTreeMap::new()));
     let mut faults = Vec::new();
-    for (file, found) in files.chain([("defaults", told(&defaults, &BTreeMap::new()))]) {
+    for (file, found) in files.chain([of_kinds]) {
         let path = format!("tests/program/effective/{file}.txt");
-        if env::var_os("PIPELINE_WRITE_EFFECTIVE").is_some() {
-            crate::bench::put(Path::new(&path), &found);
-        }
-        let expected = fs::read_to_string(&path).unwrap_or_default();
+        let expected = golden(Path::new(&path), &found);
         let lines = |text: &str| text.lines().map(str::to_owned).collect::<Vec<_>>();
         let (found, expected) = (lines(&found), lines(&expected));
         let gone = expected.iter().filter(|line| !found.contains(line));
@@ -155,12 +133,10 @@ fn shipped_files_have_the_golden_effective_values() {
 
 #[test]
 fn every_shipped_file_is_short() {
-    for file in FILES {
+    for file in files() {
         let text = fs::read_to_string(format!("pipelines/{file}.toml")).unwrap();
         assert!(text.lines().count() <= 80, "{file}");
     }
-    let shipped = crate::bench::pipeline_files();
-    assert_eq!(shipped.len(), FILES.len());
 }
 
 /// The rows of `profiles.md`: a setting with its value in each of the two files, `None` where it is the default's.

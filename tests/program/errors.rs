@@ -5,7 +5,7 @@ use std::{
     process::{Command, Output},
 };
 
-use crate::bench::{Bench, labels, put, stderr, stdout};
+use crate::program::bench::{Bench, labels, put, stderr, stdout};
 
 /// Runs on a pipeline file with one text replaced, and returns exit code and messages.
 fn with_edited_file(from: &str, to: &str) -> (i32, String) {

@@ -1,18 +1,11 @@
 //! Exports for other labs: from every artifact that has motions, whole or not at all, with what is lost.
 
-use std::{fs, path::Path, process::Output, sync::OnceLock};
+use std::{fs, path::Path, process::Output};
 
-use crate::bench::{Bench, stderr, stdout};
-
-/// A lake in which everything is made; tests only look at it.
-fn finished() -> &'static Bench {
-    static FINISHED: OnceLock<Bench> = OnceLock::new();
-    FINISHED.get_or_init(|| {
-        let bench = Bench::new();
-        bench.run_well(&[]);
-        bench
-    })
-}
+use crate::program::{
+    bench::{Bench, stderr, stdout},
+    cell_lab::executed,
+};
 
 /// Runs `export` on the finished lake; `out` is a folder beside it.
 fn export(bench: &Bench, arguments: &[&str], out: &Path) -> Output {
@@ -38,7 +31,7 @@ fn table(folder: &Path) -> (Vec<String>, Vec<Vec<String>>) {
 
 #[test]
 fn every_artifact_with_motions_is_exported_and_says_what_is_lost() {
-    let bench = finished();
+    let bench = executed();
     let lab = tempfile::tempdir().unwrap();
     for (artifact, is_executed, has_commands) in [
         ("retarget.trajectories", false, false),
@@ -78,7 +71,7 @@ fn every_artifact_with_motions_is_exported_and_says_what_is_lost() {
 
 #[test]
 fn outcomes_and_partitions_choose_and_names_that_there_are_not_are_refused() {
-    let bench = finished();
+    let bench = executed();
     let lab = tempfile::tempdir().unwrap();
     let out = lab.path().join("held");
     let chosen = ["csv", "screen.rollouts", "025_mug", "--outcome", "held"];
@@ -135,7 +128,7 @@ fn outcomes_and_partitions_choose_and_names_that_there_are_not_are_refused() {
 
 #[test]
 fn folders_of_other_labs_have_what_their_readers_look_for() {
-    let bench = finished();
+    let bench = executed();
     let lab = tempfile::tempdir().unwrap();
     let out = lab.path().join("lerobot");
     let ran = export(

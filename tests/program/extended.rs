@@ -5,7 +5,7 @@ use std::{fs, path::Path, process::Command};
 
 use tempfile::TempDir;
 
-use crate::bench::{put, stderr};
+use crate::program::bench::{put, stderr};
 
 /// A folder with `cgf.toml` and files beside it.
 struct Folder(TempDir);

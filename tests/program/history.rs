@@ -4,7 +4,7 @@ use std::{collections::BTreeSet, fs, process::Output, sync::OnceLock};
 
 use serde_json::{Value, json};
 
-use crate::bench::{Bench, put, stderr, stdout};
+use crate::program::bench::{Bench, put, stderr, stdout};
 
 /// A lake with three runs: as the file says; another value; and, after the first was gone through again,
 /// all of it there already, one that fails. Tests only look at it, and at tags of their own.

@@ -13,7 +13,7 @@ use serde_json::Value;
 use stage_ingest::read;
 use zip::{ZipWriter, write::FileOptions};
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr},
     commands::done,
     python::python,

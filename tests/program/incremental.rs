@@ -4,7 +4,10 @@ use std::{collections::BTreeMap, fs};
 
 use serde_json::Value;
 
-use crate::bench::{Bench, labels, put, stderr, stdout};
+use crate::program::{
+    bench::{Bench, labels, put, stderr, stdout},
+    cell_lab::screened,
+};
 
 fn counts(pairs: &[(&str, usize)]) -> BTreeMap<String, usize> {
     pairs
@@ -350,8 +353,7 @@ fn overwrite(path: &std::path::Path, bytes: &[u8]) {
 
 #[test]
 fn sql_query_prints_a_table() {
-    let bench = Bench::new();
-    bench.run_well(&["--until", "screen"]);
+    let bench = screened();
     let ask = |format: &str| {
         let sql = "select object, count(*) as n, avg(cast(success as double)) as rate \
                    from rollouts group by object order by object";

@@ -10,7 +10,7 @@ use serde_json::Value;
 use tempfile::TempDir;
 use toml_edit::DocumentMut;
 
-use crate::bench::{Bench, put, stderr};
+use crate::program::bench::{Bench, put, stderr};
 
 /// The pipeline file, from the root of the project.
 const FILE: &str = "pipelines/interpolation.toml";

@@ -5,7 +5,7 @@ use std::process::Command;
 
 use tempfile::TempDir;
 
-use crate::bench::{put, stderr, stdout};
+use crate::program::bench::{put, stderr, stdout};
 
 /// Runs `plan` on the last of these files, and returns the exit code and what is said.
 fn planned(files: &[(&str, &str)], more: &[&str]) -> (i32, String) {

@@ -7,7 +7,7 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::bench::{put, stderr};
+use crate::program::bench::{put, stderr};
 
 /// Less than the program itself takes, in megabytes, is refused by the system before it begins.
 fn own_mb() -> u64 {

@@ -5,7 +5,7 @@ use std::{fs, path::Path, process::Command};
 use dataflow::Pipeline;
 use tempfile::TempDir;
 
-use crate::bench::{put, stderr, stdout};
+use crate::program::bench::{put, stderr, stdout};
 
 /// Runs the program in a folder, and returns exit code and messages.
 fn said(folder: &Path, arguments: &[&str]) -> (i32, String) {

@@ -11,7 +11,7 @@ use std::{
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::Lab,
     python::{PythonCell, program_at, python},

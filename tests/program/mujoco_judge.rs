@@ -20,7 +20,7 @@ use spatial::{Object as InObject, Palm, Pose, RestingPose, Table, Twist};
 use stage_screen::Screen;
 use tempfile::TempDir;
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr},
     python::python,
 };

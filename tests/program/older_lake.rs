@@ -5,7 +5,7 @@ use std::process::{Command, Output};
 
 use tempfile::TempDir;
 
-use crate::bench::{stderr, stdout};
+use crate::program::bench::{stderr, stdout};
 
 #[test]
 fn a_lake_of_the_version_before_still_answers() {

@@ -5,7 +5,7 @@ use std::{
     process::{Command, Output, Stdio},
 };
 
-use crate::{
+use crate::program::{
     bench::{Bench, first, stderr},
     commands::{finished, subcommands},
 };

@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use serde_json::Value;
 use tempfile::TempDir;
 
-use crate::{
+use crate::program::{
     bench::{Bench, put, stderr, stdout},
     commands::pipeline,
 };

@@ -16,7 +16,7 @@ use robot::Link;
 use serde_json::Value;
 use stage_report::RecordedMotion;
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::program::bench::{Bench, stderr, stdout};
 
 /// Largest page of the bundled sample, in bytes.
 const MAX_PAGE_BYTES: u64 = 8_000_000;
@@ -96,7 +96,7 @@ fn in_browser(lab: &Path, page: &Path, rates: &[Value]) {
         return;
     };
     let files = lab.join("data/lake/files/cgf/screen/rollouts/025_mug");
-    let recording = crate::bench::first(&files, |_recording| true);
+    let recording = crate::program::bench::first(&files, |_recording| true);
     let id = recording.file_stem().unwrap().to_str().unwrap();
     let motion = RecordedMotion::read(id, &recording::read(&recording).unwrap(), None).unwrap();
     let n = motion.moments.len();
@@ -265,7 +265,7 @@ fn pose(shown: &Value) -> Isometry3<f64> {
 /// The command makes the page of a run anew, with times, and compares runs.
 #[test]
 fn a_page_is_made_of_any_run_and_of_two_side_by_side() {
-    let bench = crate::commands::finished();
+    let bench = crate::program::commands::finished();
     let out = tempfile::tempdir().unwrap();
     let make = |name: &str, runs: &[&str]| -> PathBuf {
         let folder = out.path().join(name);

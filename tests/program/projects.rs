@@ -8,7 +8,7 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::bench::{SMALL, put, small_recipe, stderr, stdout};
+use crate::program::bench::{SMALL, put, small_recipe, stderr, stdout};
 
 fn pipeline(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_pipeline"))

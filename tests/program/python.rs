@@ -8,7 +8,7 @@ use std::{
     process::{Child, Command, Stdio},
 };
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::Lab,
 };

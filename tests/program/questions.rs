@@ -4,7 +4,7 @@ use std::{env, fs, process::Output, sync::OnceLock};
 
 use serde_json::Value;
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr, stdout},
     python::{program_at, python},
 };

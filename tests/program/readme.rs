@@ -1,13 +1,15 @@
-//! READMEs say what the program does: every `$` line prints the output below it, and the table of
-//! stages is that of the program.
+//! READMEs say what the program does: every `$` line prints the output below it, and the tables of
+//! stages are those of the program.
 //!
 //! A line `…` stands for any lines. Times depend on the machine and may be any. Training rounds
 //! differently on other processors: whole numbers may differ by a tenth, other figures by half.
 
-use std::{fs, path::Path, process::Command};
+use std::{path::Path, process::Command};
 
-use crate::{
-    bench::{stderr, stdout},
+use dataflow::{Kind, OutputInfo, Wiring};
+
+use crate::program::{
+    bench::{golden, stderr, stdout},
     page,
     tables::readme::Readme,
 };
@@ -208,49 +210,62 @@ fn times_may_be_any_figures_within_half_counts_within_a_tenth_and_words_are_equa
     }
 }
 
-/// The words in backticks.
-fn quoted(text: &str) -> Vec<String> {
-    let words = text.split('`').skip(1).step_by(2);
-    words.map(str::to_owned).collect()
+/// What a row says of a kind of stage, but for its sentence: its name, what it reads, makes and reports.
+fn columns(kind: &Kind) -> String {
+    let quoted = |names: &[&str]| {
+        let quoted: Vec<String> = names.iter().map(|name| format!("`{name}`")).collect();
+        quoted.join(", ")
+    };
+    let is_report = |output: &&OutputInfo| {
+        let mut parts = output.code.iter();
+        parts.any(|(name, _)| name.starts_with("report-"))
+    };
+    let named = |is_wanted: &dyn Fn(&&OutputInfo) -> bool| -> Vec<&str> {
+        let wanted = kind.outputs.iter().filter(is_wanted);
+        wanted.map(|output| output.artifact).collect()
+    };
+    let [results, reports] = [named(&|output| !is_report(output)), named(&is_report)];
+    let (reads, makes) = match kind.wiring {
+        Wiring::Free => (vec!["any"], vec!["any"]),
+        Wiring::Declared => (kind.all_inputs(), results),
+    };
+    let reads = if reads.is_empty() {
+        "files".to_owned()
+    } else {
+        quoted(&reads)
+    };
+    let [makes, reports] = [makes, reports].map(|names| quoted(&names));
+    let row = format!("| `{}` | {reads} | {makes} | {reports}", kind.name);
+    row.trim_end().to_owned()
 }
 
+/// `PIPELINE_WRITE_GOLDEN=1` writes the tables, with the sentences that stand there; that of a new stage is the program's.
 #[test]
-fn the_table_of_stages_is_that_of_the_program() {
-    let listed = Command::new(env!("CARGO_BIN_EXE_pipeline"))
-        .arg("stages")
-        .output()
-        .unwrap();
-    let mut kinds: Vec<[Vec<String>; 3]> = Vec::new();
-    let text = stdout(&listed);
-    for line in text.lines().take_while(|line| !line.is_empty()) {
-        let names = |list: &str| -> Vec<String> {
-            list.split(", ")
-                .map(|name| name.trim().to_owned())
-                .collect()
-        };
-        match line.trim().split_once("  ") {
-            Some(("reads", list)) => kinds.last_mut().unwrap()[1].extend(names(list)),
-            Some(("makes", list)) => kinds.last_mut().unwrap()[2] = names(list),
-            _ => {
-                let kind = line.split_whitespace().next().unwrap().to_owned();
-                kinds.push([vec![kind], Vec::new(), Vec::new()]);
-            }
-        }
+fn the_golden_tables_of_stages_are_those_of_the_program() {
+    let baselines = Path::new("stages/baselines");
+    for folder in [Path::new("stages"), baselines] {
+        let kinds = pipeline::kinds().into_iter();
+        let kinds =
+            kinds.filter(|kind| baselines.join(kind.name).is_dir() == (folder == baselines));
+        let path = folder.join("README.md");
+        let mut readme = Readme::read(path.clone()).unwrap();
+        let is_row = |line: &String| line.starts_with("| `");
+        let start = readme.lines.iter().position(is_row).unwrap();
+        let n = readme.lines[start..]
+            .iter()
+            .take_while(|line| is_row(line))
+            .count();
+        let rows = readme.lines[start..start + n].to_vec();
+        let of_kinds = kinds.map(|kind| {
+            let name = format!("| `{}` |", kind.name);
+            let row = rows.iter().find(|row| row.starts_with(&name));
+            let sentence = row
+                .and_then(|row| row.split('|').nth(5))
+                .map_or(kind.about, str::trim);
+            format!("{} | {sentence} |", columns(&kind))
+        });
+        readme.lines.splice(start..start + n, of_kinds);
+        let text = readme.lines.join("\n") + "\n";
+        assert_eq!(text, golden(&path, &text), "{}", path.display());
     }
-    let readme = ["stages/README.md", "stages/baselines/README.md"].map(|path| {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(path);
-        fs::read_to_string(path).unwrap()
-    });
-    let rows = readme.iter().flat_map(|readme| readme.lines());
-    let rows = rows.filter(|line| line.starts_with("| `"));
-    let mut rows: Vec<[Vec<String>; 3]> = rows
-        .map(|row| {
-            let cells: Vec<&str> = row.split('|').collect();
-            let [kind, reads, makes, reports] = [1, 2, 3, 4].map(|at| quoted(cells[at]));
-            [kind, reads, [makes, reports].concat()]
-        })
-        .collect();
-    rows.sort();
-    kinds.sort();
-    assert_eq!(rows, kinds);
 }

@@ -7,7 +7,7 @@ use std::{
     process::Command,
 };
 
-use crate::{
+use crate::program::{
     bench::{Bench, copy_folder, stderr, stdout},
     cell_lab::Lab,
     python::python,

@@ -8,7 +8,7 @@ use std::{
 use robot::RobotModel;
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr};
+use crate::program::bench::{Bench, stderr};
 
 /// The pipeline file, from the root of the project.
 const FILE: &str = "pipelines/studies/refinement_parts.toml";

@@ -5,7 +5,7 @@ use std::{collections::BTreeMap, process::Command};
 use dataflow::Pipeline;
 use serde_json::Value;
 
-use crate::bench::{Bench, stderr};
+use crate::program::bench::{Bench, stderr};
 
 /// Asks the lake in SQL.
 fn ask(bench: &Bench, sql: &str) -> Vec<Value> {

@@ -3,7 +3,7 @@
 
 use std::{collections::BTreeMap, process::Command};
 
-use crate::bench::{Bench, stderr, stdout};
+use crate::program::bench::{Bench, stderr, stdout};
 
 /// A tenth of the published budget of control, on one object.
 const PLANNERS: [&str; 5] = [

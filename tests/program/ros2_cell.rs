@@ -13,7 +13,7 @@ use std::{
 
 use serde_json::Value;
 
-use crate::bench::{Bench, put, stderr, stdout};
+use crate::program::bench::{Bench, put, stderr, stdout};
 
 /// The shipped description of a cell, and what a lab without a robot changes in it.
 const SHIPPED: &str = include_str!("../../crates/cell/examples/ros2_cell/xarm6_allegro.toml");

@@ -10,7 +10,7 @@ use std::{
 
 use ::cell::{Counts, GoalOutcome, WatchEvent, Watcher};
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::{Lab, all_of},
 };
@@ -41,7 +41,7 @@ fn a_router_that_goes_away_before_the_answer_and_comes_back_changes_nothing() {
 fn a_router_that_stays_away_leaves_the_motion_unknown_and_the_next_run_finds_out() {
     let mut lab = Lab::behind_a_router();
     let router = lab.router();
-    let cell = lab.cell(&["--fast", "--fault", "late_answer@2"]);
+    let mut cell = lab.cell(&["--fast", "--fault", "late_answer@2"]);
     let run = lab.dispatch().stderr(Stdio::piped()).spawn().unwrap();
     lab.wait_until_taken(2);
     router.crash();
@@ -54,6 +54,7 @@ fn a_router_that_stays_away_leaves_the_motion_unknown_and_the_next_run_finds_out
     );
     // The cell was there all the time, and comes back.
     let _router = lab.router();
+    lab.wait_until_back(&mut cell);
     lab.dispatch_to_the_end(cell);
 }
 
@@ -154,7 +155,7 @@ fn watch(endpoint: &str, over: &AtomicBool) -> (Vec<GoalOutcome>, Counts) {
 }
 
 /// Twenty seconds, or as many as `PIPELINE_WATCH_S` says: `PIPELINE_WATCH_S=600 cargo test --release
-/// --workspace --test program -- --nocapture routing::whoever`.
+/// --workspace --test suite -- --nocapture routing::watcher`.
 #[test]
 fn watcher_misses_no_result_when_the_router_is_killed() {
     let seconds = env::var("PIPELINE_WATCH_S").map_or(20.0, |text| text.parse().unwrap());

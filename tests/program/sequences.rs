@@ -18,7 +18,7 @@ use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::Value;
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::{Lab, Served},
     goal_model::{self, Action, Memory},

@@ -8,7 +8,7 @@ use std::{
 
 use dataflow::Pipeline;
 
-use crate::{
+use crate::program::{
     bench::{Bench, pipeline_files, stderr},
     cell_lab::Served,
 };

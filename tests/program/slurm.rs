@@ -12,10 +12,8 @@ use std::{
 
 use tempfile::TempDir;
 
-use crate::{
-    bench::{Bench, stderr},
-    cluster::{Slurm, processes_with, words, workers},
-};
+use crate::cluster::{Slurm, processes_with, words, workers};
+use crate::program::bench::{Bench, stderr};
 
 /// Longest time until something happens.
 const LONG: Duration = Duration::from_mins(5);

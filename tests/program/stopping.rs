@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use crate::{
+use crate::program::{
     bench::{stderr, stdout},
     cell_lab::{Lab, all_of},
 };

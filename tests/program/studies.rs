@@ -5,7 +5,7 @@ use std::{path::Path, process::Command};
 
 use serde_json::Value;
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr},
     tables::query::Query,
 };

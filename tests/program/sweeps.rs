@@ -1,6 +1,6 @@
 //! Sweeps: every variant runs, and shared results are made once.
 
-use crate::bench::{Bench, put, stderr, stdout};
+use crate::program::bench::{Bench, put, stderr, stdout};
 
 const KL_WEIGHTS: [&str; 4] = [
     "--until",

@@ -18,7 +18,7 @@ use hand_files::HandFile;
 use serde_json::json;
 
 use self::{query::Query, readme::Readme};
-use crate::bench::put;
+use crate::program::bench::put;
 
 /// Headers of tables with percentages that no query makes, each with the reason.
 const OTHERS: [(&str, &str); 4] = [

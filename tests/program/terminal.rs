@@ -2,7 +2,7 @@
 
 use std::process::{Command, Output};
 
-use crate::{
+use crate::program::{
     bench::{Bench, stderr, stdout},
     commands::{finished, subcommands},
 };

@@ -11,6 +11,8 @@ use std::{
 
 use tempfile::TempDir;
 
+use crate::folder;
+
 /// Starts, stops and kills it.
 const SCRIPT: &str = include_str!("slurm.sh");
 
@@ -62,7 +64,7 @@ impl Slurm {
 
     /// Lays out its folder.
     fn new() -> Self {
-        let folder = TempDir::new().unwrap();
+        let folder = folder::in_memory();
         // Its jobs are no processes of this one: what they read must be open to them.
         fs::set_permissions(folder.path(), fs::Permissions::from_mode(0o755)).unwrap();
         fs::write(folder.path().join("slurm.sh"), SCRIPT).unwrap();

@@ -20,8 +20,8 @@ pub(crate) trait Cell: Sized {
     const TYPE: &'static str;
     /// The default unit.
     const UNIT: Option<&'static str> = None;
-    /// Whether a cell may be null.
-    const NULLABLE: bool = false;
+    /// The value of a null cell; none if a cell must not be null.
+    const NULL: Option<Self> = None;
 
     /// Returns the column of these cells.
     fn array(cells: &[&Self]) -> ArrayRef;
@@ -156,7 +156,7 @@ impl Cell for f64 {
 /// None is null.
 impl Cell for Option<f64> {
     const TYPE: &'static str = f64::TYPE;
-    const NULLABLE: bool = true;
+    const NULL: Option<Self> = Some(None);
 
     fn array(cells: &[&Self]) -> ArrayRef {
         Arc::new(cells.iter().map(|&&cell| cell).collect::<Float64Array>())

@@ -13,7 +13,7 @@ pub(super) const SCHEMA: &str = "schema";
 /// Key of the joints' names, separated by commas, in the file's metadata.
 pub const JOINTS: &str = "joints";
 
-/// A version that is read as a later one, whose columns it has.
+/// A version that is read as a later one, whose columns it has, but for some that may be null.
 struct ReadAs {
     older: &'static str,
     version: &'static str,
@@ -42,6 +42,8 @@ const READ_AS: [ReadAs; 3] = [
 /// Reads the columns of one version of a schema by name.
 pub(crate) struct Reader<'a> {
     batch: &'a RecordBatch,
+    /// Whether the batch is of an older version.
+    is_older: bool,
     /// Whether 0 stands for null where a cell may be null.
     zero_is_null: bool,
 }
@@ -51,6 +53,7 @@ impl<'a> Reader<'a> {
     pub(crate) fn new(batch: &'a RecordBatch, version: &str) -> Result<Self, SchemaError> {
         let mut reader = Self {
             batch,
+            is_older: false,
             zero_is_null: false,
         };
         let found = reader.noted(SCHEMA);
@@ -64,6 +67,7 @@ impl<'a> Reader<'a> {
                 found: found.to_owned(),
             });
         };
+        reader.is_older = true;
         reader.zero_is_null = read_as.zero_is_null;
         Ok(reader)
     }
@@ -97,14 +101,17 @@ impl<'a> Reader<'a> {
         }
     }
 
-    /// Reads a cell of a column.
+    /// Reads a cell of a column; one that an older version lacks is null if it may be.
     pub(crate) fn cell<T: Cell>(&self, name: &str, row: usize) -> Result<T, SchemaError> {
         let array = self.batch.column_by_name(name);
-        let array = array.ok_or_else(|| SchemaError::Column {
-            column: name.to_owned(),
-            expected: T::TYPE,
-        })?;
-        if !T::NULLABLE && is_null(array, row) {
+        let Some(array) = array else {
+            let null = T::NULL.filter(|_| self.is_older);
+            return null.ok_or_else(|| SchemaError::Column {
+                column: name.to_owned(),
+                expected: T::TYPE,
+            });
+        };
+        if T::NULL.is_none() && is_null(array, row) {
             return Err(SchemaError::Null {
                 table: self.noted(SCHEMA).to_owned(),
                 column: name.to_owned(),

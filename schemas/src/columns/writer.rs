@@ -59,7 +59,7 @@ impl Writer {
             metadata.insert("unit".to_owned(), unit.to_owned());
         }
         let field =
-            Field::new(name, array.data_type().clone(), T::NULLABLE).with_metadata(metadata);
+            Field::new(name, array.data_type().clone(), T::NULL.is_some()).with_metadata(metadata);
         self.fields.push(Arc::new(field));
         self.arrays.push(array);
     }

@@ -176,6 +176,26 @@ fn refuses_nulls() {
 }
 
 #[test]
+fn a_column_that_an_older_version_lacks_reads_as_null() {
+    let batch = filled::candidates().to_batch().unwrap();
+    let known = batch.schema();
+    let mut kept: Vec<usize> = (0..batch.num_columns()).collect();
+    kept.remove(known.index_of("residual_m2").unwrap());
+    let read = |version: &str| {
+        let batch = batch.project(&kept).unwrap();
+        let mut metadata = known.metadata().clone();
+        metadata.insert("schema".to_owned(), version.to_owned());
+        let schema = Arc::new(batch.schema().as_ref().clone().with_metadata(metadata));
+        let batch = RecordBatch::try_new(schema, batch.columns().to_vec()).unwrap();
+        Candidates::from_batch("can", &batch)
+    };
+    let older = read("candidates/5").unwrap().candidates;
+    assert!(older.iter().all(|one| one.residual_m2.is_none()));
+    let refused = read(Candidates::VERSION).unwrap_err();
+    assert!(matches!(refused, SchemaError::Column { .. }), "{refused}");
+}
+
+#[test]
 fn refuses_another_schema() {
     let batch = filled::trajectory().to_batch().unwrap();
     let refused = Rollouts::from_batch("a", &batch).unwrap_err();

@@ -14,6 +14,7 @@ use robot::{DynamicsModel, Finding, MAX_URDF_BYTES, Mesh, Part, RobotModel, Seve
 use robot_meshes::LoadError;
 
 use crate::{
+    label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
 };
@@ -49,7 +50,7 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
     // The hand's file goes to stdout, the summary to the user (stderr).
-    report::line(report::columns(&rows, &[]).trim_end());
+    report::plain(report::columns(&rows, &[]).trim_end());
     if let Some(file) = file {
         let head = "# A first proposal of a hand's file, from its URDF alone: review it, above all its side, scale and \
                     drive.\n# `urdf` is a path from the folder of this file.\n";
@@ -60,7 +61,7 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
         let advice = finding.advice.as_str();
         if !advice.is_empty() && !hints.contains(&advice) {
             hints.push(advice);
-            report::line(&format!("hint: {advice}"));
+            report::line(Label::Hint, advice);
         }
     }
     let count = |severity| {
@@ -90,8 +91,12 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn row(word: &str, subject: impl Into<String>, finding: impl Into<String>) -> Vec<String> {
-    vec![format!("{word:<8}"), subject.into(), finding.into()]
+fn row(label: Label, subject: impl Into<String>, finding: impl Into<String>) -> Vec<String> {
+    vec![
+        format!("{:<8}", label.word()),
+        subject.into(),
+        finding.into(),
+    ]
 }
 
 /// Summary of the robot.
@@ -109,17 +114,17 @@ fn summary(model: &RobotModel) -> Vec<Vec<String>> {
     let root = model.links().first().map_or("", |link| link.name.as_str());
     let mut rows = vec![
         row(
-            "ok",
+            Label::Ok,
             "robot",
             format!("`{}`, root link `{root}`", model.name()),
         ),
         row(
-            "ok",
+            Label::Ok,
             "joints",
             format!("{} independent ones{followers}", model.dof()),
         ),
         row(
-            "ok",
+            Label::Ok,
             "links",
             format!(
                 "{} in {} moving bodies, {:.3} kg together",
@@ -138,7 +143,7 @@ fn summary(model: &RobotModel) -> Vec<Vec<String>> {
             .collect();
         let tip = model.links().get(finger.tip_link);
         rows.push(row(
-            "ok",
+            Label::Ok,
             if finger.is_thumb { "thumb" } else { "finger" },
             format!(
                 "to `{}`, {:.0} mm: {}",
@@ -170,18 +175,18 @@ fn findings_by_kind(findings: &[Finding]) -> Vec<Vec<String>> {
         }
     }
     kinds.sort_by_key(|(severity, ..)| *severity);
-    let word = |severity| match severity {
-        Severity::Missing => "missing",
-        Severity::Wrong => "wrong",
-        Severity::Doubtful => "doubtful",
-        Severity::Note => "note",
+    let label = |severity| match severity {
+        Severity::Missing => Label::Missing,
+        Severity::Wrong => Label::Wrong,
+        Severity::Doubtful => Label::Doubtful,
+        Severity::Note => Label::Note,
     };
     kinds
         .iter()
         .map(|(severity, problem, parts)| match parts.as_slice() {
-            [part] => row(word(*severity), part.to_string(), *problem),
+            [part] => row(label(*severity), part.to_string(), *problem),
             parts => row(
-                word(*severity),
+                label(*severity),
                 counted(parts),
                 format!("each {problem}: {}", names(parts)),
             ),

@@ -1,6 +1,11 @@
 //! The stage with the simulated cell, and with cells that are not there.
 
-use std::{collections::BTreeMap, fs, path::Path};
+use std::{
+    collections::BTreeMap,
+    fs,
+    path::Path,
+    sync::{Mutex, PoisonError},
+};
 
 use dataflow::{
     Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary,
@@ -174,6 +179,9 @@ fn run_given(
     verdict: Verdict,
     robustness: &RobustnessTable,
 ) -> Result<Ran, BoxedDiagnostic> {
+    // All runs of a process have one simulated cell, which executes one goal at a time.
+    static AT_THE_CELL: Mutex<()> = Mutex::new(());
+    let _alone = AT_THE_CELL.lock().unwrap_or_else(PoisonError::into_inner);
     let work = tempfile::tempdir().unwrap();
     let folder = tempfile::tempdir().unwrap();
     let mut config = config();

@@ -11,6 +11,7 @@ use hand_files::HandFiles;
 use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use posture::{Environment, Hand};
 use rayon::prelude::*;
+use refinement::{Payload, Refined, RefinementError, Refiner};
 use robot_meshes::AnotherHand;
 use schemas::{
     Table,
@@ -21,16 +22,13 @@ use schemas::{
 };
 use spatial::RestingPose;
 
-use crate::{
-    RefineConfig, RefineError,
-    refiner::{Payload, Refined, Refiner},
-};
+use crate::RefineConfig;
 
 /// Refines candidate motions against object and table before physics.
 pub struct Refine;
 
 /// The refinement of a draw, and the processor time that it took in seconds.
-type TimedRefinement = (Result<Refined, RefineError>, f64);
+type TimedRefinement = (Result<Refined, RefinementError>, f64);
 
 /// Generator name of refined motions.
 const GENERATOR: &str = "refine";
@@ -137,7 +135,7 @@ impl Output for Refine {
             .candidates
             .into_par_iter()
             .map_init(
-                || Refiner::new(&hand, config, payload),
+                || Refiner::new(&hand, &config.refinement, payload),
                 |refiner, candidate| {
                     let rest = RestingPose::of(&candidate.table_from_object);
                     let environment = Environment::new(Arc::clone(&field), rest);
@@ -153,8 +151,8 @@ impl Output for Refine {
             cpu_s += took_s;
             let refined = match tried {
                 Ok(moved) => Ok(moved),
-                Err(RefineError::Motion(err)) => Err(err.to_string()),
-                Err(err) => return Err(err.into()),
+                Err(RefinementError::Motion(err)) => Err(err.to_string()),
+                Err(err) => return Err(BoxedDiagnostic::without_hint(err)),
             };
             attempts.push(Attempt {
                 refused: refused.take(&candidate.candidate_id),
@@ -329,21 +327,51 @@ fn best(attempts: Vec<(usize, Attempt)>) -> Option<Best> {
 
 #[cfg(test)]
 mod tests {
-    use std::{collections::BTreeMap, fs, path::Path};
+    use std::{fs, path::Path};
 
-    use dataflow::{Artifact, Inputs, SourceFile};
+    use grasp_fixture::{HAND_TABLE, StandingBox, URDF, artifact};
+    use motion::{Motion, Step};
+    use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use schemas::candidates::{DrawSource, ObjectSplit, Origin};
     use spatial::Pose;
 
     use super::*;
-    use crate::fixture;
+
+    const BOX: StandingBox = StandingBox {
+        half_m: [0.03, 0.04, 0.05],
+    };
 
     /// Inputs of the stage besides the motions.
     const BOTH: [&str; 2] = [FieldInfo::NAME, Object::NAME];
 
+    /// Returns options with their defaults.
+    fn config() -> RefineConfig {
+        let options = serde_json::json!({ "hand": URDF, "hand_table": HAND_TABLE });
+        serde_json::from_value(options).unwrap()
+    }
+
+    /// The palm moves along x to the side of the box, and the fingers bend to a share of their ranges.
+    fn reach(bend: f64) -> Motion<spatial::Object> {
+        let hand = grasp_fixture::hand();
+        let step = |number: i32| {
+            let share = f64::from(number) / 20.0;
+            let from_m = Vector3::new(0.25 * share - 0.3, 0.0, 0.05);
+            let joints = hand.joints().iter();
+            let q_rad =
+                joints.map(|joint| joint.lower + share * bend * (joint.upper - joint.lower));
+            Step {
+                time_s: share,
+                frame_from_palm: Pose::new(Isometry3::new(from_m, Vector3::new(0.1, 0.2, 0.0))),
+                q_rad: q_rad.collect(),
+                rates: (),
+            }
+        };
+        let motion = Motion::new(&hand.joint_names(), (0..=20).map(step).collect()).unwrap();
+        motion.differentiated().unwrap()
+    }
+
     /// A motion of the Allegro to the box, drawn as the `draw_n`th.
     fn candidate(name: &str, draw_n: u32, bend: f64) -> Candidate {
-        let hand = fixture::hand();
         Candidate {
             candidate_id: name.to_owned(),
             generator: "cgf".to_owned(),
@@ -355,50 +383,19 @@ mod tests {
             },
             latent: vec![bend],
             table_from_object: Pose::from_parts(
-                nalgebra::Vector3::new(0.0, 0.0, fixture::BOX_HALF_M[2]),
-                nalgebra::UnitQuaternion::identity(),
+                Vector3::new(0.0, 0.0, BOX.half_m[2]),
+                UnitQuaternion::identity(),
             ),
             limit_excess_rad: 0.1,
             depth_m: Some(0.02),
             residual_m2: None,
-            motion: fixture::reach(&hand, 0.0, bend),
+            motion: reach(bend),
         }
     }
 
     /// A draw of a motion that was refused when it was drawn.
     fn refused(name: &str, draw_n: u32) -> Draw {
         Draw::refused(&candidate(name, draw_n, 0.5), Refusal::Table)
-    }
-
-    fn artifact(folder: &Path) -> Artifact {
-        let files = [lake::table::FILE, Draws::FILE, distance_fields::FIELD];
-        let files = files.map(|file| (file.to_owned(), folder.join(file)));
-        Artifact {
-            key: "box".parse().unwrap(),
-            labels: BTreeMap::new(),
-            files: files
-                .into_iter()
-                .filter(|(_, path)| path.exists())
-                .collect(),
-        }
-    }
-
-    /// The box among the objects; only its mass counts here.
-    fn object() -> Object {
-        Object {
-            name: "box".to_owned(),
-            mass_kg: fixture::payload().mass_kg,
-            center_of_mass_m: [0.0; 3],
-            inertia_kg_m2: [0.0; 6],
-            points_m: Vec::new(),
-            normals: Vec::new(),
-            watertight: true,
-            mirror: None,
-            vertices_m: Vec::new(),
-            triangles: Vec::new(),
-            parts_m: Vec::new(),
-            rests: Vec::new(),
-        }
     }
 
     /// Runs the stage on these motions and refused draws, with these of the box's artifacts; returns what it wrote.
@@ -412,7 +409,7 @@ mod tests {
         let outcome = try_run(config, candidates, refused, with, folder.path()).unwrap();
         let made = matches!(outcome, Outcome::Made(_));
         let read = made.then(|| {
-            let out = artifact(&folder.path().join("out"));
+            let out = artifact("box", &folder.path().join("out"));
             (
                 lake::table::read(&out).unwrap(),
                 lake::table::read(&out).unwrap(),
@@ -429,7 +426,7 @@ mod tests {
         with: &[&str],
         folder: &Path,
     ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
-        let [given, fields, objects, out] = ["given", "fields", "objects", "out"].map(|name| {
+        let [given, out] = ["given", "out"].map(|name| {
             let path = folder.join(name);
             fs::create_dir(&path).unwrap();
             path
@@ -442,31 +439,13 @@ mod tests {
             candidates,
         };
         lake::table::write(&given, &given_candidates).unwrap();
-        let mut artifacts = BTreeMap::from([(Candidates::NAME.to_owned(), vec![artifact(&given)])]);
-        if with.contains(&Object::NAME) {
-            lake::table::write(&objects, &object()).unwrap();
-            artifacts.insert(Object::NAME.to_owned(), vec![artifact(&objects)]);
+        let mut artifacts = BOX.artifacts(folder, &[], with.contains(&FieldInfo::NAME));
+        if !with.contains(&Object::NAME) {
+            artifacts.remove(Object::NAME);
         }
-        if with.contains(&FieldInfo::NAME) {
-            let info = FieldInfo {
-                spacing_m: 0.0025,
-                margin_m: 0.025,
-                center_of_mass_m: [0.0; 3],
-                hull_m: vec![[0.0; 3]],
-            };
-            lake::table::write(&fields, &info).unwrap();
-            fs::write(
-                fields.join(distance_fields::FIELD),
-                fixture::field().to_bytes(),
-            )
-            .unwrap();
-            artifacts.insert(FieldInfo::NAME.to_owned(), vec![artifact(&fields)]);
-        }
-        let files = [
-            SourceFile::named("hand", Path::new(fixture::URDF)),
-            SourceFile::named("hand_table", Path::new(fixture::TABLE)),
-        ];
-        let inputs = Inputs::new(artifacts, files.to_vec());
+        let given = vec![artifact("box", &given)];
+        artifacts.insert(Candidates::NAME.to_owned(), given);
+        let inputs = grasp_fixture::inputs(&artifacts);
         let cx = Context::detached(&"box".parse().unwrap(), 0, &out);
         Refine::read_and_make(config, &inputs, &cx)
     }
@@ -482,7 +461,7 @@ mod tests {
         let before = vec![refused("box-1", 1)];
         let single = RefineConfig {
             draws: 1,
-            ..fixture::config()
+            ..config()
         };
         let (_, each) = run(&single, drawn.clone(), before.clone(), &BOTH);
         let each = each.unwrap().0.candidates;
@@ -526,7 +505,7 @@ mod tests {
     fn draws_compete_only_with_the_same_resting_pose_and_whichever_comes_first() {
         let config = RefineConfig {
             draws: 2,
-            ..fixture::config()
+            ..config()
         };
         let [weak, strong] = [0.05, 0.55];
         let mut drawn = vec![
@@ -538,8 +517,8 @@ mod tests {
         // The second and the last lie turned: each competes with the other alone.
         for idx in [1, 3] {
             drawn[idx].table_from_object = Pose::from_parts(
-                nalgebra::Vector3::new(0.0, 0.0, fixture::BOX_HALF_M[2]),
-                nalgebra::UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3),
+                Vector3::new(0.0, 0.0, BOX.half_m[2]),
+                UnitQuaternion::from_euler_angles(0.0, 0.0, 0.3),
             );
         }
         let (_, found) = run(&config, drawn, Draws::new(), &BOTH);
@@ -556,7 +535,7 @@ mod tests {
 
     #[test]
     fn an_object_without_distances_or_mass_is_skipped_and_motions_of_another_hand_are_an_error() {
-        let config = fixture::config();
+        let config = config();
         let skipped = |candidates: Vec<Candidate>, with: &[&str]| {
             let (outcome, made) = run(&config, candidates, Draws::new(), with);
             assert!(made.is_none());
@@ -580,10 +559,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let err = try_run(&config, vec![other], Draws::new(), &BOTH, folder.path()).unwrap_err();
         let said = err.to_string();
-        assert!(
-            said.contains("`box`") && said.contains(fixture::URDF),
-            "{said}"
-        );
+        assert!(said.contains("`box`") && said.contains(URDF), "{said}");
         assert!(err.hint().unwrap().contains("in `refine`"));
     }
 

@@ -112,7 +112,7 @@ pub(crate) fn chosen(all: &[Recorded<'_>], n: usize) -> Vec<usize> {
 mod tests {
     use schemas::{
         candidates::DrawSource,
-        rollouts::{ExecutedSmoothness, Smoothness},
+        rollouts::{ExecutedSmoothness, Measures, Smoothness},
     };
 
     use super::*;
@@ -123,13 +123,10 @@ mod tests {
             generator: "cgf".to_owned(),
             source: DrawSource::replayed("a"),
             verdict,
-            control_steps_n: 1,
-            skipped_steps_n: 0,
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
+            measures: Measures {
+                control_steps_n: 1,
+                ..Measures::default()
+            },
             smoothness: Smoothness::default(),
             executed: ExecutedSmoothness(None),
         }

@@ -6,7 +6,7 @@ use dataflow::RunFacts;
 use glb::{Moment, MotionScene, ObjectMesh};
 use schemas::{
     candidates::{DrawSource, ObjectSplit, Origin},
-    rollouts::{ExecutedSmoothness, Rollout, Smoothness, Verdict},
+    rollouts::{ExecutedSmoothness, Measures, Rollout, Smoothness, Verdict},
     success::Success,
     tally::Tally,
 };
@@ -18,13 +18,13 @@ fn rollout(object: &str, n: usize, verdict: Verdict) -> Rollout {
         generator: "cgf".to_owned(),
         source: DrawSource::replayed("a"),
         verdict,
-        control_steps_n: 100,
-        skipped_steps_n: 20,
-        lift_m: 0.15,
-        slip_m: 0.0,
-        displacement_m: 0.0,
-        penetration_m: 0.0,
-        contacts_n: 3,
+        measures: Measures {
+            control_steps_n: 100,
+            skipped_steps_n: 20,
+            lift_m: 0.15,
+            contacts_n: 3,
+            ..Measures::default()
+        },
         smoothness: Smoothness::default(),
         executed: ExecutedSmoothness(None),
     }

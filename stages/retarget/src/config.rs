@@ -2,24 +2,17 @@
 
 use std::path::PathBuf;
 
-use options::{above, options};
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use options::options;
+use retargeting::RetargetingConfig;
 
-/// Largest weight, length or time that makes sense: its squares still add up accurately.
-const MAX_VALUE: f64 = 1e6;
-/// Reason for the bound [`MAX_VALUE`].
-const SQUARES: &str = "squares of larger values lose precision in a sum";
+/// Largest error that makes sense, in meters: its square still adds up accurately.
+const MAX_ERROR_M: f64 = 1e6;
 /// Coarsest grid spacing of a distance field, in meters: coarser grids miss objects of a hand's size.
 const COARSEST_M: f64 = 0.1;
 /// Finest grid spacing of a distance field, in meters: finer, a mug has more than 2²⁶ grid points.
 const FINEST_M: f64 = 1e-4;
-/// Maximum number of iterations for one step.
-const MAX_ITERATIONS: usize = 100_000;
 
 /// Options of `kind = "retarget"`.
-///
-/// A weight multiplies its residual before it is squared; 0 switches a term off.
 #[options]
 pub struct RetargetConfig {
     /// File of the robot hand, or its URDF alone; the root link is the palm.
@@ -28,61 +21,9 @@ pub struct RetargetConfig {
     /// The hand's file: its side, its size, and which landmark each of its points follows.
     #[option(path)]
     pub hand_table: PathBuf,
-    /// Whether the palm is placed so that the fingers reach their landmarks, or follows the
-    /// person's palm alone: free, because with a fixed one a third fewer grasps succeed.
-    #[option(default)]
-    pub wrist: Wrist,
-    /// Loss of a point's distance to its landmark: squared, as in the paper.
-    #[option(default)]
-    pub loss: Loss,
-    /// Distance up to which `smooth_l1` is quadratic, per coordinate (m): that of dex-retargeting.
-    #[option(
-        default = 0.02, range = above(0.0, MAX_VALUE),
-        why = "it is the length up to which the loss is quadratic"
-    )]
-    pub smooth_l1_beta_m: f64,
-    /// Standard deviation of the smoothing of landmarks over time, 0 for none; the grasp stays
-    /// unchanged (s). None: it has no significant effect.
-    #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub smoothing_s: f64,
-    /// Weight of a point's change from the previously solved step, the paper's √λ (1).
-    #[option(default = 0.2, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub smoothness_weight: f64,
-    /// Weight of a joint's change from the previously solved step (m/rad): a radian counts as 2 cm,
-    /// so that joints that no landmark constrains stay still.
-    #[option(default = 0.02, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub joint_smoothness_weight: f64,
-    /// Weight of a link's depth inside the object, or inside its clearance (1): more than a
-    /// landmark's; without it 8 of 100 fewer grasps succeed.
-    #[option(default = 3.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub object_weight: f64,
-    /// Distance that links keep from the object before the hand closes (m): a motion that is
-    /// executed unchanged does not knock the object over.
-    #[option(default = 0.008, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub clearance_m: f64,
-    /// Time before the grasp over which the clearance shrinks to zero (s): the time in which
-    /// the fingers close.
-    #[option(default = 0.3, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub closing_time_s: f64,
-    /// Weight of a link's depth below the table's margin (1): as the object's; without it every
-    /// third hand is in the table.
-    #[option(default = 3.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub table_weight: f64,
-    /// Distance that links keep from the table (m): the contact margin of the simulation.
-    #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub table_margin_m: f64,
-    /// Weight of a fingertip's distance from the surface where the person's tip is near it (1): as
-    /// the object's; without it tips end 1.3 mm off the surface.
-    #[option(default = 3.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub contact_weight: f64,
-    /// Distance from the surface up to which a person's fingertip counts as touching (m): half a
-    /// finger's thickness plus the error of its landmark.
-    #[option(default = 0.015, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub contact_distance_m: f64,
-    /// Factor on the position weight of a fingertip that is pulled to the surface (1): the surface
-    /// has priority, the landmark selects the point on it.
-    #[option(default = 0.5, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub contact_position_factor: f64,
+    /// The objective and its search.
+    #[option(flatten)]
+    pub retargeting: RetargetingConfig,
     /// Grid spacing of an object's distance field (m): a fraction of a finger, at a few megabytes
     /// for each object.
     #[option(
@@ -90,38 +31,11 @@ pub struct RetargetConfig {
         why = "a coarser grid misses objects of a hand's size, and a finer one of a mug has more than 2²⁶ points"
     )]
     pub field_spacing_m: f64,
-    /// Most iterations for one step; the grasp gets more (1). A step starts from the solution of
-    /// the one before it, and takes few.
-    #[option(
-        default = 30, range = 1..=MAX_ITERATIONS,
-        why = "0 solves nothing, and a solver that needs more does not converge"
-    )]
-    pub max_iterations: usize,
     /// Root mean square keypoint error at the grasp above which a sequence is skipped (m): beyond
     /// it the hand does not reproduce the person's grasp.
-    #[option(default = 0.05, range = 0.0..=MAX_VALUE, why = SQUARES)]
+    #[option(
+        default = 0.05, range = 0.0..=MAX_ERROR_M,
+        why = "squares of larger values lose precision in a sum"
+    )]
     pub max_keypoint_error_m: f64,
-}
-
-/// Placement of the palm.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Wrist {
-    /// With the joints, so that all points reach their landmarks as well as they can.
-    #[default]
-    Free,
-    /// At the least distance of the palm's own points, at least three of them, from their landmarks.
-    Fixed,
-}
-
-/// Loss of a point's distance to its landmark.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "snake_case")]
-pub enum Loss {
-    /// Squared, as in the paper.
-    #[default]
-    Squared,
-    /// Quadratic up to `smooth_l1_beta_m` per coordinate, and linear beyond: far landmarks count
-    /// less.
-    SmoothL1,
 }

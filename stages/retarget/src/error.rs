@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use dataflow::Diagnostic;
 use hand_files::HandFileError;
-use motion::MotionError;
-use posture::{PostureError, SolverError};
+use posture::PostureError;
+use retargeting::RetargetingError;
 use robot::WrongDof;
 use robot_meshes::LoadError;
 
@@ -22,7 +22,7 @@ pub enum RetargetError {
         /// The file.
         path: PathBuf,
         /// The problem.
-        source: Box<Self>,
+        source: PostureError,
     },
     /// A trajectory has another number of joints than the hand.
     #[error("a trajectory cannot be recorded")]
@@ -30,27 +30,9 @@ pub enum RetargetError {
     /// The robot cannot be loaded.
     #[error(transparent)]
     LoadRobot(#[from] LoadError),
-    /// The steps of a demonstration make no motion.
+    /// The hand and the options do not fit together.
     #[error(transparent)]
-    Motion(#[from] MotionError),
-    /// The hand or its table cannot be used.
-    #[error(transparent)]
-    Posture(#[from] PostureError),
-    /// The wrist is to be fixed, but too few points say where it is.
-    #[error("`wrist = \"fixed\"` needs at least 3 points on the palm, the hand's file has {found}")]
-    TooFewPalmPoints {
-        /// Number of points on the palm.
-        found: usize,
-    },
-    /// The wrist is to be fixed, but the points that say where it is let it turn.
-    #[error(
-        "`wrist = \"fixed\"` needs points on the palm that do not lie on one line, and the {found} in \
-         the hand's file do"
-    )]
-    PalmPointsInLine {
-        /// Number of points on the palm.
-        found: usize,
-    },
+    Retargeting(#[from] RetargetingError),
     /// The hand's file cannot be used with this hand.
     #[error("cannot use the hand's file `{}`", path.display())]
     InHandTable {
@@ -64,12 +46,6 @@ pub enum RetargetError {
     NoObjects,
 }
 
-impl From<SolverError> for RetargetError {
-    fn from(err: SolverError) -> Self {
-        Self::Posture(err.into())
-    }
-}
-
 impl Diagnostic for RetargetError {
     fn hint(&self) -> Option<String> {
         match self {
@@ -79,16 +55,8 @@ impl Diagnostic for RetargetError {
                 Some("the Allegro hand's URDF is `data/robots/allegro_right.urdf`".to_owned())
             }),
             Self::LoadRobot(err) => err.hint(),
-            Self::Posture(err) => err.hint(),
-            Self::TooFewPalmPoints { .. } => Some(
-                "add points on the root link to the hand's file, e.g. where the fingers begin, \
-                 for `index_mcp`, `middle_mcp` and `ring_mcp`; their weight may be 0"
-                    .to_owned(),
-            ),
-            Self::PalmPointsInLine { .. } => {
-                Some("add a point on the root link beside that line, e.g. for `wrist`".to_owned())
-            }
-            Self::NoObjects | Self::Motion(_) | Self::Dof(_) => None,
+            Self::Retargeting(err) => err.hint(),
+            Self::NoObjects | Self::Dof(_) => None,
         }
     }
 

@@ -19,8 +19,8 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-pub use self::fields::FieldMetrics;
-use crate::{RetargetConfig, RetargetError, Wrist, track::TrajectoryMetrics};
+pub use self::{fields::FieldMetrics, retargeted::TrajectoryMetrics};
+use crate::{RetargetConfig, RetargetError};
 
 /// Moves human demonstrations onto a robot hand.
 pub enum Retarget {}
@@ -36,7 +36,8 @@ impl Stage for Retarget {
     /// Checks that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), BoxedDiagnostic> {
         let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
-        Ok(check_wrist(config, &hand)?)
+        let fits = config.retargeting.check_wrist(&hand);
+        Ok(fits.map_err(RetargetError::from)?)
     }
 }
 
@@ -146,9 +147,9 @@ struct LoadedHand {
 /// Reads a hand and its table, and finds every link that the table names.
 fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, RetargetError> {
     let LoadedRobot { urdf, model } = robot_meshes::load(urdf_path)?;
-    let of_urdf = |err: PostureError| RetargetError::Hand {
+    let of_urdf = |source: PostureError| RetargetError::Hand {
         path: urdf_path.to_owned(),
-        source: Box::new(err.into()),
+        source,
     };
     Hand::check(&model).map_err(of_urdf)?;
     let table = hand_files::load_table(table_path)?;
@@ -158,18 +159,6 @@ fn load_hand(urdf_path: &Path, table_path: &Path) -> Result<LoadedHand, Retarget
     })?;
     let urdf = robot::plain_urdf(&urdf);
     Ok(LoadedHand { urdf, hand, table })
-}
-
-/// Checks that a wrist that is to be fixed can be placed.
-fn check_wrist(config: &RetargetConfig, hand: &Hand) -> Result<(), RetargetError> {
-    let found = hand.palm_points.len();
-    match config.wrist {
-        Wrist::Fixed if found < 3 => Err(RetargetError::TooFewPalmPoints { found }),
-        Wrist::Fixed if hand.palm_points_are_collinear() => {
-            Err(RetargetError::PalmPointsInLine { found })
-        }
-        Wrist::Fixed | Wrist::Free => Ok(()),
-    }
 }
 
 #[cfg(test)]

@@ -2,7 +2,9 @@
 
 use std::path::PathBuf;
 
+use nalgebra::{Unit, Vector3};
 use options::{OptionFaults, above, options};
+use sampling::{Orientations, SamplingOptions};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -135,6 +137,32 @@ impl SampleConfig {
     /// Says whether motions are redrawn if their hand penetrates object or table.
     pub(crate) fn redraws(&self) -> bool {
         self.draws > 1 && self.path.is_empty()
+    }
+
+    /// Returns the options of sampling.
+    pub(crate) fn sampling(&self) -> SamplingOptions {
+        let path = match self.path.as_slice() {
+            [from, to] => Some([from.clone(), to.clone()]),
+            _ => None,
+        };
+        let orientations = match (self.rests, self.rest_up) {
+            (RestingPoses::Given, Some(up)) => {
+                Orientations::Given(Unit::new_normalize(Vector3::from(up)))
+            }
+            (RestingPoses::Stable, _) => Orientations::Stable,
+            (RestingPoses::Seen | RestingPoses::Given, _) => Orientations::Seen,
+        };
+        SamplingOptions {
+            n: self.per_object,
+            steps: self.steps,
+            duration_s: self.duration_s,
+            posterior_share: self.demonstrated_share,
+            demonstrations: self.demonstrations.clone(),
+            spread: self.spread,
+            path,
+            orientations,
+            point_noise: self.point_noise,
+        }
     }
 
     fn combined_faults(&self, faults: &mut OptionFaults) {

@@ -4,6 +4,7 @@ use cgf::CgfError;
 use dataflow::Diagnostic;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof, spheres::TooLarge};
+use sampling::SamplingError;
 
 /// Why no motions could be drawn.
 #[derive(Debug, thiserror::Error)]
@@ -12,17 +13,6 @@ pub enum SampleError {
     /// The function is to see another object's shape, and there is none.
     #[error("`shape` is \"other\", and there is no other object than `{0}`")]
     NoOther(String),
-    /// An object has no resting orientation.
-    #[error("object `{0}` has no resting orientation")]
-    NoRest(String),
-    /// A name in the configuration is no demonstration that the function knows.
-    #[error("the grasping function knows no demonstration `{name}`")]
-    UnknownDemonstration {
-        /// The name.
-        name: String,
-        /// Those that it was trained on, or that were kept back.
-        known: Vec<String>,
-    },
     /// Motions are of another hand.
     #[error("the {what} was made for another hand")]
     AnotherHand {
@@ -31,50 +21,68 @@ pub enum SampleError {
         /// The difference of its joints from the hand's.
         source: JointMismatch,
     },
-    /// A motion has another number of joints than the hand.
-    #[error("a motion does not fit the hand")]
-    Dof(#[from] WrongDof),
-    /// The grasping function's outputs are no motion.
-    #[error("the decoded steps do not form a motion")]
-    Motion(#[from] MotionError),
     /// The collision shapes are far larger than a hand's.
     #[error(transparent)]
     LargeShapes(#[from] TooLarge),
-    /// The grasping function cannot be used.
+    /// The motions cannot be sampled or measured.
     #[error(transparent)]
-    Cgf(#[from] CgfError),
+    Sampling(#[from] SamplingError),
+}
+
+impl From<CgfError> for SampleError {
+    fn from(err: CgfError) -> Self {
+        SamplingError::from(err).into()
+    }
+}
+
+impl From<MotionError> for SampleError {
+    fn from(err: MotionError) -> Self {
+        SamplingError::from(err).into()
+    }
+}
+
+impl From<WrongDof> for SampleError {
+    fn from(err: WrongDof) -> Self {
+        SamplingError::from(err).into()
+    }
 }
 
 impl Diagnostic for SampleError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::UnknownDemonstration { name, known } => {
-                let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
-                let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
-                Some(near.unwrap_or_else(|| {
-                    format!("there are {}, such as {}", known.len(), some.join(", "))
-                }))
-            }
             Self::NoOther(_) => {
                 Some("leave `shape` out, or ingest recordings of several objects".to_owned())
-            }
-            Self::NoRest(_) => {
-                Some("`pipeline inspect ingest.objects` shows its orientations".to_owned())
             }
             Self::AnotherHand { .. } => Some(
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"
                     .to_owned(),
             ),
             Self::LargeShapes(_) => Some("URDFs are in meters".to_owned()),
-            Self::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Cgf(
-                CgfError::Weights(_)
-                | CgfError::Description(_)
-                | CgfError::RestingPose { .. }
-                | CgfError::Tensor { .. }
-                | CgfError::Version { .. },
-            ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
-            Self::Motion(_) | Self::Cgf(_) => None,
+            Self::Sampling(err) => hint(err),
         }
+    }
+}
+
+fn hint(err: &SamplingError) -> Option<String> {
+    match err {
+        SamplingError::UnknownDemonstration { name, known } => {
+            let near = dataflow::did_you_mean(name, known.iter().map(String::as_str));
+            let some: Vec<&str> = known.iter().take(5).map(String::as_str).collect();
+            Some(near.unwrap_or_else(|| {
+                format!("there are {}, such as {}", known.len(), some.join(", "))
+            }))
+        }
+        SamplingError::NoRest(_) => {
+            Some("`pipeline inspect ingest.objects` shows its orientations".to_owned())
+        }
+        SamplingError::Dof(_) => Some("make it again with `pipeline run FILE --fresh`".to_owned()),
+        SamplingError::Cgf(
+            CgfError::Weights(_)
+            | CgfError::Description(_)
+            | CgfError::RestingPose { .. }
+            | CgfError::Tensor { .. }
+            | CgfError::Version { .. },
+        ) => Some("train again with `pipeline run FILE --fresh`".to_owned()),
+        _ => None,
     }
 }

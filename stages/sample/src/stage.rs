@@ -3,8 +3,7 @@
 mod candidates;
 
 use dataflow::{
-    BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
-    Unit,
+    BoxedDiagnostic, Context, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
 use lake::Beside;
 use schemas::{
@@ -13,6 +12,7 @@ use schemas::{
 };
 
 use crate::SampleConfig;
+use candidates::SampleInputs;
 
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
@@ -49,7 +49,7 @@ impl Stage for Sample {
 impl Output for Sample {
     type Stage = Self;
     type Metrics = SampleMetrics;
-    type Inputs<'a> = &'a Inputs;
+    type Inputs<'a> = SampleInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -63,7 +63,7 @@ impl Output for Sample {
 
     fn make(
         config: &SampleConfig,
-        inputs: &Inputs,
+        inputs: SampleInputs,
         cx: &Context,
     ) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
         candidates::make(config, inputs, cx)

@@ -24,6 +24,7 @@ use lake::LakeError;
 use nalgebra::{Isometry3, Point3, UnitQuaternion, Vector3};
 use robot::RobotModel;
 use safetensors::{SafeTensors, tensor::TensorView};
+use sampling::SamplingError;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
     checkpoint, distance_fields,
@@ -293,8 +294,9 @@ fn config() -> SampleConfig {
 /// Draws motions into a folder, which is returned.
 fn run(config: &SampleConfig, inputs: &Inputs, seed: u64) -> (TempDir, SampleMetrics) {
     let out = tempfile::tempdir().unwrap();
-    let cx = Context::detached(&"can".parse().unwrap(), seed, out.path());
-    let Outcome::Made(made) = Sample::make(config, inputs, &cx).unwrap() else {
+    let object = &inputs.artifacts("objects")[0].key;
+    let cx = Context::detached(object, seed, out.path());
+    let Outcome::Made(made) = Sample::read_and_make(config, inputs, &cx).unwrap() else {
         panic!("nothing was made");
     };
     (out, made)
@@ -334,7 +336,7 @@ fn measured(config: &SampleConfig, inputs: &Inputs) -> (TempDir, SamplingMetrics
     let inputs = Inputs::new(artifacts, inputs.files().to_vec());
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
-    let Outcome::Made(made) = SamplingReport::make(config, &inputs, &cx).unwrap() else {
+    let Outcome::Made(made) = SamplingReport::read_and_make(config, &inputs, &cx).unwrap() else {
         panic!("nothing was measured");
     };
     (out, made)
@@ -350,7 +352,7 @@ fn faults(config: &SampleConfig) -> String {
 fn refused(config: &SampleConfig, inputs: &Inputs) -> String {
     let out = tempfile::tempdir().unwrap();
     let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
-    let err = Sample::make(config, inputs, &cx).unwrap_err();
+    let err = Sample::read_and_make(config, inputs, &cx).unwrap_err();
     let source = std::error::Error::source(&err).map(ToString::to_string);
     format!("{err}: {}", source.unwrap_or_default())
 }
@@ -421,9 +423,12 @@ fn a_truncated_checkpoint_is_an_error() {
     let bytes = fs::read(&path).unwrap();
     fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
     let cx = Context::detached(&"can".parse().unwrap(), 7, folder.path());
-    let err = Sample::make(&config(), &inputs, &cx).unwrap_err();
+    let err = Sample::read_and_make(&config(), &inputs, &cx).unwrap_err();
     assert!(
-        matches!(err.downcast_ref(), Some(SampleError::Cgf(_))),
+        matches!(
+            err.downcast_ref(),
+            Some(SampleError::Sampling(SamplingError::Cgf(_)))
+        ),
         "{err}"
     );
 }
@@ -540,7 +545,7 @@ fn a_path_goes_from_one_demonstration_to_the_other() {
 
     let err = refused(&path("a", "c"), &inputs);
     assert!(err.contains("`c`"), "{err}");
-    let err = Sample::make(
+    let err = Sample::read_and_make(
         &path("a", "bb"),
         &inputs,
         &Context::detached(&"can".parse().unwrap(), 7, folder.path()),
@@ -1050,7 +1055,7 @@ fn another_hand_and_a_damaged_field_are_errors() {
     artifacts.insert("candidates".to_owned(), vec![made_in(out.path())]);
     let damaged = Inputs::new(artifacts, inputs.files().to_vec());
     let cx = Context::detached(&"can".parse().unwrap(), 7, out.path());
-    let err = SamplingReport::make(&config(), &damaged, &cx).unwrap_err();
+    let err = SamplingReport::read_and_make(&config(), &damaged, &cx).unwrap_err();
     assert!(
         matches!(err.downcast_ref(), Some(LakeError::BadFile { .. })),
         "{err}"

@@ -39,7 +39,8 @@ pub fn record_alone(
         Ok(rollout) => rollout,
         Err(source) => return screened.skip_or_fail::<()>(source).map(|_skipped| false),
     };
-    let row = Row::unsimulated(screening.candidate(idx), config.verdict(&rollout));
+    let candidate = &screened.candidates.candidates[idx];
+    let row = Row::unsimulated(candidate, config.screening(cx.seed()).verdict(&rollout));
     let context = RecordingContext {
         urdf: &screened.xml,
         model: &screened.hand,

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use options::{OptionFaults, Options, options};
-use schemas::rollouts::Verdict;
-use simulation::{Protocol, Rollout, SceneConfig, SceneRandomization};
+use screening::ScreeningOptions;
+use simulation::{Protocol, SceneConfig, SceneRandomization};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
 const MAX_RECORDED: usize = 10_000;
@@ -78,11 +78,14 @@ pub struct RobustnessConfig {
 }
 
 impl ScreenConfig {
-    /// Returns the verdict on a rollout: physics alone lets a hand hold an object by being inside it.
-    pub fn verdict(&self, rollout: &Rollout) -> Verdict {
-        match rollout.verdict {
-            Verdict::Held if rollout.penetration_m > self.max_penetration_m => Verdict::TooDeep,
-            verdict => verdict,
+    /// Returns the conditions under which motions are screened, of [resolved](Self::resolved) options.
+    pub fn screening(&self, seed: u64) -> ScreeningOptions<'_> {
+        ScreeningOptions {
+            scene: &self.scene,
+            protocol: &self.protocol,
+            max_penetration_m: self.max_penetration_m,
+            pose_noise: self.pose_noise,
+            seed,
         }
     }
 
@@ -115,17 +118,4 @@ impl ScreenConfig {
             faults.of_table("protocol", protocol.faults_in(&scene));
         }
     }
-}
-
-/// Options of a screen for a hand with a joint `j`, for tests.
-#[cfg(test)]
-pub(crate) fn fixture() -> ScreenConfig {
-    let config = serde_json::json!({
-        "hand": "hand.urdf",
-        "scene": {"drive": {
-            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
-        }},
-        "protocol": {"flexion_joints": ["j"]},
-    });
-    serde_json::from_value(config).unwrap()
 }

@@ -14,14 +14,11 @@ mod alone;
 mod by_verdict;
 mod config;
 mod error;
-mod pose_noise;
 mod recording;
 pub mod report;
 mod robustness;
 mod screened;
-mod smoothness;
 mod stage;
-mod verdicts;
 
 pub use alone::record_alone;
 pub use by_verdict::ByVerdict;

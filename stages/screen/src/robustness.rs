@@ -2,21 +2,18 @@
 
 use dataflow::{BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Scope, Sum, Unit};
 use lake::{ReadInputs, WriteArtifact};
-use rand::SeedableRng;
-use rand_chacha::ChaCha8Rng;
 use schemas::{
     Table,
+    candidates::Candidates,
     robustness::{Robustness, RobustnessTable, TrialVerdict},
     rollouts::{Rollouts, Verdict},
-    tally::Tally,
 };
-use simulation::{SceneConfig, SimulationError};
+use screening::MotionTrials;
 
 use crate::{
     Screen, ScreenConfig, ScreenError,
     config::RobustnessConfig,
     screened::{Screened, units},
-    verdicts::Screening,
 };
 
 /// The output `robustness`: how often accepted motions hold under drawn errors.
@@ -69,15 +66,19 @@ impl Output for RobustnessTrials {
             return Ok(Outcome::skipped("object missing"));
         };
         let config = &config.resolved();
-        let RobustnessConfig { trials, .. } = config.robustness;
-        let motions = tried(&rollouts, &screened, config.robustness.per_object)?;
-        let rows = if motions.is_empty() || trials == 0 {
+        let RobustnessConfig {
+            trials,
+            per_object,
+            errors,
+        } = &config.robustness;
+        let motions = tried(&rollouts, &screened, *per_object)?;
+        let rows = if motions.is_empty() || *trials == 0 {
             RobustnessTable::new()
         } else {
             let progress = |share: f64| cx.progress(share, "under sampled errors");
             let screening = screened.screening(config, cx.seed());
-            match robustness(config, &screening, &motions, cx.seed(), progress) {
-                Ok(rows) => rows,
+            match screening.trials(&motions, *trials, errors, progress) {
+                Ok(tried) => rows(&screened.candidates, &motions, tried),
                 Err(err) => return screened.skip_or_fail(err),
             }
         };
@@ -120,58 +121,16 @@ fn tried(
         .collect()
 }
 
-/// Tries motions of an object under errors that are drawn once for all of them.
-fn robustness(
-    config: &ScreenConfig,
-    screening: &Screening<'_>,
-    motions: &[usize],
-    seed: u64,
-    progress: impl Fn(f64),
-) -> Result<RobustnessTable, SimulationError> {
-    let RobustnessConfig { trials, .. } = config.robustness;
-    let mut verdicts: Vec<Vec<(TrialVerdict, i64)>> =
-        vec![Vec::with_capacity(trials); motions.len()];
-    let mut steps_n = vec![0; motions.len()];
-    for trial in 0..trials {
-        let drawn = drawn_scene(config, seed, trial);
-        let scenes = screening.scenes(&drawn, motions)?;
-        let tried = screening.verdicts(&scenes, motions)?;
-        for (idx, (verdict, control_steps_n)) in tried.into_iter().enumerate() {
-            verdicts[idx].push((TrialVerdict(verdict), 1));
-            steps_n[idx] += i64::from(control_steps_n);
+/// Returns the rows of motions, of their trials.
+fn rows(candidates: &Candidates, motions: &[usize], tried: Vec<MotionTrials>) -> RobustnessTable {
+    let rows = motions.iter().zip(tried);
+    rows.map(|(&motion, tried)| {
+        let verdicts = tried.verdicts.into_iter();
+        Robustness {
+            candidate_id: candidates.candidates[motion].candidate_id.clone(),
+            trials: verdicts.map(|verdict| (TrialVerdict(verdict), 1)).collect(),
+            control_steps_n: tried.control_steps_n,
         }
-        progress((trial + 1) as f64 / trials as f64);
-    }
-    let rows = motions.iter().zip(verdicts).zip(steps_n);
-    Ok(rows
-        .map(|((&motion, verdicts), control_steps_n)| Robustness {
-            candidate_id: screening.candidate(motion).candidate_id.clone(),
-            trials: verdicts.into_iter().collect::<Tally<TrialVerdict>>(),
-            control_steps_n,
-        })
-        .collect())
-}
-
-/// Returns the scene of one trial of an object.
-fn drawn_scene(config: &ScreenConfig, seed: u64, trial: usize) -> SceneConfig {
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    // The first ones draw the pose noise of candidates.
-    rng.set_stream(u64::MAX - trial as u64);
-    config.robustness.errors.sample(&config.scene, &mut rng)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::config;
-
-    #[test]
-    fn each_trial_of_each_seed_has_its_own_errors() {
-        let config = config::fixture();
-        let drawn = |seed: u64, trial: usize| drawn_scene(&config, seed, trial);
-        assert_eq!(drawn(7, 0), drawn(7, 0));
-        assert_ne!(drawn(7, 0), drawn(7, 1));
-        assert_ne!(drawn(7, 0), drawn(8, 0));
-        assert_ne!(drawn(7, 0), config.scene);
-    }
+    })
+    .collect()
 }

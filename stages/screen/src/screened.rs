@@ -9,9 +9,10 @@ use lake::ReadInputs;
 use robot::RobotModel;
 use robot_meshes::AnotherHand;
 use schemas::{Table, candidates::Candidates, objects::Object};
-use simulation::SimulationError;
+use screening::{PlacedMotion, Screening};
+use simulation::{ObjectShape, SimulationError};
 
-use crate::{Screen, ScreenConfig, ScreenError, verdicts::Screening};
+use crate::{Screen, ScreenConfig, ScreenError};
 
 /// The inputs of a unit.
 pub(crate) struct Screened {
@@ -74,7 +75,21 @@ impl Screened {
 
     /// Returns the candidates, to be carried out.
     pub(crate) fn screening<'a>(&'a self, config: &'a ScreenConfig, seed: u64) -> Screening<'a> {
-        Screening::new(config, &self.hand, &self.object, &self.candidates, seed)
+        let motions = self.candidates.candidates.iter();
+        let motions = motions.map(|candidate| PlacedMotion {
+            table_from_object: candidate.table_from_object,
+            motion: &candidate.motion,
+        });
+        let object = (
+            ObjectShape::from_artifact(&self.object),
+            &self.object.points_m[..],
+        );
+        Screening::new(
+            config.screening(seed),
+            &self.hand,
+            object,
+            motions.collect(),
+        )
     }
 
     /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so

@@ -9,11 +9,12 @@ use dataflow::{
 use lake::WriteArtifact;
 use schemas::{
     Table,
-    candidates::Candidates,
+    candidates::{Candidate, Candidates},
     objects::Object,
-    rollouts::{Rollout, Rollouts, Verdict},
+    rollouts::{ExecutedSmoothness, Rollout, Rollouts, Verdict},
     tally::Tally,
 };
+use screening::Judgment;
 use simulation::{Flexion, TraceMode, check_hand};
 
 use crate::{
@@ -96,10 +97,14 @@ impl Output for Screen {
             Err(err) => return screened.skip_or_fail(err),
         };
         let judged = screening.judge(&scenes, |share| cx.progress(share, "in physics"));
-        let (rollouts, cpu_s) = match judged {
+        let (found, cpu_s) = match judged {
             Ok(judged) => judged,
             Err(err) => return screened.skip_or_fail(err),
         };
+        let candidates = screened.candidates.candidates.iter().zip(found);
+        let rollouts: Rollouts = candidates
+            .map(|(of, found)| row(of, found.as_ref()))
+            .collect();
 
         cx.write(&rollouts)?;
         let context = recording::RecordingContext {
@@ -121,13 +126,31 @@ impl Output for Screen {
     }
 }
 
+/// Returns the row of a candidate.
+fn row(candidate: &Candidate, found: Option<&Judgment>) -> Rollout {
+    let infeasible = Rollout::unsimulated(candidate, Verdict::Infeasible);
+    match found {
+        None => infeasible,
+        Some(found) => Rollout {
+            verdict: found.verdict,
+            measures: found.measures,
+            smoothness: found.smoothness,
+            executed: ExecutedSmoothness(found.executed),
+            ..infeasible
+        },
+    }
+}
+
 impl ScreenMetrics {
     fn of(rollouts: &[Rollout], cpu_s: f64) -> Self {
         let verdicts: Tally<Verdict> = rollouts.iter().map(|r| (r.verdict, 1)).collect();
         Self {
             candidates_n: rollouts.len() as f64,
             accepted_n: verdicts.success_count() as f64,
-            control_steps_n: rollouts.iter().map(|r| f64::from(r.control_steps_n)).sum(),
+            control_steps_n: rollouts
+                .iter()
+                .map(|r| f64::from(r.measures.control_steps_n))
+                .sum(),
             cpu_s,
             verdicts_n: verdicts,
         }
@@ -170,7 +193,42 @@ fn failures(verdicts: &[Verdict]) -> Vec<usize> {
 
 #[cfg(test)]
 mod tests {
+    use motion::{HandRates, Motion, Step};
+    use schemas::candidates::DrawSource;
+    use spatial::Pose;
+
     use super::*;
+
+    #[test]
+    fn a_motion_that_the_hand_cannot_execute_is_a_row_of_its_candidate() {
+        let step = |time_s: f64| Step {
+            time_s,
+            frame_from_palm: Pose::identity(),
+            q_rad: vec![0.0],
+            rates: HandRates::zero(1),
+        };
+        let candidate = Candidate {
+            candidate_id: "b".to_owned(),
+            generator: "test".to_owned(),
+            source: DrawSource::replayed("b"),
+            latent: Vec::new(),
+            table_from_object: Pose::identity(),
+            limit_excess_rad: 0.0,
+            depth_m: None,
+            residual_m2: None,
+            motion: Motion::new(&["j"], vec![step(0.0), step(1.0)]).unwrap(),
+        };
+        let row = row(&candidate, None);
+        assert_eq!(
+            (row.candidate_id.as_str(), row.verdict),
+            ("b", Verdict::Infeasible)
+        );
+        assert_eq!(row.source, candidate.source);
+        assert_eq!(
+            (row.measures.control_steps_n, row.measures.skipped_steps_n),
+            (0, 0)
+        );
+    }
 
     #[test]
     fn failures_are_one_of_each_reason_before_a_second_of_any() {

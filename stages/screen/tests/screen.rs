@@ -18,10 +18,7 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
     success::Successes,
 };
-use simulation::{
-    Approach, ControllerKind, DriveConfig, Offset, Protocol, ProtocolName, PullConfig, SceneConfig,
-    SceneRandomization, Shortcuts, StrictConfig, Support, Trial,
-};
+use simulation::{ProtocolName, SceneRandomization};
 use spatial::{Pose, RestingPose};
 use stage_screen::report::{RatesReport, SuccessReport};
 use stage_screen::{
@@ -37,68 +34,19 @@ const HEIGHT_M: f64 = 0.102;
 
 fn config() -> ScreenConfig {
     let flexion = [1, 2, 3, 5, 6, 7, 9, 10, 11, 14, 15];
-    ScreenConfig {
-        hand: HAND.into(),
-        recorded_per_object: 1,
-        recorded_failures_per_object: 1,
-        pose_noise: 0.0,
-        max_penetration_m: 0.005,
-        robustness: RobustnessConfig::default(),
-        scene: SceneConfig {
-            friction: 1.0,
-            table_friction: None,
-            object_mass_kg: None,
-            object_density_kg_per_m3: None,
-            support: Support::Table,
-            mass_scale: 1.0,
-            hand_mass_scale: 1.0,
-            object_offset: Offset::default(),
-            time_step_s: 0.004,
-            substeps: 1,
-            steps_per_control: 5,
-            prediction_m: 0.002,
-            contact_recycle_m: 0.0,
-            fingers_touch: false,
-            settle_s: 1.0,
-            drive: DriveConfig {
-                controller: ControllerKind::Pd,
-                stiffness: 20.0,
-                damping: 1.0,
-                torque_limit: 0.7,
-                armature: 0.001,
-                stop_stiffness: 200.0,
-                delay_s: 0.0,
-            },
-            palm_drive: None,
-            shortcuts: Shortcuts::ALL,
+    let config = serde_json::json!({
+        "hand": HAND,
+        "recorded_per_object": 1,
+        "scene": {"drive": {
+            "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+        }},
+        "protocol": {
+            "approach": "open",
+            "flexion_joints": flexion.map(|joint| format!("joint_{joint}.0")),
+            "hold_s": 0.5,
         },
-        protocol: Protocol {
-            approach: Approach::Open,
-            reach_s: 0.8,
-            close_fraction: 0.25,
-            flexion_joints: flexion.map(|joint| format!("joint_{joint}.0")).to_vec(),
-            open_rad: 0.3,
-            squeeze_rad: 0.15,
-            squeeze_s: 0.3,
-            pause_s: 0.3,
-            lift_m: 0.15,
-            lift_s: 0.4,
-            hold_s: 0.5,
-            lifted_m: 0.08,
-            min_links: 2,
-            max_slip_m_per_s: 0.01,
-            knocked_m: 0.03,
-            knocked_rad: 0.6,
-            limit_tolerance_rad: 0.1,
-            table_tolerance_m: 0.01,
-            early_tolerance_m: 0.02,
-            trial: Trial::Lift,
-            strict: StrictConfig::default(),
-            pull: PullConfig::default(),
-            name: ProtocolName::TableLift,
-            published: None,
-        },
-    }
+    });
+    serde_json::from_value(config).unwrap()
 }
 
 fn upright() -> RestingPose {
@@ -261,7 +209,10 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     );
     assert_eq!(made.candidates_n, 3.0);
     assert_eq!(made.accepted_n, 1.0);
-    let steps: f64 = rows.iter().map(|row| f64::from(row.control_steps_n)).sum();
+    let steps: f64 = rows
+        .iter()
+        .map(|row| f64::from(row.measures.control_steps_n))
+        .sum();
     assert_eq!(made.control_steps_n, steps);
     let recording = lake::recording::read(&folder.path().join("out/can-0001.mcap")).unwrap();
     let moments = recording.topic("/joint_states").count();
@@ -269,12 +220,15 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 0.5 s hold, at 50 Hz, and the start.
     assert_eq!(moments, 116);
     assert!(
-        (90..=115).contains(&rows[1].control_steps_n),
+        (90..=115).contains(&rows[1].measures.control_steps_n),
         "{}",
-        rows[1].control_steps_n
+        rows[1].measures.control_steps_n
     );
     for row in &rows {
-        assert_eq!(row.control_steps_n + row.skipped_steps_n, 115);
+        assert_eq!(
+            row.measures.control_steps_n + row.measures.skipped_steps_n,
+            115
+        );
     }
     // A motion that is refused on geometry alone has no recording.
     let failed = lake::recording::read(&folder.path().join("out/can-0002.mcap")).unwrap();
@@ -282,7 +236,7 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     // It is recorded until its end is certain without shortcuts.
     let steps_n = failed.topic("/joint_states").count();
     assert!(
-        (rows[2].control_steps_n as usize + 1..116).contains(&steps_n),
+        (rows[2].measures.control_steps_n as usize + 1..116).contains(&steps_n),
         "{steps_n}"
     );
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 3);
@@ -328,7 +282,7 @@ fn accepted_motions_are_tried_under_the_drawn_errors_alone() {
     );
     assert_eq!(
         row.control_steps_n,
-        3 * i64::from(rollouts[1].control_steps_n)
+        3 * i64::from(rollouts[1].measures.control_steps_n)
     );
 
     // On ice, a heavy can is not lifted.
@@ -377,7 +331,10 @@ fn says_of_all_objects_how_often_their_candidates_hold() {
     let counted = [Verdict::Limit, Verdict::NotGrasped].map(|verdict| row.verdicts.count(verdict));
     assert_eq!(counted, [1, 1]);
     let rollouts = rows(folder.path());
-    let control_steps_n: i64 = rollouts.iter().map(|r| i64::from(r.control_steps_n)).sum();
+    let control_steps_n: i64 = rollouts
+        .iter()
+        .map(|r| i64::from(r.measures.control_steps_n))
+        .sum();
     assert_eq!(row.control_steps_n, control_steps_n);
     // One grasp has no spread.
     assert_eq!((row.spread_n, row.spread_palm_m), (0, 0.0));
@@ -487,7 +444,11 @@ fn a_published_protocol_replaces_the_options() {
         [Verdict::EarlyContact, Verdict::Held, Verdict::Dropped]
     );
     for row in &rows {
-        assert_eq!(row.control_steps_n + row.skipped_steps_n, 61, "{row:?}");
+        assert_eq!(
+            row.measures.control_steps_n + row.measures.skipped_steps_n,
+            61,
+            "{row:?}"
+        );
     }
 }
 
@@ -697,7 +658,7 @@ fn pose_noise_lowers_success_and_is_reproducible() {
     assert!(
         little
             .windows(2)
-            .any(|pair| pair[0].slip_m != pair[1].slip_m)
+            .any(|pair| pair[0].measures.slip_m != pair[1].measures.slip_m)
     );
     let much = judged(1.0);
     assert!(held(&much) <= 3, "{}", held(&much));

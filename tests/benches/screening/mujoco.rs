@@ -115,7 +115,8 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
     let scene = &screen.scene;
     // Options that the peer's scene does not have.
     assert!(scene.object_mass() == ObjectMass::Measured && scene.table_friction.is_none());
-    assert!(scene.support == Support::Table && !scene.fingers_touch);
+    assert!(scene.support == Support::Table && scene.palm_compliance.is_none());
+    assert!(!scene.fingers_touch && !scene.fingers_touch_palm);
     let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
     let parts = object.parts_m.iter();
     let parts: Vec<Vec<[f64; 3]>> = parts

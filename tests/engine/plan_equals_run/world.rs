@@ -8,7 +8,7 @@ use std::{
 
 use serde_json::{Value, json};
 
-use crate::{
+use crate::engine::{
     place::{Place, put},
     program_maps::{MAP_PROGRAM, program_table},
 };

@@ -8,7 +8,7 @@ use std::{
 };
 
 use super::{TABLE, fails, is_whole, numbers, place, place_of, table, texts};
-use crate::place::{Place, put, stderr, stdout, well};
+use crate::engine::place::{Place, put, stderr, stdout, well};
 
 /// A place with a script that writes its table well after what `script` does; `USER` in it is a folder of the
 /// user's with one file.

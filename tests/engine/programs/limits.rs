@@ -10,7 +10,7 @@ use std::{
 };
 
 use super::{fails, numbers, place, table, texts};
-use crate::place::{LONG, Running, put, well};
+use crate::engine::place::{LONG, Running, put, well};
 
 #[test]
 fn a_program_that_floods_its_output_is_killed() {

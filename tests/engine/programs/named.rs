@@ -4,7 +4,7 @@
 use std::{fs, os::unix::fs::symlink, process::Command};
 
 use super::{TABLE, place, place_of};
-use crate::place::{Place, stderr, stdout};
+use crate::engine::place::{Place, stderr, stdout};
 
 /// The faults and their lines in the pipeline file.
 const FAULTS: [(&str, &str); 5] = [

@@ -86,7 +86,7 @@ pub(super) fn execute(
         _ => samples,
     };
     let lift_m = match (aborted.is_some(), samples.first(), samples.last()) {
-        (false, Some(_), _) => rollout.lift_m,
+        (false, Some(_), _) => rollout.measures.lift_m,
         // The physics measured the object at the abort, and the hand held it for a while after.
         (true, Some(first), Some(last)) => height_m(last) - height_m(first),
         _ => 0.0,

@@ -9,10 +9,7 @@ use cell::{
 };
 use nalgebra::{Isometry3, Matrix3, Point3, Vector3};
 use robot::{Joint, RobotModel};
-use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
-    SceneConfig, Shortcuts, StrictConfig, Support, Trial,
-};
+use simulation::{ObjectShape, Protocol, SceneConfig};
 use spatial::{Pose, RestingPose, Twist};
 
 pub(crate) const LISTEN: &str = "tcp/127.0.0.1:0";
@@ -32,63 +29,40 @@ pub(crate) fn joints() -> Vec<String> {
 }
 
 pub(crate) fn scene() -> SceneConfig {
-    SceneConfig {
-        friction: 1.0,
-        table_friction: None,
-        object_mass_kg: None,
-        object_density_kg_per_m3: None,
-        support: Support::Table,
-        mass_scale: 1.0,
-        hand_mass_scale: 1.0,
-        object_offset: Offset::default(),
-        time_step_s: 0.002,
-        substeps: 1,
-        steps_per_control: 5,
-        prediction_m: 0.002,
-        contact_recycle_m: 0.0,
-        fingers_touch: false,
-        settle_s: 0.5,
-        drive: DriveConfig {
-            controller: ControllerKind::Pd,
-            stiffness: 2000.0,
-            damping: 60.0,
-            torque_limit: 20.0,
-            armature: 0.0,
-            stop_stiffness: 10_000.0,
-            delay_s: 0.0,
+    let scene = serde_json::json!({
+        "time_step_s": 0.002,
+        "settle_s": 0.5,
+        "drive": {
+            "stiffness": 2000.0, "damping": 60.0, "torque_limit": 20.0, "armature": 0.0,
+            "stop_stiffness": 10_000.0,
         },
-        palm_drive: None,
-        shortcuts: Shortcuts::ALL,
-    }
+    });
+    serde_json::from_value(scene).unwrap()
 }
 
 pub(crate) fn grasp() -> Grasp {
-    let protocol = Protocol {
-        approach: Approach::Follow,
-        reach_s: 0.6,
-        close_fraction: 0.3,
-        flexion_joints: joints(),
-        open_rad: 0.0,
-        squeeze_rad: 0.01,
-        squeeze_s: 0.2,
-        pause_s: 0.1,
-        lift_m: 0.1,
-        lift_s: 0.4,
-        hold_s: 0.5,
-        lifted_m: 0.05,
-        min_links: 2,
-        max_slip_m_per_s: 0.02,
-        knocked_m: 0.02,
-        knocked_rad: 0.3,
-        limit_tolerance_rad: 0.001,
-        table_tolerance_m: 0.002,
-        early_tolerance_m: 0.005,
-        trial: Trial::Lift,
-        strict: StrictConfig::default(),
-        pull: PullConfig::default(),
-        name: ProtocolName::TableLift,
-        published: None,
-    };
+    let protocol = serde_json::json!({
+        "approach": "follow",
+        "reach_s": 0.6,
+        "close_fraction": 0.3,
+        "flexion_joints": joints(),
+        "open_rad": 0.0,
+        "squeeze_rad": 0.01,
+        "squeeze_s": 0.2,
+        "pause_s": 0.1,
+        "lift_m": 0.1,
+        "lift_s": 0.4,
+        "hold_s": 0.5,
+        "lifted_m": 0.05,
+        "min_links": 2,
+        "max_slip_m_per_s": 0.02,
+        "knocked_m": 0.02,
+        "knocked_rad": 0.3,
+        "limit_tolerance_rad": 0.001,
+        "table_tolerance_m": 0.002,
+        "early_tolerance_m": 0.005,
+    });
+    let protocol: Protocol = serde_json::from_value(protocol).unwrap();
     Grasp::try_from(&protocol).unwrap()
 }
 

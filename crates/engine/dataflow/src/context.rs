@@ -146,17 +146,23 @@ impl Inputs {
 
 /// What a unit reads, as [`Output::make`](crate::Output::make) takes it.
 pub trait UnitInputs<'a>: Sized {
-    /// Reads the inputs of a unit; the inner error is the reason for which it is skipped.
+    /// Reads the inputs of the unit that makes a partition; the inner error is the reason for which it is skipped.
     ///
     /// # Errors
     ///
     /// Fails if an input cannot be read.
-    fn read(inputs: &'a Inputs) -> Result<Result<Self, String>, BoxedDiagnostic>;
+    fn read(
+        inputs: &'a Inputs,
+        partition: &PartitionKey,
+    ) -> Result<Result<Self, String>, BoxedDiagnostic>;
 }
 
 /// Inputs that the output reads itself.
 impl<'a> UnitInputs<'a> for &'a Inputs {
-    fn read(inputs: &'a Inputs) -> Result<Result<Self, String>, BoxedDiagnostic> {
+    fn read(
+        inputs: &'a Inputs,
+        _partition: &PartitionKey,
+    ) -> Result<Result<Self, String>, BoxedDiagnostic> {
         Ok(Ok(inputs))
     }
 }

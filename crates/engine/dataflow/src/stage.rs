@@ -181,7 +181,7 @@ pub trait Output: Sync + 'static {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<Self::Metrics>, BoxedDiagnostic> {
-        match Self::Inputs::read(inputs)? {
+        match Self::Inputs::read(inputs, cx.partition())? {
             Ok(inputs) => Self::make(config, inputs, cx),
             Err(reason) => Ok(Outcome::skipped(reason)),
         }

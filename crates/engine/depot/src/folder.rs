@@ -445,6 +445,26 @@ mod tests {
     }
 
     #[test]
+    fn nothing_is_written_through_a_folder_that_is_a_link() {
+        let (folder, outside) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+        let depot = FolderDepot::new(folder.path());
+        // The first folder may be on another disk.
+        for (link, is_allowed) in [("blobs", true), ("units/aa", false)] {
+            let link = folder.path().join(link);
+            fs::create_dir_all(link.parent().unwrap()).unwrap();
+            std::os::unix::fs::symlink(outside.path(), &link).unwrap();
+            let key = format!(
+                "{}/file",
+                link.strip_prefix(folder.path()).unwrap().display()
+            );
+            let put = depot.put(&key, Content::of_bytes(Vec::new()), PutMode::Always);
+            assert_eq!(put.is_ok(), is_allowed, "{key}");
+            let there = fs::remove_file(outside.path().join("file"));
+            assert_eq!(there.is_ok(), is_allowed, "{key}");
+        }
+    }
+
+    #[test]
     fn a_folder_that_is_missing_is_an_error_and_is_not_made() {
         let folder = tempfile::tempdir().unwrap();
         let depot = FolderDepot::new(&folder.path().join("not_mounted"));

@@ -114,3 +114,30 @@ impl ChangingMarks {
 fn mine(pipeline: &str) -> String {
     format!("{pipeline}.{}", atomic::process_name())
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_whole_publication_removes_the_marks_of_dead_processes_and_leaves_those_of_live_ones() {
+        let root = tempfile::tempdir().unwrap();
+        let folder = Folder::new(root.path());
+        std::fs::create_dir(folder.staging()).unwrap();
+        let locks = Locks::new(folder.locks());
+        let marks = ChangingMarks::new(folder.clone());
+        let _alive = locks
+            .try_take("process-alive", "artifacts")
+            .unwrap()
+            .unwrap();
+        for mark in ["cgf.alive", "cgf.dead", "other.dead"] {
+            folder.write(&folder.changing().join(mark), b"").unwrap();
+        }
+        marks.mark("cgf").unwrap();
+        assert_eq!(marks.marks().unwrap().len(), 4);
+        marks.has("cgf", [].into_iter());
+        marks.unmark("cgf", &locks).unwrap();
+        let left: BTreeSet<String> = marks.marks().unwrap().into_iter().collect();
+        assert_eq!(left, ["cgf.alive", "other.dead"].map(str::to_owned).into());
+    }
+}

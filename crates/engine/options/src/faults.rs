@@ -93,7 +93,11 @@ impl OptionFaults {
 
     /// Adds the faults of a table inside the stage's, e.g. `scene`.
     pub fn of_table(&mut self, table: &str, found: impl IntoIterator<Item = OptionFault>) {
-        let found = found.into_iter().map(|fault| fault.within(table));
+        self.extend(found.into_iter().map(|fault| fault.within(table)));
+    }
+
+    /// Adds faults, by the keys that they have.
+    pub fn extend(&mut self, found: impl IntoIterator<Item = OptionFault>) {
         self.found.extend(found);
     }
 

@@ -14,8 +14,12 @@ use syn::{
 /// Declares a struct of options; the crate `options` has an example.
 #[proc_macro_attribute]
 pub fn options(arguments: TokenStream, item: TokenStream) -> TokenStream {
-    let expanded = syn::parse(arguments).and_then(|given| expand(given, syn::parse(item)?));
+    let expanded = expanded(arguments.into(), item.into());
     expanded.unwrap_or_else(Error::into_compile_error).into()
+}
+
+fn expanded(arguments: Tokens, item: Tokens) -> Result<Tokens> {
+    expand(syn::parse2(arguments)?, syn::parse2(item)?)
 }
 
 /// `name` or `name = VALUE`, between commas.
@@ -23,9 +27,12 @@ struct Settings(Vec<(Ident, Option<Tokens>)>);
 
 impl Parse for Settings {
     fn parse(input: ParseStream<'_>) -> Result<Self> {
-        let mut settings = Vec::new();
+        let mut settings: Vec<(Ident, Option<Tokens>)> = Vec::new();
         while !input.is_empty() {
             let name: Ident = input.parse()?;
+            if settings.iter().any(|(other, _)| *other == name) {
+                return Err(Error::new(name.span(), format!("`{name}` is said twice")));
+            }
             let has_value = input.parse::<Option<Token![=]>>()?.is_some();
             let mut value = Tokens::new();
             while has_value && !input.is_empty() && !input.peek(Token![,]) {
@@ -142,6 +149,11 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
                     .defaults
                     .push(quote!(fn #function() -> #ty { #value }));
             }
+            ("flatten", None) => {
+                field.attrs.push(syn::parse_quote!(#[serde(flatten)]));
+                let check = quote!(faults.extend(::options::Options::faults(value)););
+                declared.checks.push(checked(field, &check));
+            }
             ("table", None) => {
                 let check = quote!(faults.of_table(#key, ::options::Options::faults(value)););
                 declared.checks.push(checked(field, &check));
@@ -149,8 +161,8 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
             ("range", Some(value)) => range = Some((name, value)),
             ("why", Some(value)) => why = Some(value),
             _ => {
-                let known = "expected `default`, `default = VALUE`, `path`, `range = RANGE`, `table` or \
-                             `why = REASON`";
+                let known = "expected `default`, `default = VALUE`, `flatten`, `path`, `range = RANGE`, \
+                             `table` or `why = REASON`";
                 return Err(Error::new(name.span(), known));
             }
         }
@@ -188,5 +200,95 @@ fn checked(field: &Field, check: &Tokens) -> Tokens {
         quote!(if let Some(value) = &self.#ident { #check })
     } else {
         quote!({ let value = &self.#ident; #check })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn fault(arguments: &str, item: &str) -> String {
+        let [arguments, item] = [arguments, item].map(|text| text.parse().unwrap());
+        expanded(arguments, item).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_declaration_that_says_nothing_or_half_is_refused_with_the_reason() {
+        let known = "expected `default`, `default = VALUE`, `flatten`, `path`, `range = RANGE`, `table` or `why = REASON`";
+        for (option, expected) in [
+            ("defualt = 4", known),
+            ("default = 4, unit = \"m\"", known),
+            ("path = \"hand.urdf\"", known),
+            ("table = true", known),
+            ("range, why = \"a reason\"", known),
+            ("range = 0..=3, why", known),
+            ("range = 0..=3", "a range has a reason: `why = …`"),
+            (
+                "default = 2, why = \"a reason\"",
+                "the reason for which `range`?",
+            ),
+            (
+                "range = 0..=3, range = 1..=3, why = \"a reason\"",
+                "`range` is said twice",
+            ),
+            ("= 4", "expected identifier"),
+            ("\"default\"", "expected identifier"),
+        ] {
+            let item = format!("struct Config {{ #[option({option})] steps: usize }}");
+            assert_eq!(fault("", &item), expected, "{option}");
+        }
+    }
+
+    #[test]
+    fn an_option_is_declared_in_parentheses() {
+        for option in ["#[option]", "#[option = 4]"] {
+            let found = fault("", &format!("struct Config {{ {option} steps: usize }}"));
+            assert!(found.contains("parentheses: #[option(...)]"), "{found}");
+        }
+    }
+
+    #[test]
+    fn only_a_struct_with_named_fields_has_options_and_only_also_is_said_of_it() {
+        for (arguments, item, expected) in [
+            ("", "enum Config { Steps }", "expected a struct"),
+            ("", "struct Config(usize);", "expected fields with names"),
+            ("", "struct Config;", "expected fields with names"),
+            ("also", "struct Config {}", "expected `also = FUNCTION`"),
+            (
+                "check = Self::faults",
+                "struct Config {}",
+                "expected `also = FUNCTION`",
+            ),
+        ] {
+            assert_eq!(fault(arguments, item), expected, "{item}");
+        }
+    }
+
+    #[test]
+    fn a_struct_has_a_default_where_every_option_has_one() {
+        for (second, has_default) in [
+            ("#[option(default)]", true),
+            ("#[option(path)]", false),
+            ("", false),
+        ] {
+            let item = format!(
+                "struct Config {{ #[option(default = 4, range = 1..=9, why = \"a reason\")] steps: usize, \
+                 {second} hand: String }}"
+            );
+            let found = expanded(Tokens::new(), item.parse().unwrap())
+                .unwrap()
+                .to_string();
+            assert_eq!(
+                found.contains("default :: Default for Config"),
+                has_default,
+                "{second}"
+            );
+            assert!(
+                found.contains("fn default_steps () -> usize { 4 }"),
+                "{found}"
+            );
+            // No trace of the attribute is left for the compiler to refuse.
+            assert!(!found.contains("option ("), "{found}");
+        }
     }
 }

@@ -362,6 +362,11 @@ impl EncodedDemonstration {
         (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
     }
 
+    /// Says whether the network was trained on it.
+    pub fn is_learned(&self) -> bool {
+        self.split == Split::Training
+    }
+
     /// Returns the object's resting pose.
     pub fn rest(&self) -> RestingPose {
         RestingPose {

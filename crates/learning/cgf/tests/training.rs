@@ -224,6 +224,13 @@ fn checkpoint_of_another_hand_or_network_is_refused() {
         Err(CgfError::AnotherHand { .. })
     ));
     let text = std::fs::read_to_string(&description).unwrap();
+    let mut of_no_rest: serde_json::Value = serde_json::from_str(&text).unwrap();
+    of_no_rest["demonstrations"][1]["rest_up"] = serde_json::json!([0.0, 0.0, 2.0]);
+    std::fs::write(&description, of_no_rest.to_string()).unwrap();
+    assert!(matches!(
+        Cgf::load(&weights, &description),
+        Err(CgfError::RestingPose { .. })
+    ));
     std::fs::write(
         &description,
         text.replace("\"latent_dim\": 4", "\"latent_dim\": 5"),

@@ -6,7 +6,7 @@ use options::{above, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-pub use self::drives::{ControllerKind, DriveConfig, PalmDriveConfig};
+pub use self::drives::{ControllerKind, DriveConfig, PalmComplianceConfig, PalmDriveConfig};
 use crate::{
     protocols::{ProtocolName, PublishedSettings},
     settings::{
@@ -85,9 +85,13 @@ pub struct SceneConfig {
     /// with 1 mm held cans turn back and forth.
     #[option(default = 0.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub contact_recycle_m: f64,
-    /// Whether different fingers touch each other (false); links of one finger, and the palm, never do.
+    /// Whether different fingers touch each other (false); links of one finger never do.
     #[option(default)]
     pub fingers_touch: bool,
+    /// Whether fingers touch the palm (false), except for their links next to it and those that overlap it with all
+    /// joints at zero.
+    #[option(default)]
+    pub fingers_touch_palm: bool,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.
     #[option(
         default = 1.0, range = 0.0..=MAX_DURATION_S,
@@ -101,6 +105,11 @@ pub struct SceneConfig {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[option(default, table)]
     pub palm_drive: Option<PalmDriveConfig>,
+    /// Compliance of the arm that holds the palm (none): without it contact does not push the palm back. Conflicts
+    /// with `palm_drive`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    #[option(default, table)]
+    pub palm_compliance: Option<PalmComplianceConfig>,
     /// Simulation steps omitted because they cannot change the verdict.
     #[option(default, table)]
     pub shortcuts: Shortcuts,

@@ -78,9 +78,17 @@ pub(crate) fn touch(
     touch
 }
 
-/// Returns the sizes of force and torque with which object and table pressed on the hand in the last physics
-/// step, in newtons and, about the palm's origin, in newton meters.
-pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, Palm>) -> [f64; 2] {
+/// Load of object and table on the palm, along the engine's axes, which are the table's.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PalmLoad {
+    /// Force in newtons.
+    pub(crate) force_n: Vector3<f64>,
+    /// Torque about the palm's origin in newton meters.
+    pub(crate) torque_nm: Vector3<f64>,
+}
+
+/// Returns the force and torque with which object and table pressed on the hand in the last physics step.
+pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, Palm>) -> PalmLoad {
     let palm_in_engine = engine_from_palm.translation.vector;
     let (mut force_n, mut torque_nm) = (Vector3::zeros(), Vector3::zeros());
     for (pair, [first, second]) in pairs(world) {
@@ -105,7 +113,7 @@ pub(crate) fn load_on_palm(world: &World, engine_from_palm: &Pose<EngineFrame, P
             }
         }
     }
-    [force_n.norm(), torque_nm.norm()]
+    PalmLoad { force_n, torque_nm }
 }
 
 /// Contact of the hand with the object in one physics step.
@@ -213,7 +221,8 @@ mod tests {
                 assert!((point.z - 0.01).abs() < 1e-3, "{point}");
                 assert!(point.x.abs().max(point.y.abs()) < 0.026, "{point}");
             }
-            let [force_n, torque_nm] = load_on_palm(&world, &beside);
+            let load = load_on_palm(&world, &beside);
+            let [force_n, torque_nm] = [load.force_n, load.torque_nm].map(|of| of.norm());
             assert!(
                 (force_n / weight_n - 1.0).abs() < 0.02,
                 "{force_n} of {weight_n} N"

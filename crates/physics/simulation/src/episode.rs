@@ -42,7 +42,7 @@ impl SettledScene {
     ///
     /// # Errors
     ///
-    /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven, or if
+    /// Fails if the command has not one position per joint, if a position is no number, if the palm is driven or yields, or if
     /// the fingers' drives look ahead or are late: their future commands are not known.
     pub fn begin(&self, start: &HandState<Object>) -> Result<Episode, SimulationError> {
         if self.scene.drive.controller.follows_motion() {
@@ -53,6 +53,10 @@ impl SettledScene {
             let problem =
                 "needs the whole path beforehand, and the next command is not known: leave it out";
             return Err(OptionFault::new("palm_drive", problem).into());
+        }
+        if self.scene.palm_compliance.is_some() {
+            let problem = "may end a motion as overloaded, which an episode cannot: leave it out";
+            return Err(OptionFault::new("palm_compliance", problem).into());
         }
         if self.scene.delay_steps() > 0 {
             let problem = "must be 0: commands take effect at once";

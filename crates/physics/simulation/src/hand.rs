@@ -11,6 +11,8 @@ mod closed_forms;
 mod controller;
 mod feedforward;
 
+use std::convert::identity;
+
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
@@ -146,6 +148,7 @@ impl HandBodies {
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let parents = parents(&groups, model);
         let fingers = fingers(&parents);
+        let with_palm = palm_contacts(model, &shapes, scene);
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
         for (idx, group) in groups.iter().enumerate() {
@@ -159,7 +162,8 @@ impl HandBodies {
                 _ => movable(mass),
             });
             let touching = collision_groups(fingers[idx], &fingers, scene);
-            for collider in colliders(group, &shapes, scene.friction) {
+            for (shape, collider) in colliders(group, &shapes, scene.friction) {
+                let touching = with_palm[shape](touching);
                 let collider = collider.collision_groups(touching).user_data(idx as u128);
                 world
                     .colliders
@@ -320,9 +324,13 @@ impl HandBodies {
         table_from_palm: &Pose<Table, Palm>,
         seconds: f64,
     ) {
-        let (target, seconds) = (engine_pose(table_from_palm), real(seconds));
+        self.move_palm_in_engine(world, &engine_pose(table_from_palm), real(seconds));
+    }
+
+    /// As [`HandBodies::move_palm`], with a target in the engine's frame and units.
+    pub(crate) fn move_palm_in_engine(&self, world: &mut World, target: &EnginePose, seconds: f32) {
         if let Some(palm) = self.palm_mut(world) {
-            let [x, y, z, about_x, about_y, about_z] = twist(palm.position(), &target, seconds);
+            let [x, y, z, about_x, about_y, about_z] = twist(palm.position(), target, seconds);
             palm.set_linvel(Vector::new(x, y, z), true);
             palm.set_angvel(Vector::new(about_x, about_y, about_z), true);
         }
@@ -333,7 +341,7 @@ impl HandBodies {
             let Some(root) = multibody.link(address.link) else {
                 continue;
             };
-            let velocity = twist(root.local_to_world(), &target, seconds);
+            let velocity = twist(root.local_to_world(), target, seconds);
             let mut velocities = multibody.generalized_velocity_mut();
             for (number, coordinate) in velocity.into_iter().zip(velocities.iter_mut()) {
                 *coordinate = number;
@@ -554,22 +562,53 @@ fn collision_groups(finger: usize, fingers: &[usize], scene: &SceneConfig) -> In
     }
 }
 
-/// Returns the colliders of the links of a rigid group, placed in the frame of its body.
+/// Returns for each of the hand's shapes the change of its collision groups where fingers touch the palm. A finger's
+/// shape does if it can meet all of the palm's: it is not of the link next to it, and overlaps none with the joints at 0.
+fn palm_contacts(
+    model: &RobotModel,
+    shapes: &[LinkShape],
+    scene: &SceneConfig,
+) -> Vec<fn(InteractionGroups) -> InteractionGroups> {
+    if !scene.fingers_touch_palm {
+        return vec![identity; shapes.len()];
+    }
+    let is_palm = |shape: &LinkShape| shape.part == Part::Palm;
+    let palm_n = shapes.iter().filter(|shape| is_palm(shape)).count();
+    let mut met_n = vec![0; shapes.len()];
+    for pair in model.shape_pairs(|_, _| true) {
+        match [pair.first, pair.second].map(|shape| is_palm(&shapes[shape])) {
+            [true, false] => met_n[pair.second] += 1,
+            [false, true] => met_n[pair.first] += 1,
+            _ => {}
+        }
+    }
+    let change = |(shape, met_n): (&LinkShape, usize)| match shape.part {
+        Part::Palm => groups::with_fingers,
+        Part::Finger if met_n == palm_n => groups::with_palm,
+        Part::Finger => identity,
+    };
+    shapes.iter().zip(met_n).map(change).collect()
+}
+
+/// Returns the colliders of the links of a rigid group, placed in the frame of its body, each with the number of its
+/// shape.
 fn colliders(
     group: &RigidGroup,
     shapes: &[LinkShape],
     friction: f64,
-) -> impl Iterator<Item = ColliderBuilder> {
+) -> impl Iterator<Item = (usize, ColliderBuilder)> {
     group.links.iter().flat_map(move |(link, body_from_link)| {
-        let of_link = shapes.iter().filter(move |shape| shape.link == *link);
-        of_link.map(move |shape| {
-            ColliderBuilder::new(shape.engine.clone())
+        let shapes = shapes.iter().enumerate();
+        let of_link = shapes.filter(move |(_, shape)| shape.link == *link);
+        of_link.map(move |(idx, shape)| {
+            let collider = ColliderBuilder::new(shape.engine.clone())
                 .density(0.0)
                 .friction(real(friction))
                 .position(
                     engine_pose(&(*body_from_link * shape.link_from_shape))
                         * shape.shape_from_engine,
-                )
+                );
+            (idx, collider)
         })
     })
 }
@@ -775,6 +814,50 @@ mod tests {
             world.step().unwrap();
         }
         assert!((hand.positions(&world)[0] - 1.5).abs() < 1e-3);
+    }
+
+    /// A slide whose ball is always in the palm, and on it a tip that slides into the palm's plate from 10 cm away.
+    #[test]
+    fn a_finger_stops_at_the_palm_and_its_first_link_overlaps_it() {
+        let link = |name: &str, shape: &str| {
+            format!(
+                r#"<link name="{name}"><inertial><mass value="0.05"/>
+                  <inertia ixx="1e-5" ixy="0" ixz="0" iyy="1e-5" iyz="0" izz="1e-5"/></inertial>
+                  <collision><geometry>{shape}</geometry></collision></link>"#
+            )
+        };
+        let joint = |name: &str, [parent, child]: [&str; 2], [x, axis]: [&str; 2]| {
+            format!(
+                r#"<joint name="{name}" type="prismatic"><parent link="{parent}"/><child link="{child}"/>
+                  <origin xyz="{x} 0 0"/><axis xyz="{axis}"/>
+                  <limit lower="-0.2" upper="0.2" effort="1" velocity="1"/></joint>"#
+            )
+        };
+        let urdf = [
+            r#"<robot name="h">"#,
+            &link("palm", r#"<box size="0.02 0.1 0.1"/>"#),
+            &link("slide", r#"<sphere radius="0.095"/>"#),
+            &link("tip", r#"<sphere radius="0.01"/>"#),
+            &joint("first", ["palm", "slide"], ["0.1", "0 0 1"]),
+            &joint("second", ["slide", "tip"], ["0", "-1 0 0"]),
+            "</robot>",
+        ]
+        .concat();
+        let end_m = |fingers_touch_palm: bool| {
+            let mut scene = testing::scene();
+            scene.fingers_touch_palm = fingers_touch_palm;
+            let (mut world, hand) = of_urdf(&scene, &urdf);
+            hand.place(&mut world, &Pose::identity(), &[0.0, 0.0]);
+            for _ in 0..500 {
+                hand.drive(&mut world, &[0.0, 0.12]);
+                world.step().unwrap();
+            }
+            hand.positions(&world)
+        };
+        for (found, expected_m) in [(end_m(false), 0.12), (end_m(true), 0.08)] {
+            assert!((found[1] - expected_m).abs() < 5e-4, "{found:?}");
+            assert!(found[0].abs() < 1e-4, "{found:?}");
+        }
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! Verdicts of rollouts from their steps.
 
-use schemas::rollouts::Verdict;
+use schemas::rollouts::{Measures, Verdict};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -227,6 +227,7 @@ impl<'a> Judge<'a> {
             return false;
         }
         let load = contact::load_on_palm(world, &settled.hand.engine_from_palm(world));
+        let load = [load.force_n, load.torque_nm].map(|of| of.norm());
         let limits = [strict.max_palm_force_n, strict.max_palm_torque_nm];
         let exceeds = |(load, limit): (f64, Option<f64>)| limit.is_some_and(|limit| load > limit);
         if load.into_iter().zip(limits).any(exceeds) {
@@ -377,23 +378,20 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Rise of the object's origin, in meters.
-    pub(crate) fn rise_m(&self) -> f64 {
-        self.rise_m
-    }
-
-    /// Motion of the object on the table before the squeeze, in meters.
-    pub(crate) fn displacement_m(&self) -> f64 {
-        self.displacement_m
-    }
-
-    /// Largest penetration depth of the hand in the object while it was held, in meters.
-    pub(crate) fn penetration_m(&self) -> f64 {
-        self.penetration_m
+    /// Returns what was measured until now, without the numbers of steps.
+    pub(crate) fn measures(&self) -> Measures {
+        Measures {
+            lift_m: finite_or_zero(self.rise_m),
+            slip_m: finite_or_zero(self.slip_m()),
+            displacement_m: finite_or_zero(self.displacement_m),
+            penetration_m: finite_or_zero(self.penetration_m),
+            contacts_n: self.contact_count(),
+            ..Measures::default()
+        }
     }
 
     /// Motion of the object in the palm frame since the end of the lift, in meters.
-    pub(crate) fn slip_m(&self) -> f64 {
+    fn slip_m(&self) -> f64 {
         self.palm_from_object_held.first().map_or(0.0, |lifted| {
             lifted
                 .inv_mul(&self.last_palm_from_object)
@@ -404,7 +402,7 @@ impl<'a> Judge<'a> {
     }
 
     /// Hand links in contact with the object at the end.
-    pub(crate) fn contact_count(&self) -> u32 {
+    fn contact_count(&self) -> u32 {
         if let Some(links) = self.settled {
             return u32::try_from(links).unwrap_or(u32::MAX);
         }
@@ -418,6 +416,11 @@ impl<'a> Judge<'a> {
         let touching = pressed.filter(|&(_, &n)| n as f64 >= enough);
         touching.map(|(body, _)| body).collect()
     }
+}
+
+/// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
+fn finite_or_zero(figure: f64) -> f64 {
+    if figure.is_finite() { figure } else { 0.0 }
 }
 
 /// Returns the indices of those that are true.

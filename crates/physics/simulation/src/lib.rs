@@ -7,7 +7,7 @@
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
 //!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it is infinitely strong,
 //!   and follows its path exactly, or lags by drives of its own ([`PalmDriveConfig`]). Only the fingers
-//!   yield.
+//!   yield; with [`PalmComplianceConfig`] the palm does too.
 //! - Finger joints are PD drives, with an optional velocity reference and inverse dynamics, integrated
 //!   implicitly, with clamped torque.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
@@ -24,6 +24,7 @@ mod error;
 mod hand;
 mod judge;
 mod object;
+mod palm_compliance;
 mod palm_course;
 mod played;
 mod protocols;
@@ -40,8 +41,8 @@ mod units;
 mod world;
 
 pub use config::{
-    Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, PalmDriveConfig,
-    Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
+    Approach, ControllerKind, DriveConfig, KnockedUntil, ObjectMass, Offset, PalmComplianceConfig,
+    PalmDriveConfig, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
 pub use episode::{Diverged, Episode, EpisodeState};
@@ -51,7 +52,7 @@ pub use played::CommandStep;
 pub use protocols::{ProtocolName, PublishedSettings};
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
-pub use schemas::rollouts::Verdict;
+pub use schemas::rollouts::{Measures, Verdict};
 pub use script::{Flexion, Phase, Setpoint};
 pub use settled_scene::{SettledScene, check_hand};
 pub use shortcuts::Shortcuts;

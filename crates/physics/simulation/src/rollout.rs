@@ -1,7 +1,7 @@
 //! Execution of one motion in physics, and its verdict.
 
 use motion::HandState;
-use schemas::rollouts::Verdict;
+use schemas::rollouts::{Measures, Verdict};
 use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
@@ -9,10 +9,12 @@ use crate::{
     contact::{ContactPoint, contact_points},
     desired::DesiredStep,
     judge::Judge,
+    palm_compliance::CompliantPalm,
     palm_course::PalmCourse,
     script::{Command, Phase, Script},
     settled_scene::SettledScene,
     shortcuts::Shortcuts,
+    units::EngineFrame,
     world::{Overflow, World},
 };
 
@@ -30,20 +32,8 @@ pub enum TraceMode {
 pub struct Rollout {
     /// The verdict; success is [`Verdict::Held`].
     pub verdict: Verdict,
-    /// Control steps simulated.
-    pub control_steps_n: u32,
-    /// Control steps of the script that were omitted.
-    pub skipped_steps_n: u32,
-    /// Rise of the object's origin at the end, in meters.
-    pub lift_m: f64,
-    /// Motion of the object in the palm frame between lift and end, in meters.
-    pub slip_m: f64,
-    /// Motion of the object on the table before the squeeze, in meters.
-    pub displacement_m: f64,
-    /// Largest penetration depth of the hand in the object while it was held, in meters.
-    pub penetration_m: f64,
-    /// Hand links in contact with the object at the end.
-    pub contacts_n: u32,
+    /// What was measured.
+    pub measures: Measures,
     /// The hand as it moved over the control steps of the reach, its start first; empty unless the reach was simulated
     /// to its end.
     pub executed: Vec<HandState<Object>>,
@@ -56,13 +46,10 @@ impl Rollout {
     pub(crate) fn refused(verdict: Verdict, script: &Script) -> Self {
         Self {
             verdict,
-            control_steps_n: 0,
-            skipped_steps_n: count(script.commands.len()),
-            lift_m: 0.0,
-            slip_m: 0.0,
-            displacement_m: 0.0,
-            penetration_m: 0.0,
-            contacts_n: 0,
+            measures: Measures {
+                skipped_steps_n: count(script.commands.len()),
+                ..Measures::default()
+            },
             executed: Vec::new(),
             trace: None,
         }
@@ -154,7 +141,11 @@ pub(crate) fn run_watched<'a>(
             break;
         }
         verdict = match execution.advance(script, idx, command) {
-            Ok(()) => judge.observe(settled, &execution.world, command),
+            Ok(()) => match judge.observe(settled, &execution.world, command) {
+                Some(Verdict::Diverged) => Some(Verdict::Diverged),
+                _ if execution.is_overloaded() => Some(Verdict::Overloaded),
+                judged => judged,
+            },
             Err(Overflow) => Some(Verdict::Diverged),
         };
         if verdict.is_some() {
@@ -183,13 +174,11 @@ pub(crate) fn run_watched<'a>(
     let verdict = verdict.unwrap_or_else(|| judge.conclude(settled));
     let rollout = Rollout {
         verdict,
-        control_steps_n,
-        skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
-        lift_m: finite_or_zero(judge.rise_m()),
-        slip_m: finite_or_zero(judge.slip_m()),
-        displacement_m: finite_or_zero(judge.displacement_m()),
-        penetration_m: finite_or_zero(judge.penetration_m()),
-        contacts_n: judge.contact_count(),
+        measures: Measures {
+            control_steps_n,
+            skipped_steps_n: count(script.commands.len()).saturating_sub(control_steps_n),
+            ..judge.measures()
+        },
         executed: if has_reached { executed } else { Vec::new() },
         trace: trace.filter(|_| verdict != Verdict::Diverged),
     };
@@ -208,12 +197,14 @@ struct Execution<'a> {
     arrival: usize,
     /// The palm's course, if it is driven.
     palm: Option<PalmCourse>,
+    /// The palm's deviation from its path, if it yields.
+    compliant: Option<CompliantPalm>,
     /// Whether the palm was halted.
     halted: bool,
     /// Whether every pull begins where the first one began.
     restart_each_pull: bool,
-    /// The world before the first pull, and the control steps commanded until then.
-    before_pulls: Option<(World, u32)>,
+    /// The world before the first pull, a palm that yields, and the control steps commanded until then.
+    before_pulls: Option<(World, Option<CompliantPalm>, u32)>,
     /// Control steps commanded since the start, by the clock of the drives.
     commanded_n: u32,
     control_steps_n: u32,
@@ -243,6 +234,7 @@ impl<'a> Execution<'a> {
                 .as_ref()
                 .map_or_else(|| script.arrival(), PalmCourse::control_step_count),
             palm,
+            compliant: None,
             halted: false,
             restart_each_pull: protocol.published_settings().restart_each_pull,
             before_pulls: None,
@@ -257,6 +249,8 @@ impl<'a> Execution<'a> {
         settled
             .hand
             .place(&mut execution.world, &table_from_palm, &start.hand.q_rad);
+        let engine_from_palm = settled.hand.engine_from_palm(&execution.world);
+        execution.compliant = CompliantPalm::at_rest(&settled.scene, engine_from_palm);
         execution.executed.push(start.hand.clone());
         execution.record(&start.hand.q_rad);
         execution
@@ -272,12 +266,13 @@ impl<'a> Execution<'a> {
         let control_s = settled.scene.control_step_s();
         let is_moving = idx < self.arrival;
         if is_moving {
-            if self.palm.is_none() {
+            if self.palm.is_none() && self.compliant.is_none() {
                 let target = command.table_from_palm(&self.table_from_estimate);
                 settled.hand.move_palm(world, &target, control_s);
             }
         } else {
-            if !self.halted {
+            // A palm that yields goes on to move.
+            if !self.halted && self.compliant.is_none() {
                 settled.hand.halt(world);
                 self.halted = true;
             }
@@ -289,9 +284,13 @@ impl<'a> Execution<'a> {
                 let turns = before
                     .is_some_and(|b| b.pull_in_table_m_per_s2 != command.pull_in_table_m_per_s2);
                 match &self.before_pulls {
-                    None => self.before_pulls = Some((world.fork(), self.commanded_n)),
-                    Some((before_pulls, commanded_n)) if turns => {
+                    None => {
+                        let compliant = self.compliant.clone();
+                        self.before_pulls = Some((world.fork(), compliant, self.commanded_n));
+                    }
+                    Some((before_pulls, compliant, commanded_n)) if turns => {
                         *world = before_pulls.fork();
+                        self.compliant.clone_from(compliant);
                         self.commanded_n = *commanded_n;
                     }
                     Some(_) => {}
@@ -299,7 +298,15 @@ impl<'a> Execution<'a> {
             }
             world.pull(settled.object, &command.pull_in_table_m_per_s2);
         }
-        let palm = self.palm.as_ref().filter(|_| is_moving);
+        let palm = match (&self.palm, &mut self.compliant) {
+            (Some(course), _) if is_moving => PalmMotion::Driven(course),
+            (_, Some(compliant)) => {
+                // The engine's frame is carried, not the palm in it.
+                let on_path = self.table_from_estimate * command.hand.frame_from_palm;
+                PalmMotion::Compliant(compliant, Pose::new(*on_path))
+            }
+            _ => PalmMotion::Set,
+        };
         let advanced = control_step(settled, world, script, idx, self.commanded_n, palm);
         self.commanded_n += 1;
         self.control_steps_n += 1;
@@ -314,6 +321,13 @@ impl<'a> Execution<'a> {
         advanced
     }
 
+    /// Whether a palm that yields is too far off its path.
+    fn is_overloaded(&self) -> bool {
+        self.compliant
+            .as_ref()
+            .is_some_and(CompliantPalm::is_overloaded)
+    }
+
     /// Records the current state and calls the observer.
     fn record(&mut self, q_command: &[f64]) {
         let Some(trace) = &mut self.trace else {
@@ -326,11 +340,6 @@ impl<'a> Execution<'a> {
         }
         trace.steps.push(step);
     }
-}
-
-/// Returns a figure that can be stored: 0 if it is meaningless after a divergence.
-fn finite_or_zero(figure: f64) -> f64 {
-    if figure.is_finite() { figure } else { 0.0 }
 }
 
 /// Reference of the fingers' drives over one physics step.
@@ -373,23 +382,40 @@ fn arrived<'a>(
     }
 }
 
-/// Advances by one control step after `done_n` others, with `last` as the last one commanded; a driven palm moves along
-/// its course.
+/// Motion of the palm in one control step.
+enum PalmMotion<'a> {
+    /// At the velocity that it has.
+    Set,
+    /// Along the course of a driven palm.
+    Driven(&'a PalmCourse),
+    /// Off its path, which ends at this pose.
+    Compliant(&'a mut CompliantPalm, Pose<EngineFrame, Palm>),
+}
+
+/// Advances by one control step after `done_n` others, with `last` as the last one commanded.
 fn control_step(
     settled: &SettledScene,
     world: &mut World,
     script: &Script,
     last: usize,
     done_n: u32,
-    palm: Option<&PalmCourse>,
+    mut palm: PalmMotion,
 ) -> Result<(), Overflow> {
     let per_control = settled.scene.steps_per_control as usize;
     let first = done_n as usize * per_control;
     for step in first..first + per_control {
-        if let Some(object_from_palm) = palm.and_then(|palm| palm.pose(step, last)) {
-            let target = settled.table_from_estimate() * *object_from_palm;
-            let step_s = settled.scene.time_step_s;
-            settled.hand.move_palm(world, &target, step_s);
+        match &mut palm {
+            PalmMotion::Set => {}
+            PalmMotion::Driven(course) => {
+                if let Some(object_from_palm) = course.pose(step, last) {
+                    let target = settled.table_from_estimate() * *object_from_palm;
+                    let step_s = settled.scene.time_step_s;
+                    settled.hand.move_palm(world, &target, step_s);
+                }
+            }
+            PalmMotion::Compliant(palm, end) => {
+                palm.move_hand(world, &settled.hand, end, first + per_control - step);
+            }
         }
         match arrived(settled, script, last, step) {
             Some(Reference::Held(q_command)) => settled.hand.drive(world, q_command),

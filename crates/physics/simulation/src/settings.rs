@@ -33,6 +33,10 @@ impl SceneConfig {
             let problem = "conflicts with `object_density_kg_per_m3`: set one of them";
             faults.note("object_mass_kg", problem);
         }
+        if self.palm_drive.is_some() && self.palm_compliance.is_some() {
+            let problem = "conflicts with `palm_compliance`: set one of them";
+            faults.note("palm_drive", problem);
+        }
         let step_s = self.time_step_s;
         let settling = self.settle_s / step_s;
         if faults.is_empty() && settling > MAX_STEPS {

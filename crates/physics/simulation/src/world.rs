@@ -30,16 +30,19 @@ const TABLE_HALF_EDGE_M: f64 = 1.0;
 /// Half the thickness of the table in meters.
 const TABLE_HALF_THICKNESS_M: f64 = 0.025;
 
-/// Collision groups: the hand touches object and table, and its fingers each other if configured.
+/// Collision groups: the hand touches object and table, and its fingers each other and the palm if configured.
 pub(crate) mod groups {
     use super::{Group, InteractionGroups, InteractionTestMode};
 
     /// Number of groups that are not fingers.
-    const OTHERS: usize = 3;
+    const OTHERS: usize = 5;
 
     const HAND: Group = Group::GROUP_1;
     const OBJECT: Group = Group::GROUP_2;
     const TABLE: Group = Group::GROUP_3;
+    /// A palm that fingers touch, and the shapes of fingers that touch it.
+    const PALM: Group = Group::GROUP_4;
+    const ON_PALM: Group = Group::GROUP_5;
 
     const fn groups(own: Group, others: Group) -> InteractionGroups {
         InteractionGroups::new(own, others, InteractionTestMode::And)
@@ -55,10 +58,27 @@ pub(crate) mod groups {
         // Fingers beyond the last group share it.
         let bit = (OTHERS + number).min(31);
         let own = Group::from_bits_retain(1 << bit);
-        let fingers = Group::ALL.difference(HAND.union(OBJECT).union(TABLE));
+        let others = HAND.union(OBJECT).union(TABLE).union(PALM).union(ON_PALM);
+        let fingers = Group::ALL.difference(others);
         groups(
             HAND.union(own),
             OBJECT.union(TABLE).union(fingers.difference(own)),
+        )
+    }
+
+    /// Adds to the groups of the palm's shapes that fingers touch them.
+    pub(crate) fn with_fingers(of_palm: InteractionGroups) -> InteractionGroups {
+        groups(
+            of_palm.memberships.union(PALM),
+            of_palm.filter.union(ON_PALM),
+        )
+    }
+
+    /// Adds to the groups of a finger's shape that it touches the palm.
+    pub(crate) fn with_palm(of_finger: InteractionGroups) -> InteractionGroups {
+        groups(
+            of_finger.memberships.union(ON_PALM),
+            of_finger.filter.union(PALM),
         )
     }
 

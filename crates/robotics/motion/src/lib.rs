@@ -24,7 +24,8 @@
 //! have one position per joint; the constructor refuses all others. Between two steps it is linear
 //! ([`Motion::at`]); one with all rates is also a [`MotionSpline`], through all steps with continuous
 //! velocity and acceleration. A [`JointTrack`] and [`PalmPoint`]s are controller commands: points
-//! at each controller's own rate. A [`HandState`] is a hand at one time, of a motion or not.
+//! at each controller's own rate. A [`HandState`] is a hand at one time, of a motion or not;
+//! [`smoothness()`] measures a series of them.
 //! Times are in seconds, lengths in meters, angles in radians.
 //! This crate does no input or output; it knows neither limits nor a motion's purpose.
 
@@ -34,6 +35,7 @@ mod hand_state;
 mod interpolation;
 mod motion;
 mod rates;
+mod smoothness;
 mod spline;
 mod track;
 
@@ -43,5 +45,6 @@ pub use hand_state::HandState;
 pub use interpolation::joints_between;
 pub use motion::{Motion, Step};
 pub use rates::{HandRates, JointRates, Rates};
+pub use smoothness::{Smoothness, Variation, Variations, smoothness};
 pub use spline::MotionSpline;
 pub use track::{JointPoint, JointTrack, PalmPoint, PalmTrajectory, Timed};

@@ -49,6 +49,7 @@ pub use hand::{Hand, HandPoint};
 pub use hand_table::{FollowedPoint, HandTable};
 pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};
+pub use schemas::demonstrations::KEYPOINTS;
 pub use self_gap_terms::SelfGapTerms;
 pub use solver_error::SolverError;
 pub use task::{

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use cem_mpc::{ControlOptions, CrossEntropy, Speeds};
 use options::{OptionFaults, Options, above, options};
 use simulation::{Approach, ControllerKind, Protocol, SceneConfig};
 
@@ -109,13 +110,40 @@ impl CemMpcConfig {
         }
     }
 
+    /// Returns the parameters of control.
+    pub(crate) fn control(&self) -> ControlOptions {
+        ControlOptions {
+            method: CrossEntropy {
+                population: self.population,
+                elites: self.elites,
+                iterations: self.iterations,
+                initial_sd: self.initial_sd,
+                min_sd: self.min_sd,
+                smoothing: self.smoothing,
+            },
+            horizon: self.horizon,
+            memory: self.memory,
+            speeds: Speeds {
+                palm: self.max_speed_m_per_s,
+                turn: self.max_turn_rad_per_s,
+                joint: self.max_joint_speed_rad_per_s,
+            },
+            tip_weight_per_m: self.tip_weight_per_m,
+            object_weight_per_m: self.object_weight_per_m,
+            table_weight_per_m: self.table_weight_per_m,
+            tip_tolerance_m: self.tip_tolerance_m,
+            control_step_s: self.scene.control_step_s(),
+            steps_n: self.steps_n(),
+        }
+    }
+
     /// Returns the number of control steps of a motion, at least one.
     #[expect(
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss,
         reason = "a checked protocol has a bounded number of control steps"
     )]
-    pub(crate) fn steps_n(&self) -> usize {
+    fn steps_n(&self) -> usize {
         let steps = self.protocol.reach_s / self.scene.control_step_s();
         (steps.round() as usize).max(1)
     }

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use cem_mpc::{ControlError, ControlledMotion, Controller, Fingertips, Scenes};
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope,
     Stage, Sum, Unit,
@@ -20,15 +21,10 @@ use schemas::{
     draws::{Draw, Draws},
     objects::Object,
 };
-use simulation::{ObjectShape, SettledScene, SimulationError, check_hand};
-use spatial::{Object as InObject, Pose, RestingPose, Table as OnTable};
+use simulation::{ObjectShape, SimulationError, check_hand};
+use spatial::Object as InObject;
 
-use crate::{
-    CemMpcConfig, CemMpcError,
-    actions::{Actions, Speeds},
-    control::{ControlError, ControlledMotion, Controller},
-    tips::Fingertips,
-};
+use crate::{CemMpcConfig, CemMpcError};
 
 /// Moves the hand to the grasp of each motion by model predictive control with the cross-entropy method.
 pub struct CemMpc;
@@ -144,31 +140,21 @@ impl Output for CemMpc {
         let joints = hand.joint_names();
         let of_object = (given.object.as_str(), &given.joints[..]);
         AnotherHand::check(Self::KIND, of_object, (&urdf, &hand))?;
-        let scenes = match Scenes::of(&config, &hand, &object, &given.candidates) {
+        let shape = ObjectShape::from_artifact(&object);
+        let poses = given.candidates.iter();
+        let poses = poses.map(|candidate| candidate.table_from_object);
+        let scenes = match Scenes::new(&config.scene, &hand, &shape, poses) {
             Ok(scenes) => scenes,
             Err(source) => return skip_or_fail(&urdf, source),
         };
-        let scene = &config.scene;
-        let speeds = Speeds {
-            palm: config.max_speed_m_per_s,
-            turn: config.max_turn_rad_per_s,
-            joint: config.max_joint_speed_rad_per_s,
-        };
-        let mpc = Controller {
-            config: &config,
-            hand: &hand,
-            tips: &tips,
-            actions: Actions::new(&hand, &speeds, scene.control_step_s()),
-            steps_n: config.steps_n(),
-        };
+        let mpc = Controller::new(&hand, &tips, config.control());
         let controlled = given.candidates.par_iter().enumerate();
         let controlled = controlled.map(|(idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
             cpu_time::measured(|| {
-                let scene = scenes.of_candidate(candidate)?;
-                let motion = candidate.motion.reordered(&joints)?;
-                mpc.control(scene, &motion, &mut rng)
+                let scene = scenes.at(&candidate.table_from_object)?;
+                mpc.control(scene, &candidate.motion, &mut rng)
             })
         });
         let controlled: Vec<_> = controlled.collect();
@@ -207,39 +193,6 @@ impl Output for CemMpc {
 /// Returns the candidate of this motion to the grasp of another one.
 fn remade(given: &Candidate, motion: Motion<InObject>) -> Candidate {
     given.remade("cem", GENERATOR, Origin::Planner, motion)
-}
-
-/// One settled scene for each way in which the object lies.
-struct Scenes(Vec<(Pose<OnTable, InObject>, SettledScene)>);
-
-impl Scenes {
-    /// Builds the scenes of candidates.
-    fn of(
-        config: &CemMpcConfig,
-        hand: &RobotModel,
-        object: &Object,
-        candidates: &[Candidate],
-    ) -> Result<Self, SimulationError> {
-        let shape = ObjectShape::from_artifact(object);
-        let mut scenes: Vec<(Pose<OnTable, InObject>, SettledScene)> = Vec::new();
-        for candidate in candidates {
-            let pose = candidate.table_from_object;
-            if scenes.iter().all(|(known, _)| *known != pose) {
-                let rest = RestingPose::of(&pose);
-                let scene = SettledScene::new(&config.scene, hand, &shape, &rest)?;
-                scenes.push((pose, scene));
-            }
-        }
-        Ok(Self(scenes))
-    }
-
-    /// Returns the scene of a candidate.
-    fn of_candidate(&self, candidate: &Candidate) -> Result<&SettledScene, SimulationError> {
-        let pose = candidate.table_from_object;
-        let found = self.0.iter().find(|(known, _)| *known == pose);
-        let (_, scene) = found.ok_or(SimulationError::Unsettled)?;
-        Ok(scene)
-    }
 }
 
 /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so every unit will.

@@ -10,21 +10,16 @@ use dataflow::{
     Unit,
 };
 use geometry::DistanceField;
+use grasp_inputs::GraspInputs;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, WriteArtifact};
+use lake::WriteArtifact;
 use nalgebra::Point3;
 use posture::Environment;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use robot::{RobotModel, SurfacePoint};
-use schemas::{
-    Table,
-    candidates::Candidates,
-    distance_fields::{self, FieldInfo},
-    objects::Object,
-    trajectories::Trajectory,
-};
+use schemas::{Table, candidates::Candidates, objects::Object};
 use spatial::RestingPose;
 
 use crate::{
@@ -70,14 +65,8 @@ dataflow::metrics! {
 lake::inputs! {
     /// What a unit reads: an object, its distances, every demonstration and the hand.
     pub struct EigengraspInputs {
-        /// The object.
-        each object: Object, "to grasp";
-        /// The distances from the object.
-        own field: DistanceField = FieldInfo,
-            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
-            or "object has no distance field";
-        /// The demonstrations.
-        all trajectories: Trajectory [lake::table::FILE];
+        /// The object, its distances and the demonstrations.
+        with given: GraspInputs;
     }
     files {
         /// The hand's model.
@@ -133,9 +122,12 @@ impl Output for Eigengrasp {
         cx: &Context,
     ) -> Result<Outcome<EigengraspMetrics>, BoxedDiagnostic> {
         let EigengraspInputs {
-            object,
-            field,
-            trajectories,
+            given:
+                GraspInputs {
+                    object,
+                    field,
+                    trajectories,
+                },
             model,
         } = inputs;
         let joints = model.joint_names();
@@ -276,7 +268,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Partition};
-    use schemas::candidates::Origin;
+    use schemas::{candidates::Origin, distance_fields::FieldInfo, trajectories::Trajectory};
 
     use super::*;
     use crate::fixture;

@@ -8,8 +8,9 @@ use dataflow::{
     Unit,
 };
 use geometry::DistanceField;
+use grasp_inputs::GraspInputs;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, WriteArtifact};
+use lake::WriteArtifact;
 use nalgebra::Point3;
 use posture::{Environment, Hand};
 use rand::{Rng, SeedableRng};
@@ -18,9 +19,7 @@ use rayon::prelude::*;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
-    distance_fields::{self, FieldInfo},
     objects::Object,
-    trajectories::Trajectory,
 };
 
 use crate::{
@@ -62,14 +61,8 @@ dataflow::metrics! {
 lake::inputs! {
     /// What a unit reads: an object, its distances, every demonstration and the hand.
     pub struct ForceClosureInputs {
-        /// The object.
-        each object: Object, "to grasp";
-        /// The distances from the object.
-        own field: DistanceField = FieldInfo,
-            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
-            or "object has no distance field";
-        /// The demonstrations.
-        all trajectories: Trajectory [lake::table::FILE];
+        /// The object, its distances and the demonstrations.
+        with given: GraspInputs;
     }
     files {
         /// The hand.
@@ -133,9 +126,12 @@ impl Output for ForceClosure {
         cx: &Context,
     ) -> Result<Outcome<ForceClosureMetrics>, BoxedDiagnostic> {
         let ForceClosureInputs {
-            object,
-            field,
-            trajectories,
+            given:
+                GraspInputs {
+                    object,
+                    field,
+                    trajectories,
+                },
             hand,
         } = inputs;
         let field = Arc::new(field);
@@ -284,7 +280,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     use dataflow::{Artifact, Partition};
-    use schemas::candidates::Origin;
+    use schemas::{candidates::Origin, distance_fields::FieldInfo, trajectories::Trajectory};
 
     use super::*;
     use crate::fixture;

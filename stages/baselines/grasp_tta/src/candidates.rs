@@ -8,12 +8,11 @@ use cgf::{
     grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
 };
 use dataflow::{
-    Artifact, BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope,
-    Sum, Unit,
+    Artifact, BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit,
 };
-use geometry::DistanceField;
+use grasp_inputs::GraspInputs;
 use hand_files::HandFiles;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
 use motion::HandState;
 use nalgebra::Point3;
 use posture::Environment;
@@ -21,10 +20,8 @@ use robot::RobotModel;
 use schemas::{
     Table,
     candidates::{Candidates, ObjectSplit},
-    distance_fields::{self, FieldInfo},
     grasp_networks,
     objects::Object,
-    trajectories::Trajectory,
 };
 use spatial::RestingPose;
 
@@ -61,20 +58,14 @@ dataflow::metrics! {
 lake::inputs! {
     /// What a unit reads: an object, its distances, every demonstration, the networks and the hand.
     pub struct GraspTtaInputs {
-        /// The object.
-        each object: Object, "to grasp";
-        /// The distances from the object.
-        own field: DistanceField = FieldInfo,
-            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
-            or "object has no distance field";
-        /// The demonstrations.
-        all trajectories: Trajectory [lake::table::FILE];
+        /// The object, its distances and the demonstrations.
+        with given: GraspInputs;
+        /// The networks.
+        the networks: Artifact = (grasp_networks::NAME), |networks| Ok(networks.clone());
     }
     files {
         /// The hand's model.
         model: RobotModel = hand_files::model;
-        /// The networks.
-        networks: Artifact = |inputs: &Inputs| inputs.artifact(grasp_networks::NAME).cloned();
     }
 }
 
@@ -100,11 +91,8 @@ impl Output for AdaptedCandidates {
     });
 
     fn units(config: &GraspTtaConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let networks = scope.partitions(grasp_networks::NAME).iter();
-        let networks = networks.map(|model| &model.key);
-        let units = GraspTtaInputs::units(scope, &config.objects)?.into_iter();
-        let units = units.map(|unit| unit.reading(grasp_networks::NAME, networks.clone()));
-        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units.collect()))
+        let units = GraspTtaInputs::units(scope, &config.objects)?;
+        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units))
     }
 
     fn make(
@@ -113,9 +101,12 @@ impl Output for AdaptedCandidates {
         cx: &Context,
     ) -> Result<Outcome<GraspTtaMetrics>, BoxedDiagnostic> {
         let GraspTtaInputs {
-            object,
-            field,
-            mut trajectories,
+            given:
+                GraspInputs {
+                    object,
+                    field,
+                    mut trajectories,
+                },
             model,
             networks: files,
         } = inputs;

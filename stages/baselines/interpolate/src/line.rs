@@ -35,7 +35,12 @@ pub(crate) fn line(given: &Candidate) -> Result<Candidate, MotionError> {
     };
     let motion = Motion::of_joints(Arc::clone(motion.joints()), steps)?;
     // Both ends are within the limits, and so is what lies between them.
-    Ok(given.remade("line", GENERATOR, Origin::Line, motion))
+    Ok(remade(given, motion))
+}
+
+/// Returns the candidate of this motion to the grasp of another one.
+pub(crate) fn remade(given: &Candidate, motion: Motion<Object>) -> Candidate {
+    given.remade("line", GENERATOR, Origin::Line, motion)
 }
 
 /// A hand that moves at constant rates.

@@ -3,10 +3,17 @@
 use dataflow::{
     BoxedDiagnostic, Context, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::WriteArtifact;
-use schemas::{Table, candidates::Candidates};
+use lake::{Beside, WriteArtifact};
+use schemas::{
+    Table,
+    candidates::Candidates,
+    draws::{Draw, Draws},
+};
 
-use crate::{InterpolateConfig, line::line};
+use crate::{
+    InterpolateConfig,
+    line::{line, remade},
+};
 
 /// Replaces each motion by the straight line between its ends.
 pub struct Interpolate;
@@ -33,7 +40,7 @@ impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
     const INPUTS: &'static [&'static str] = InterpolateInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 }
 
 impl Output for Interpolate {
@@ -61,12 +68,16 @@ impl Output for Interpolate {
         cx: &Context,
     ) -> Result<Outcome<InterpolateMetrics>, BoxedDiagnostic> {
         let mut lines = Vec::with_capacity(given.candidates.len());
+        let mut draws = Draws::with_capacity(given.candidates.len());
         for motion in &given.candidates {
             match line(motion) {
-                Ok(motion) => lines.push(motion),
+                Ok(line) => {
+                    draws.push(Draw::kept(&line));
+                    lines.push(line);
+                }
                 Err(err) => {
-                    let name = &motion.candidate_id;
-                    return Ok(Outcome::skipped(format!("candidate `{name}`: {err}")));
+                    let refused = remade(motion, motion.motion.clone());
+                    draws.push(Draw::without_motion(&refused, err.to_string()));
                 }
             }
         }
@@ -78,6 +89,7 @@ impl Output for Interpolate {
             ..given
         };
         cx.write(&lines)?;
+        cx.write(&draws)?;
         Ok(Outcome::Made(metrics))
     }
 }
@@ -89,7 +101,10 @@ mod tests {
     use dataflow::{Artifact, Inputs, Partition};
     use motion::{HandRates, Motion, Step};
     use nalgebra::Isometry3;
-    use schemas::candidates::{Candidate, DrawSource};
+    use schemas::{
+        candidates::{Candidate, DrawSource},
+        draws::Refusal,
+    };
     use spatial::Pose;
 
     use super::*;
@@ -116,11 +131,13 @@ mod tests {
     }
 
     fn artifact(folder: &Path) -> Artifact {
-        let file = lake::table::FILE;
+        let files = [lake::table::FILE, Draws::FILE];
         Artifact {
             key: "can".parse().unwrap(),
             labels: BTreeMap::new(),
-            files: BTreeMap::from([(file.to_owned(), folder.join(file))]),
+            files: files
+                .map(|file| (file.to_owned(), folder.join(file)))
+                .into(),
         }
     }
 
@@ -172,17 +189,22 @@ mod tests {
     }
 
     #[test]
-    fn an_object_with_a_line_too_fast_for_numbers_is_skipped_by_name() {
+    fn a_line_too_fast_for_numbers_is_a_draw_with_its_reason() {
         let folder = tempfile::tempdir().unwrap();
-        let motions = vec![motion("can-0", 3, 1.0), motion("can-1", 2, 1e-310)];
+        let motions = vec![motion("can-0", 2, 1e-310), motion("can-1", 3, 1.0)];
         let outcome = run(motions, folder.path());
-        let Outcome::Skipped { reason } = outcome else {
-            panic!("{outcome:?}");
+        assert!(matches!(outcome, Outcome::Made(made) if made.candidates == 1.0));
+        let made = artifact(&folder.path().join("out"));
+        let read: Candidates = lake::table::read(&made).unwrap();
+        assert_eq!(read.candidates[0].candidate_id, "can-1-line");
+        let draws: Draws = lake::table::read(&made).unwrap();
+        let [refused, kept] = &draws[..] else {
+            panic!("{draws:?}");
         };
-        assert!(
-            reason.contains("`can-1`") && reason.contains("not finite"),
-            "{reason}"
-        );
+        assert_eq!(refused.candidate_id, "can-0-line");
+        assert_eq!(refused.refused, Some(Refusal::Motion));
+        assert!(refused.fault.contains("not finite"), "{}", refused.fault);
+        assert_eq!(kept, &Draw::kept(&read.candidates[0]));
     }
 
     #[test]

@@ -1,16 +1,15 @@
 //! The stage: one unit per object.
 
-use dataflow::{
-    BoxedDiagnostic, Context, Diagnostic, Inputs, Line, Outcome, Output, Outputs, PartitionKey,
-    Scope, Stage, Sum, Unit,
-};
-use lake::{ReadInputs, WriteArtifact};
-use motion::{HandRates, MotionError, palm_acceleration};
+use dataflow::{BoxedDiagnostic, Context, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
+use lake::{Beside, WriteArtifact};
+use motion::{HandRates, Motion, MotionError, palm_acceleration};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource},
+    draws::{Draw, Draws, Refusal},
     trajectories::Trajectory,
 };
+use spatial::Object;
 
 use crate::ReplayConfig;
 
@@ -28,29 +27,27 @@ dataflow::metrics! {
 /// Generator name of the candidates.
 const GENERATOR: &str = "demonstration";
 
-/// The label of a trajectory that names its object.
-const OBJECT: &str = "object";
-
-/// A trajectory changes too fast for its rates to be numbers.
-#[derive(Debug, thiserror::Error)]
-#[error("the palm's acceleration in a trajectory overflows")]
-pub struct ReplayError(#[from] MotionError);
-
-impl Diagnostic for ReplayError {}
+lake::inputs! {
+    /// What a unit reads: the demonstrations of an object.
+    pub struct ReplayInputs {
+        /// The demonstrations.
+        group trajectories: Trajectory, by "object", "to replay";
+    }
+}
 
 impl Stage for Replay {
     type Config = ReplayConfig;
 
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
-    const INPUTS: &'static [&'static str] = &[Trajectory::NAME];
-    const OUTPUTS: Outputs<Self> = &[&Self];
+    const INPUTS: &'static [&'static str] = ReplayInputs::INPUTS;
+    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
 }
 
 impl Output for Replay {
     type Stage = Self;
     type Metrics = ReplayMetrics;
-    type Inputs<'a> = &'a Inputs;
+    type Inputs<'a> = ReplayInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -61,40 +58,61 @@ impl Output for Replay {
     });
 
     fn units(config: &ReplayConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        scope.some(Trajectory::NAME, "to replay")?;
-        let by_object = scope.chosen_by_label(Trajectory::NAME, OBJECT, &config.objects)?;
-        let unit = |(object, trajectories)| {
-            let unit = Unit::new(object).with_label(OBJECT, object);
-            unit.reading::<&PartitionKey>(Trajectory::NAME, trajectories)
-        };
-        Ok(by_object.into_iter().map(unit).collect())
+        Ok(ReplayInputs::units(scope, &config.objects)?)
     }
 
     fn make(
         _config: &ReplayConfig,
-        inputs: &Inputs,
+        ReplayInputs { trajectories }: ReplayInputs,
         cx: &Context,
     ) -> Result<Outcome<ReplayMetrics>, BoxedDiagnostic> {
-        let trajectories: Vec<Trajectory> = inputs.all()?;
-        let candidates = trajectories.iter().map(candidate);
-        let candidates = Candidates {
-            object: cx.partition().to_string(),
-            joints: approach::joints_of(&trajectories)?.unwrap_or_default(),
-            candidates: candidates.collect::<Result<_, ReplayError>>()?,
+        let joints = approach::joints_of(&trajectories)?.unwrap_or_default();
+        let mut candidates = Vec::with_capacity(trajectories.len());
+        let mut draws = Draws::with_capacity(trajectories.len());
+        for trajectory in &trajectories {
+            match motion(trajectory) {
+                Ok(motion) => {
+                    let candidate = candidate(trajectory, motion);
+                    draws.push(Draw::kept(&candidate));
+                    candidates.push(candidate);
+                }
+                Err(err) => draws.push(refused(trajectory, &err)),
+            }
+        }
+        let metrics = ReplayMetrics {
+            candidates: candidates.len() as f64,
         };
-        cx.write(&candidates)?;
-        Ok(Outcome::Made(ReplayMetrics {
-            candidates: trajectories.len() as f64,
-        }))
+        cx.write(&Candidates {
+            object: cx.partition().to_string(),
+            joints,
+            candidates,
+        })?;
+        cx.write(&draws)?;
+        Ok(Outcome::Made(metrics))
     }
 }
 
-/// Returns a trajectory as the motion that it is.
-fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
+/// Returns the motion of a trajectory, with the palm's acceleration.
+///
+/// # Errors
+///
+/// Fails if the acceleration overflows.
+fn motion(trajectory: &Trajectory) -> Result<Motion<Object>, MotionError> {
     let motion = &trajectory.motion;
     let velocity = |idx: usize| motion.steps()[idx].rates.palm_velocity.to_array();
-    Ok(Candidate {
-        candidate_id: format!("{}-{}", trajectory.object, trajectory.sequence),
+    motion.with_rates(|idx| {
+        let rates = &motion.steps()[idx].rates;
+        HandRates {
+            palm_velocity: rates.palm_velocity,
+            palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
+            joints: rates.joints.clone(),
+        }
+    })
+}
+
+fn candidate(trajectory: &Trajectory, motion: Motion<Object>) -> Candidate {
+    Candidate {
+        candidate_id: candidate_id(trajectory),
         generator: GENERATOR.to_owned(),
         source: DrawSource::replayed(&trajectory.sequence),
         latent: Vec::new(),
@@ -102,23 +120,34 @@ fn candidate(trajectory: &Trajectory) -> Result<Candidate, ReplayError> {
         limit_excess_rad: 0.0,
         depth_m: None,
         residual_m2: None,
-        motion: motion.with_rates(|idx| {
-            let rates = &motion.steps()[idx].rates;
-            HandRates {
-                palm_velocity: rates.palm_velocity,
-                palm_acceleration: palm_acceleration(motion.steps(), idx, velocity),
-                joints: rates.joints.clone(),
-            }
-        })?,
-    })
+        motion,
+    }
+}
+
+fn refused(trajectory: &Trajectory, err: &MotionError) -> Draw {
+    Draw {
+        candidate_id: candidate_id(trajectory),
+        generator: GENERATOR.to_owned(),
+        source: DrawSource::replayed(&trajectory.sequence),
+        refused: Some(Refusal::Motion),
+        fault: err.to_string(),
+        depth_m: None,
+        residual_m2: None,
+        table_from_object: trajectory.rest.table_from_object(),
+        limit_excess_rad: 0.0,
+    }
+}
+
+fn candidate_id(trajectory: &Trajectory) -> String {
+    format!("{}-{}", trajectory.object, trajectory.sequence)
 }
 
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeMap;
 
-    use dataflow::{Artifact, Partition};
-    use motion::{Motion, Step};
+    use dataflow::{Artifact, Inputs, Partition};
+    use motion::Step;
     use nalgebra::{Isometry3, Unit as UnitVector, Vector3};
     use schemas::trajectories::{Tracking, TrajectoryRates};
     use spatial::{Pose, RestingPose, Twist};
@@ -173,7 +202,7 @@ mod tests {
             Vec::new(),
         );
         let cx = Context::detached(&"can".parse().unwrap(), 0, folder);
-        Replay::make(&ReplayConfig::default(), &inputs, &cx)
+        Replay::read_and_make(&ReplayConfig::default(), &inputs, &cx)
     }
 
     #[test]
@@ -212,6 +241,36 @@ mod tests {
     }
 
     #[test]
+    fn a_trajectory_too_fast_for_numbers_is_a_draw_with_its_reason() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut fast = trajectory("a", &["j"]);
+        let rates = |idx: usize| TrajectoryRates {
+            palm_velocity: Twist::from_array([1e308 * (1.0 - 2.0 * idx as f64); 6]),
+            ..TrajectoryRates::zero(1)
+        };
+        fast.motion = fast.motion.with_rates(rates).unwrap();
+        let outcome = run(&[fast, trajectory("b", &["j"])], folder.path());
+        assert!(matches!(outcome, Ok(Outcome::Made(made)) if made.candidates == 1.0));
+        let files = [lake::table::FILE, Draws::FILE];
+        let made = Artifact {
+            key: "can".parse().unwrap(),
+            labels: BTreeMap::new(),
+            files: files
+                .map(|file| (file.to_owned(), folder.path().join(file)))
+                .into(),
+        };
+        let read: Candidates = lake::table::read(&made).unwrap();
+        let draws: Draws = lake::table::read(&made).unwrap();
+        let [refused, kept] = &draws[..] else {
+            panic!("{draws:?}");
+        };
+        assert_eq!(refused.candidate_id, "can-a");
+        assert_eq!(refused.refused, Some(Refusal::Motion));
+        assert!(refused.fault.contains("not finite"), "{}", refused.fault);
+        assert_eq!(kept, &Draw::kept(&read.candidates[0]));
+    }
+
+    #[test]
     fn trajectories_of_two_hands_are_refused() {
         let folder = tempfile::tempdir().unwrap();
         let err = run(
@@ -227,7 +286,7 @@ mod tests {
         let labeled = |key: &str, object: &str| {
             Partition::new(
                 key.parse().unwrap(),
-                BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]),
+                BTreeMap::from([("object".to_owned(), object.to_owned())]),
             )
         };
         let scope = Scope::new(BTreeMap::from([(

@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 
 use options::options;
-
-use crate::{configuration::Metric, connect::Growth};
+use rrt_connect::{Growth, Metric, RrtOptions};
 
 /// Most nodes of both trees: each has 200 bytes, and the nearest of all is searched for each target.
 const MAX_NODES: usize = 1_000_000;
@@ -97,24 +96,26 @@ pub struct RrtConfig {
 }
 
 impl RrtConfig {
-    /// Returns the weights of the metric.
-    pub(crate) fn metric(&self) -> Metric {
-        Metric {
-            translation_per_m: self.translation_weight_per_m,
-            rotation_per_rad: self.rotation_weight_per_rad,
-            joint_per_rad: self.joint_weight_per_rad,
-        }
-    }
-
-    /// Returns the parameters of the trees' growth.
-    pub(crate) fn growth(&self) -> Growth {
-        Growth {
-            metric: self.metric(),
-            step: self.step,
-            spacing: self.check_spacing,
-            drawn_share: self.drawn_share,
-            max_nodes: self.max_nodes,
-            max_checks: self.max_checks,
+    /// Returns the parameters of the planner.
+    pub(crate) fn planner(&self) -> RrtOptions {
+        RrtOptions {
+            growth: Growth {
+                metric: Metric {
+                    translation_per_m: self.translation_weight_per_m,
+                    rotation_per_rad: self.rotation_weight_per_rad,
+                    joint_per_rad: self.joint_weight_per_rad,
+                },
+                step: self.step,
+                spacing: self.check_spacing,
+                drawn_share: self.drawn_share,
+                max_nodes: self.max_nodes,
+                max_checks: self.max_checks,
+            },
+            tolerated_depth_m: self.tolerated_depth_m,
+            margin_m: self.margin_m,
+            closing_share: self.closing_share,
+            clearance_m: self.clearance_m,
+            shortcuts: self.shortcuts,
         }
     }
 }

@@ -14,8 +14,8 @@ use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot::HandCollision;
 use robot_meshes::AnotherHand;
+use rrt_connect::{RrtOutcome, RrtPlan, RrtPlanner};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -24,12 +24,7 @@ use schemas::{
 };
 use spatial::{Object, RestingPose};
 
-use crate::{
-    RrtConfig, RrtError,
-    collision::Obstacles,
-    plan::{Plan, PlanOutcome, plan},
-    pregrasp::PregraspSearch,
-};
+use crate::RrtConfig;
 
 /// Plans a way around object and table to the grasp of each motion, by RRT-Connect.
 pub struct Rrt;
@@ -125,28 +120,17 @@ impl Output for Rrt {
             hand,
         } = inputs;
         let field = Arc::new(field);
-        let shapes = HandCollision::new(&hand.model).map_err(|large| RrtError::LargeShapes {
-            path: urdf.clone(),
-            link: large.link,
-        })?;
         let joints = hand.model.joint_names();
         let of_object = (given.object.as_str(), &given.joints[..]);
         AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let planned = given.candidates.par_iter().enumerate();
-        let search = || PregraspSearch::new(&hand);
+        let search = || RrtPlanner::new(&hand, config.planner());
         let planned = planned.map_init(search, |search, (idx, candidate)| {
             let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
             rng.set_stream(idx as u64);
             let rest = RestingPose::of(&candidate.table_from_object);
-            let obstacles = Obstacles {
-                hand: &hand.model,
-                collision: &shapes,
-                environment: &Environment::new(Arc::clone(&field), rest),
-            };
-            cpu_time::measured(|| {
-                let motion = candidate.motion.reordered(&joints)?;
-                plan(config, search, &obstacles, &motion, &mut rng)
-            })
+            let environment = Environment::new(Arc::clone(&field), rest);
+            cpu_time::measured(|| search.plan(&environment, &candidate.motion, &mut rng))
         });
         let planned: Vec<_> = planned.collect();
         let mut metrics = RrtMetrics::none();
@@ -177,7 +161,7 @@ impl Output for Rrt {
 }
 
 /// Returns the candidate of a plan to the grasp of another one.
-fn candidate_of(given: &Candidate, plan: Plan) -> Candidate {
+fn candidate_of(given: &Candidate, plan: RrtPlan) -> Candidate {
     // Both ends are within the limits, and so is what lies between them.
     Candidate {
         depth_m: Some(plan.depth_m),
@@ -206,21 +190,21 @@ impl RrtMetrics {
     }
 
     /// Adds a motion and the processor time of its planning.
-    fn add(&mut self, plan: &Plan, cpu_s: f64) {
+    fn add(&mut self, plan: &RrtPlan, cpu_s: f64) {
         let checks = plan.checks_n as f64;
         self.candidates += 1.0;
         self.checks += checks;
         self.nodes += plan.nodes_n as f64;
         self.cpu_s += cpu_s;
         match plan.outcome {
-            PlanOutcome::Found => {
+            RrtOutcome::Found => {
                 self.reachable += 1.0;
                 self.paths += 1.0;
                 self.checks_of_paths += checks;
                 self.path_depth_m = self.path_depth_m.max(plan.depth_m);
             }
-            PlanOutcome::NoPath => self.reachable += 1.0,
-            PlanOutcome::Unreachable => {}
+            RrtOutcome::NoPath => self.reachable += 1.0,
+            RrtOutcome::Unreachable => {}
         }
     }
 }

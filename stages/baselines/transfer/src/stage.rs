@@ -1,10 +1,10 @@
 //! The stage: one unit per object.
 
 use dataflow::{
-    BoxedDiagnostic, Context, InputError, Inputs, Line, OptionsUsed, Outcome, Output, Outputs,
+    BoxedDiagnostic, Context, InputError, Line, OptionsUsed, Outcome, Output, Outputs, Partition,
     Scope, Stage, Sum, Unit,
 };
-use lake::{ReadInputs, WriteArtifact};
+use lake::WriteArtifact;
 use motion::Motion;
 use rand::{SeedableRng, seq::SliceRandom};
 use rand_chacha::ChaCha8Rng;
@@ -39,6 +39,18 @@ const GENERATOR: &str = "transfer";
 /// The label of a trajectory that names its object.
 const OBJECT: &str = "object";
 
+lake::inputs! {
+    /// What a unit reads: an object, and the demonstrations that are carried to it with their objects.
+    pub struct TransferInputs {
+        /// The object.
+        each object: Object;
+        /// The other objects.
+        others objects: Object;
+        /// The demonstrations.
+        added trajectories: Trajectory;
+    }
+}
+
 impl Stage for Transfer {
     type Config = TransferConfig;
 
@@ -51,7 +63,7 @@ impl Stage for Transfer {
 impl Output for Transfer {
     type Stage = Self;
     type Metrics = TransferMetrics;
-    type Inputs<'a> = &'a Inputs;
+    type Inputs<'a> = TransferInputs;
 
     const ARTIFACT: &'static str = Candidates::NAME;
     const SCHEMA: &'static str = Candidates::VERSION;
@@ -64,76 +76,61 @@ impl Output for Transfer {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
 
     fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let chosen = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
-        let chosen = chosen.into_iter().map(|object| object.key.as_str());
-        let trajectories = scope.partitions(Trajectory::NAME);
-        let unit = |object: &str| {
-            let of_object = |own: bool| {
-                let fits = move |label: Option<&str>| (label == Some(object)) == own;
-                let read = trajectories
-                    .iter()
-                    .filter(move |trajectory| fits(trajectory.label(OBJECT)));
-                read.map(|trajectory| trajectory.key.as_str())
-            };
-            let unit = Unit::new(object).with_label(OBJECT, object);
-            match config.from {
-                TransferSource::Mean => unit
-                    .reading(Object::NAME, [object])
-                    .reading(Trajectory::NAME, of_object(true)),
-                TransferSource::Nearest | TransferSource::Other => {
-                    let all = scope
-                        .partitions(Object::NAME)
-                        .iter()
-                        .map(|object| object.key.as_str());
-                    unit.reading(Object::NAME, all)
-                        .reading(Trajectory::NAME, of_object(false))
-                }
+        let added = |unit: Unit| {
+            let object = unit.partition.clone();
+            let is_own = |one: &&Partition| one.label(OBJECT) == Some(object.as_str());
+            let trajectories = scope.partitions(Trajectory::NAME).iter();
+            if config.from == TransferSource::Mean {
+                let own = trajectories.filter(is_own);
+                return unit.reading(Trajectory::NAME, own.map(|one| &one.key));
             }
+            let others = scope.partitions(Object::NAME).iter();
+            let others = others.filter(|other| other.key != *object);
+            let shown = trajectories.filter(|one| !is_own(one));
+            unit.reading(Object::NAME, others.map(|one| &one.key))
+                .reading(Trajectory::NAME, shown.map(|one| &one.key))
         };
-        Ok(chosen.map(unit).collect())
+        let units = TransferInputs::units(scope, &config.objects)?.into_iter();
+        Ok(units.map(added).collect())
     }
 
     fn make(
         config: &TransferConfig,
-        inputs: &Inputs,
+        TransferInputs {
+            object,
+            objects,
+            trajectories,
+        }: TransferInputs,
         cx: &Context,
     ) -> Result<Outcome<TransferMetrics>, BoxedDiagnostic> {
-        let name = cx.partition().as_str();
-        let objects: Vec<Object> = inputs.all()?;
-        let trajectories: Vec<Trajectory> = inputs.all()?;
         let Some(joints) = approach::joints_of(&trajectories)? else {
             return Ok(Outcome::skipped("no demonstration to carry over"));
         };
-        let object = objects.iter().find(|object| object.name == name);
-        let object = object.ok_or_else(|| {
-            let known = objects.iter().map(|known| known.name.as_str());
-            InputError::unknown(Object::NAME, Object::PARTITION, name, known)
-        })?;
         let motions = match config.from {
-            TransferSource::Mean => means(object, &trajectories)?,
+            TransferSource::Mean => means(&object, &trajectories)?,
             TransferSource::Nearest => {
-                let nearest = nearest(object, &objects, &trajectories)?;
+                let nearest = nearest(&object, &objects, &trajectories)?;
                 let of_nearest = trajectories
                     .iter()
                     .filter(|trajectory| trajectory.object == nearest);
-                carried(object, &objects, of_nearest.take(config.per_object))?
+                carried(&object, &objects, of_nearest.take(config.per_object))?
             }
             TransferSource::Other => {
                 let mut order: Vec<&Trajectory> = trajectories.iter().collect();
                 order.shuffle(&mut ChaCha8Rng::seed_from_u64(cx.seed()));
-                carried(object, &objects, order.into_iter().take(config.per_object))?
+                carried(&object, &objects, order.into_iter().take(config.per_object))?
             }
         };
         let candidates: Vec<Candidate> = motions
             .into_iter()
             .enumerate()
-            .map(|(idx, carried)| carried.candidate(format!("{name}-{idx:05}")))
+            .map(|(idx, carried)| carried.candidate(format!("{}-{idx:05}", object.name)))
             .collect();
         let metrics = TransferMetrics {
             candidates: candidates.len() as f64,
         };
         cx.write(&Candidates {
-            object: name.to_owned(),
+            object: object.name,
             joints,
             candidates,
         })?;
@@ -221,8 +218,7 @@ fn nearest<'a>(
     let own = sides_of(object)?;
     let mut best: Option<(f64, &str)> = None;
     for other in objects {
-        if other.name == object.name || !trajectories.iter().any(|known| known.object == other.name)
-        {
+        if !trajectories.iter().any(|known| known.object == other.name) {
             continue;
         }
         let pairs = own.into_iter().zip(sides_of(other)?);
@@ -298,7 +294,7 @@ fn rest_at(object: &Object, share: f64) -> Option<RestingPose> {
 mod tests {
     use std::{collections::BTreeMap, path::Path};
 
-    use dataflow::{Artifact, Partition};
+    use dataflow::{Artifact, Inputs, Partition};
     use motion::Step;
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use schemas::{
@@ -395,7 +391,8 @@ mod tests {
         let out = folder.path().join("out");
         std::fs::create_dir(&out).unwrap();
         let cx = Context::detached(&"can".parse().unwrap(), 3, &out);
-        let outcome = Transfer::make(&config, &Inputs::new(inputs, Vec::new()), &cx).unwrap();
+        let outcome =
+            Transfer::read_and_make(&config, &Inputs::new(inputs, Vec::new()), &cx).unwrap();
         assert!(matches!(outcome, Outcome::Made(_)), "{outcome:?}");
         let file = lake::table::FILE;
         let made = Artifact {

@@ -292,6 +292,8 @@ mod tests {
             "{'descr': '<f\\x34', 'fortran_order': False, 'shape': (1,)}",
             "{'descr': [[['<f4', 'fortran_order': False, 'shape': (1,)}",
             "{'descr': '<f4', 'descr': '<f4', 'fortran_order': False, 'shape': (1,)}",
+            "{'descr': '<f4', 'fortran_order': True, 'fortran_order': False, 'shape': (1,)}",
+            "{'descr': '<f4', 'fortran_order': False, 'shape': (1,), 'shape': (2,)}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (1,), 'more': 1}",
             "{'descr': '<f4', 'fortran_order': False, 'shape': (1,)} x",
             "{'descr': '<f4' 'fortran_order': False, 'shape': (1,)}",

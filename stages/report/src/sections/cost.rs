@@ -64,8 +64,12 @@ fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
     }
     let rollouts = || gathered.rollouts.values().flatten();
     if rollouts().next().is_some() {
-        let steps_n: i64 = rollouts().map(|one| i64::from(one.control_steps_n)).sum();
-        let skipped_n: i64 = rollouts().map(|one| i64::from(one.skipped_steps_n)).sum();
+        let steps_n: i64 = rollouts()
+            .map(|one| i64::from(one.measures.control_steps_n))
+            .sum();
+        let skipped_n: i64 = rollouts()
+            .map(|one| i64::from(one.measures.skipped_steps_n))
+            .sum();
         let mut text = format!(
             "{} control steps simulated, {} saved",
             count(steps_n),

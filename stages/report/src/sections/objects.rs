@@ -73,7 +73,7 @@ fn rows(gathered: &PageData) -> BTreeMap<&str, Row> {
         );
         row.steps_n += rollouts
             .iter()
-            .map(|one| i64::from(one.control_steps_n))
+            .map(|one| i64::from(one.measures.control_steps_n))
             .sum::<i64>();
     }
     for success in &gathered.successes {

@@ -291,3 +291,55 @@ pub(crate) fn section(gathered: &PageData) -> Section {
     }
     section
 }
+
+#[cfg(test)]
+mod tests {
+    use schemas::executions::Execution;
+
+    use super::*;
+
+    #[test]
+    fn trials_on_a_robot_are_told_from_simulated_ones() {
+        let execution = |simulated, outcome| Execution {
+            goal_id: "goal".to_owned(),
+            candidate_id: "candidate".to_owned(),
+            cell: "cell".to_owned(),
+            simulated,
+            gap: String::new(),
+            accepted: true,
+            outcome,
+            message: String::new(),
+            duration_s: 1.0,
+            tracking_error_rad: 0.0,
+            lift_m: 0.0,
+        };
+        let gathered = |simulated: [bool; 2]| {
+            let outcomes = [Outcome::Succeeded, Outcome::Failed];
+            let all = simulated.into_iter().zip(outcomes);
+            let mut all: Vec<_> = all
+                .map(|(place, outcome)| execution(place, outcome))
+                .collect();
+            // The cell refused it: no trial.
+            all.push(execution(false, Outcome::Rejected));
+            PageData {
+                executions: [("box".to_owned(), all)].into(),
+                ..PageData::default()
+            }
+        };
+        for (simulated, simulated_n, place) in [
+            ([true, true], 2, "simulated"),
+            ([true, false], 1, "some simulated"),
+            ([false, false], 0, "on the robot"),
+        ] {
+            let gathered = gathered(simulated);
+            let expected = TrialCounts {
+                trials_n: 2,
+                successes_n: 1,
+                simulated_n,
+            };
+            assert_eq!(trials(&gathered), expected);
+            let headline = head(&gathered).headline;
+            assert_eq!(headline, format!("executions 1 of 2 succeed, {place}"));
+        }
+    }
+}

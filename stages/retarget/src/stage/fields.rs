@@ -3,12 +3,14 @@
 use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Sum};
 use geometry::TriMesh;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use retargeting::survey;
 use schemas::{
-    Table, distance_fields,
+    Table,
+    distance_fields::{self, FieldInfo},
     objects::{self, Object},
 };
 
-use crate::{RetargetConfig, survey::survey};
+use crate::RetargetConfig;
 
 dataflow::metrics! {
     /// Metrics of an object's distances.
@@ -29,13 +31,20 @@ pub(super) fn make(
         Ok(mesh) => mesh,
         Err(reason) => return Ok(Outcome::skipped(reason)),
     };
-    let (field, info) = match survey(&mesh, config.field_spacing_m) {
+    let surveyed = match survey(&mesh, config.field_spacing_m) {
         Ok(Some(surveyed)) => surveyed,
         Ok(None) => return Ok(Outcome::skipped("its mesh has no surface")),
         Err(err) => return Ok(Outcome::skipped(format!("its mesh: {err}"))),
     };
+    let hull = surveyed.hull_in_object.iter();
+    let info = FieldInfo {
+        spacing_m: config.field_spacing_m,
+        margin_m: surveyed.margin_m,
+        center_of_mass_m: surveyed.center_of_mass_in_object.into(),
+        hull_m: hull.map(|&vertex| vertex.into()).collect(),
+    };
     cx.write(&info)?;
-    cx.write_file(distance_fields::FIELD, &field.to_bytes())?;
+    cx.write_file(distance_fields::FIELD, &surveyed.field.to_bytes())?;
     let metrics = FieldMetrics {
         hull_vertices_n: info.hull_m.len() as f64,
     };

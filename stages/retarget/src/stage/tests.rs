@@ -3,13 +3,38 @@
 use std::{collections::BTreeMap, error::Error, fs, io::Write, path::PathBuf};
 
 use dataflow::{Artifact, Partition};
+use geometry::TriMesh;
+use nalgebra::{Point3, Vector3};
+use retargeting::Wrist;
 use schemas::{
-    demonstrations::{Demonstration, KEYPOINTS},
+    demonstrations::{Demonstration, KEYPOINTS, Side, Step},
     distance_fields,
 };
+use spatial::RestingPose;
 
 use super::*;
-use crate::{fixture, recording};
+use crate::recording;
+
+/// Path of the Allegro hand's URDF, from this crate.
+const URDF: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../data/robots/allegro_right.urdf"
+);
+
+/// Path of its table, from this crate.
+const TABLE: &str = concat!(
+    env!("CARGO_MANIFEST_DIR"),
+    "/../../data/hands/allegro_right.toml"
+);
+
+/// Half of the box's sides, in meters.
+const BOX_HALF_M: [f64; 3] = [0.03, 0.04, 0.05];
+
+/// Returns options with their defaults.
+fn config() -> RetargetConfig {
+    let options = serde_json::json!({ "hand": URDF, "hand_table": TABLE });
+    serde_json::from_value(options).unwrap()
+}
 
 /// The labels of what is about an object.
 fn labeled(object: &str) -> BTreeMap<String, String> {
@@ -57,7 +82,27 @@ fn demonstration() -> Demonstration {
         };
         *keypoint = [-0.1, 0.04 - 0.02 * finger as f64, along];
     }
-    fixture::demonstration(vec![keypoints_m; 3])
+    let step = |image: u32| Step {
+        image,
+        time_s: f64::from(image) / 30.0,
+        cameras_n: 1,
+        bridged: false,
+        keypoints_m,
+    };
+    Demonstration {
+        sequence: "s".to_owned(),
+        object: "box".to_owned(),
+        subject: "p".to_owned(),
+        hand: Side::Right,
+        mirrored: false,
+        start_reason: String::new(),
+        end_reason: String::new(),
+        rest: RestingPose {
+            up_in_object: Vector3::z_axis(),
+            height_m: BOX_HALF_M[2],
+        },
+        steps: (0..3).map(step).collect(),
+    }
 }
 
 /// Retargets the demonstration, after its object's field was made.
@@ -84,7 +129,9 @@ fn run_on(
         let (path, mut object) = place(folder, "box");
         let mesh = path.join(objects::MESH);
         let mut file = fs::File::create_new(&mesh).unwrap();
-        file.write_all(fixture::mesh().to_obj().as_bytes()).unwrap();
+        let high = Point3::from(BOX_HALF_M);
+        let cuboid = TriMesh::cuboid(-high, high);
+        file.write_all(cuboid.to_obj().as_bytes()).unwrap();
         object.files = BTreeMap::from([(objects::MESH.to_owned(), mesh)]);
         let made = place(folder, "field").0;
         let cx = Context::detached(&"box".parse().unwrap(), 0, &made);
@@ -112,7 +159,7 @@ fn run_on(
 #[test]
 fn a_demonstration_becomes_a_trajectory() {
     let folder = tempfile::tempdir().unwrap();
-    let config = fixture::config();
+    let config = config();
     Retarget::prepare(&config).unwrap();
     let units = Trajectories::units(&config, &scope("box")).unwrap();
     let Outcome::Made(made) = run(&config, &units[0], folder.path()) else {
@@ -138,7 +185,7 @@ fn a_demonstration_becomes_a_trajectory() {
 #[test]
 fn a_demonstration_without_its_object_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
-    let config = fixture::config();
+    let config = config();
     let units = Trajectories::units(&config, &scope("bottle")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
     assert!(matches!(outcome, Outcome::Skipped { reason } if reason.contains("`box`")));
@@ -147,7 +194,7 @@ fn a_demonstration_without_its_object_is_skipped() {
 #[test]
 fn the_reach_of_the_other_hand_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = fixture::config();
+    let mut config = config();
     config.hand_table = with_table(folder.path(), "\"right\"", "\"left\"");
     let units = Trajectories::units(&config, &scope("box")).unwrap();
     let outcome = run(&config, &units[0], folder.path());
@@ -158,7 +205,7 @@ fn the_reach_of_the_other_hand_is_skipped() {
 #[test]
 fn a_demonstration_whose_times_do_not_increase_is_skipped() {
     let folder = tempfile::tempdir().unwrap();
-    let config = fixture::config();
+    let config = config();
     let units = Trajectories::units(&config, &scope("box")).unwrap();
     let mut shown = demonstration();
     shown.steps[2].time_s = shown.steps[1].time_s;
@@ -167,10 +214,14 @@ fn a_demonstration_whose_times_do_not_increase_is_skipped() {
 }
 
 #[test]
-fn non_finite_landmark_is_refused() {
+fn non_finite_time_or_landmark_is_refused() {
     let mut shown = demonstration();
-    let table = fixture::table();
+    let table = hand_files::load_table(TABLE.as_ref()).unwrap();
     assert_eq!(retargeted::unusable(&shown, &table), None);
+    shown.steps[2].time_s = f64::INFINITY;
+    let reason = retargeted::unusable(&shown, &table).unwrap();
+    assert!(reason.contains("step 2 has a time"), "{reason}");
+    let mut shown = demonstration();
     shown.steps[1].keypoints_m[7][2] = f64::NAN;
     let reason = retargeted::unusable(&shown, &table).unwrap();
     assert!(reason.contains("step 1"), "{reason}");
@@ -181,7 +232,7 @@ fn non_finite_landmark_is_refused() {
 
 /// Writes the Allegro hand table with a part of it replaced.
 fn with_table(folder: &Path, from: &str, to: &str) -> PathBuf {
-    let text = fs::read_to_string(fixture::TABLE).unwrap();
+    let text = fs::read_to_string(TABLE).unwrap();
     assert!(text.contains(from));
     let path = folder.join("hand.toml");
     fs::write(&path, text.replacen(from, to, 1)).unwrap();
@@ -202,7 +253,7 @@ fn whole(err: &BoxedDiagnostic) -> String {
 #[test]
 fn a_missing_link_is_named_with_the_files_and_near_names() {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = fixture::config();
+    let mut config = config();
     config.hand_table = with_table(folder.path(), "link_15.0_tip", "link_15.0_top");
     let err = Retarget::prepare(&config).unwrap_err();
     let message = whole(&err);
@@ -222,7 +273,7 @@ fn a_missing_link_is_named_with_the_files_and_near_names() {
 #[test]
 fn value_in_place_of_a_table_is_refused_with_its_line() {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = fixture::config();
+    let mut config = config();
     config.hand_table = with_table(folder.path(), "scale =", "size =");
     let err = Retarget::prepare(&config).unwrap_err();
     let message = whole(&err);
@@ -242,8 +293,8 @@ fn value_in_place_of_a_table_is_refused_with_its_line() {
 #[test]
 fn a_fixed_wrist_needs_points_on_the_palm() {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = fixture::config();
-    config.wrist = Wrist::Fixed;
+    let mut config = config();
+    config.retargeting.wrist = Wrist::Fixed;
     Retarget::prepare(&config).unwrap();
     let cut = "    { keypoint = \"ring_mcp\"";
     config.hand_table = with_table(folder.path(), cut, "    # {");
@@ -269,18 +320,18 @@ fn a_fixed_wrist_needs_points_on_the_palm() {
 #[test]
 fn invalid_options_are_refused() {
     let refused = |change: fn(&mut RetargetConfig)| {
-        let mut config = fixture::config();
+        let mut config = config();
         change(&mut config);
         Retarget::check(&config)[0].to_string()
     };
-    assert_eq!(Retarget::check(&fixture::config()), []);
-    assert!(refused(|c| c.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
+    assert_eq!(Retarget::check(&config()), []);
+    assert!(refused(|c| c.retargeting.smooth_l1_beta_m = 0.0).contains("`smooth_l1_beta_m`"));
     assert!(refused(|c| c.field_spacing_m = 0.0).contains("`field_spacing_m`"));
-    assert!(refused(|c| c.object_weight = f64::NAN).contains("`object_weight`"));
+    assert!(refused(|c| c.retargeting.object_weight = f64::NAN).contains("`object_weight`"));
     assert!(refused(|c| c.field_spacing_m = 5.0).contains("`field_spacing_m`"));
-    assert!(refused(|c| c.object_weight = 1e200).contains("`object_weight`"));
-    assert!(refused(|c| c.smoothing_s = -1.0).contains("`smoothing_s`"));
+    assert!(refused(|c| c.retargeting.object_weight = 1e200).contains("`object_weight`"));
+    assert!(refused(|c| c.retargeting.smoothing_s = -1.0).contains("`smoothing_s`"));
     assert!(refused(|c| c.field_spacing_m = 1e-9).contains("`field_spacing_m`"));
-    assert!(refused(|c| c.max_iterations = usize::MAX).contains("`max_iterations`"));
-    assert!(refused(|c| c.max_iterations = 0).contains("`max_iterations`"));
+    assert!(refused(|c| c.retargeting.max_iterations = usize::MAX).contains("`max_iterations`"));
+    assert!(refused(|c| c.retargeting.max_iterations = 0).contains("`max_iterations`"));
 }

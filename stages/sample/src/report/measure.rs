@@ -4,14 +4,13 @@ use diversity::{Diversity, distance};
 use motion::Step;
 use rayon::prelude::*;
 use robot::WrongDof;
+use sampling::PenetrationProbe;
 use schemas::{
     candidates::Candidate,
     sampling::{GraspDistance, Sampled},
     trajectories::Trajectory,
 };
 use spatial::Object;
-
-use crate::penetration::PenetrationProbe;
 
 /// Meters that count as much as a radian where grasps are compared: about a hand's length.
 const ARM_M: f64 = 0.1;
@@ -56,16 +55,16 @@ impl Measure<'_> {
             demonstration: None,
             from_mean: GraspDistance::default(),
         };
-        let motion = &candidate.motion;
+        let (table_from_object, motion) = (&candidate.table_from_object, &candidate.motion);
         for step in &motion.steps()[..motion.steps().len() - 1] {
-            let depth = self.probe.depth(candidate, step)?;
+            let depth = self.probe.depth(table_from_object, step)?;
             if depth.object_m > sampled.approach_depth_m {
                 sampled.approach_depth_m = depth.object_m;
                 sampled.approach_depth_time_s = step.time_s;
             }
             sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         }
-        let depth = self.probe.depth(candidate, motion.grasp())?;
+        let depth = self.probe.depth(table_from_object, motion.grasp())?;
         sampled.grasp_depth_m = depth.object_m;
         sampled.table_depth_m = sampled.table_depth_m.max(depth.table_m);
         Ok(sampled)

@@ -1,13 +1,15 @@
 //! Plausibility and diversity of one object's motions.
 
 use dataflow::{
-    Artifact, BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Scope,
-    Sum, Summary, Unit,
+    BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Summary, Unit,
 };
 use diversity::{ComparedMotion, Diversity};
 use geometry::DistanceField;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use hand_files::HandFiles;
+use lake::{ReadArtifact, WriteArtifact};
 use motion::MotionError;
+use robot::RobotModel;
+use sampling::{CollisionModel, PenetrationProbe};
 use schemas::{
     Table,
     candidates::Candidates,
@@ -17,11 +19,7 @@ use schemas::{
 };
 
 use super::{charts, measure::Measure};
-use crate::{
-    Sample, SampleConfig, SampleError,
-    inputs::{hand_file, order},
-    penetration::{CollisionModel, PenetrationProbe},
-};
+use crate::{Sample, SampleConfig, SampleError, inputs::order};
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
@@ -52,13 +50,31 @@ dataflow::metrics! {
     }
 }
 
+lake::inputs! {
+    /// What a unit reads: an object's motions, its distances, its demonstrations and the hand.
+    pub struct SamplingInputs {
+        /// The motions.
+        each drawn: Candidates [lake::table::FILE];
+        /// The distances from the object.
+        own field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes),
+            or "object has no distance field";
+        /// The object's demonstrations.
+        labeled shown: Trajectory [lake::table::FILE], by "object";
+    }
+    files {
+        /// The hand.
+        hand: RobotModel = hand_files::model;
+    }
+}
+
 /// The report `sampling`: how plausible and different an object's motions are.
 pub struct SamplingReport;
 
 impl Output for SamplingReport {
     type Stage = Sample;
     type Metrics = SamplingMetrics;
-    type Inputs<'a> = &'a Inputs;
+    type Inputs<'a> = SamplingInputs;
 
     const ARTIFACT: &'static str = Sampling::NAME;
     const SCHEMA: &'static str = Sampling::VERSION;
@@ -68,47 +84,26 @@ impl Output for SamplingReport {
 
     /// One unit per object that has candidates.
     fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let meshes = robot_meshes::sources(&config.hand)?;
-        let trajectories = scope.partitions(Trajectory::NAME);
-        let units = scope.partitions(Candidates::NAME).iter().map(|candidates| {
-            let object = candidates.key.as_str();
-            // An object without a field is planned without, and skipped.
-            let shown = trajectories
-                .iter()
-                .filter(|trajectory| trajectory.label("object") == Some(object));
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(Candidates::NAME, [object])
-                .only_files(Candidates::NAME, [lake::table::FILE])
-                .reading_own(FieldInfo::NAME, scope)
-                .reading(
-                    Trajectory::NAME,
-                    shown.map(|trajectory| trajectory.key.as_str()),
-                )
-                .only_files(Trajectory::NAME, [lake::table::FILE])
-                .with_file_of_form(hand_file(config), robot_meshes::MODEL_FORM);
-            meshes.iter().cloned().fold(unit, Unit::with_file)
-        });
-        Ok(units.collect())
+        let units = SamplingInputs::units(scope, &[])?;
+        Ok(HandFiles::without_table(&config.hand)?.added_to_each(units))
     }
 
     /// Measures the motions of one object.
     fn make(
         _config: &SampleConfig,
-        inputs: &Inputs,
+        inputs: SamplingInputs,
         cx: &Context,
     ) -> Result<Outcome<SamplingMetrics>, BoxedDiagnostic> {
-        let drawn: Candidates = inputs.one()?;
-        let Some(field) = inputs.artifacts(FieldInfo::NAME).first() else {
-            return Ok(Outcome::skipped("object has no distance field"));
-        };
-        let field = field.parsed(distance_fields::FIELD, DistanceField::from_bytes)?;
-        let hand = robot_meshes::load(&inputs.source("hand")?.path)?.model;
-        let shown = inputs
-            .artifacts(Trajectory::NAME)
-            .iter()
-            .map(|artifact| read_shown(artifact, &drawn.joints))
-            .collect::<Result<Vec<_>, _>>()?;
+        let SamplingInputs {
+            drawn,
+            field,
+            shown,
+            hand,
+        } = inputs;
+        let shown = shown
+            .into_iter()
+            .map(|shown| reordered(shown, &drawn.joints));
+        let shown = shown.collect::<Result<Vec<_>, _>>()?;
         let measure = Measure {
             probe: PenetrationProbe {
                 collision_model: &CollisionModel::new(&hand).map_err(SampleError::from)?,
@@ -172,15 +167,14 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
     }
 }
 
-/// Reads a demonstration with its joints in this order.
-fn read_shown(artifact: &Artifact, joints: &[String]) -> Result<Trajectory, BoxedDiagnostic> {
-    let shown: Trajectory = lake::table::read(artifact)?;
+/// Returns a demonstration with its joints in this order.
+fn reordered(shown: Trajectory, joints: &[String]) -> Result<Trajectory, SampleError> {
     let motion = shown.motion.reordered(joints).map_err(|err| match err {
         MotionError::Joints(source) => SampleError::AnotherHand {
-            what: format!("trajectory `{}`", artifact.key),
+            what: format!("trajectory `{}`", shown.sequence),
             source,
         },
-        other => SampleError::Motion(other),
+        other => other.into(),
     })?;
     Ok(Trajectory { motion, ..shown })
 }

@@ -1,11 +1,11 @@
 //! The motions of one object.
 
 use cgf::Cgf;
-use dataflow::{
-    Artifact, BoxedDiagnostic, Context, InputError, Inputs, Outcome, Partition, Scope, Unit,
-};
+use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Partition, Scope, Unit};
 use geometry::DistanceField;
-use lake::{ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{ReadArtifact, WriteArtifact};
+use robot_meshes::LoadedRobot;
+use sampling::{CollisionModel, PenetrationProbe, Redraws, SamplingTask};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -18,53 +18,60 @@ use super::SampleMetrics;
 use crate::{
     CheckpointWeights, SampleConfig, SampleError, SeenShape,
     inputs::{hand_file, order},
-    motions::sample,
-    penetration::{CollisionModel, PenetrationProbe},
     recording,
+    rows::{draws_of, sampled_object},
 };
+
+lake::inputs! {
+    /// What a unit reads: the checkpoint and an object; with `shape = "other"` the next object, with `draws` above 1
+    /// the distances and the hand.
+    pub struct SampleInputs {
+        /// The object.
+        each object: Object;
+        /// The next object, if the function is shown that one's shape.
+        others others: Object;
+        /// The checkpoint.
+        the checkpoint: Artifact = (checkpoint::NAME), |checkpoint| Ok(checkpoint.clone());
+        /// The distances from the object; without them motions are not drawn again.
+        maybe field: DistanceField = FieldInfo,
+            |field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes);
+    }
+    files {
+        /// The hand, if it is measured or shown.
+        hand: Option<LoadedRobot> = |inputs: &Inputs| {
+            let file = inputs.files().first();
+            file.map(|file| robot_meshes::load(&file.path)).transpose()
+        };
+    }
+}
 
 /// One unit per object.
 pub(super) fn units(config: &SampleConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
     let objects = scope.partitions(Object::NAME);
-    let chosen = scope.chosen(Object::NAME, Object::PARTITION, &config.objects)?;
-    let checkpoint = scope
-        .partitions(checkpoint::NAME)
-        .iter()
-        .map(|model| &model.key);
-    let reads_hand = config.redraws() || config.recorded_per_object > 0;
-    let meshes = if reads_hand {
-        robot_meshes::sources(&config.hand)?
+    let form = if config.recorded_per_object > 0 {
+        Some(robot_meshes::URDF_FORM)
     } else {
-        Vec::new()
+        config.redraws().then_some(robot_meshes::MODEL_FORM)
     };
-    let units = chosen
-        .into_iter()
-        .map(|object| object.key.as_str())
-        .map(|object| {
-            let unit = Unit::new(object)
-                .with_label("object", object)
-                .reading(checkpoint::NAME, checkpoint.clone())
-                .reading(Object::NAME, [object]);
-            let unit = match config.shape {
-                SeenShape::Own => unit,
-                SeenShape::Other => unit.reading(Object::NAME, next(objects, object)),
-            };
-            let unit = if config.redraws() {
-                // An object without a field is planned without, and not chosen for.
-                unit.reading_own(FieldInfo::NAME, scope)
-            } else {
-                unit
-            };
-            let form = if config.recorded_per_object > 0 {
-                robot_meshes::URDF_FORM
-            } else if config.redraws() {
-                robot_meshes::MODEL_FORM
-            } else {
-                return unit;
-            };
-            let unit = unit.with_file_of_form(hand_file(config), form);
-            meshes.iter().cloned().fold(unit, Unit::with_file)
-        });
+    let meshes = match form {
+        Some(_) => robot_meshes::sources(&config.hand)?,
+        None => Vec::new(),
+    };
+    let units = SampleInputs::units(scope, &config.objects)?.into_iter();
+    let units = units.map(|mut unit| {
+        if config.shape == SeenShape::Other {
+            let next = next(objects, &unit.partition);
+            unit = unit.reading(Object::NAME, next);
+        }
+        if config.redraws() {
+            // An object without a field is planned without, and not chosen for.
+            unit = unit.reading_own(FieldInfo::NAME, scope);
+        }
+        if let Some(form) = form {
+            unit = unit.with_file_of_form(hand_file(config), form);
+        }
+        meshes.iter().cloned().fold(unit, Unit::with_file)
+    });
     Ok(units.collect())
 }
 
@@ -82,24 +89,26 @@ fn next<'a>(objects: &'a [Partition], object: &str) -> Option<&'a str> {
 /// Draws the motions of one object.
 pub(super) fn make(
     config: &SampleConfig,
-    inputs: &Inputs,
+    inputs: SampleInputs,
     cx: &Context,
 ) -> Result<Outcome<SampleMetrics>, BoxedDiagnostic> {
-    let cgf = read_checkpoint(config.epoch, inputs.artifact(checkpoint::NAME)?)?;
-    let seen: Vec<Object> = inputs.all()?;
-    let (object, other) = shown_objects(config.shape, &seen, cx.partition().as_str())?;
-    let hand = inputs.files().first();
-    let hand = hand
-        .map(|file| robot_meshes::load(&file.path))
-        .transpose()?;
+    let SampleInputs {
+        object,
+        others,
+        checkpoint,
+        field,
+        hand,
+    } = inputs;
+    let cgf = read_checkpoint(config.epoch, &checkpoint)?;
+    let other = match config.shape {
+        SeenShape::Own => None,
+        SeenShape::Other => Some(shown(&object, &others)?),
+    };
     let order = hand.as_ref().map(|hand| {
         let joints = &cgf.description().joints;
         order(&hand.model, joints, "grasping function")
     });
     let order = order.transpose()?;
-    let field = inputs.artifacts(FieldInfo::NAME).first();
-    let field = field.map(|field| field.parsed(distance_fields::FIELD, DistanceField::from_bytes));
-    let field = field.transpose()?;
     let collision_model = hand
         .as_ref()
         .map(|hand| CollisionModel::new(&hand.model))
@@ -109,13 +118,25 @@ pub(super) fn make(
         .as_ref()
         .zip(order.as_ref())
         .zip(field.as_ref());
-    let probe = hand_and_field.filter(|_| config.redraws());
-    let probe = probe.map(|((collision_model, order), field)| PenetrationProbe {
-        collision_model,
-        field,
-        order,
+    let redraws = hand_and_field.filter(|_| config.redraws());
+    let redraws = redraws.map(|((collision_model, order), field)| Redraws {
+        probe: PenetrationProbe {
+            collision_model,
+            field,
+            order,
+        },
+        max_draws: config.draws,
+        max_depth_m: config.max_depth_m,
     });
-    let (candidates, every_draw) = sample(config, &cgf, object, other, probe, cx.seed())?;
+    let sampled = sampling::sample(&SamplingTask {
+        options: &config.sampling(),
+        cgf: &cgf,
+        object: sampled_object(&object),
+        shown: other.map(sampled_object),
+        redraws,
+        seed: cx.seed(),
+    });
+    let (candidates, every_draw) = draws_of(&object.name, sampled.map_err(SampleError::from)?);
     let drawn = Candidates {
         object: object.name.clone(),
         joints: cgf.description().joints.as_slice().into(),
@@ -127,17 +148,13 @@ pub(super) fn make(
         && let Some(hand) = &hand
         && let Some(order) = &order
     {
-        let numbers = recording::chosen(config.recorded_per_object, drawn.candidates.len());
-        let motions: Vec<&Candidate> = numbers
-            .into_iter()
-            .filter_map(|number| drawn.candidates.get(number))
-            .collect();
         let context = recording::RecordingContext {
             urdf: &robot::plain_urdf(&hand.urdf),
             model: &hand.model,
-            object,
+            object: &object,
             order,
         };
+        let motions = recorded(&drawn.candidates, config.recorded_per_object);
         recording::record(&context, &motions, cx.folder())?;
     }
     let metrics = SampleMetrics {
@@ -147,27 +164,18 @@ pub(super) fn make(
     Ok(Outcome::Made(metrics))
 }
 
-/// Returns the object of a unit, and another one if the function is shown that one's shape.
-fn shown_objects<'a>(
-    shape: SeenShape,
-    seen: &'a [Object],
-    name: &str,
-) -> Result<(&'a Object, Option<&'a Object>), BoxedDiagnostic> {
-    let (own, others): (Vec<&Object>, Vec<&Object>) = seen
-        .iter()
-        .partition(|object| seen.len() == 1 || object.name == name);
-    let object = own.first().copied().ok_or_else(|| {
-        let known = seen.iter().map(|object| object.name.as_str());
-        InputError::unknown(Object::NAME, Object::PARTITION, name, known)
-    })?;
-    let other = match shape {
-        SeenShape::Own => None,
-        SeenShape::Other => {
-            let other = others.first().copied();
-            Some(other.ok_or_else(|| SampleError::NoOther(object.name.clone()))?)
-        }
-    };
-    Ok((object, other))
+/// Returns the other object whose shape the function is shown.
+fn shown<'a>(object: &Object, others: &'a [Object]) -> Result<&'a Object, SampleError> {
+    let other = others.first();
+    other.ok_or_else(|| SampleError::NoOther(object.name.clone()))
+}
+
+/// Returns the motions that are recorded.
+fn recorded(candidates: &[Candidate], n: usize) -> Vec<&Candidate> {
+    let numbers = recording::chosen(n, candidates.len()).into_iter();
+    numbers
+        .filter_map(|number| candidates.get(number))
+        .collect()
 }
 
 fn read_checkpoint(epoch: CheckpointWeights, artifact: &Artifact) -> Result<Cgf, BoxedDiagnostic> {

@@ -114,7 +114,7 @@ fn touched(rollout: &Rollout) -> bool {
     match rollout.verdict {
         Verdict::Limit | Verdict::Table | Verdict::Infeasible => false,
         Verdict::NotGrasped | Verdict::Diverged => {
-            rollout.contacts_n > 0 || rollout.penetration_m > 0.0
+            rollout.measures.contacts_n > 0 || rollout.measures.penetration_m > 0.0
         }
         Verdict::Held
         | Verdict::EarlyContact
@@ -226,7 +226,9 @@ impl Group<'_> {
             object_split,
             verdicts: rollouts().map(|r| (r.verdict, 1)).collect(),
             draws_n: self.draws_n,
-            control_steps_n: rollouts().map(|r| i64::from(r.control_steps_n)).sum(),
+            control_steps_n: rollouts()
+                .map(|r| i64::from(r.measures.control_steps_n))
+                .sum(),
             spread_palm_m: diversity.at_grasp.palm_m,
             spread_palm_rad: diversity.at_grasp.palm_rad,
             spread_q_rad: diversity.at_grasp.q_rad,
@@ -317,7 +319,7 @@ mod tests {
     use dataflow::{Metrics, Partition};
     use motion::{HandRates, Step};
     use nalgebra::{Isometry3, Vector3};
-    use schemas::draws::Refusal;
+    use schemas::{draws::Refusal, rollouts::Measures};
     use spatial::Pose;
 
     use super::*;
@@ -350,7 +352,10 @@ mod tests {
     fn rollout(name: &str, generator: &str, verdict: Verdict) -> Rollout {
         Rollout {
             generator: generator.to_owned(),
-            control_steps_n: 100,
+            measures: Measures {
+                control_steps_n: 100,
+                ..Measures::default()
+            },
             ..Rollout::unsimulated(&motion(name, 0.0, 0.0, 0.0, 0.0), verdict)
         }
     }
@@ -494,7 +499,10 @@ mod tests {
         assert!(line.ends_with(expected), "{line}");
         // One that was in contact, or moved the object, is another matter.
         let pressed = Rollout {
-            penetration_m: 1e-4,
+            measures: Measures {
+                penetration_m: 1e-4,
+                ..past.measures
+            },
             ..past.clone()
         };
         for other in [

@@ -103,3 +103,53 @@ pub struct PalmDriveConfig {
     #[option(default = 50.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub torque_limit_nm: f64,
 }
+
+/// An arm that holds the palm on its path: contact with object and table pushes the palm off it, and springs and dampers
+/// of limited force and torque pull it back, in the whole rollout. The palm's own acceleration costs none of them. The
+/// motion ends as `overloaded` once the palm is too far off.
+///
+/// The limits are those of an `xArm` 6: its payload of 5 kg (UFACTORY, *xArm User Manual*, section 8), and half of the
+/// 20 Nm of its last joint (`xarm6.urdf.xacro` of `xarm_ros`), which are 50 N at 20 cm from the palm.
+#[options]
+#[derive(Copy, PartialEq)]
+#[schemars(inline)]
+pub struct PalmComplianceConfig {
+    /// Largest force of the arm in newtons (50): the weight of the payload.
+    #[option(default = 50.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub force_limit_n: f64,
+    /// Largest torque of the arm about the palm's origin in newton meters (10).
+    #[option(default = 10.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub torque_limit_nm: f64,
+    /// Stiffness in newtons per meter (20,000): the force limit displaces the palm by 2.5 mm.
+    #[option(default = 20_000.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub stiffness_n_per_m: f64,
+    /// Damping in newton seconds per meter (630): critical, without overshoot.
+    #[option(default = 630.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub damping_ns_per_m: f64,
+    /// Effective mass of arm and hand in kilograms (5): half of the arm's moving 7.8 kg, and the hand's 1.1 kg
+    /// (ISO/TS 15066:2016, *Robots and robotic devices: Collaborative robots*, annex A).
+    #[option(
+        default = 5.0, range = above(0.0, MAX_SETTING),
+        why = "physics needs a positive mass and stiffness"
+    )]
+    pub mass_kg: f64,
+    /// Stiffness in newton meters per radian (2,000): the torque limit turns the palm by 0.3 degrees.
+    #[option(default = 2000.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub stiffness_nm_per_rad: f64,
+    /// Damping in newton meter seconds per radian (28): critical.
+    #[option(default = 28.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub damping_nms_per_rad: f64,
+    /// Effective moment of inertia about the palm's origin in kilogram square meters (0.1): the effective mass 14 cm
+    /// from there.
+    #[option(
+        default = 0.1, range = above(0.0, MAX_SETTING),
+        why = "physics needs a positive mass and stiffness"
+    )]
+    pub inertia_kg_m2: f64,
+    /// Largest displacement of the palm from its path in meters (0.01).
+    #[option(default = 0.01, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub max_deviation_m: f64,
+    /// Largest rotation of the palm from its path in radians (5 degrees).
+    #[option(default = 5.0_f64.to_radians(), range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
+    pub max_deviation_rad: f64,
+}

@@ -2,7 +2,8 @@
 
 use motion::{HandState, Motion};
 use simulation::{
-    Approach, ControllerKind, Episode, EpisodeState, SettledScene, SimulationError, TraceMode,
+    Approach, ControllerKind, Episode, EpisodeState, PalmComplianceConfig, SettledScene,
+    SimulationError, TraceMode,
 };
 use spatial::Object;
 
@@ -92,13 +93,19 @@ fn commands_do_what_they_do_in_the_reach_of_a_rollout() {
 }
 
 #[test]
-fn drives_that_look_ahead_or_are_late_and_other_hands_commands_are_refused() {
+fn drives_that_look_ahead_or_are_late_palms_that_yield_and_other_hands_are_refused() {
     let start = commands().remove(0);
     let mut ahead = scene();
     ahead.drive.controller = ControllerKind::PdFeedforward;
     let mut late = scene();
     late.drive.delay_s = 0.02;
-    for (scene, key) in [(ahead, "drive.controller"), (late, "drive.delay_s")] {
+    let mut yielding = scene();
+    yielding.palm_compliance = Some(PalmComplianceConfig::default());
+    for (scene, key) in [
+        (ahead, "drive.controller"),
+        (late, "drive.delay_s"),
+        (yielding, "palm_compliance"),
+    ] {
         match settled(&scene).begin(&start) {
             Err(SimulationError::Setting(fault)) => assert_eq!(fault.key, key),
             _ => panic!("not refused"),

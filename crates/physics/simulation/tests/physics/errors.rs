@@ -1,6 +1,9 @@
 use motion::Motion;
 use robot::RobotModel;
-use simulation::{ObjectShape, SettledScene, SimulationError, TraceMode};
+use simulation::{
+    ObjectShape, PalmComplianceConfig, PalmDriveConfig, SceneConfig, SettledScene, SimulationError,
+    TraceMode,
+};
 
 use crate::scene::{can, hand, protocol, q, scene, settled, side_grasp, upright, urdf};
 
@@ -100,4 +103,11 @@ fn settings_out_of_range_are_refused() {
             matches!(error, Some(SimulationError::Setting(fault)) if fault.key == "time_step_s")
         );
     }
+    let both = SceneConfig {
+        palm_drive: Some(PalmDriveConfig::default()),
+        palm_compliance: Some(PalmComplianceConfig::default()),
+        ..scene()
+    };
+    let error = SettledScene::new(&both, &hand(), &can(), &upright()).err();
+    assert!(matches!(error, Some(SimulationError::Setting(fault)) if fault.key == "palm_drive"));
 }

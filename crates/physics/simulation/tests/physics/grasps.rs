@@ -44,11 +44,11 @@ fn roll(motion: &Motion<Object, ()>) -> Rollout {
 fn a_closed_hand_lifts_and_holds_the_can() {
     let rollout = roll(&good());
     assert_eq!(rollout.verdict, Verdict::Held);
-    assert!((rollout.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
-    assert!(rollout.slip_m < 0.003, "{rollout:?}");
-    assert!(rollout.contacts_n >= 2, "{rollout:?}");
+    assert!((rollout.measures.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
+    assert!(rollout.measures.slip_m < 0.003, "{rollout:?}");
+    assert!(rollout.measures.contacts_n >= 2, "{rollout:?}");
     // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, 0.4 s lift, 2 s hold, at 50 Hz.
-    assert_eq!(rollout.control_steps_n, 190);
+    assert_eq!(rollout.measures.control_steps_n, 190);
 }
 
 #[test]
@@ -64,8 +64,14 @@ fn palm_without_inertia_holds_the_same_grasp() {
     let rollout = rollout.unwrap();
     assert_eq!(rollout.verdict, Verdict::Held);
     let with = roll(&good());
-    assert!((rollout.lift_m - with.lift_m).abs() < 1e-3, "{rollout:?}");
-    assert!((rollout.slip_m - with.slip_m).abs() < 1e-3, "{rollout:?}");
+    assert!(
+        (rollout.measures.lift_m - with.measures.lift_m).abs() < 1e-3,
+        "{rollout:?}"
+    );
+    assert!(
+        (rollout.measures.slip_m - with.measures.slip_m).abs() < 1e-3,
+        "{rollout:?}"
+    );
 }
 
 /// The hand with a mesh in place of every box, named by the box's sides.
@@ -116,8 +122,8 @@ fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
     };
     let rollout = roll(&good());
     assert_eq!(rollout.verdict, Verdict::Held);
-    assert!((rollout.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
-    assert!(rollout.contacts_n >= 2, "{rollout:?}");
+    assert!((rollout.measures.lift_m - 0.15).abs() < 0.02, "{rollout:?}");
+    assert!(rollout.measures.contacts_n >= 2, "{rollout:?}");
     assert_eq!(roll(&too_open()).verdict, Verdict::NotGrasped);
     // What geometry alone refuses it refuses of meshes, too.
     let fingers = q([0.8, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
@@ -131,8 +137,8 @@ fn mesh_hand_holds_the_same_grasps_as_a_box_hand() {
 fn an_open_hand_leaves_the_can_and_ends_early() {
     let rollout = roll(&too_open());
     assert_eq!(rollout.verdict, Verdict::NotGrasped);
-    assert!(rollout.control_steps_n < 100, "{rollout:?}");
-    assert!(rollout.lift_m.abs() < 0.01, "{rollout:?}");
+    assert!(rollout.measures.control_steps_n < 100, "{rollout:?}");
+    assert!(rollout.measures.lift_m.abs() < 0.01, "{rollout:?}");
 }
 
 #[test]
@@ -163,7 +169,10 @@ fn geometry_alone_refuses_limits_table_and_early_contact() {
             .rollout(motion, &protocol(), TraceMode::Trace)
             .unwrap();
         assert_eq!(rollout.verdict, expected);
-        assert_eq!((rollout.control_steps_n, &rollout.trace), (0, &None));
+        assert_eq!(
+            (rollout.measures.control_steps_n, &rollout.trace),
+            (0, &None)
+        );
     };
     let fingers = [0.8, 0.9, 0.7];
     let beyond = q([2.5, 0.9, 0.7], [1.3, 0.5, 0.5, 0.7]);
@@ -187,7 +196,7 @@ fn a_hand_that_pushes_the_can_knocks_it_over() {
         .rollout(&motion, &protocol, TraceMode::Nothing)
         .unwrap();
     assert_eq!(rollout.verdict, Verdict::KnockedOver);
-    assert!(rollout.displacement_m > 0.02, "{rollout:?}");
+    assert!(rollout.measures.displacement_m > 0.02, "{rollout:?}");
 }
 
 #[test]
@@ -263,7 +272,7 @@ fn only_a_reach_that_was_simulated_to_its_end_counts_as_executed() {
         let rollout = settled(&scene())
             .rollout(motion, protocol, TraceMode::Nothing)
             .unwrap();
-        let simulated_n = rollout.control_steps_n;
+        let simulated_n = rollout.measures.control_steps_n;
         assert_eq!(rollout.executed.len(), steps_n, "{simulated_n} steps");
         simulated_n
     };
@@ -356,10 +365,10 @@ fn exploding_simulation_is_a_divergence() {
             (Verdict::Diverged, &None)
         );
         let figures = [
-            rollout.lift_m,
-            rollout.slip_m,
-            rollout.displacement_m,
-            rollout.penetration_m,
+            rollout.measures.lift_m,
+            rollout.measures.slip_m,
+            rollout.measures.displacement_m,
+            rollout.measures.penetration_m,
         ];
         assert!(figures.iter().all(|figure| figure.is_finite()));
     };

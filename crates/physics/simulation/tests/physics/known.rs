@@ -76,8 +76,8 @@ fn enclosing_grasp_withstands_pulls_in_six_directions() {
         let rollout = pulled(name, closed, PullConfig::default());
         assert_eq!(rollout.verdict, Verdict::Held, "{name}: {rollout:?}");
         // 0.8 s reach, 0.3 s squeeze, 0.3 s pause, six pulls of 2 s, at 50 Hz.
-        assert_eq!(rollout.control_steps_n, 670);
-        assert!(rollout.slip_m < 0.05 && rollout.contacts_n >= 2);
+        assert_eq!(rollout.measures.control_steps_n, 670);
+        assert!(rollout.measures.slip_m < 0.05 && rollout.measures.contacts_n >= 2);
     }
 }
 
@@ -93,7 +93,7 @@ fn pull_beyond_grip_strength_removes_the_can() {
         "{rollout:?}"
     );
     assert!(
-        rollout.slip_m > 0.02 && rollout.control_steps_n < 75,
+        rollout.measures.slip_m > 0.02 && rollout.measures.control_steps_n < 75,
         "{rollout:?}"
     );
 }
@@ -103,7 +103,10 @@ fn object_in_open_fingers_is_pulled_away() {
     for (name, _) in CLOSED {
         let rollout = pulled(name, 0.2, PullConfig::default());
         let lost = matches!(rollout.verdict, Verdict::Slipped | Verdict::Dropped);
-        assert!(lost && rollout.control_steps_n < 200, "{name}: {rollout:?}");
+        assert!(
+            lost && rollout.measures.control_steps_n < 200,
+            "{name}: {rollout:?}"
+        );
     }
 }
 

@@ -2,6 +2,7 @@
 //! agreement with recorded verdicts of another engine.
 
 mod bodies;
+mod compliance;
 mod episode;
 mod errors;
 mod feedforward;

@@ -196,7 +196,7 @@ fn each_protocol_states_its_friction_mass_drive_and_steps() {
         assert_eq!([stiffness, damping, torque_limit], drive, "{name:?}");
         let rollout = squeezed(name, 0.01);
         assert_eq!(
-            rollout.control_steps_n + rollout.skipped_steps_n,
+            rollout.measures.control_steps_n + rollout.measures.skipped_steps_n,
             steps_n,
             "{name:?}"
         );
@@ -211,18 +211,18 @@ fn force_closure_pulls_with_one_newton_on_100_g() {
     assert_eq!(rollout.verdict, Verdict::Slipped);
     // Both pulls along x are held for 2 s. The next one swings cube and plates, 0.302 kg on 10 N/m, by 5 cm
     // in a sixth of a period, 0.18 s.
-    let lost_n = rollout.control_steps_n - 40 - 200;
+    let lost_n = rollout.measures.control_steps_n - 40 - 200;
     assert!((8..=11).contains(&lost_n), "{lost_n}");
     // With 0.7 N, 0.84 N of friction hold: at 1.6 m/s² the cube is 5 cm away after 0.25 s.
     let rollout = squeezed(ProtocolName::DexgraspbenchForceClosure, 0.14);
-    let lost_n = rollout.control_steps_n - 40;
+    let lost_n = rollout.measures.control_steps_n - 40;
     assert!((12..=14).contains(&lost_n), "{lost_n}");
     // In no grip at all it is 5 cm away after 0.1 s at 10 m/s².
     let away = motion(0.3, [0.0, 0.0]);
     let options = protocol(ProtocolName::DexgraspbenchForceClosure);
     let rollout = execute(&scene::scene(), &options, &away);
     assert_eq!(
-        (rollout.verdict, rollout.control_steps_n),
+        (rollout.verdict, rollout.measures.control_steps_n),
         (Verdict::Dropped, 40 + 5)
     );
 }
@@ -273,10 +273,10 @@ fn pulls_of_force_closure_know_nothing_of_each_other() {
 fn tabletop_lifts_100_g_by_10_cm() {
     let held = squeezed(ProtocolName::DexgraspbenchTabletop, 0.22);
     assert_eq!(held.verdict, Verdict::Held, "{held:?}");
-    assert!((0.08..0.1).contains(&held.lift_m), "{held:?}");
+    assert!((0.08..0.1).contains(&held.measures.lift_m), "{held:?}");
     let resting = squeezed(ProtocolName::DexgraspbenchTabletop, 0.16);
     assert_eq!(resting.verdict, Verdict::Dropped, "{resting:?}");
-    assert!(resting.lift_m < 1e-3, "{resting:?}");
+    assert!(resting.measures.lift_m < 1e-3, "{resting:?}");
 }
 
 /// 0.125 kg weigh 1.23 N. With plates at 200 N/m, `d` into the cube, friction of 2 · 2 · 200 N/m · d lifts them.
@@ -292,7 +292,7 @@ fn the_papers_lift_needs_a_contact_and_four_centimeters() {
     // 3.2 N, and 1.2 N.
     let held = grasp(0.004, &resolved);
     assert_eq!(held.verdict, Verdict::Held, "{held:?}");
-    assert!((0.13..0.15).contains(&held.lift_m), "{held:?}");
+    assert!((0.13..0.15).contains(&held.measures.lift_m), "{held:?}");
     let resting = grasp(0.0015, &resolved);
     assert_eq!(resting.verdict, Verdict::NotGrasped, "{resting:?}");
     // A firm grasp has to rise by 4 cm.
@@ -360,7 +360,7 @@ fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
     let away = settled.rollout(&motion(0.3, [0.0, 0.0]), &resolved, TraceMode::Nothing);
     let away = away.unwrap();
     assert_eq!(
-        (away.verdict, away.control_steps_n),
+        (away.verdict, away.measures.control_steps_n),
         (Verdict::Dropped, 50 + 15)
     );
 }
@@ -370,7 +370,7 @@ fn dro_opens_and_closes_by_shares_of_what_is_left_to_the_limits() {
 fn froggers_pick_holds_what_friction_carries() {
     let held = squeezed(ProtocolName::Frogger, 0.01);
     assert_eq!(held.verdict, Verdict::Held, "{held:?}");
-    assert!((held.lift_m - 0.1).abs() < 0.01, "{held:?}");
+    assert!((held.measures.lift_m - 0.1).abs() < 0.01, "{held:?}");
     let lost = squeezed(ProtocolName::Frogger, 0.005);
     assert_ne!(lost.verdict, Verdict::Held, "{lost:?}");
 }
@@ -379,7 +379,10 @@ fn froggers_pick_holds_what_friction_carries() {
 #[test]
 fn get_a_grip_asks_for_three_links_and_shakes() {
     let plates = squeezed(ProtocolName::GetAGrip, 0.01);
-    assert_eq!((plates.verdict, plates.contacts_n), (Verdict::Dropped, 2));
+    assert_eq!(
+        (plates.verdict, plates.measures.contacts_n),
+        (Verdict::Dropped, 2)
+    );
     let options = Protocol {
         name: ProtocolName::GetAGrip,
         ..scene::protocol()

@@ -141,7 +141,7 @@ fn recorded_protocol() -> Protocol {
 }
 
 fn held(rollout: &Rollout) -> bool {
-    rollout.verdict == Verdict::Held && (0.1..0.3).contains(&rollout.lift_m)
+    rollout.verdict == Verdict::Held && (0.1..0.3).contains(&rollout.measures.lift_m)
 }
 
 #[test]

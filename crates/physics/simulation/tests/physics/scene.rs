@@ -5,10 +5,7 @@ use std::f64::consts::TAU;
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Matrix3, Point3, Quaternion, Translation3, UnitQuaternion, Vector3};
 use robot::RobotModel;
-use simulation::{
-    Approach, ControllerKind, DriveConfig, ObjectShape, Offset, Protocol, ProtocolName, PullConfig,
-    SceneConfig, SettledScene, Shortcuts, StrictConfig, Support, Trial,
-};
+use simulation::{ObjectShape, Protocol, SceneConfig, SettledScene};
 use spatial::{Object, Pose, RestingPose};
 
 pub(crate) const RADIUS_M: f64 = 0.034;
@@ -27,67 +24,21 @@ pub(crate) fn hand() -> RobotModel {
 }
 
 pub(crate) fn scene() -> SceneConfig {
-    SceneConfig {
-        friction: 1.0,
-        table_friction: None,
-        object_mass_kg: None,
-        object_density_kg_per_m3: None,
-        support: Support::Table,
-        mass_scale: 1.0,
-        hand_mass_scale: 1.0,
-        object_offset: Offset::default(),
-        time_step_s: 0.004,
-        substeps: 1,
-        steps_per_control: 5,
-        prediction_m: 0.002,
-        contact_recycle_m: 0.0,
-        fingers_touch: false,
-        settle_s: 1.0,
-        drive: DriveConfig {
-            controller: ControllerKind::Pd,
-            stiffness: 20.0,
-            damping: 1.0,
-            torque_limit: 0.7,
-            armature: 0.001,
-            stop_stiffness: 200.0,
-            delay_s: 0.0,
-        },
-        palm_drive: None,
-        shortcuts: Shortcuts {
-            refused: true,
-            ..Shortcuts::NONE
-        },
-    }
+    let drive = serde_json::json!({
+        "stiffness": 20.0, "damping": 1.0, "torque_limit": 0.7, "armature": 0.001,
+    });
+    let shortcuts = serde_json::json!({"refused": true, "lost": false, "settled": false});
+    let scene = serde_json::json!({"drive": drive, "shortcuts": shortcuts});
+    serde_json::from_value(scene).unwrap()
 }
 
 pub(crate) fn protocol() -> Protocol {
     let flexion = [1, 2, 3, 5, 6, 7, 9, 10, 11, 14, 15];
-    Protocol {
-        approach: Approach::Open,
-        reach_s: 0.8,
-        close_fraction: 0.25,
-        flexion_joints: flexion.map(|joint| format!("joint_{joint}.0")).to_vec(),
-        open_rad: 0.3,
-        squeeze_rad: 0.15,
-        squeeze_s: 0.3,
-        pause_s: 0.3,
-        lift_m: 0.15,
-        lift_s: 0.4,
-        hold_s: 2.0,
-        lifted_m: 0.08,
-        min_links: 2,
-        max_slip_m_per_s: 0.01,
-        knocked_m: 0.03,
-        knocked_rad: 0.6,
-        limit_tolerance_rad: 0.1,
-        table_tolerance_m: 0.01,
-        early_tolerance_m: 0.02,
-        trial: Trial::Lift,
-        strict: StrictConfig::default(),
-        pull: PullConfig::default(),
-        name: ProtocolName::TableLift,
-        published: None,
-    }
+    let protocol = serde_json::json!({
+        "approach": "open",
+        "flexion_joints": flexion.map(|joint| format!("joint_{joint}.0")),
+    });
+    serde_json::from_value(protocol).unwrap()
 }
 
 /// An upright can of 0.35 kg about its own center.

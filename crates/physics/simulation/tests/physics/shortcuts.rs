@@ -60,19 +60,21 @@ fn shortcuts_spare_steps_and_change_no_verdict() {
     }
     for (few, all) in few.iter().zip(&all) {
         assert_eq!(
-            few.control_steps_n + few.skipped_steps_n,
-            all.control_steps_n + all.skipped_steps_n
+            few.measures.control_steps_n + few.measures.skipped_steps_n,
+            all.measures.control_steps_n + all.measures.skipped_steps_n
         );
-        assert!(few.control_steps_n <= all.control_steps_n);
+        assert!(few.measures.control_steps_n <= all.measures.control_steps_n);
         match all.verdict {
-            Verdict::Held => assert_eq!(all.skipped_steps_n, 0),
-            Verdict::EarlyContact => assert!(all.control_steps_n > 0 && few.control_steps_n == 0),
+            Verdict::Held => assert_eq!(all.measures.skipped_steps_n, 0),
+            Verdict::EarlyContact => {
+                assert!(all.measures.control_steps_n > 0 && few.measures.control_steps_n == 0);
+            }
             _ => {}
         }
     }
     // The hold is more than half of the script, and is cut to a third where nothing creeps in the hand.
     let held = || few.iter().filter(|r| r.verdict == Verdict::Held);
-    let early = held().filter(|r| r.skipped_steps_n > 60).count();
+    let early = held().filter(|r| r.measures.skipped_steps_n > 60).count();
     assert!(
         5 * early > 4 * held().count(),
         "{early} of {}",
@@ -109,9 +111,9 @@ fn recorded_rollout_runs_to_its_end() {
         (short.verdict, whole.verdict),
         (Verdict::Held, Verdict::Held)
     );
-    assert!(short.skipped_steps_n > 0 && whole.skipped_steps_n == 0);
+    assert!(short.measures.skipped_steps_n > 0 && whole.measures.skipped_steps_n == 0);
     assert_eq!(
         whole.trace.unwrap().steps.len() - 1,
-        whole.control_steps_n as usize
+        whole.measures.control_steps_n as usize
     );
 }

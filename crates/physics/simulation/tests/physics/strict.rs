@@ -85,7 +85,7 @@ fn contact_is_counted_by_fingers() {
     for (min_fingers, expected) in [(2, Verdict::Held), (6, Verdict::Dropped)] {
         let rollout = roll(&settled, &strict(|strict| strict.min_fingers = min_fingers));
         assert_eq!(rollout.verdict, expected, "{rollout:?}");
-        assert!(rollout.contacts_n > 2, "{rollout:?}");
+        assert!(rollout.measures.contacts_n > 2, "{rollout:?}");
     }
 }
 
@@ -118,7 +118,7 @@ fn an_object_that_turns_in_the_hand_slips() {
 #[test]
 fn an_object_displaced_by_the_squeeze_is_knocked_over() {
     let settled = settled(&scene());
-    let reach_m = roll(&settled, &protocol()).displacement_m;
+    let reach_m = roll(&settled, &protocol()).measures.displacement_m;
     let until = |knocked_until| {
         let mut protocol = strict(|strict| strict.knocked_until = knocked_until);
         protocol.knocked_m = reach_m + 1e-4;
