@@ -110,7 +110,7 @@ impl SettledScene {
         let palm_from_links = self.model.link_poses::<Palm>(|joint| command.q_rad[joint]);
         let table_from_palm = self.table_from_estimate() * command.frame_from_palm;
         let lowest_m = |shape: &LinkShape| {
-            let palm_from_link = palm_from_links[shape.link];
+            let palm_from_link = palm_from_links[shape.of_hand.link];
             let table_from_shape = table_from_palm * palm_from_link * shape.link_from_shape;
             shape.shape.lowest_m(&table_from_shape, &Vector3::z())
         };

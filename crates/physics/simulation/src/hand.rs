@@ -11,8 +11,6 @@ mod closed_forms;
 mod controller;
 mod feedforward;
 
-use std::convert::identity;
-
 use rapier3d::{
     math::{Pose as EnginePose, Vector},
     prelude::{
@@ -21,10 +19,10 @@ use rapier3d::{
         RigidBody, RigidBodyBuilder, RigidBodyHandle, RigidBodyType,
     },
 };
-use robot::{DynamicsModel, JointKind, Link, RobotModel};
+use robot::{DynamicsModel, HandShape, JointKind, Link, RobotModel};
 use spatial::{Palm, Pose, Table};
 
-pub(crate) use self::bodies::{LinkShape, Part, check, link_shapes};
+pub(crate) use self::bodies::{LinkShape, check, link_shapes};
 use self::{
     bodies::{Body, RigidGroup, engine_joint, mass_properties, rigid_groups},
     controller::Controller,
@@ -148,7 +146,6 @@ impl HandBodies {
         let mut bodies: Vec<RigidBodyHandle> = Vec::with_capacity(groups.len());
         let parents = parents(&groups, model);
         let fingers = fingers(&parents);
-        let with_palm = palm_contacts(model, &shapes, scene);
         let mut roots = Vec::new();
         let parking = EnginePose::translation(0.0, 0.0, length(PARKING_HEIGHT_M));
         for (idx, group) in groups.iter().enumerate() {
@@ -161,10 +158,8 @@ impl HandBodies {
                     .can_sleep(false),
                 _ => movable(mass),
             });
-            let touching = collision_groups(fingers[idx], &fingers, scene);
-            for (shape, collider) in colliders(group, &shapes, scene.friction) {
-                let touching = with_palm[shape](touching);
-                let collider = collider.collision_groups(touching).user_data(idx as u128);
+            for collider in colliders(group, &shapes, scene) {
+                let collider = collider.user_data(idx as u128);
                 world
                     .colliders
                     .insert_with_parent(collider, body, &mut world.bodies);
@@ -550,65 +545,37 @@ fn fingers(parents: &[Option<(usize, Pose<Body, Link>)>]) -> Vec<usize> {
     fingers
 }
 
-/// Returns the collision groups of the shapes of a finger or, if it is 0, of the palm.
-fn collision_groups(finger: usize, fingers: &[usize], scene: &SceneConfig) -> InteractionGroups {
-    let mut firsts = fingers
-        .iter()
-        .enumerate()
-        .filter(|(idx, first)| *idx > 0 && idx == *first);
-    match firsts.position(|(_, first)| *first == finger) {
-        Some(number) if scene.fingers_touch => groups::finger(number),
+/// Returns the collision groups of a shape of the hand.
+fn collision_groups(shape: &HandShape, scene: &SceneConfig) -> InteractionGroups {
+    let groups = match shape.finger {
+        Some(finger) if scene.fingers_touch => groups::finger(finger),
         _ => groups::hand(),
-    }
-}
-
-/// Returns for each of the hand's shapes the change of its collision groups where fingers touch the palm. A finger's
-/// shape does if it can meet all of the palm's: it is not of the link next to it, and overlaps none with the joints at 0.
-fn palm_contacts(
-    model: &RobotModel,
-    shapes: &[LinkShape],
-    scene: &SceneConfig,
-) -> Vec<fn(InteractionGroups) -> InteractionGroups> {
-    if !scene.fingers_touch_palm {
-        return vec![identity; shapes.len()];
-    }
-    let is_palm = |shape: &LinkShape| shape.part == Part::Palm;
-    let palm_n = shapes.iter().filter(|shape| is_palm(shape)).count();
-    let mut met_n = vec![0; shapes.len()];
-    for pair in model.shape_pairs(|_, _| true) {
-        match [pair.first, pair.second].map(|shape| is_palm(&shapes[shape])) {
-            [true, false] => met_n[pair.second] += 1,
-            [false, true] => met_n[pair.first] += 1,
-            _ => {}
-        }
-    }
-    let change = |(shape, met_n): (&LinkShape, usize)| match shape.part {
-        Part::Palm => groups::with_fingers,
-        Part::Finger if met_n == palm_n => groups::with_palm,
-        Part::Finger => identity,
     };
-    shapes.iter().zip(met_n).map(change).collect()
+    match shape.finger {
+        _ if !scene.fingers_touch_palm => groups,
+        None => groups::with_fingers(groups),
+        Some(_) if shape.touches_palm => groups::with_palm(groups),
+        Some(_) => groups,
+    }
 }
 
-/// Returns the colliders of the links of a rigid group, placed in the frame of its body, each with the number of its
-/// shape.
+/// Returns the colliders of the links of a rigid group, placed in the frame of its body.
 fn colliders(
     group: &RigidGroup,
     shapes: &[LinkShape],
-    friction: f64,
-) -> impl Iterator<Item = (usize, ColliderBuilder)> {
+    scene: &SceneConfig,
+) -> impl Iterator<Item = ColliderBuilder> {
     group.links.iter().flat_map(move |(link, body_from_link)| {
-        let shapes = shapes.iter().enumerate();
-        let of_link = shapes.filter(move |(_, shape)| shape.link == *link);
-        of_link.map(move |(idx, shape)| {
-            let collider = ColliderBuilder::new(shape.engine.clone())
+        let of_link = shapes.iter().filter(move |shape| shape.of_hand.link == *link);
+        of_link.map(move |shape| {
+            ColliderBuilder::new(shape.engine.clone())
                 .density(0.0)
-                .friction(real(friction))
+                .friction(real(scene.friction))
+                .collision_groups(collision_groups(&shape.of_hand, scene))
                 .position(
                     engine_pose(&(*body_from_link * shape.link_from_shape))
                         * shape.shape_from_engine,
-                );
-            (idx, collider)
+                )
         })
     })
 }

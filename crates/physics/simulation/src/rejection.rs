@@ -10,7 +10,7 @@ use spatial::{Object, Palm, Pose, Table};
 use crate::{
     config::{Protocol, Support},
     error::SimulationError,
-    hand::{LinkShape, Part},
+    hand::LinkShape,
     script::{Phase, Script},
     units::{engine_pose, meters},
 };
@@ -47,9 +47,9 @@ pub(crate) fn reject(
     }
     let below = |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
         let table_from_shape = *table_from_object * *object_from_shape;
-        let tolerance_m = match shape.part {
-            Part::Palm => protocol.strict.palm_table_tolerance_m,
-            Part::Finger => protocol.table_tolerance_m,
+        let tolerance_m = match shape.of_hand.finger {
+            None => protocol.strict.palm_table_tolerance_m,
+            Some(_) => protocol.table_tolerance_m,
         };
         let is_above = shape.shape.lowest_m(&table_from_shape, &Vector3::z()) >= -tolerance_m;
         support == Support::Table && !is_above
@@ -94,7 +94,7 @@ fn any_shape(
         .forward_kinematics(&pose.q_rad)
         .map_err(|err| SimulationError::Motion(err.to_string()))?;
     Ok(shapes.iter().any(|shape| {
-        let palm_from_link = palm_from_links[shape.link];
+        let palm_from_link = palm_from_links[shape.of_hand.link];
         let object_from_shape = pose.frame_from_palm * palm_from_link * shape.link_from_shape;
         condition(shape, &object_from_shape)
     }))

@@ -29,6 +29,8 @@ pub struct CompiledHand {
     pub(crate) bodies: Vec<Body>,
     /// The points attached to bodies, as they were given.
     pub(crate) points: Vec<BodyPoint>,
+    /// The place of each of the model's links.
+    pub(crate) links: Vec<BodyLink>,
     /// Layout of the unknowns in the normal equations.
     pub(crate) layout: Layout,
     /// Limits in the order of the joints' unknowns.
@@ -56,6 +58,14 @@ pub(crate) struct Body {
 pub(crate) struct BodyPoint {
     pub(crate) body: usize,
     pub(crate) offset: Vector3<f64>,
+}
+
+/// A link fixed to a body, by its pose in the body's frame.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct BodyLink {
+    pub(crate) body: usize,
+    pub(crate) rotation: Matrix3<f64>,
+    pub(crate) translation: Vector3<f64>,
 }
 
 impl CompiledHand {
@@ -88,9 +98,15 @@ impl CompiledHand {
             let joints = layout.joints.iter();
             joints.map(|&j| pick(&model.joints()[j])).collect()
         };
+        let links = links.iter().map(|&(body, body_from_link)| BodyLink {
+            body,
+            rotation: body_from_link.rotation.to_rotation_matrix().into_inner(),
+            translation: body_from_link.translation.vector,
+        });
         Ok(Self {
             root,
             points,
+            links: links.collect(),
             lower: limit(|joint| joint.lower),
             upper: limit(|joint| joint.upper),
             layout,

@@ -20,6 +20,8 @@ impl Evaluation<'_> {
             self.root_block(state, task);
         }
         self.springs(state, task);
+        self.pair_slopes();
+        self.pair_rows();
     }
 
     /// Computes the gradient alone, at the posture whose cost was last computed, which is `state`.
@@ -82,6 +84,7 @@ impl Evaluation<'_> {
         if let Some(prior) = &task.prior {
             add(prior.q, prior.weight);
         }
+        self.pair_slopes();
     }
 
     /// Gathers the moments of each body's own terms.

@@ -1,12 +1,13 @@
 //! The cost at a posture, and its first two derivatives.
 
-use nalgebra::{Matrix3, Point3, Vector3};
+use nalgebra::{IsometryMatrix3, Matrix3, Point3, Rotation3, Translation3, Vector3};
 
 use crate::{
     compiled::{CompiledHand, Root},
     moments::{Moments, SpatialVector},
+    pairs::PairRows,
     posture::{RootPose, logarithm},
-    task::{Residual, Task, Terms},
+    task::{PairResidual, Residual, Task, Terms},
     trig::{LANES, sin_cos},
 };
 
@@ -72,6 +73,9 @@ pub(crate) struct Evaluation<'a> {
     pub(crate) cosines: Vec<f64>,
     pub(crate) pulls: Vec<Pull>,
     pub(crate) residuals: Vec<Residual>,
+    pub(crate) pair_residuals: Vec<PairResidual>,
+    /// Second derivatives of the residuals of pairs, beside the Hessian.
+    pub(crate) pairs: PairRows,
     pub(crate) moments: Vec<Moments>,
     /// Index of the body whose memory holds each body's moments; [`NOBODY`] where there are none.
     pub(crate) carriers: Vec<usize>,
@@ -102,6 +106,21 @@ impl Posed<'_> {
         let r = frame.origin + frame.rotation * point.offset;
         Some(Point3::from(self.root.translation + r))
     }
+
+    /// Returns the pose of a link in the object's frame; `None` if the model has none of this number.
+    #[inline]
+    pub fn link(&self, link: usize) -> Option<IsometryMatrix3<f64>> {
+        let link = self.hand.links.get(link)?;
+        let frame = self.frames.get(link.body)?;
+        let [x, y, z] = columns(&frame.rotation);
+        let turned = |v: Vector3<f64>| x * v.x + y * v.y + z * v.z;
+        let rotation = Matrix3::from_columns(&columns(&link.rotation).map(turned));
+        let origin = self.root.translation + frame.origin + turned(link.translation);
+        Some(IsometryMatrix3::from_parts(
+            Translation3::from(origin),
+            Rotation3::from_matrix_unchecked(rotation),
+        ))
+    }
 }
 
 impl<'a> Evaluation<'a> {
@@ -123,6 +142,8 @@ impl<'a> Evaluation<'a> {
             cosines: vec![1.0; n_bodies.next_multiple_of(LANES)],
             pulls: Vec::new(),
             residuals: Vec::new(),
+            pair_residuals: Vec::new(),
+            pairs: PairRows::default(),
             moments: vec![Moments::ZERO; n_bodies],
             carriers: vec![NOBODY; n_bodies],
             twists: vec![SpatialVector::ZERO; n_bodies],
@@ -153,6 +174,11 @@ impl<'a> Evaluation<'a> {
         };
         terms.residuals(&posed, &mut self.residuals);
         for residual in &self.residuals {
+            cost += (residual.weight * residual.residual).powi(2);
+        }
+        self.pair_residuals.clear();
+        terms.pair_residuals(&posed, &mut self.pair_residuals);
+        for residual in &self.pair_residuals {
             cost += (residual.weight * residual.residual).powi(2);
         }
         cost

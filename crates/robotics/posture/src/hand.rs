@@ -1,7 +1,9 @@
 //! The robot hand as a solver sees it: points that follow landmarks, spheres that take up room.
 
+use std::sync::OnceLock;
+
 use nalgebra::Point3;
-use robot::{HandCollision, HandSphere, RobotModel, spheres};
+use robot::{HandCollision, HandSphere, RobotModel, SelfCollision, spheres};
 use spatial::Palm;
 
 use crate::{CompiledHand, HandTable, PostureError, Root};
@@ -26,6 +28,8 @@ pub struct Hand {
     in_palm: Vec<Point3<f64>>,
     /// Its collision shapes.
     pub collision: HandCollision,
+    /// The same against each other, once asked for.
+    self_collision: OnceLock<SelfCollision>,
 }
 
 /// A point of the robot that follows a landmark.
@@ -98,8 +102,15 @@ impl Hand {
             points,
             palm_points,
             collision,
+            self_collision: OnceLock::new(),
             model,
         })
+    }
+
+    /// Returns its collision shapes against each other.
+    pub fn self_collision(&self) -> &SelfCollision {
+        self.self_collision
+            .get_or_init(|| SelfCollision::new(&self.model))
     }
 
     /// Says whether the points on the palm lie on one line, to half a millimeter: the palm could turn

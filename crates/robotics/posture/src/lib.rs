@@ -29,8 +29,10 @@ mod layout;
 mod limits;
 mod minimize;
 mod moments;
+mod pairs;
 mod posture;
 mod propose;
+mod self_gap_terms;
 mod solver_error;
 mod task;
 #[cfg(test)]
@@ -48,5 +50,8 @@ pub use hand_table::{FollowedPoint, HandTable};
 pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};
 pub use schemas::demonstrations::KEYPOINTS;
+pub use self_gap_terms::SelfGapTerms;
 pub use solver_error::SolverError;
-pub use task::{Loss, NoTerms, PosturePrior, Residual, Smoothness, Target, Task, Terms};
+pub use task::{
+    Loss, NoTerms, PairResidual, PosturePrior, Residual, Smoothness, Target, Task, Terms,
+};

@@ -29,6 +29,7 @@ impl Solver<'_> {
         let (n, n_root) = (layout.n, layout.n_root);
         let hessian = &self.evaluation.hessian;
         let gradient = &self.evaluation.gradient;
+        let pairs = &self.evaluation.pairs;
         // Whether some unknown is held away from where it is.
         let mut is_shifted = false;
         for pass in 0..MAX_PASSES {
@@ -43,6 +44,11 @@ impl Solver<'_> {
             if !self.eliminator.solve(&system, &mut self.step) {
                 return None;
             }
+            let (factors, eliminator) = (&mut self.pair_factors, &mut *self.eliminator);
+            if !factors.prepare(pairs, eliminator, layout, &self.free) {
+                return None;
+            }
+            factors.correct(pairs, &mut self.step);
             if is_shifted {
                 for u in n_root..n {
                     self.step[u] += self.held[u];
@@ -61,7 +67,9 @@ impl Solver<'_> {
                     }
                 } else if pass + 2 < MAX_PASSES {
                     // Held only as long as it would leave otherwise.
-                    let slope = gradient[u] + layout.product_at(hessian, &self.step, u);
+                    let slope = gradient[u]
+                        + layout.product_at(hessian, &self.step, u)
+                        + pairs.product_at(&self.step, u);
                     let would_leave = (self.held[u] <= below && slope >= 0.0)
                         || (self.held[u] >= above && slope <= 0.0);
                     if !would_leave {
@@ -77,6 +85,7 @@ impl Solver<'_> {
             is_shifted = self.held.iter().any(|&held| held != 0.0);
             if is_shifted {
                 layout.product(hessian, &self.held, &mut self.product);
+                pairs.add_product(&self.held, &mut self.product);
             } else {
                 self.product.fill(0.0);
             }
@@ -97,6 +106,9 @@ impl Solver<'_> {
         let mut predicted = 0.0;
         if is_shifted {
             layout.product(&self.evaluation.hessian, &self.step, &mut self.product);
+            self.evaluation
+                .pairs
+                .add_product(&self.step, &mut self.product);
             for u in 0..layout.n {
                 predicted -= self.step[u] * (gradient[u] + 0.5 * self.product[u]);
             }
@@ -122,7 +134,10 @@ impl Solver<'_> {
         let floor = FLOOR * largest;
         for u in 0..layout.n {
             let slope = self.evaluation.gradient[u];
-            let curvature = self.evaluation.hessian[layout.diagonal[u]];
+            let mut curvature = self.evaluation.hessian[layout.diagonal[u]];
+            if !self.evaluation.pairs.is_empty() {
+                curvature += self.evaluation.pairs.diagonal(u);
+            }
             self.damping[u] = damping * (curvature.abs() + floor) + floor;
             self.held[u] = 0.0;
             self.right[u] = -slope;
@@ -162,6 +177,7 @@ impl Solver<'_> {
         }
         let (free, step) = (&self.free, &mut self.step);
         self.eliminator.solve_again(layout, &self.right, free, step);
+        self.pair_factors.correct(&self.evaluation.pairs, step);
         let gained: f64 = step
             .iter()
             .zip(&self.right)

@@ -8,6 +8,7 @@ use crate::{
     compiled::{CompiledHand, Root},
     evaluate::{Evaluation, Posed, State},
     moments::Order,
+    pairs::PairFactors,
     posture::{Posture, RootPose},
     task::{Task, Terms},
 };
@@ -76,6 +77,7 @@ pub struct SearchOutcome {
 pub struct Solver<'a> {
     pub(crate) evaluation: Evaluation<'a>,
     pub(crate) eliminator: Box<dyn Eliminate>,
+    pub(crate) pair_factors: PairFactors,
     pub(crate) state: State,
     pub(crate) trial: State,
     pub(crate) step: Vec<f64>,
@@ -99,6 +101,7 @@ impl<'a> Solver<'a> {
         Self {
             evaluation: Evaluation::new(hand),
             eliminator: eliminator(&hand.layout),
+            pair_factors: PairFactors::default(),
             trial: state.clone(),
             state,
             step: vec![0.0; n],

@@ -9,7 +9,7 @@ use crate::{evaluate::Posed, posture::Posture};
 /// `Σ wᵢ ρ(pᵢ − tᵢ) + s Σ ‖pᵢ − p′ᵢ‖² + c ‖q − q′‖² + a ‖q − r‖² + Σ (v r)²`
 ///
 /// over targeted points `p` with targets `t`, where dashes mark the step solved before. The last sum
-/// is over the residuals that a [`Terms`] hands in.
+/// is over the residuals that a [`Terms`] hands in, of single points and of pairs of links.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
     /// Target positions of the points.
@@ -84,13 +84,37 @@ pub struct Residual {
     pub weight: f64,
 }
 
-/// Terms that depend on the hand's environment.
+/// A number that should be 0, between two links of the hand: `(weight * residual)²` is added to the cost.
+///
+/// It depends on the links' relative pose alone: the line through both points is along the gradient, so that no motion
+/// that the links share changes the residual.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PairResidual {
+    /// The links, by their numbers among the model's.
+    pub links: [usize; 2],
+    /// A point fixed to each, in the object frame.
+    pub points_in_object: [Point3<f64>; 2],
+    /// Gradient of the residual by the second point's position, and minus that by the first's, in the object frame.
+    pub gradient_in_object: Vector3<f64>,
+    /// The number.
+    pub residual: f64,
+    /// Its weight.
+    pub weight: f64,
+}
+
+/// Terms that depend on the hand's environment, or on how its links lie to each other.
 pub trait Terms {
     /// Adds the residuals at a posture to `residuals`, which comes empty.
     ///
     /// It is called once for each posture that is tried. The residuals must depend on the posture
     /// alone and be continuous; a residual that would be 0 may be left out.
     fn residuals(&mut self, hand: &Posed<'_>, residuals: &mut Vec<Residual>);
+
+    /// Adds the residuals between links at a posture to `residuals`, which comes empty; none unless implemented.
+    ///
+    /// It is called as [`Terms::residuals`] is, and the same holds for them. A few at a time are meant: each costs the
+    /// solver another solution of its equations.
+    fn pair_residuals(&mut self, _hand: &Posed<'_>, _residuals: &mut Vec<PairResidual>) {}
 }
 
 /// No terms: an empty environment.

@@ -48,6 +48,14 @@ pub struct RefinementConfig {
     /// Distance that links keep from the table (m): the contact margin of the simulation.
     #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub table_margin_m: f64,
+    /// Weight of what a finger lacks to its margin from another finger, or from the palm (1): off, because screens
+    /// let fingers pass through each other unless `scene.fingers_touch` is set, and it takes a fifth more time; with 1
+    /// no finger of the Allegro ends in another.
+    #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
+    pub self_collision_weight: f64,
+    /// Distance that fingers keep from each other and from the palm (m): the table's.
+    #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
+    pub self_collision_margin_m: f64,
     /// Weight of a fingertip's distance from the surface at the grasp (1): as the object's; 0 switches off the
     /// balance and the squeeze too.
     #[option(default = 3.0, range = 0.0..=MAX_VALUE, why = SQUARES)]

@@ -3,9 +3,9 @@
 use motion::{Motion, Step};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
 use posture::{
-    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, Posed, Posture,
-    PosturePrior, Residual, RootMotion, SearchOptions, Smoothness, Solver, SolverError, Target,
-    Task, Terms,
+    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, Loss, PairResidual,
+    Posed, Posture, PosturePrior, Residual, RootMotion, SearchOptions, SelfGapTerms, Smoothness,
+    Solver, SolverError, Target, Task, Terms,
 };
 use spatial::{Object, Pose};
 
@@ -52,9 +52,10 @@ pub(crate) struct PosedHand {
     pub(crate) points: Vec<Point3<f64>>,
 }
 
-/// Cost terms of a step: object and table, and the balance of forces at the grasp.
+/// Cost terms of a step: object and table, fingers and palm, and the balance of forces at the grasp.
 pub(crate) struct StepTerms<'a> {
     pub(crate) surroundings: EnvironmentTerms<'a>,
+    pub(crate) self_gaps: Option<SelfGapTerms<'a>>,
     pub(crate) balance: Option<ForceBalance<'a>>,
 }
 
@@ -63,6 +64,12 @@ impl Terms for StepTerms<'_> {
         self.surroundings.residuals(posed, residuals);
         if let Some(balance) = &self.balance {
             balance.residuals(posed, residuals);
+        }
+    }
+
+    fn pair_residuals(&mut self, posed: &Posed<'_>, residuals: &mut Vec<PairResidual>) {
+        if let Some(self_gaps) = &mut self.self_gaps {
+            self_gaps.pair_residuals(posed, residuals);
         }
     }
 }
@@ -133,15 +140,20 @@ impl<'a> Refiner<'a> {
         }
         residual_m2 += (self.config.object_weight * approach_penetration_m).powi(2);
         let steps = motion.steps().iter().zip(&refined);
-        let steps = steps.map(|(step, refined)| Step {
-            time_s: step.time_s,
-            frame_from_palm: refined.posture.root.pose(),
-            q_rad: with_squeeze(self.hand, &refined.posture.q, &squeeze_rad, remaining(step)),
-            rates: (),
+        let steps = steps.map(|(step, refined)| {
+            let (root, q) = (refined.posture.root, &refined.posture.q);
+            let q = with_squeeze(self.hand, q, &squeeze_rad, remaining(step));
+            Ok(Step {
+                time_s: step.time_s,
+                frame_from_palm: root.pose(),
+                q_rad: self.clear_of_itself(Posture { root, q })?.q,
+                rates: (),
+            })
         });
+        let steps = steps.collect::<Result<_, RefinementError>>()?;
         let last = drawn.len() - 1;
         let [from, to] = [&drawn, &refined].map(|steps| steps[last].posture.root.translation());
-        let motion = Motion::of_joints(motion.joints().clone(), steps.collect())?;
+        let motion = Motion::of_joints(motion.joints().clone(), steps)?;
         Ok(Refined {
             motion: motion.differentiated()?,
             palm_moved_m: (to - from).norm(),
@@ -193,6 +205,36 @@ impl<'a> Refiner<'a> {
         Ok((self.place(posture)?, outcome.cost))
     }
 
+    /// Returns a posture whose fingers were moved as little as possible to their margins; as it is where they keep
+    /// them, or if the term is off.
+    fn clear_of_itself(&mut self, mut posture: Posture) -> Result<Posture, SolverError> {
+        let Some(mut self_gaps) = self.self_gaps() else {
+            return Ok(posture);
+        };
+        let commanded = posture.q.clone();
+        let prior = PosturePrior {
+            q: &commanded,
+            weight: self.config.joint_weight.powi(2),
+        };
+        let task = task(&[], None, Some(prior));
+        let options = SearchOptions::new(self.config.max_iterations, RootMotion::Fixed);
+        self.solver
+            .minimize(&task, &mut posture, &options, &mut self_gaps)?;
+        Ok(posture)
+    }
+
+    /// Returns the terms of fingers and palm against each other; `None` if they are off.
+    fn self_gaps(&self) -> Option<SelfGapTerms<'a>> {
+        let (hand, config) = (self.hand, self.config);
+        (config.self_collision_weight > 0.0).then(|| {
+            SelfGapTerms::new(
+                hand.self_collision(),
+                config.self_collision_margin_m,
+                config.self_collision_weight,
+            )
+        })
+    }
+
     /// Places the hand.
     pub(crate) fn place(&mut self, posture: Posture) -> Result<PosedHand, SolverError> {
         let nothing = task(&[], None, None);
@@ -228,6 +270,7 @@ impl<'a> Refiner<'a> {
                 },
                 contacts,
             },
+            self_gaps: self.self_gaps(),
             balance: None,
         }
     }
@@ -285,6 +328,10 @@ fn with_squeeze(hand: &Hand, q_rad: &[f64], squeeze_rad: &[f64], remaining: f64)
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
+    use spatial::Palm;
+
     use super::*;
     use crate::fixture::{self, reach};
 
@@ -345,6 +392,55 @@ mod tests {
         let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[1]);
         assert!(before > 0.02 && after < 0.001, "{before} m, then {after} m");
+    }
+
+    /// A motion whose fingers cross leaves at most 2 mm of them in each other with the term, at every step, and as much
+    /// as it was drawn with without.
+    #[test]
+    fn fingers_that_cross_are_parted_at_every_step() {
+        let hand = fixture::hand();
+        let above = nalgebra::Translation3::new(0.0, 0.0, 0.3);
+        let away = reach(&hand, -0.1, 0.3).shifted(&above);
+        let joint = |name: &str| hand.model.joint(name).unwrap();
+        let ends = [
+            ("joint_0.0", -0.45),
+            ("joint_4.0", 0.45),
+            ("joint_1.0", 1.0),
+            ("joint_5.0", 1.0),
+        ];
+        let steps = away.steps().iter().map(|step| {
+            let mut q_rad = step.q_rad.clone();
+            for (name, end) in ends {
+                let q = &mut q_rad[joint(name)];
+                *q += step.time_s * (end - *q);
+            }
+            Step {
+                time_s: step.time_s,
+                frame_from_palm: step.frame_from_palm,
+                q_rad,
+                rates: (),
+            }
+        });
+        let drawn = Motion::of_joints(Arc::clone(away.joints()), steps.collect()).unwrap();
+        let drawn = drawn.differentiated().unwrap();
+        let deepest_m = |motion: &Motion<Object>| {
+            let mut gaps = robot::SelfGaps::default();
+            let depths = motion.steps().iter().map(|step| {
+                let poses = hand.model.forward_kinematics::<Palm>(&step.q_rad).unwrap();
+                hand.self_collision().gaps(&poses, 0.0, &mut gaps);
+                gaps.depth_m()
+            });
+            depths.fold(0.0, f64::max)
+        };
+        let apart = RefinementConfig {
+            self_collision_weight: 3.0,
+            ..RefinementConfig::default()
+        };
+        let without = refine(&hand, &RefinementConfig::default(), &drawn).motion;
+        let with = refine(&hand, &apart, &drawn).motion;
+        let [drawn, without, with] = [&drawn, &without, &with].map(deepest_m);
+        assert!(drawn > 0.005 && without > 0.005, "{drawn} m, {without} m");
+        assert!(with < 0.002, "{drawn} m, then {with} m");
     }
 
     #[test]

@@ -74,6 +74,6 @@ pub use hand_layout::HandLayout;
 pub use joint_order::{JointMismatch, JointOrder};
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
 pub use self_collision::{SelfCollision, SelfGap, SelfGaps};
-pub use shape_pairs::{Kinship, ShapePair};
+pub use shape_pairs::{HandShape, Kinship, ShapePair};
 pub use surface::{SurfacePoint, surface_points};
 pub use urdf::MAX_BYTES as MAX_URDF_BYTES;

@@ -15,6 +15,31 @@ pub struct ShapePair {
     pub kinship: Kinship,
 }
 
+/// A collision shape of a hand, and what else of the hand it touches.
+///
+/// Different fingers touch each other, links of one finger never do.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct HandShape {
+    /// Number of its link.
+    pub link: usize,
+    /// Number of its finger, from 0 in the order of the links; `None` for the palm's shapes.
+    pub finger: Option<usize>,
+    /// Whether a finger's shape touches the palm: it is not of the link next to it, and overlaps none of the palm's
+    /// shapes with all joints at zero.
+    pub touches_palm: bool,
+}
+
+impl HandShape {
+    /// Says whether two shapes touch each other.
+    pub fn touches(&self, other: &Self) -> bool {
+        match [self.finger, other.finger] {
+            [Some(finger), Some(other)] => finger != other,
+            [None, None] => false,
+            _ => self.touches_palm || other.touches_palm,
+        }
+    }
+}
+
 /// How near two bodies are in a robot's tree, of those without a joint between them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Kinship {
@@ -28,6 +53,41 @@ pub enum Kinship {
 }
 
 impl RobotModel {
+    /// Returns a hand's collision shapes in the order of its links: those of the body of its root link are the palm's,
+    /// and each body on it begins a finger.
+    pub fn hand_shapes(&self) -> Vec<HandShape> {
+        let bodies = self.bodies_of_links();
+        let mut finger_of: Vec<Option<usize>> = vec![None; bodies.len()];
+        let mut finger_n = 0;
+        for (idx, link) in self.links().iter().enumerate() {
+            let Some(parent) = link.parent else { continue };
+            finger_of[idx] = finger_of[parent];
+            if link.kind.is_some() && finger_of[parent].is_none() {
+                finger_of[idx] = Some(finger_n);
+                finger_n += 1;
+            }
+        }
+        let links = self.links().iter().enumerate();
+        let shapes = links.flat_map(|(link, body)| body.collisions.iter().map(move |_| link));
+        let mut shapes: Vec<HandShape> = shapes
+            .map(|link| HandShape {
+                link,
+                finger: finger_of[link],
+                touches_palm: false,
+            })
+            .collect();
+        let palm_n = shapes.iter().filter(|shape| shape.finger.is_none()).count();
+        let mut met_n = vec![0; shapes.len()];
+        for pair in self.shape_pairs(|a, b| finger_of[a].is_some() != finger_of[b].is_some()) {
+            met_n[pair.first] += 1;
+            met_n[pair.second] += 1;
+        }
+        for (shape, met_n) in shapes.iter_mut().zip(met_n) {
+            shape.touches_palm = shape.finger.is_some() && met_n == palm_n;
+        }
+        shapes
+    }
+
     /// Returns the pairs of collision shapes of different links that can meet, of those that `counts` says of by their
     /// links.
     ///

@@ -7,7 +7,7 @@ use rapier3d::{
         GenericJoint, GenericJointBuilder, JointAxesMask, MassProperties, SharedShape, Vector,
     },
 };
-use robot::{JointKind, Link, RobotModel, Shape};
+use robot::{HandShape, JointKind, Link, RobotModel, Shape};
 use spatial::Pose;
 
 use crate::{
@@ -147,22 +147,11 @@ pub(crate) fn engine_joint(link: &Link, body_from_parent: &Pose<Body, Link>) -> 
         .build()
 }
 
-/// A part of the hand.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Part {
-    /// The palm, with all links that are fixed to it.
-    Palm,
-    /// A finger.
-    Finger,
-}
-
 /// A link's collision shape as the engine has it.
 #[derive(Debug, Clone)]
 pub(crate) struct LinkShape {
-    /// Index of the link in the model.
-    pub(crate) link: usize,
-    /// The part of the hand that the link belongs to.
-    pub(crate) part: Part,
+    /// Its link and finger, and what it touches.
+    pub(crate) of_hand: HandShape,
     /// The shape about its center as the model has it.
     pub(crate) shape: Shape,
     /// Pose of that center in the link's frame.
@@ -200,27 +189,20 @@ pub(crate) fn link_shapes(model: &RobotModel) -> Result<Vec<LinkShape>, Simulati
         });
     }
     let mut shapes = Vec::new();
-    let groups = rigid_groups(model);
-    for (idx, link) in model.links().iter().enumerate() {
-        let on_palm = |palm: &RigidGroup| palm.links.iter().any(|(fixed, _)| *fixed == idx);
-        let part = match groups.first() {
-            Some(palm) if on_palm(palm) => Part::Palm,
-            _ => Part::Finger,
-        };
-        for collision in &link.collisions {
-            let (engine, shape_from_engine) =
-                engine_shape(&collision.shape).ok_or_else(|| SimulationError::FlatLink {
-                    link: link.name.clone(),
-                })?;
-            shapes.push(LinkShape {
-                link: idx,
-                part,
-                shape: collision.shape.clone(),
-                link_from_shape: collision.link_from_shape,
-                engine,
-                shape_from_engine,
-            });
-        }
+    let links = model.links().iter();
+    let collisions = links.flat_map(|link| link.collisions.iter().map(move |one| (link, one)));
+    for ((link, collision), of_hand) in collisions.zip(model.hand_shapes()) {
+        let (engine, shape_from_engine) =
+            engine_shape(&collision.shape).ok_or_else(|| SimulationError::FlatLink {
+                link: link.name.clone(),
+            })?;
+        shapes.push(LinkShape {
+            of_hand,
+            shape: collision.shape.clone(),
+            link_from_shape: collision.link_from_shape,
+            engine,
+            shape_from_engine,
+        });
     }
     if shapes.is_empty() {
         return Err(SimulationError::NoCollisions);

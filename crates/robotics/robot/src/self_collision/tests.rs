@@ -19,24 +19,17 @@ fn rounded_shape(link: usize, shape: &Shape) -> RoundedShape {
     let (core, radius_m) = rounded(shape);
     RoundedShape {
         link,
-        link_from_shape: Pose::identity(),
+        link_from_shape: PlacedShape::of(&Pose::<Link, Shape>::identity()),
         reach_m: core.radius_m() + radius_m,
         core,
         radius_m,
     }
 }
 
-fn placed(pose: &Pose<World, Shape>) -> PlacedShape {
-    PlacedShape {
-        rotation: pose.rotation.to_rotation_matrix().into_inner(),
-        center: pose.translation.vector,
-    }
-}
-
 fn gap_of(a: (&Shape, &Pose<World, Shape>), b: (&Shape, &Pose<World, Shape>)) -> SelfGap {
     let [first, second] = [rounded_shape(0, a.0), rounded_shape(1, b.0)];
-    let (at_a, at_b) = (placed(a.1), placed(b.1));
-    gap((&first, &at_a), (&second, &at_b), FAR_M).unwrap()
+    let [at_a, at_b] = [a.1, b.1].map(PlacedShape::of);
+    gap((&first, &at_a), (&second, &at_b), FAR_M, &mut Vector3::zeros()).unwrap()
 }
 
 /// Returns a point's signed distance from a box about the origin.
