@@ -83,12 +83,23 @@ def settings(options, of_hand):
     flexion = {key: of_hand[key] for key in ["flexion_joints"] if key in of_hand}
     protocol = given("protocol", flexion | protocol, PROTOCOL, ["flexion_joints"])
     protocol["strict"] = given("protocol.strict", strict, STRICT)
-    if protocol["name"] != "table_lift" or protocol["trial"] != "lift":
-        sys.exit("`options.protocol` names another protocol than `table_lift`, or another trial than `lift`")
+    one_of("protocol.name", protocol["name"], ["table_lift", "full_contact"])
+    one_of("protocol.trial", protocol["trial"], ["lift"])
+    if protocol["name"] == "full_contact":
+        full_contact(scene, protocol)
     options = given("", options, OPTIONS)
     one_of("protocol.strict.knocked_until", protocol["strict"]["knocked_until"], KNOCKED_UNTIL)
     one_of("parts", options["parts"], PARTS)
     return scene, protocol, engine, options
+
+
+def full_contact(scene, protocol):
+    """Sets what the name stands for."""
+    if scene["friction"] > 0.8:
+        sys.exit(f"`options.scene.friction` is {scene['friction']}: `full_contact` has a friction of at most 0.8")
+    scene |= {"fingers_touch": True, "fingers_touch_palm": True}
+    scene["palm_compliance"] = scene["palm_compliance"] or PALM_COMPLIANCE
+    protocol["strict"]["knocked_until"] = "lift"
 
 
 def one_of(name, value, known):
