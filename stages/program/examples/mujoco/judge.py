@@ -2,10 +2,9 @@
 
 Reads `candidates` and `objects` of one object, the hand's URDF (`files.hand`) and the hand's file (`files.hand_file`),
 whose drive and flexion joints are the defaults; makes `rollouts`. Its options are those of `screen`: `scene`, `protocol`,
-`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts. Unknown ones are refused.
-`recorded` writes the first rollouts step by step as JSON.
-`ENGINE` in `scene.py` has the reasons of `engine`. With `parts = "own"` the object has the convex parts of
-`inputs.parts`, a table of `parts.py`, in place of those of `objects`.
+`max_penetration_m`, with the same defaults, and `engine`, how MuJoCo computes contacts (`ENGINE` in `scene.py`).
+Unknown ones are refused. With `parts = "own"` the object has the convex parts of `inputs.parts`, a table of `parts.py`,
+in place of those of `objects`. `recorded` writes the first rollouts step by step as JSON.
 """
 
 import json
