@@ -174,14 +174,7 @@ fn script_start_and_limits_are_those_of_the_screen_step_by_step() {
     assert_eq!(compared, COMPARED);
 
     // Every motion has a row of each, and geometry alone refuses the same ones.
-    let rollouts = |stage: &str| -> BTreeMap<String, Verdict> {
-        let parts = lake.newest_partitions("rollouts", Some(stage)).unwrap();
-        let rows = parts
-            .values()
-            .flat_map(|part| lake::table::read::<Rollouts>(part).unwrap());
-        rows.map(|row| (row.candidate_id, row.verdict)).collect()
-    };
-    let (ours, theirs) = (rollouts("screen"), rollouts("mujoco"));
+    let (ours, theirs) = (verdicts(&lake, "screen"), verdicts(&lake, "mujoco"));
     assert_eq!(
         ours.keys().collect::<Vec<_>>(),
         theirs.keys().collect::<Vec<_>>()
@@ -251,6 +244,134 @@ fn phase(phase: Phase) -> &'static str {
 
 fn pose<To, From>(value: &Value) -> Pose<To, From> {
     Pose::from_array(serde_json::from_value(value.clone()).unwrap()).unwrap()
+}
+
+/// Added to [`PIPELINE`], which ends in the judge's stage: convex parts of its own, made twice, and in both engines a hand
+/// that touches itself on an arm that yields.
+const OWN_PARTS: &str = r#"
+inputs.parts = "own_parts.parts"
+options.parts = "own"
+options.scene = { fingers_touch = true, fingers_touch_palm = true, palm_compliance = {} }
+
+[stages.screen]
+scene.fingers_touch = true
+scene.fingers_touch_palm = true
+scene.palm_compliance = {}
+
+[stages.ingest]
+objects = ["006_mustard_bottle", "011_banana"]
+
+[stages.own_parts]
+kind = "program"
+command = ["PYTHON", "stages/program/examples/mujoco/parts.py"]
+inputs.objects = "ingest.objects"
+each = "objects"
+makes = "parts"
+
+[stages.own_parts.columns]
+part_idx = { type = "integer", unit = "1", about = "number of the convex part" }
+points_m = { type = "numbers", unit = "m", about = "its corners, x, y and z of each" }
+"#;
+/// Greatest turn of an object from the pose in which it was asked to lie.
+const TURNED_RAD: f64 = 0.05;
+/// Greatest difference of the bounds of parts and mesh, in meters.
+const BOUNDS_M: f64 = 1e-4;
+
+#[test]
+fn own_parts_are_those_of_the_mesh_and_objects_rest_on_them_as_asked() {
+    let Some(python) = python(&[&MODULES[..], &["coacd"]].concat()) else {
+        return;
+    };
+    let bench = Bench::new();
+    let file = bench.lake().parent().unwrap().join("own.toml");
+    let (_, made_again) = OWN_PARTS.split_at(OWN_PARTS.find("[stages.own_parts]").unwrap());
+    let text = [
+        PIPELINE,
+        OWN_PARTS,
+        &made_again.replace("own_parts", "again"),
+    ]
+    .concat();
+    let text = text
+        .replace("ROOT", env!("CARGO_MANIFEST_DIR"))
+        .replace("PYTHON", &python);
+    fs::write(&file, text).unwrap();
+    bench.run_own(&file);
+
+    let lake = Lake::open(&bench.lake());
+    let newest =
+        |artifact: &str, stage: &str| lake.newest_partitions(artifact, Some(stage)).unwrap();
+    let objects = newest("objects", "ingest");
+    let (parts, again) = (newest("parts", "own_parts"), newest("parts", "again"));
+    assert_eq!(objects.len(), 2);
+    for (key, artifact) in &objects {
+        let object: Object = lake::table::read(artifact).unwrap();
+        let own = points_of_parts(&parts[key]);
+        assert_eq!(own, points_of_parts(&again[key]), "{key}: made twice");
+        assert_ne!(own, object.parts_m, "{key}");
+        for axis in 0..3 {
+            for sign in [-1.0, 1.0] {
+                let farthest = |points: &[[f64; 3]]| {
+                    let along = points.iter().map(|point| sign * point[axis]);
+                    along.fold(f64::NEG_INFINITY, f64::max)
+                };
+                let apart = farthest(&own.concat()) - farthest(&object.vertices_m);
+                assert!(apart.abs() < BOUNDS_M, "{key}: {apart} m along {axis}");
+            }
+        }
+    }
+
+    for (key, artifact) in &newest("candidates", "replay") {
+        let candidates: Candidates = lake::table::read(artifact).unwrap();
+        let candidate = &candidates.candidates[0];
+        let traces = bench
+            .lake()
+            .join("files/own/mujoco/rollouts")
+            .join(key.as_str());
+        let trace = fs::read(traces.join(format!("{}.json", candidate.candidate_id))).unwrap();
+        let trace: Value = serde_json::from_slice(&trace).unwrap();
+        let up = |table_from_object: &Pose<Table, InObject>| {
+            table_from_object.rotation.inverse() * Vector3::z()
+        };
+        let turned_rad =
+            up(&candidate.table_from_object).angle(&up(&pose(&trace["table_from_object"])));
+        println!("{key}: rests {turned_rad:.3} rad from the pose asked for");
+        assert!(turned_rad < TURNED_RAD, "{key}: {turned_rad} rad");
+    }
+
+    let (ours, theirs) = (verdicts(&lake, "screen"), verdicts(&lake, "mujoco"));
+    assert_eq!(ours.len(), 2);
+    assert_eq!(ours, theirs);
+}
+
+/// The corners of each part in a table of `parts.py`.
+fn points_of_parts(artifact: &Artifact) -> Vec<Vec<[f64; 3]>> {
+    let rows = lake::table::read_batch(artifact).unwrap();
+    let lists = rows.column_by_name("points_m").unwrap();
+    let lists = lists
+        .as_any()
+        .downcast_ref::<arrow_array::ListArray>()
+        .unwrap();
+    let points = |list: arrow_array::ArrayRef| -> Vec<[f64; 3]> {
+        let numbers = list
+            .as_any()
+            .downcast_ref::<arrow_array::Float64Array>()
+            .unwrap();
+        numbers
+            .values()
+            .chunks(3)
+            .map(|p| [p[0], p[1], p[2]])
+            .collect()
+    };
+    lists.iter().map(|list| points(list.unwrap())).collect()
+}
+
+/// Each candidate's verdict by a stage.
+fn verdicts(lake: &Lake, stage: &str) -> BTreeMap<String, Verdict> {
+    let parts = lake.newest_partitions("rollouts", Some(stage)).unwrap();
+    let rows = parts
+        .values()
+        .flat_map(|part| lake::table::read::<Rollouts>(part).unwrap());
+    rows.map(|row| (row.candidate_id, row.verdict)).collect()
 }
 
 #[test]
