@@ -136,6 +136,13 @@ pub struct IngestConfig {
         why = "each is a collision shape in every physics step"
     )]
     pub max_convex_parts_n: usize,
+    /// Largest distance between a convex part and its simplification (m); without it each part has at most 32
+    /// corners
+    #[option(
+        default, range = above(0.0, MAX_SETTING),
+        why = "0 keeps every bump of a scan, and a larger value exceeds any scene"
+    )]
+    pub part_tolerance_m: Option<f64>,
     /// True masses by object name (kg), for objects outside YCB or to override YCB's table
     #[option(default)]
     pub masses_kg: BTreeMap<String, f64>,
