@@ -52,7 +52,8 @@ impl Output for Shapes {
     const ARTIFACT: &'static str = "shapes";
     const SCHEMA: &'static str = Object::VERSION;
     const PARTITION: &'static str = "object";
-    const OPTIONS: OptionsUsed = OptionsUsed::Only(&["points_n", "max_convex_parts_n"]);
+    const OPTIONS: OptionsUsed =
+        OptionsUsed::Only(&["points_n", "max_convex_parts_n", "part_tolerance_m"]);
 
     fn units(config: &IngestConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         units::shapes(config)
@@ -88,6 +89,7 @@ impl Output for Demonstrations {
         "meshes",
         "points_n",
         "max_convex_parts_n",
+        "part_tolerance_m",
     ]);
 
     fn units(config: &IngestConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {

@@ -33,17 +33,29 @@ pub(crate) fn convex_hull(points: &[Point3<f64>]) -> Result<TriMesh, GeometryErr
     }
 }
 
+/// A point no farther than this outside a hull is on it, in meters: rounding.
+pub(crate) const ON_HULL_M: f64 = 1e-6;
+
 /// Returns at most `limit` of the points whose hull is nearly that of all: greedily, the point
-/// farthest outside the hull so far, first index first.
+/// farthest outside the hull so far, first index first, until none is farther than `tolerance_m`.
+///
+/// The points `kept` are among them, even if they are more than `limit`.
 pub(crate) fn few_hull_points(
     points: &[Point3<f64>],
+    kept: &[Point3<f64>],
     limit: usize,
+    tolerance_m: f64,
 ) -> Result<Vec<Point3<f64>>, GeometryError> {
     let full = convex_hull(points)?;
-    if full.vertices_m.len() <= limit {
+    if full.vertices_m.len() <= limit && tolerance_m <= ON_HULL_M {
         return Ok(full.vertices_m);
     }
     let mut chosen = extremes(&full.vertices_m);
+    for point in kept {
+        if !chosen.contains(point) {
+            chosen.push(*point);
+        }
+    }
     while chosen.len() < limit {
         let Ok(hull) = convex_hull(&chosen) else {
             break;
@@ -62,7 +74,7 @@ pub(crate) fn few_hull_points(
                 .map(|(normal, offset)| normal.dot(&point.coords) - offset)
                 .fold(f64::NEG_INFINITY, f64::max)
         };
-        let mut farthest = (1e-6, None);
+        let mut farthest = (tolerance_m, None);
         for point in &full.vertices_m {
             let distance = outside(point);
             if distance > farthest.0 {

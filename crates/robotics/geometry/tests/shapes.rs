@@ -3,7 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use geometry::{
-    MAX_PART_VERTICES, SurfaceDistance, TriMesh, convex_parts, mass_properties, stable_rests,
+    MAX_PART_VERTICES, SurfaceDistance, TriMesh, convex_parts, mass_properties, parts_within,
+    stable_rests,
 };
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, SeedableRng};
@@ -269,6 +270,41 @@ fn nearly_convex_meshes_stay_one_part() {
         .convex_hull()
         .unwrap();
         assert!(hull.volume_m3() > 0.8 * mesh.volume_m3());
+    }
+}
+
+#[test]
+fn parts_within_a_tolerance_are_as_close_and_keep_the_faces_of_rests() {
+    let tolerance_m = 1e-4;
+    for mesh in [cylinder(0.03, 0.1), cup()] {
+        let hull = mesh.convex_hull().unwrap();
+        let center = mass_properties(&mesh, 1.0).center_of_mass_m;
+        let rests = stable_rests(&mesh, &center);
+        let parts = parts_within(&mesh, 24, tolerance_m, &rests).unwrap();
+        let corners = parts.concat();
+        for rest in &rests {
+            let above_m = |corner: &Point3<f64>| {
+                rest.rest.up_in_object.dot(&corner.coords) + rest.rest.height_m
+            };
+            let feet = |points: &[Point3<f64>]| {
+                points
+                    .iter()
+                    .filter(|corner| above_m(corner) < 1e-5)
+                    .count()
+            };
+            assert!(feet(&corners) >= feet(&hull.vertices_m), "{rest:?}");
+        }
+        if parts.len() == 1 {
+            let cut = TriMesh {
+                vertices_m: corners,
+                triangles: Vec::new(),
+            };
+            let surface = SurfaceDistance::new(&cut.convex_hull().unwrap());
+            for corner in &hull.vertices_m {
+                let distance_m = surface.signed_distance(corner).distance_m;
+                assert!(distance_m < 1.5 * tolerance_m, "{distance_m} m");
+            }
+        }
     }
 }
 

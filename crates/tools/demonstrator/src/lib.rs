@@ -38,5 +38,6 @@ mod scene;
 mod solid;
 
 pub use error::DemonstratorError;
+pub use objects::object_meshes;
 pub use recipe::Recipe;
 pub use sample::{RECIPE_FILE, SampleOutcome, ensure_sample};

@@ -126,6 +126,11 @@ pub(crate) const OBJECT_KINDS: [ObjectKind; 15] = [
     },
 ];
 
+/// Returns every object's name and its mesh in meters, by number.
+pub fn object_meshes() -> impl Iterator<Item = (&'static str, TriMesh)> {
+    OBJECT_KINDS.iter().map(|kind| (kind.name, (kind.mesh)()))
+}
+
 /// Millimeters in a meter: shapes below are written in millimeters.
 const MM: f64 = 1e-3;
 /// Corners of a round section.

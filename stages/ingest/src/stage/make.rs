@@ -55,6 +55,7 @@ pub(super) fn shape(
             mesh: &mesh,
             points_n: config.points_n,
             max_convex_parts_n: config.max_convex_parts_n,
+            part_tolerance_m: config.part_tolerance_m,
             seed: cx.seed(),
         })
     });

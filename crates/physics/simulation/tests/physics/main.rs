@@ -10,6 +10,7 @@ mod grasps;
 mod known;
 mod protocols;
 mod recorded;
+mod rests;
 mod scene;
 mod shortcuts;
 mod strict;
