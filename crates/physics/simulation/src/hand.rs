@@ -566,7 +566,9 @@ fn colliders(
     scene: &SceneConfig,
 ) -> impl Iterator<Item = ColliderBuilder> {
     group.links.iter().flat_map(move |(link, body_from_link)| {
-        let of_link = shapes.iter().filter(move |shape| shape.of_hand.link == *link);
+        let of_link = shapes
+            .iter()
+            .filter(move |shape| shape.of_hand.link == *link);
         of_link.map(move |shape| {
             ColliderBuilder::new(shape.engine.clone())
                 .density(0.0)

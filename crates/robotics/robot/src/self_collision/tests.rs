@@ -29,7 +29,13 @@ fn rounded_shape(link: usize, shape: &Shape) -> RoundedShape {
 fn gap_of(a: (&Shape, &Pose<World, Shape>), b: (&Shape, &Pose<World, Shape>)) -> SelfGap {
     let [first, second] = [rounded_shape(0, a.0), rounded_shape(1, b.0)];
     let [at_a, at_b] = [a.1, b.1].map(PlacedShape::of);
-    gap((&first, &at_a), (&second, &at_b), FAR_M, &mut Vector3::zeros()).unwrap()
+    gap(
+        (&first, &at_a),
+        (&second, &at_b),
+        FAR_M,
+        &mut Vector3::zeros(),
+    )
+    .unwrap()
 }
 
 /// Returns a point's signed distance from a box about the origin.
