@@ -207,7 +207,8 @@ proptest! {
             let shares: Vec<f64> = ways[0].iter().zip(&ways[1]).map(|(a, b)| a + share * (b - a)).collect();
             let poses = hand.forward_kinematics::<Palm>(&at(&hand, &shares)).unwrap();
             let found = collision.gaps(&poses, 0.002, &mut gaps);
-            prop_assert_eq!(found, collision.gaps(&poses, 0.002, &mut SelfGaps::default()));
+            let mut unused = SelfGaps::default();
+            prop_assert_eq!(found, collision.gaps(&poses, 0.002, &mut unused));
         }
     }
 
