@@ -111,7 +111,7 @@ impl Refiner<'_> {
         Ok(residual_m2 + self.config.balance_weight.powi(2) * unbalanced)
     }
 
-    /// Returns where to search the grasp from.
+    /// Returns where to search the grasp from. Fingers may be in each other there: the searches from there part them.
     fn starts(
         &mut self,
         environment: &Environment,
@@ -123,6 +123,7 @@ impl Refiner<'_> {
         let last = drawn.len() - 1;
         let grasp = &drawn[last];
         let mut soft = self.terms(environment, 0.0, SOFT_FACTOR, contacts.to_vec());
+        soft.self_gaps = None;
         let start = grasp.posture.clone();
         let (start, _) = self.search(grasp, None, start, GRASP_ITERATIONS * most, &mut soft)?;
         let mut starts = vec![start.posture];
@@ -136,6 +137,7 @@ impl Refiner<'_> {
                     displaced(self.hand, &drawn[idx], &drawn[idx - 1], &here).posture
                 };
                 let mut terms = self.terms(environment, clearances_m[idx], 1.0, Vec::new());
+                terms.self_gaps = None;
                 here = self.search(&drawn[idx], None, start, most, &mut terms)?.0;
             }
             starts.push(displaced(self.hand, grasp, &drawn[last - 1], &here).posture);

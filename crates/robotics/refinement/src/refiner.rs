@@ -23,8 +23,8 @@ pub struct Refined {
     pub palm_moved_m: f64,
     /// Deepest that the hand is in the object before it closes, in meters.
     pub approach_penetration_m: f64,
-    /// Weighted squared residuals of object, table, contact and balance at the grasp, and of the greatest depth in
-    /// the object before the hand closes, in m²; smaller is better.
+    /// Weighted squared residuals of object, table, contact, balance and, if it is on, self-collision at the grasp,
+    /// and of the greatest depth in the object before the hand closes, in m²; smaller is better.
     pub residual_m2: f64,
 }
 
@@ -34,6 +34,8 @@ pub struct Refiner<'a> {
     pub(crate) config: &'a RefinementConfig,
     pub(crate) solver: Solver<'a>,
     pub(crate) payload: Payload,
+    /// Terms of fingers and palm against each other, with memory of the posture before; `None` if they are off.
+    self_gaps: Option<SelfGapTerms<'a>>,
 }
 
 /// Load of a grasp.
@@ -82,6 +84,13 @@ impl<'a> Refiner<'a> {
             config,
             solver: Solver::new(&hand.compiled),
             payload,
+            self_gaps: (config.self_collision_weight > 0.0).then(|| {
+                SelfGapTerms::new(
+                    hand.self_collision(),
+                    config.self_collision_margin_m,
+                    config.self_collision_weight,
+                )
+            }),
         }
     }
 
@@ -202,15 +211,22 @@ impl<'a> Refiner<'a> {
         let options = SearchOptions::new(max_iterations, RootMotion::Free);
         let mut posture = start;
         let outcome = self.solver.minimize(&task, &mut posture, &options, terms)?;
+        if let (Some(own), Some(used)) = (&mut self.self_gaps, &terms.self_gaps) {
+            own.remember(used);
+        }
         Ok((self.place(posture)?, outcome.cost))
     }
 
     /// Returns a posture whose fingers were moved as little as possible to their margins; as it is where they keep
     /// them, or if the term is off.
     fn clear_of_itself(&mut self, mut posture: Posture) -> Result<Posture, SolverError> {
-        let Some(mut self_gaps) = self.self_gaps() else {
+        let Some(self_gaps) = &mut self.self_gaps else {
             return Ok(posture);
         };
+        let nothing = task(&[], None, None);
+        if self.solver.place(&nothing, &posture, self_gaps)? <= 0.0 {
+            return Ok(posture);
+        }
         let commanded = posture.q.clone();
         let prior = PosturePrior {
             q: &commanded,
@@ -219,20 +235,8 @@ impl<'a> Refiner<'a> {
         let task = task(&[], None, Some(prior));
         let options = SearchOptions::new(self.config.max_iterations, RootMotion::Fixed);
         self.solver
-            .minimize(&task, &mut posture, &options, &mut self_gaps)?;
+            .minimize(&task, &mut posture, &options, self_gaps)?;
         Ok(posture)
-    }
-
-    /// Returns the terms of fingers and palm against each other; `None` if they are off.
-    fn self_gaps(&self) -> Option<SelfGapTerms<'a>> {
-        let (hand, config) = (self.hand, self.config);
-        (config.self_collision_weight > 0.0).then(|| {
-            SelfGapTerms::new(
-                hand.self_collision(),
-                config.self_collision_margin_m,
-                config.self_collision_weight,
-            )
-        })
     }
 
     /// Places the hand.
@@ -270,7 +274,7 @@ impl<'a> Refiner<'a> {
                 },
                 contacts,
             },
-            self_gaps: self.self_gaps(),
+            self_gaps: self.self_gaps.clone(),
             balance: None,
         }
     }

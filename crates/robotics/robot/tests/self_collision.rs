@@ -58,6 +58,39 @@ fn a_hand_at_rest_is_clear_of_itself() {
     }
 }
 
+/// Pairs are of different fingers, or of the palm and a link of a finger that is not next to it.
+#[test]
+fn fingers_meet_each_other_and_the_palm_but_not_themselves() {
+    for name in HANDS {
+        let hand = hand(name);
+        let shapes = hand.hand_shapes();
+        let mut fingers: Vec<usize> = shapes.iter().filter_map(|shape| shape.finger).collect();
+        fingers.dedup();
+        assert_eq!(fingers, (0..hand.fingers().len()).collect::<Vec<_>>());
+        let finger_of = |link: usize| {
+            let mut of_link = shapes.iter().filter(|shape| shape.link == link);
+            of_link.next().and_then(|shape| shape.finger)
+        };
+        let collision = SelfCollision::new(&hand);
+        let mut on_palm = 0;
+        for [a, b] in collision.link_pairs() {
+            assert_ne!(finger_of(a), finger_of(b), "{name}");
+            let of_finger = match [a, b].map(finger_of) {
+                [None, _] => b,
+                [_, None] => a,
+                _ => continue,
+            };
+            on_palm += 1;
+            let joints = hand.up_from(of_finger);
+            let joint_n = joints
+                .filter(|&link| hand.links()[link].kind.is_some())
+                .count();
+            assert!(joint_n > 1, "{name}: {}", hand.links()[of_finger].name);
+        }
+        assert!(on_palm > 0, "{name}");
+    }
+}
+
 /// Turned toward each other about their knuckles, fingers cross.
 #[test]
 fn crossed_fingers_are_in_each_other() {
@@ -158,6 +191,24 @@ proptest! {
             if is_whole && exact_m + ROUNDED_M < MARGIN_M {
                 prop_assert!(least_m <= exact_m + ROUNDED_M, "{names:?}: {least_m} {exact_m}");
             }
+        }
+    }
+
+    /// What is remembered of other postures makes no difference.
+    #[test]
+    fn gaps_do_not_depend_on_the_postures_before(
+        which in 0..HANDS.len(), ways in prop::collection::vec(prop::collection::vec(0.0..1.0_f64, 30), 2),
+    ) {
+        let hand = hand(HANDS[which]);
+        let collision = SelfCollision::new(&hand);
+        let mut gaps = SelfGaps::default();
+        for idx in 0..=20 {
+            let share = f64::from(idx) / 20.0;
+            let shares: Vec<f64> = ways[0].iter().zip(&ways[1]).map(|(a, b)| a + share * (b - a)).collect();
+            let poses = hand.forward_kinematics::<Palm>(&at(&hand, &shares)).unwrap();
+            let found = collision.gaps(&poses, 0.002, &mut gaps);
+            let mut unused = SelfGaps::default();
+            prop_assert_eq!(found, collision.gaps(&poses, 0.002, &mut unused));
         }
     }
 
