@@ -1,5 +1,5 @@
 -- How well the screen and MuJoCo agree on single samples of the prior, 40 for each object of DexYCB, accepted or not, by
--- friction and by how MuJoCo computes contacts. Both have the same convex parts; `agreement_parts.sql` has the others.
+-- friction and by how MuJoCo computes contacts.
 --
 -- pipeline run pipelines/studies/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
 with
@@ -7,15 +7,14 @@ with
         select run as variant,
             max(case when stage = 'screen' and key = 'scene.friction' then number end) as friction,
             max(case when stage = 'mujoco' and key = 'options.engine.cone' then value end) as cone,
-            max(case when stage = 'mujoco' and key = 'options.engine.solref' then value end) as solref,
-            max(case when stage = 'mujoco' and key = 'options.parts' then value end) as parts
+            max(case when stage = 'mujoco' and key = 'options.engine.solref' then value end) as solref
         from settings where run in (select run from runs) group by run),
     named as (
         select variant, friction, case
             when cone like '%pyramidal%' then 'its defaults'
             when solref like '%0.005%' then 'twice as stiff'
             else 'as the screen''s' end as contacts
-        from variants where parts like '%shared%')
+        from variants)
 select
     friction as "friction",
     contacts as "contacts of MuJoCo",

@@ -1,6 +1,6 @@
 -- As `agreement.sql`, with convex parts that the judge in MuJoCo has of its own.
 --
--- pipeline run pipelines/studies/agreement.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
+-- pipeline run pipelines/studies/agreement_parts.toml --set seed=1 --set ingest.root=/path/to/dexycb-right
 with
     variants as (
         select run as variant,
