@@ -272,9 +272,9 @@ makes = "parts"
 part_idx = { type = "integer", unit = "1", about = "number of the convex part" }
 points_m = { type = "numbers", unit = "m", about = "its corners, x, y and z of each" }
 "#;
-/// Greatest turn of an object from the pose in which it was asked to lie, or from that in which its mesh is stable nearest
-/// to it.
-const TURNED_RAD: f64 = 0.05;
+/// Greatest turn of an object from the pose in which it was asked to lie: the mustard bottle leans by 0.068 on its rounded
+/// side; cut to 32 corners a bottle rolls by 1.5.
+const TURNED_RAD: f64 = 0.1;
 /// Greatest difference of the bounds of parts and mesh, in meters.
 const BOUNDS_M: f64 = 1e-4;
 
@@ -332,12 +332,7 @@ fn own_parts_are_those_of_the_mesh_and_objects_rest_on_them_as_asked() {
         let trace: Value = serde_json::from_slice(&trace).unwrap();
         let asked = RestingPose::of(&candidate.table_from_object);
         let found = RestingPose::of(&pose(&trace["table_from_object"]));
-        let object: Object = lake::table::read(&objects[key]).unwrap();
-        let (_, stable) = asked
-            .nearest(object.rests.iter().map(|it| it.rest))
-            .unwrap();
-        let away_rad = |from: RestingPose| found.up_in_object.angle(&from.up_in_object);
-        let turned_rad = away_rad(asked).min(away_rad(stable));
+        let turned_rad = found.up_in_object.angle(&asked.up_in_object);
         println!("{key}: rests {turned_rad:.3} rad from the pose asked for");
         assert!(turned_rad < TURNED_RAD, "{key}: {turned_rad} rad");
     }

@@ -129,9 +129,7 @@ impl<'a> Judge<'a> {
         if implausible(settled, world, &table_from_object) {
             return Some(Verdict::Diverged);
         }
-        if let Some(deepest_m) = &mut self.finger_penetration_m {
-            *deepest_m = deepest_m.max(contact::self_depth_m(world));
-        }
+        self.measure_fingers(world);
         self.rise_m =
             table_from_object.translation.z - self.table_from_object_at_start.translation.z;
         let table_from_palm = settled.hand.table_from_palm(world);
@@ -339,6 +337,13 @@ impl<'a> Judge<'a> {
             self.settled = Some(links.len());
         }
         long_enough
+    }
+
+    /// Records the depth of fingers in each other and in the palm.
+    fn measure_fingers(&mut self, world: &World) {
+        if let Some(deepest_m) = &mut self.finger_penetration_m {
+            *deepest_m = deepest_m.max(contact::self_depth_m(world));
+        }
     }
 
     /// Records the penetration depth of hand and object while the object is carried.

@@ -583,7 +583,7 @@ fn dense_with_gaps(
         }
         (cost, gradient, hessian)
     };
-    projected_newton(model, DVector::from_column_slice(start), cost_and_model)
+    projected_newton(model, &DVector::from_column_slice(start), cost_and_model)
 }
 
 const OPTIONS: SearchOptions = SearchOptions {
@@ -630,14 +630,14 @@ fn dense(model: &RobotModel, case: &Case) -> f64 {
         (cost, gradient, hessian)
     };
     let start = DVector::from_column_slice(&case.at.q);
-    projected_newton(model, start, cost_and_model)
+    projected_newton(model, &start, cost_and_model)
 }
 
 /// Minimizes by projected, damped Gauss-Newton steps on dense matrices, one joint at a time where limits hold; returns
 /// the cost.
 fn projected_newton(
     model: &RobotModel,
-    start: DVector<f64>,
+    start: &DVector<f64>,
     mut cost_and_model: impl FnMut(&DVector<f64>) -> (f64, DVector<f64>, DMatrix<f64>),
 ) -> f64 {
     let dof = model.dof();
@@ -646,7 +646,7 @@ fn projected_newton(
             q[j].clamp(model.joints()[j].lower, model.joints()[j].upper)
         })
     };
-    let mut q = clamp(&start);
+    let mut q = clamp(start);
     let mut damping = 1e-3;
     let (mut cost, mut gradient, mut hessian) = cost_and_model(&q);
     for _ in 0..3000 {

@@ -48,9 +48,8 @@ pub struct RefinementConfig {
     /// Distance that links keep from the table (m): the contact margin of the simulation.
     #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub table_margin_m: f64,
-    /// Weight of what a finger lacks to its margin from another finger, or from the palm (1): off, because screens
-    /// let fingers pass through each other unless `scene.fingers_touch` is set, and it takes a fifth more time; with 1
-    /// no finger of the Allegro ends in another.
+    /// Weight of what a finger lacks to its margin from another finger, or from the palm (0); 1 is for screens in which
+    /// they touch (`full_contact`): there it takes a sixth more time, and twice as many motions of DexYCB succeed.
     #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub self_collision_weight: f64,
     /// Distance that fingers keep from each other and from the palm (m): the table's.
