@@ -6,7 +6,7 @@ use dataflow::{Pipeline, StageEntry};
 use robot::RobotModel;
 use schemas::{Table, rollouts::Rollouts};
 use serde_json::Value;
-use simulation::SceneConfig;
+use simulation::{ProtocolName, SceneConfig};
 use stage_dispatch::{Dispatch, SIMULATED};
 use stage_screen::Screen;
 
@@ -93,7 +93,25 @@ fn of_stage(pipeline: &Pipeline, dispatch: &StageEntry) -> Option<Vec<Difference
     }
     let source = dispatch.inputs.get(Rollouts::NAME)?;
     let screen = pipeline.stages.iter().find(|it| it.name == source.stage)?;
-    let screened = values(&screen.options::<Screen>()?.resolved().scene);
+    let screening = screen.options::<Screen>()?;
+    let [judged, sent] = [&screening.protocol, &options.protocol].map(|it| it.name);
+    if judged != sent && judged.is_own() {
+        // The rest follows from the name.
+        let [judged, sent] = [judged, sent].map(ProtocolName::as_str);
+        return Some(vec![Difference {
+            stage: dispatch.name.to_string(),
+            text: format!(
+                "`{}.protocol.name` is {judged}, `{}.protocol.name` is {sent}: the simulated cell executes motions in \
+                 other physics than they were screened in",
+                screen.name, dispatch.name
+            ),
+            hint: format!(
+                "to execute in the physics of the screen, add `--set {}.protocol.name={judged}`",
+                dispatch.name
+            ),
+        }]);
+    }
+    let screened = values(&screening.resolved().scene);
     let executed = values(&options.resolved().simulated.scene);
     let differing = PHYSICS
         .iter()

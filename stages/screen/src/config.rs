@@ -45,7 +45,7 @@ pub struct ScreenConfig {
     )]
     pub max_penetration_m: f64,
     /// Deepest that fingers may be in each other and in the palm at any control step of a motion that holds its object,
-    /// in meters, where they touch each other; deeper is `too_deep`: soft contacts of the simulation yield by that much.
+    /// in meters, where they touch both; deeper is `too_deep`: soft contacts of the simulation yield by that much.
     #[option(
         default = 0.002, range = 0.0..=MAX_PENETRATION_M,
         why = "no finger is thicker"
@@ -120,13 +120,13 @@ impl ScreenConfig {
     fn combined_faults(&self, faults: &mut OptionFaults) {
         let errors = &self.robustness.errors;
         faults.of_table("robustness.errors", errors.faults_in(&self.scene));
-        faults.of_table("protocol", self.protocol.faults_in(&self.scene));
-        if !self.protocol.name.is_table_lift() {
-            let Self {
-                scene, protocol, ..
-            } = self.resolved();
+        let Self {
+            scene, protocol, ..
+        } = self.resolved();
+        faults.of_table("protocol", protocol.faults_in(&scene));
+        if !self.protocol.name.is_own() {
+            faults.of_table("protocol", self.protocol.faults_in(&self.scene));
             faults.of_table("scene", scene.faults());
-            faults.of_table("protocol", protocol.faults_in(&scene));
         }
     }
 }

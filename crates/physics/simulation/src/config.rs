@@ -342,7 +342,7 @@ pub struct StrictConfig {
     #[option(default = 0.002, range = -MAX_SETTING..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub start_tolerance_m: f64,
     /// Largest net force of object and table on the hand for a tenth of a second, in newtons (none): an arm
-    /// stops or yields at some multiple of its payload, the palm here at nothing.
+    /// stops or yields at some multiple of its payload, the palm here only with the scene's `palm_compliance`.
     // Goals of cells that do not know it stay as they are.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[option(default, range = above(0.0, MAX_SETTING), why = "every grasp loads the palm")]

@@ -17,7 +17,7 @@ const NO_LIMIT: f64 = 1e6;
 const NO_TORQUE_LIMIT_NM: f64 = 1e3;
 /// Deepest that a palm, which does not yield, may be commanded below the table, in meters.
 const PALM_IN_TABLE_M: f64 = 0.01;
-/// Greatest friction of `full_contact`.
+/// Greatest friction of `full_contact`, before sampled errors.
 pub(crate) const FULL_CONTACT_FRICTION: f64 = 0.8;
 
 /// The name of a protocol.
@@ -47,7 +47,7 @@ pub enum ProtocolName {
     /// IROS 2023.
     Frogger,
     /// This project's `table_lift` with every contact: fingers touch each other and the palm, contact pushes the palm off
-    /// its path, a displaced object counts up to the lift, and friction is at most 0.8.
+    /// its path, a displaced object counts up to the lift, and friction is at most 0.8, before sampled errors.
     FullContact,
 }
 

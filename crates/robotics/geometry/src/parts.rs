@@ -97,6 +97,9 @@ pub fn parts_within(
         .copied()
         .collect();
     let mut parts = split(mesh, &hull, max_parts);
+    if parts.is_empty() {
+        parts.push(hull.clone());
+    }
     let mut feet_of: Vec<Vec<Point3<f64>>> = vec![Vec::new(); parts.len()];
     let surfaces: Vec<_> = parts.iter().map(SurfaceDistance::new).collect();
     for foot in feet {

@@ -55,7 +55,8 @@ def parts(vertices, triangles, options, folder):
         ended = subprocess.run([sys.executable, "-B", __file__, str(way), str(mesh), str(found)])
         if ended.returncode == 0:
             made = np.load(found)
-            return [made[name] for name in made.files]
+            if made.files:
+                return [made[name] for name in made.files]
     sys.exit("CoACD splits this mesh neither as it is nor remeshed")
 
 

@@ -16,12 +16,16 @@ fn meaning(verdict: Verdict) -> &'static str {
         Verdict::Limit => "a commanded joint position violates its limits",
         Verdict::Table => "the motion would pass through the table",
         Verdict::EarlyContact => "the motion would pass through the object before the grasp",
-        Verdict::KnockedOver => "the object was pushed away or over before the squeeze",
+        Verdict::KnockedOver => "the object was pushed away or over before it was lifted",
         Verdict::NotGrasped => "nothing was lifted",
         Verdict::Slipped => "the object moved in the hand while it was held",
         Verdict::Dropped => "lifted, and fell before the end",
-        Verdict::TooDeep => "held, with the hand deeper in the object than solid bodies can be",
-        Verdict::Overloaded => "object and table loaded the palm more than an arm withstands",
+        Verdict::TooDeep => {
+            "held, with the hand deeper in the object or in itself than solid bodies can be"
+        }
+        Verdict::Overloaded => {
+            "object and table loaded the palm, or pushed it off its path, more than an arm withstands"
+        }
         Verdict::Diverged => "the simulation became non-finite or implausible",
         Verdict::Infeasible => "the hand cannot execute the motion; nothing was simulated",
     }
