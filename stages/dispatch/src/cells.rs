@@ -262,7 +262,7 @@ fn simulated(
     };
     let (name, listen) = (config.cell_name.clone(), config.listen.clone());
     let requested = CellSetup {
-        config: setup(name, listen, config.resolved().simulated, arm),
+        config: setup(name, listen, config.simulated.clone(), arm),
         robot: robots.digest(),
     };
     let mut running = RUNNING.lock().unwrap_or_else(PoisonError::into_inner);

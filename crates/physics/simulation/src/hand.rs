@@ -1,9 +1,9 @@
 //! The hand: a palm that follows its path and, on it, fingers that are driven.
 //!
 //! Forces on one finger reach no other through the palm: where this yields, it does so to the sum of their contacts
-//! ([`crate::palm_compliance`]); fingers push each other where they touch. Each finger is a multibody of its own, whose root has the palm's motion. Four systems of four equations cost a
-//! fraction of one of sixteen; and once the palm stands still ([`HandBodies::halt`]), its six coordinates
-//! are none of theirs any more.
+//! ([`crate::palm_compliance`]); fingers push each other where they touch. Each finger is a multibody of its own, whose
+//! root has the palm's motion. Four systems of four equations cost a fraction of one of sixteen; and once the palm
+//! stands still ([`HandBodies::halt`]), its six coordinates are none of theirs any more.
 
 mod bodies;
 #[cfg(test)]

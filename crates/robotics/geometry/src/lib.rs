@@ -44,7 +44,7 @@ pub use field::DistanceField;
 pub use mass::{MassProperties, mass_properties};
 pub use mesh::TriMesh;
 pub use mirror::{MirrorPlane, mirror_plane};
-pub use parts::{MAX_EXACT_VERTICES, MAX_PART_VERTICES, convex_parts, parts_within};
+pub use parts::{MAX_PART_VERTICES, convex_parts, parts_within};
 pub use read::MeshFormat;
 pub use repair::Repairs;
 pub use rests::{StablePose, stable_rests};

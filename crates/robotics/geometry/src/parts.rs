@@ -46,7 +46,7 @@ const MIN_SHARE: f64 = 1e-3;
 
 /// Maximum number of vertices of one part that follows the mesh within a tolerance, beside those that it rests
 /// on: scanned bottles need 217 for 0.1 mm.
-pub const MAX_EXACT_VERTICES: usize = 256;
+const MAX_EXACT_VERTICES: usize = 256;
 
 /// Returns the corners of convex bodies that together nearly fill the mesh, in meters, each with at
 /// most [`MAX_PART_VERTICES`] corners: one body where the mesh is nearly convex, else as few as stick out
@@ -78,7 +78,7 @@ pub fn convex_parts(
 
 /// As [`convex_parts`], with as many corners as each part needs: no corner of the body that was cut lies farther
 /// than `tolerance_m` above a face of what is left, and every corner of the mesh's hull that touches the
-/// table in one of its `rests` is among them. At most [`MAX_EXACT_VERTICES`], and those of the rests.
+/// table in one of its `rests` is among them. At most 256, and those of the rests.
 ///
 /// # Errors
 ///

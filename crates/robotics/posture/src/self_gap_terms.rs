@@ -33,7 +33,8 @@ impl<'a> SelfGapTerms<'a> {
     }
 
     /// Returns the greatest depth of a link in another, in meters.
-    pub fn depth_m(&mut self, posed: &Posed<'_>) -> f64 {
+    #[cfg(test)]
+    pub(crate) fn depth_m(&mut self, posed: &Posed<'_>) -> f64 {
         self.find(posed, 0.0);
         self.gaps.depth_m()
     }

@@ -2,7 +2,7 @@
 
 use nalgebra::{DMatrix, DVector, Point3, Vector3};
 use proptest::prelude::*;
-use robot::{RobotModel, SelfCollision, SelfGaps};
+use robot::{Link, RobotModel, SelfCollision, SelfGaps};
 use spatial::{Palm, Pose};
 
 use crate::{
@@ -554,24 +554,8 @@ fn dense_with_gaps(
     let prior = task.prior.unwrap();
     let cost_and_model = |q: &DVector<f64>| {
         let poses = model.forward_kinematics::<Palm>(q.as_slice()).unwrap();
-        let mut cost = 0.0;
-        let (mut gradient, mut hessian) = (DVector::zeros(dof), DMatrix::zeros(dof, dof));
-        for target in task.targets {
-            let (link, offset) = points[target.point];
-            let at = poses[link] * offset;
-            let away = at - target.point_in_object;
-            cost += target.weight * away.norm_squared();
-            let jacobian = model.geometric_jacobian(&poses, link, &at);
-            let jacobian = jacobian.fixed_rows::<3>(0);
-            gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
-            hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
-        }
-        for j in 0..dof {
-            let away = q[j] - prior.q[j];
-            cost += prior.weight * away * away;
-            gradient[j] += 2.0 * prior.weight * away;
-            hessian[(j, j)] += 2.0 * prior.weight;
-        }
+        let (mut cost, mut gradient, mut hessian) =
+            targets_and_rest(model, &poses, &points, task.targets, &prior, q);
         for gap in collision.gaps(&poses, margin_m, &mut gaps) {
             let mut by_q = vec![0.0; dof];
             model.add_gap_gradient(&poses, gap, GAP_WEIGHT, &mut by_q);
@@ -606,31 +590,53 @@ fn place_of(posture: &Posture, root: Root, point: usize) -> Point3<f64> {
 fn dense(model: &RobotModel, case: &Case) -> f64 {
     let points = attached(model);
     let object_from_palm = case.at.root.pose();
-    let dof = model.dof();
+    let in_palm = |target: &Target| Target {
+        point_in_object: object_from_palm.inverse_transform_point(&target.point_in_object),
+        ..*target
+    };
+    let targets: Vec<Target> = case.targets.iter().map(in_palm).collect();
+    let prior = PosturePrior {
+        q: &case.rest,
+        weight: 1e-3,
+    };
     let cost_and_model = |q: &DVector<f64>| {
         let palm_from_links = model.forward_kinematics::<Palm>(q.as_slice()).unwrap();
-        let mut cost = 0.0;
-        let (mut gradient, mut hessian) = (DVector::zeros(dof), DMatrix::zeros(dof, dof));
-        for target in &case.targets {
-            let (link, offset) = points[target.point];
-            let at = palm_from_links[link] * offset;
-            let away = at - object_from_palm.inverse_transform_point(&target.point_in_object);
-            cost += target.weight * away.norm_squared();
-            let jacobian = model.geometric_jacobian(&palm_from_links, link, &at);
-            let jacobian = jacobian.fixed_rows::<3>(0);
-            gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
-            hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
-        }
-        for j in 0..dof {
-            let away = q[j] - case.rest[j];
-            cost += 1e-3 * away * away;
-            gradient[j] += 2e-3 * away;
-            hessian[(j, j)] += 2e-3;
-        }
-        (cost, gradient, hessian)
+        targets_and_rest(model, &palm_from_links, &points, &targets, &prior, q)
     };
     let start = DVector::from_column_slice(&case.at.q);
     projected_newton(model, &start, cost_and_model)
+}
+
+/// Returns the cost of squared distances from targets, in the frame of the links' poses, and of the distance from rest,
+/// with its gradient and Gauss-Newton's matrix.
+fn targets_and_rest(
+    model: &RobotModel,
+    frame_from_links: &[Pose<Palm, Link>],
+    points: &[(usize, Point3<f64>)],
+    targets: &[Target],
+    prior: &PosturePrior<'_>,
+    q: &DVector<f64>,
+) -> (f64, DVector<f64>, DMatrix<f64>) {
+    let dof = model.dof();
+    let mut cost = 0.0;
+    let (mut gradient, mut hessian) = (DVector::zeros(dof), DMatrix::zeros(dof, dof));
+    for target in targets {
+        let (link, offset) = points[target.point];
+        let at = frame_from_links[link] * offset;
+        let away = at - target.point_in_object;
+        cost += target.weight * away.norm_squared();
+        let jacobian = model.geometric_jacobian(frame_from_links, link, &at);
+        let jacobian = jacobian.fixed_rows::<3>(0);
+        gradient += jacobian.tr_mul(&away) * (2.0 * target.weight);
+        hessian += jacobian.tr_mul(&jacobian) * (2.0 * target.weight);
+    }
+    for j in 0..dof {
+        let away = q[j] - prior.q[j];
+        cost += prior.weight * away * away;
+        gradient[j] += 2.0 * prior.weight * away;
+        hessian[(j, j)] += 2.0 * prior.weight;
+    }
+    (cost, gradient, hessian)
 }
 
 /// Minimizes by projected, damped Gauss-Newton steps on dense matrices, one joint at a time where limits hold; returns
