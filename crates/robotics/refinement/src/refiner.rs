@@ -137,29 +137,26 @@ impl<'a> Refiner<'a> {
         }
         refined.reverse();
         let mut approach_penetration_m = 0.0_f64;
-        for (idx, step) in refined.iter().enumerate() {
-            if openness[idx] < 1.0 {
-                continue;
-            }
-            let mut terms = self.terms(environment, 0.0, 1.0, Vec::new());
-            let task = task(&[], None, None);
-            self.solver.place(&task, &step.posture, &mut terms)?;
-            let depth_m = terms.surroundings.object_depth_m(&self.solver.posed());
-            approach_penetration_m = approach_penetration_m.max(depth_m);
-        }
-        residual_m2 += (self.config.object_weight * approach_penetration_m).powi(2);
-        let steps = motion.steps().iter().zip(&refined);
-        let steps = steps.map(|(step, refined)| {
+        let mut steps = Vec::with_capacity(refined.len());
+        for ((step, refined), open) in motion.steps().iter().zip(&refined).zip(&openness) {
             let (root, q) = (refined.posture.root, &refined.posture.q);
             let q = with_squeeze(self.hand, q, &squeeze_rad, remaining(step));
-            Ok(Step {
+            let posture = self.clear_of_itself(environment, Posture { root, q })?;
+            if *open >= 1.0 {
+                let mut terms = self.terms(environment, 0.0, 1.0, Vec::new());
+                self.solver
+                    .place(&task(&[], None, None), &posture, &mut terms)?;
+                let depth_m = terms.surroundings.object_depth_m(&self.solver.posed());
+                approach_penetration_m = approach_penetration_m.max(depth_m);
+            }
+            steps.push(Step {
                 time_s: step.time_s,
                 frame_from_palm: root.pose(),
-                q_rad: self.clear_of_itself(Posture { root, q })?.q,
+                q_rad: posture.q,
                 rates: (),
-            })
-        });
-        let steps = steps.collect::<Result<_, RefinementError>>()?;
+            });
+        }
+        residual_m2 += (self.config.object_weight * approach_penetration_m).powi(2);
         let last = drawn.len() - 1;
         let [from, to] = [&drawn, &refined].map(|steps| steps[last].posture.root.translation());
         let motion = Motion::of_joints(motion.joints().clone(), steps)?;
@@ -217,9 +214,13 @@ impl<'a> Refiner<'a> {
         Ok((self.place(posture)?, outcome.cost))
     }
 
-    /// Returns a posture whose fingers were moved as little as possible to their margins; as it is where they keep
-    /// them, or if the term is off.
-    fn clear_of_itself(&mut self, mut posture: Posture) -> Result<Posture, SolverError> {
+    /// Returns a posture whose fingers were moved as little as possible to their margins from each other and from the
+    /// palm, above the table; as it is where they keep them, or if the term is off.
+    fn clear_of_itself(
+        &mut self,
+        environment: &Environment,
+        mut posture: Posture,
+    ) -> Result<Posture, SolverError> {
         let Some(self_gaps) = &mut self.self_gaps else {
             return Ok(posture);
         };
@@ -232,10 +233,11 @@ impl<'a> Refiner<'a> {
             q: &commanded,
             weight: self.config.joint_weight.powi(2),
         };
+        let mut terms = self.terms(environment, 0.0, 0.0, Vec::new());
         let task = task(&[], None, Some(prior));
         let options = SearchOptions::new(self.config.max_iterations, RootMotion::Fixed);
         self.solver
-            .minimize(&task, &mut posture, &options, self_gaps)?;
+            .minimize(&task, &mut posture, &options, &mut terms)?;
         Ok(posture)
     }
 
