@@ -2,8 +2,8 @@
 -- motion to its planned squeeze: means over the objects of the share that succeeds, with Student's 95 % interval, and the least
 -- and the greatest seed. Four folds, so that every object is unseen once; generators that learn nothing have one seed.
 --
--- pipeline run pipelines/studies/contribution.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/contribution_generators.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/contribution.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/contribution_generators.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     generators as (
         select run as of_run,

@@ -1,7 +1,7 @@
 -- The hands that come with the project: the fingertips' mean error after retargeting, and the refined motions that succeed
 -- by the screen and by MuJoCo, as means over objects, and the share on which both agree.
 --
--- pipeline run pipelines/studies/hands.toml
+-- pipeline run pipelines/studies/hands.toml --profile table_lift
 with
     hands as (
         select run as of_run, case

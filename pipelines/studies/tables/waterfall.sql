@@ -2,7 +2,7 @@
 -- means over the objects of the share of all five seeds, with Student's 95 % interval over the objects, and the least and the
 -- greatest seed.
 --
--- pipeline run pipelines/studies/waterfall.toml
+-- pipeline run pipelines/studies/waterfall.toml --profile table_lift
 with
     arms as (
         select run as of_run, case

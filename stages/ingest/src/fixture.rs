@@ -36,7 +36,7 @@ pub(crate) fn config() -> IngestConfig {
         max_table_error_m: 0.02,
         points_n: 100,
         max_convex_parts_n: 4,
-        part_tolerance_m: None,
+        part_tolerance_m: 0.0,
         masses_kg: BTreeMap::new(),
         meshes: BTreeMap::new(),
     }

@@ -22,8 +22,8 @@ pub(crate) struct Source<'a> {
     pub(crate) points_n: usize,
     /// Most convex parts.
     pub(crate) max_convex_parts_n: usize,
-    /// Largest distance between a part and its simplification, in meters.
-    pub(crate) part_tolerance_m: Option<f64>,
+    /// Largest distance between a part and its simplification, in meters; 0 for few corners instead.
+    pub(crate) part_tolerance_m: f64,
     /// Seed of the points.
     pub(crate) seed: u64,
 }
@@ -43,9 +43,10 @@ pub(crate) fn shape(source: &Source<'_>) -> Result<(Object, TriMesh, Repairs), R
     let mass = geometry::mass_properties(&mesh, source.mass_kg);
     let stable = geometry::stable_rests(&mesh, &mass.center_of_mass_m);
     let limit = source.max_convex_parts_n;
-    let parts = match source.part_tolerance_m {
-        None => geometry::convex_parts(&mesh, limit),
-        Some(tolerance_m) => geometry::parts_within(&mesh, limit, tolerance_m, &stable),
+    let parts = if source.part_tolerance_m > 0.0 {
+        geometry::parts_within(&mesh, limit, source.part_tolerance_m, &stable)
+    } else {
+        geometry::convex_parts(&mesh, limit)
     };
     let parts = parts.map_err(|err| unusable(err.to_string()))?;
     let (points, normals) = mesh.sample_surface(source.points_n, source.seed);

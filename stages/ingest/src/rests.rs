@@ -125,7 +125,7 @@ mod tests {
             mesh: mesh.as_bytes(),
             points_n: 10,
             max_convex_parts_n: 1,
-            part_tolerance_m: None,
+            part_tolerance_m: 0.0,
             seed: 0,
         };
         objects::shape(&source).unwrap().0

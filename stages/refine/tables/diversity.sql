@@ -1,8 +1,8 @@
 -- How different the grasps that succeed are, of an object that lies alike: refined single samples of the prior beside the
 -- retargeted demonstrations: root mean square distances from their mean (`success`), over the objects weighted by grasps.
 --
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB --set seed=1 \
 --   --set sample.per_object=20 --set refine.draws=1
 with
     of_objects as (

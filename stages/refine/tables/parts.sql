@@ -2,7 +2,7 @@
 -- means over the objects of the share of motions, with Student's 95 % interval over 20 seen and 15 unseen objects, and
 -- why unseen objects' motions fail. Three folds of four; the defaults were chosen on the other.
 --
--- pipeline run pipelines/studies/refinement_parts.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement_parts.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run,

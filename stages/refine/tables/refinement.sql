@@ -2,7 +2,7 @@
 -- the motion: means over the objects of the share of motions, with Student's 95 % interval over the 20 objects, each
 -- over all its folds and five seeds; and how far the means of single seeds spread.
 --
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run, max(number) as draws

@@ -1,8 +1,8 @@
 -- How smooth refined motions are, single samples of the prior, beside the retargeted demonstrations, by each definition of
 -- `smoothness`: means over the motions, of velocity and acceleration their logarithm to base 10.
 --
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set seed=1 \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB --set seed=1 \
 --   --set sample.per_object=20 --set refine.draws=1
 with
     motions as (

@@ -2,24 +2,24 @@
 -- columns but the success rates are means over the objects' figures; depths, gaps and the share of hands
 -- more than 3 mm below the table are those of the grasp.
 --
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.contact_weight=0
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.object_weight=0
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.clearance_m=0
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.table_weight=0
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.contact_weight=0 --set retarget.object_weight=0 --set retarget.table_weight=0
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.hand_table=stages/retarget/tables/allegro_right_scale_1.0.toml,stages/retarget/tables/allegro_right_scale_1.2.toml
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.smoothing_s=0.05
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.loss=smooth_l1
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB --set screen.protocol.approach=open,follow \
 --   --set retarget.wrist=fixed
 with
     named as (

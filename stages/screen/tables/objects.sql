@@ -2,8 +2,8 @@
 -- that have not (five seeds, four folds), the share of the unseen single samples that fails by each reason, and the share
 -- of the object's demonstrations that succeed.
 --
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run, max(number) as best_of

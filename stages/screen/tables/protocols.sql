@@ -2,7 +2,7 @@
 -- Student's 95 % interval over the objects, each over all its folds and seeds; how far the means of single seeds
 -- spread; and the difference to `table_lift` with palm and fingers following the motion, paired by object.
 --
--- pipeline run pipelines/studies/protocols.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/protocols.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     protocols as (
         select distinct run, stage, protocol, approach, friction, torque_limit_nm, object_mass

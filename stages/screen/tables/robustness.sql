@@ -2,7 +2,7 @@
 -- same objects, five seeds of training and drawing. The difference is the mean over objects, each over all its seeds,
 -- with Student's 95 % interval (19 degrees of freedom).
 --
--- pipeline run pipelines/studies/robustness.toml --set ingest.root=$DEXYCB --set seed=1,2,3,4,5
+-- pipeline run pipelines/studies/robustness.toml --profile table_lift --set ingest.root=$DEXYCB --set seed=1,2,3,4,5
 with
     by_object as (
         select object,

@@ -2,7 +2,7 @@
 -- succeeds, with the squeeze that is planned from the contacts, with the script's and with none, the fingers following
 -- the motion or opened and closed by script.
 --
--- pipeline run pipelines/studies/script.toml
+-- pipeline run pipelines/studies/script.toml --profile table_lift
 with
     planned as (
         select run as of_run, max(case when key = 'squeeze_m' then 1000 * number end) as squeeze_mm

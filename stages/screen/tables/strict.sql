@@ -1,7 +1,7 @@
 -- Share of the refined motions for the bundled objects that succeeds with all strict conditions, without each of
 -- them and without any, and the control steps simulated for each motion.
 --
--- pipeline run pipelines/studies/strict.toml
+-- pipeline run pipelines/studies/strict.toml --profile table_lift
 with
     variants as (
         select run as variant,

@@ -3,8 +3,8 @@
 -- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived: 65 control steps of a trial
 -- over its cost (Ye et al., RA-L 2023, table V).
 --
--- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run, max(number) as best_of

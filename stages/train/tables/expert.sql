@@ -1,7 +1,7 @@
 -- Expert iteration: single samples of the prior, refined, and as sampled with the scripted squeeze: means over the objects
 -- of the share that succeeds. Fifteen objects are seen and five unseen, by the second fold; one seed.
 --
--- pipeline run pipelines/studies/expert.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/expert.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     counts as (
         select case when stage like '%_1' then 2 else 1 end as number, object, object_split,

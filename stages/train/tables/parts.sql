@@ -3,7 +3,7 @@
 -- object, with Student's 95 % interval over 20 seen and 15 unseen objects. Three folds of four; the defaults were chosen
 -- on the other.
 --
--- pipeline run pipelines/studies/training_parts.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/training_parts.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run,

@@ -1,7 +1,7 @@
 -- Grasps by annealing in a space of eigengrasps at the published budget, by object, beside random palms whose fingers
 -- close.
 --
--- pipeline run pipelines/grasps.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/grasps.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     sums as (
         select object as grasped,

@@ -1,7 +1,7 @@
 -- Grasps of four objects by optimization of the min-weight metric and by annealing in a space of eigengrasps, each at
 -- its published budget, and random palms whose fingers close: by the same approach, script and screen.
 --
--- pipeline run pipelines/grasps.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/grasps.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     sums as (
         select generator as screened, sum(not_grasped_n) as not_grasped, sum(table_n) as in_table,

@@ -1,6 +1,6 @@
 -- Grasps from learned networks, each adapted to its object, by object, beside random palms whose fingers close.
 --
--- pipeline run pipelines/grasps.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/grasps.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     sums as (
         select object as grasped,

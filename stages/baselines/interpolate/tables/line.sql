@@ -1,7 +1,7 @@
 -- Refined motions for the bundled objects, and the straight line between the ends of each, the hand following
 -- the whole motion. The 95 % interval is that of the objects' mean, by resampling objects.
 --
--- pipeline run pipelines/baseline.toml
+-- pipeline run pipelines/baseline.toml --profile table_lift
 with
     shares as (
         select * from all_rates where origin = 'all' and run in (select run from runs)),

@@ -47,7 +47,7 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         max_table_error_m: 0.02,
         points_n: 500,
         max_convex_parts_n: 16,
-        part_tolerance_m: None,
+        part_tolerance_m: 0.0,
         masses_kg: BTreeMap::new(),
         meshes: BTreeMap::new(),
     }
