@@ -31,11 +31,11 @@ use crate::{
     departure::{self, Departure, Rule},
     error::{IngestError, RecordingError},
     fuse,
+    ingest::Agreement,
     labels::LabelReader,
     reader::{About, ListedRecording, Reader, read_yaml},
     recording::{Keypoints, Observation, Recording, StillObject, TableSource, Tag},
     selection::Cameras,
-    stage::Agreement,
     yaml::Extrinsics,
 };
 
