@@ -5,7 +5,7 @@ mod lake_folder;
 mod robot;
 
 use dataflow::{Diagnostic, Pipeline, Resources};
-use lake::{Lake, Sharing, WhenDown};
+use lake::{Lake, OutagePolicy, Sharing};
 
 use crate::{
     arguments::DoctorArgs,
@@ -162,7 +162,7 @@ fn depot(program: &Program) -> Result<Option<Check>, CommandError> {
     let lake = Lake::open(&program.lake).with_depot(
         &depot,
         &Sharing {
-            when_down: WhenDown::Fail,
+            outage_policy: OutagePolicy::Fail,
             ..Sharing::default()
         },
     );

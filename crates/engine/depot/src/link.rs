@@ -28,7 +28,7 @@ const SLOWEST: u64 = 1_000_000;
 pub struct Link {
     depot: Arc<dyn Depot>,
     patience: Patience,
-    told: Option<Arc<Told>>,
+    on_outage: Option<Arc<OutageListener>>,
     state: Mutex<State>,
     /// Wakes requests that pause.
     hurried: Condvar,
@@ -38,7 +38,7 @@ pub struct Link {
 }
 
 /// Receives outages when they have lasted for a while, and their ends.
-pub type Told = dyn Fn(&Outage) + Send + Sync;
+pub type OutageListener = dyn Fn(&Outage) + Send + Sync;
 
 /// State of a link.
 struct State {
@@ -109,7 +109,7 @@ impl Link {
         Self {
             depot,
             patience,
-            told: None,
+            on_outage: None,
             state: Mutex::new(State {
                 offline: None,
                 succeeded: None,
@@ -127,10 +127,10 @@ impl Link {
         }
     }
 
-    /// Lets outages be told.
+    /// Reports outages to a listener.
     #[must_use]
-    pub fn telling(mut self, told: Option<Arc<Told>>) -> Self {
-        self.told = told;
+    pub fn with_outage_listener(mut self, on_outage: Option<Arc<OutageListener>>) -> Self {
+        self.on_outage = on_outage;
         self
     }
 
@@ -472,8 +472,8 @@ impl Link {
     }
 
     fn say(&self, outage: &Outage) {
-        if let Some(told) = &self.told {
-            told(outage);
+        if let Some(on_outage) = &self.on_outage {
+            on_outage(outage);
         }
     }
 }
