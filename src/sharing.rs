@@ -148,7 +148,7 @@ pub(crate) fn offer(lake: &Lake, item: &WorkItem) -> Option<UnitOutcome> {
             Err(err) => return Some(UnitOutcome::Failed(Failure::Store(err.into()))),
         }
     }
-    (!lacks.is_empty()).then(|| UnitOutcome::lacking(lacks))
+    (!lacks.is_empty()).then(|| UnitOutcome::missing_artifacts(lacks))
 }
 
 /// A depot, as it is named.

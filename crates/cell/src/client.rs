@@ -110,7 +110,7 @@ impl SendRecord for () {
 
 /// A cell's answer about a goal that was sent before.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Recovered {
+pub enum RecoveryResult {
     /// The goal's report.
     Report(Report),
     /// The cell's answer is not to be believed; as a report its outcome is unknown, for this reason.
@@ -351,7 +351,7 @@ impl CellClient {
         goal: &Goal,
         robot: &[Joint],
         patience: Patience,
-    ) -> Recovered {
+    ) -> RecoveryResult {
         let query = || {
             if self.journal.get().is_none() {
                 self.capabilities(patience.answer)?;
@@ -360,13 +360,13 @@ impl CellClient {
         };
         let _heartbeat = match query() {
             Ok(heartbeat) => heartbeat,
-            Err(err) => return Recovered::NoAnswer(after_sending(&err)),
+            Err(err) => return RecoveryResult::NoAnswer(after_sending(&err)),
         };
         match self.report(goal, goal_id, robot, patience) {
             Ok(recovered) => recovered,
-            Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
+            Err(UnknownOutcome::NoAnswer(message)) => RecoveryResult::NoAnswer(message),
             Err(UnknownOutcome::Untrusted(message)) => {
-                Recovered::Untrusted(Report::unknown(goal_id, message))
+                RecoveryResult::Untrusted(Report::unknown(goal_id, message))
             }
         }
     }
@@ -444,12 +444,14 @@ impl CellClient {
             // An earlier transmission may have been accepted.
             GoalAnswer::Rejected(rejection) => {
                 return match self.report(goal, id, robot, patience)? {
-                    Recovered::Report(report) => Ok(GoalResult::Report(report)),
-                    Recovered::NeverTaken => {
+                    RecoveryResult::Report(report) => Ok(GoalResult::Report(report)),
+                    RecoveryResult::NeverTaken => {
                         Ok(GoalResult::Report(Report::rejected(id, rejection)))
                     }
-                    Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
-                    Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
+                    RecoveryResult::Untrusted(report) => {
+                        Err(UnknownOutcome::Untrusted(report.message))
+                    }
+                    RecoveryResult::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
                 };
             }
             // A goal sent more than once may be known from its first transmission.
@@ -462,13 +464,13 @@ impl CellClient {
             self.show(message);
         }
         match self.report(goal, id, robot, patience)? {
-            Recovered::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
-            Recovered::Report(report) => Ok(GoalResult::Report(report)),
-            Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
+            RecoveryResult::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
+            RecoveryResult::Report(report) => Ok(GoalResult::Report(report)),
+            RecoveryResult::NeverTaken => Err(UnknownOutcome::Untrusted(
                 "the cell accepted the goal and now denies it".to_owned(),
             )),
-            Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
-            Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
+            RecoveryResult::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
+            RecoveryResult::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
         }
     }
 
@@ -523,7 +525,7 @@ impl CellClient {
         goal_id: &str,
         robot: &[Joint],
         patience: Patience,
-    ) -> Result<Recovered, UnknownOutcome> {
+    ) -> Result<RecoveryResult, UnknownOutcome> {
         let key = self.keys.result(goal_id);
         let deadline = Instant::now() + patience.result;
         let mut heard = Instant::now();
@@ -546,17 +548,19 @@ impl CellClient {
                 self.ask_report(&key, "", MAX_REPORT_BYTES, Instant::now() + left.min(wait))?
             {
                 if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", &body) {
-                    return Ok(Recovered::NeverTaken);
+                    return Ok(RecoveryResult::NeverTaken);
                 }
                 let report =
                     UncheckedReport::from_bytes(&body).map_err(|err| unreadable(&key, &err))?;
                 let checked = report.check_as(goal_id, goal, robot);
-                return checked.map(Recovered::Report).map_err(|contradiction| {
-                    UnknownOutcome::Untrusted(format!(
-                        "its report contradicts itself: {}",
-                        plain_line(&contradiction.to_string())
-                    ))
-                });
+                return checked
+                    .map(RecoveryResult::Report)
+                    .map_err(|contradiction| {
+                        UnknownOutcome::Untrusted(format!(
+                            "its report contradicts itself: {}",
+                            plain_line(&contradiction.to_string())
+                        ))
+                    });
             }
             match self.executing(left.min(QUERY_TIMEOUT))? {
                 None => thread::sleep(PAUSE.min(left)),
@@ -592,7 +596,7 @@ impl CellClient {
         goal_id: &str,
         key: &str,
         timeout: Duration,
-    ) -> Result<Recovered, UnknownOutcome> {
+    ) -> Result<RecoveryResult, UnknownOutcome> {
         let body = self.ask_report(
             key,
             "samples=none",
@@ -608,7 +612,7 @@ impl CellClient {
         };
         let report = UncheckedReport::without_samples(&body, goal_id, MAX_REPORT_BYTES);
         report
-            .map(Recovered::Report)
+            .map(RecoveryResult::Report)
             .map_err(|err| unreadable(key, &err))
     }
 

@@ -58,7 +58,7 @@ pub use acceptance::check_palm;
 pub use access::Access;
 pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
 pub use cell_robot::{CellArm, CellRobot};
-pub use client::{CellClient, ControlReply, GoalResult, Patience, Recovered, SendRecord};
+pub use client::{CellClient, ControlReply, GoalResult, Patience, RecoveryResult, SendRecord};
 pub use contradiction::Contradiction;
 pub use error::{Cause, CellError, with_causes};
 pub use goal::{EncodedGoal, Goal};

@@ -24,7 +24,7 @@ impl Terms {
 
     /// Whether goals may be sent: always to a cell that says it is simulated, to any other only if a
     /// person allowed it.
-    pub fn permit(&self) -> bool {
+    pub fn may_send(&self) -> bool {
         self.first.simulated || self.execute
     }
 
@@ -90,7 +90,7 @@ mod tests {
             (&real, true, true),
         ] {
             let terms = Terms::new(first.clone(), execute);
-            assert_eq!(terms.permit(), permit);
+            assert_eq!(terms.may_send(), permit);
             assert_eq!(terms.check(first).is_ok(), permit);
         }
         // One that becomes real meanwhile does not move, permission or not.

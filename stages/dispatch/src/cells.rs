@@ -46,7 +46,7 @@ struct CellSetup {
 }
 
 /// A connected cell.
-pub(crate) struct Connected {
+pub(crate) struct ConnectedCell {
     pub(crate) client: Arc<CellClient>,
     /// The terms under which goals may be sent to it.
     pub(crate) terms: Terms,
@@ -62,7 +62,7 @@ pub(crate) fn connect(
     object: &Object,
     goal: &Goal,
     key: Option<SigningKey>,
-) -> Result<Connected, BoxedDiagnostic> {
+) -> Result<ConnectedCell, BoxedDiagnostic> {
     let simulated = if config.cell == SIMULATED {
         let cell = simulated(config, robots)?;
         cell.put_object(&object.name, ObjectShape::from_artifact(object));
@@ -118,7 +118,7 @@ pub(crate) fn connect(
         Some(_) => capabilities,
         None => first_of_run(config, capabilities)?,
     };
-    Ok(Connected {
+    Ok(ConnectedCell {
         client: Arc::new(client),
         terms: Terms::new(first, config.execute),
         _simulated: simulated,

@@ -25,7 +25,7 @@ mod result;
 mod script;
 mod units;
 
-pub use artifacts::{Artifacts, KnownArtifact, Shipped};
+pub use artifacts::{Artifacts, KnownArtifact, ProjectArtifacts};
 pub use config::{ColumnConfig, ColumnType, ProgramConfig};
 pub use error::ProgramError;
 pub use process::stop_all;

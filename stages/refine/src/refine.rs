@@ -12,7 +12,7 @@ use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use posture::{Environment, Hand};
 use rayon::prelude::*;
 use refinement::{Payload, Refined, RefinementError, Refiner};
-use robot_meshes::AnotherHand;
+use robot_meshes::HandMismatch;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -125,7 +125,7 @@ impl Output for Refine {
             hand,
         } = inputs;
         let of_object = (given.object.as_str(), &given.joints[..]);
-        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
+        HandMismatch::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let field = Arc::new(field);
         let payload = Payload {
             center_of_mass_in_object: object.center_of_mass_m.into(),

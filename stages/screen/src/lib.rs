@@ -19,7 +19,7 @@ mod recording;
 pub mod report;
 mod robustness;
 mod screen;
-mod screened;
+mod screening_inputs;
 
 pub use alone::record_alone;
 pub use by_verdict::ByVerdict;

@@ -98,7 +98,7 @@ pub enum Failure {
         /// The partition being made, if there was one.
         partition: Option<PartitionKey>,
         /// The upstream output that left out too many items, if that is why.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
         /// The stage's own error.
         source: BoxedDiagnostic,
     },
@@ -131,7 +131,7 @@ pub enum Failure {
     )]
     TooManySkipped {
         /// The stage and output.
-        skipped: Box<LeftOut>,
+        skipped: Box<SkippedItemsHint>,
         /// Items skipped.
         n_skipped: usize,
         /// Items in all.
@@ -226,7 +226,7 @@ pub enum Failure {
         /// The hint that it reported.
         hint: Option<String>,
         /// The upstream output that left out too many items, if that is why.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
     },
     /// The process that made a unit broke the protocol.
     #[error("the process that made `{}` at `{}` broke the protocol: {message}", unit.node, unit.partition)]
@@ -266,7 +266,7 @@ pub enum Failure {
         /// The stage and output.
         node: NodeName,
         /// The nearest upstream output that left items out, if any.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
     },
     /// A file outside the lake was written to while a unit read it.
     #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
@@ -337,7 +337,7 @@ fn offer(what: &str, name: &str, known: &[String]) -> String {
 }
 
 /// Joins the hint with the advice to look at the skipped items.
-fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
+fn join(hint: Option<String>, left_out: Option<&SkippedItemsHint>) -> Option<String> {
     let Some(left_out) = left_out else {
         return hint;
     };
@@ -349,20 +349,20 @@ fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
 
 /// An output that left items out; displayed as the advice to inspect them.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LeftOut {
+pub struct SkippedItemsHint {
     /// The output.
     pub node: NodeName,
     /// The run that left them out; `None` if none is recorded, as while planning.
     pub run: Option<u64>,
 }
 
-impl From<NodeName> for Box<LeftOut> {
+impl From<NodeName> for Box<SkippedItemsHint> {
     fn from(node: NodeName) -> Self {
-        Self::new(LeftOut { node, run: None })
+        Self::new(SkippedItemsHint { node, run: None })
     }
 }
 
-impl fmt::Display for LeftOut {
+impl fmt::Display for SkippedItemsHint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { node, run } = self;
         match run {

@@ -101,7 +101,7 @@ impl UnitOutcome {
                 };
                 (unit, Self::Failed(failure))
             }
-            Event::UnitLacking { unit, lacks } => (unit, Self::lacking(lacks)),
+            Event::UnitLacking { unit, lacks } => (unit, Self::missing_artifacts(lacks)),
             _ => return None,
         };
         (of == *name).then_some(end)
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::{
         event::Fraction, fingerprint::OutputFingerprint, name::NodeName, outcome::Labels,
-        work_item::Forced,
+        work_item::Recompute,
     };
 
     fn unit(stage: &str) -> UnitName {
@@ -134,7 +134,7 @@ mod tests {
         WorkItem {
             unit: unit("b"),
             fingerprint: Digest::of_bytes(b"unit"),
-            forced: Forced::No,
+            forced: Recompute::No,
             recipe: recipe.into(),
             options: "{}".to_owned(),
             wires: BTreeMap::new(),

@@ -24,7 +24,7 @@ use crate::{
         Store, UnitRef,
     },
     unit::ListedUnit,
-    work_item::Forced,
+    work_item::Recompute,
 };
 
 /// Report of a run.
@@ -282,9 +282,9 @@ impl Runner<'_> {
         units: &[&ListedUnit],
     ) -> Vec<Result<UnitReport, Failure>> {
         let forced = if self.options.is_forced(&stage.name) {
-            Forced::Yes
+            Recompute::Yes
         } else {
-            Forced::No
+            Recompute::No
         };
         self.scheduler.make(&self.state, node, units, forced)
     }

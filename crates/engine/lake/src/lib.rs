@@ -114,4 +114,4 @@ pub use register::Run;
 pub use shared::{DepotOutage, DepotOutageListener, OutagePolicy, Sharing, SharingReport};
 pub use table_file::TableFile;
 pub use unit::{ReadInputs, WriteArtifact};
-pub use verify::{Fault, Verified};
+pub use verify::{Fault, VerificationReport};

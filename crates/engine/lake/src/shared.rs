@@ -36,7 +36,7 @@ use crate::{LakeError, blobs::Blobs, clock::now, folder::Folder, records::Record
 pub(crate) use self::{index::SharedRun, marks::Item, send::key_of};
 use self::{
     index::{FoundRecord, Index},
-    marks::{Outbox, Unfetched},
+    marks::{Outbox, RemoteBlobs},
     remote::{Layout, Remote},
     send::Sender,
     turns::Turns,
@@ -133,7 +133,7 @@ pub(crate) struct Shared {
     folder: Folder,
     index: Index,
     pub(crate) outbox: Outbox,
-    pub(crate) unfetched: Unfetched,
+    pub(crate) unfetched: RemoteBlobs,
     sender: Sender,
     /// Blobs that the depot does not have, or has damaged.
     lost: Arc<Mutex<BTreeSet<Digest>>>,
@@ -187,7 +187,7 @@ impl Shared {
             folder: folder.clone(),
             index: Index::default(),
             outbox: Outbox::new(folder),
-            unfetched: Unfetched::new(folder),
+            unfetched: RemoteBlobs::new(folder),
             lost,
             damaged: Mutex::default(),
             found: Mutex::default(),
@@ -223,11 +223,11 @@ impl Shared {
     }
 
     /// Returns when the depot failed last, if it did.
-    pub(crate) fn troubled(&self) -> Option<Instant> {
+    pub(crate) fn last_failure(&self) -> Option<Instant> {
         let links = [&self.remote, &self.heartbeats, &self.sending];
         links
             .into_iter()
-            .filter_map(|it| it.idle().troubled())
+            .filter_map(|it| it.idle().last_failure())
             .max()
     }
 

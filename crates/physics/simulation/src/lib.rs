@@ -45,7 +45,7 @@ pub use config::{
     PalmDriveConfig, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
-pub use episode::{Diverged, Episode, EpisodeState};
+pub use episode::{Divergence, Episode, EpisodeState};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;

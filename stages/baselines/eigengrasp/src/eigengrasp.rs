@@ -25,7 +25,7 @@ use spatial::RestingPose;
 use crate::{
     EigengraspConfig,
     basis::Basis,
-    run::{Finished, Run, RunResult},
+    run::{FinishedGrasp, Run, RunResult},
 };
 
 /// Anneals grasps in the space of eigengrasps, and reaches for them.
@@ -187,7 +187,7 @@ struct Annealer<'a> {
 
 impl Annealer<'_> {
     /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), ApproachError> {
+    fn ranked(&self) -> Result<(Vec<(RestingPose, FinishedGrasp)>, RunResult), ApproachError> {
         let runs: Vec<(RestingPose, RunResult)> = (0..self.config.runs)
             .into_par_iter()
             .map(|number| {
@@ -243,12 +243,13 @@ fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
 }
 
 fn metrics(
-    ranked: &[(RestingPose, Finished)],
+    ranked: &[(RestingPose, FinishedGrasp)],
     spent: &RunResult,
     basis: &Basis,
 ) -> EigengraspMetrics {
     let n = ranked.len() as f64;
-    let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
+    let mean =
+        |of: fn(&FinishedGrasp) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
     let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);
     EigengraspMetrics {
         candidates: n,

@@ -117,7 +117,7 @@ fn requests_are_made_again_until_the_depot_is_back_and_come_out_whole() {
             assert_eq!(link.list("").unwrap().len(), 2);
             assert_eq!(link.offline(), None);
         }
-        assert!(link.troubled().is_some());
+        assert!(link.last_failure().is_some());
     }
     let link = Link::new(Faulty::new(Fault::Cut, 3), patient(60));
     assert_eq!(link.list("").unwrap().len(), 2, "each entry once");
