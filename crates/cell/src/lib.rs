@@ -60,7 +60,7 @@ pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
 pub use cell_robot::{CellArm, CellRobot};
 pub use client::{CellClient, ControlReply, GoalResult, Patience, RecoveryResult, SendRecord};
 pub use contradiction::Contradiction;
-pub use error::{Cause, CellError, with_causes};
+pub use error::{Cause, CellError, RecordError, Transmission, with_causes};
 pub use goal::{EncodedGoal, Goal};
 pub use grasp::{Approach, Grasp};
 pub use keys::Keys;

@@ -4,11 +4,10 @@ use std::{cell::RefCell, collections::BTreeSet, sync::Arc};
 
 use cell::{
     Acceptance, CLOCKS_MS, Capabilities, CellClient, CellError, Goal, GoalMessage, GoalResult,
-    PalmTrajectory, Patience, RecoveryResult, Rejection, RejectionCode, Report, SendRecord, Terms,
-    check_palm, with_causes,
+    PalmTrajectory, Patience, RecordError, RecoveryResult, Rejection, RejectionCode, Report,
+    SendRecord, Terms, check_palm, with_causes,
 };
 use dataflow::BoxedDiagnostic;
-use lake::LakeError;
 use robot::Joint;
 use schemas::executions::Outcome;
 
@@ -44,15 +43,19 @@ pub(crate) struct SentGoal {
 struct Repetition<'a>(&'a Ledger);
 
 impl SendRecord for Repetition<'_> {
-    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError> {
+    fn sending(
+        &self,
+        message: &GoalMessage,
+        permitted_by: &Capabilities,
+    ) -> Result<(), RecordError> {
         self.0.sending(message, permitted_by)
     }
 
-    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError> {
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), RecordError> {
         self.0.accepted(goal_id, acceptance)
     }
 
-    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), LakeError> {
+    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), RecordError> {
         Ok(())
     }
 }
