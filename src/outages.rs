@@ -72,40 +72,38 @@ pub(crate) fn minutes(number: f64) -> Duration {
 fn listener(quiet: Quiet, outage_policy: OutagePolicy) -> Arc<DepotOutageListener> {
     Arc::new(move |outage| {
         if quiet == Quiet::No {
-            let (label, text) = described(outage, outage_policy);
-            report::line(label, text);
+            let (label, text, hint) = described(outage, outage_policy);
+            report::line_with_hint(label, text, hint.as_deref());
         }
     })
 }
 
-/// Describes an outage, or its end.
-fn described(outage: &DepotOutage, outage_policy: OutagePolicy) -> (Label, String) {
+/// Describes an outage, or its end, and what to do.
+fn described(outage: &DepotOutage, outage_policy: OutagePolicy) -> (Label, String, Option<String>) {
     let requests = &outage.outage;
     let Some(why) = &requests.why else {
         let lasted = report::duration(requests.lasted.as_secs_f64());
-        return (Label::Note, format!("the depot is back after {lasted}"));
+        let text = format!("the depot is back after {lasted}");
+        return (Label::Note, text, None);
     };
     let since = clock(outage.since);
     if outage.is_of_sending {
-        let text = format!(
-            "results are not sent to the depot since {since}: {why}\n\
-             hint: they are kept in the lake, and sent when it is back"
-        );
-        return (Label::Wait, text);
+        let text = format!("results are not sent to the depot since {since}: {why}");
+        let hint = "they are kept in the lake, and sent when it is back";
+        return (Label::Wait, text, Some(hint.to_owned()));
     }
     let left = report::duration(requests.left.as_secs_f64());
     let at_stake = outage.at_stake.as_ref();
     let at_stake =
         at_stake.filter(|(_, n_units)| *n_units > 0 && outage_policy == OutagePolicy::Fail);
-    let then = at_stake.map_or_else(String::new, |(node, n_units)| {
+    let hint = at_stake.map(|(node, n_units)| {
         format!(
-            "\nhint: without it {n_units} units of `{node}` would be made again, and what follows from them: \
+            "without it {n_units} units of `{node}` would be made again, and what follows from them: \
              `--depot-down alone` does that"
         )
     });
-    let text =
-        format!("the depot does not answer since {since}, waiting for up to {left}: {why}{then}");
-    (Label::Wait, text)
+    let text = format!("the depot does not answer since {since}, waiting for up to {left}: {why}");
+    (Label::Wait, text, hint)
 }
 
 /// A time of the day to the second.
@@ -135,20 +133,28 @@ mod tests {
             is_of_sending: false,
             at_stake: Some((dataflow::NodeName::parse("split.parts").unwrap(), 101)),
         };
-        let (label, said) = described(&outage, OutagePolicy::Fail);
+        let (label, said, hint) = described(&outage, OutagePolicy::Fail);
         assert_eq!(label, Label::Wait);
         for part in [
             "since 1970-01-01 00:00:00Z",
             "for up to 8 h 00 min: cannot list `units`",
-            "101 units of `split.parts` would be made again",
         ] {
             assert!(said.contains(part), "{said}");
         }
-        assert!(!described(&outage, OutagePolicy::Alone).1.contains("hint"));
+        let hint = hint.unwrap();
+        assert!(
+            hint.contains("101 units of `split.parts` would be made again"),
+            "{hint}"
+        );
+        assert!(described(&outage, OutagePolicy::Alone).2.is_none());
         outage.outage.why = None;
         assert_eq!(
             described(&outage, OutagePolicy::Fail),
-            (Label::Note, "the depot is back after 6.0 s".to_owned())
+            (
+                Label::Note,
+                "the depot is back after 6.0 s".to_owned(),
+                None
+            )
         );
     }
 }
