@@ -235,10 +235,10 @@ impl CellClient {
                 found: plain_line(&found.cell),
             });
         }
-        if let Some(problem) = found.contradiction() {
+        if let Some(fault) = found.contradiction() {
             return Err(CellError::Contradiction {
                 cell: found.cell,
-                problem,
+                fault,
                 transmission: Transmission::None,
             });
         }

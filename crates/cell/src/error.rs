@@ -2,7 +2,12 @@
 
 use std::{error::Error, fmt, path::PathBuf, time::Duration};
 
-use crate::{tls::TlsFault, wire::WireError};
+use crate::{
+    access::AccessFault,
+    capabilities::{CapabilityChange, PalmLimitFault},
+    tls::TlsFault,
+    wire::WireError,
+};
 
 /// zenoh's error message, without its source location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -98,12 +103,12 @@ pub enum CellError {
         endpoint: String,
     },
     /// An access file cannot be used.
-    #[error("cannot use the access file `{}`: {problem}", path.display())]
+    #[error("cannot use the access file `{}`: {fault}", path.display())]
     Access {
         /// The file.
         path: PathBuf,
-        /// The problem.
-        problem: String,
+        /// What is wrong with it.
+        fault: AccessFault,
     },
     /// A certificate or key that an access file names cannot be used.
     #[error("`{}`, which the access file `{}` names, {fault}", file.display(), path.display())]
@@ -226,7 +231,7 @@ pub enum CellError {
         /// The cell's name.
         cell: String,
         /// The first difference.
-        change: String,
+        change: CapabilityChange,
     },
     /// The cell was stopped.
     #[error("cell `{cell}` is stopped and has not been resumed")]
@@ -235,12 +240,12 @@ pub enum CellError {
         cell: String,
     },
     /// The cell's capabilities contradict themselves.
-    #[error("cell `{cell}` contradicts itself{transmission}: {problem}")]
+    #[error("cell `{cell}` contradicts itself{transmission}: {fault}")]
     Contradiction {
         /// The cell's name.
         cell: String,
         /// The contradiction.
-        problem: String,
+        fault: PalmLimitFault,
         /// What had been sent of a goal before.
         transmission: Transmission,
     },

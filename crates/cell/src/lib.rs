@@ -55,8 +55,10 @@ mod watch;
 mod wire;
 
 pub use acceptance::check_palm;
-pub use access::Access;
-pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
+pub use access::{Access, AccessFault};
+pub use capabilities::{
+    Capabilities, CapabilityChange, ControllerInfo, PalmLimitFault, PalmLimits,
+};
 pub use cell_robot::{CellArm, CellRobot};
 pub use client::{CellClient, ControlReply, GoalResult, Patience, RecoveryResult, SendRecord};
 pub use contradiction::Contradiction;

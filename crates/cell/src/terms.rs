@@ -138,9 +138,19 @@ mod tests {
         assert_eq!(capabilities().contradiction(), None);
         let mut cell = capabilities();
         cell.palm.as_mut().unwrap().workspace_m.reverse();
-        assert!(cell.contradiction().unwrap().contains("workspace_m"));
+        assert!(
+            cell.contradiction()
+                .unwrap()
+                .to_string()
+                .contains("workspace_m")
+        );
         let mut cell = capabilities();
         cell.palm.as_mut().unwrap().speed_m_per_s = -1.0;
-        assert!(cell.contradiction().unwrap().contains("speed_m_per_s"));
+        assert!(
+            cell.contradiction()
+                .unwrap()
+                .to_string()
+                .contains("speed_m_per_s")
+        );
     }
 }

@@ -38,5 +38,5 @@ mod sender;
 pub use cells::simulated_cell;
 pub use config::{AfterUnknown, DispatchConfig, Order, SIMULATED, SimulatedConfig};
 pub use dispatch::{Dispatch, DispatchMetrics};
-pub use error::DispatchError;
+pub use error::{ControllerMismatch, DispatchError};
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};

@@ -164,8 +164,7 @@ impl Sender<'_> {
         let PalmTrajectory::Palm(points) = &goal.carrier else {
             return None;
         };
-        let refused = check_palm(points, limits).err()?;
-        Some(Refusal::Limits(refused.reason))
+        check_palm(points, limits).err().map(Refusal::Limits)
     }
 
     fn send_or_recover(&self, goal: &Goal) -> Result<Result<SentGoal, Refusal>, BoxedDiagnostic> {

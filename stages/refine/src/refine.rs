@@ -9,6 +9,7 @@ use dataflow::{
 use geometry::DistanceField;
 use hand_files::HandFiles;
 use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use motion::MotionError;
 use posture::{Environment, Hand};
 use rayon::prelude::*;
 use refinement::{Choice, Payload, Refined, RefinementError, Refiner};
@@ -151,7 +152,7 @@ impl Output for Refine {
             cpu_s += took_s;
             let refined = match tried {
                 Ok(moved) => Ok(moved),
-                Err(RefinementError::Motion(err)) => Err(err.to_string()),
+                Err(RefinementError::Motion(err)) => Err(err),
                 Err(err) => return Err(BoxedDiagnostic::without_hint(err)),
             };
             attempts.push(Attempt {
@@ -239,7 +240,7 @@ struct Attempt {
     /// Draws of it that were refused before.
     refused: Draws,
     /// The refined motion, or why none of the hand could be formed.
-    refined: Result<Refined, String>,
+    refined: Result<Refined, MotionError>,
 }
 
 /// The rows of one motion.
@@ -283,7 +284,9 @@ impl MotionRows {
                         draws.push(Draw::refused(&candidate, Refusal::Residual));
                     }
                 }
-                Err(fault) => draws.push(Draw::without_motion(&candidate, fault)),
+                Err(fault) => {
+                    draws.push(Draw::without_motion(&candidate, fault.to_string()));
+                }
             }
             for mut draw in draws {
                 draw.source.draw_n += before_n;
@@ -544,12 +547,12 @@ mod tests {
             palm_moved_m: 0.0,
             approach_penetration_m: 0.0,
         };
-        let attempt = |name: &str, refined: Result<Refined, String>| Attempt {
+        let attempt = |name: &str, refined: Result<Refined, MotionError>| Attempt {
             candidate: candidate(name, 1, 0.5),
             refused: Draws::new(),
             refined,
         };
-        let unformed = || Err("its times do not increase".to_owned());
+        let unformed = || Err(MotionError::Number { step: 1 });
         let attempts = vec![
             attempt("box-0", unformed()),
             attempt("box-1", Ok(refined(0.5))),
@@ -570,7 +573,7 @@ mod tests {
         };
         let refused = (
             Some(Refusal::Motion),
-            "its times do not increase".to_owned(),
+            "step 1 has a number that is missing or not finite".to_owned(),
         );
         assert_eq!(refusals(some), [refused.clone(), (None, String::new())]);
         assert_eq!(refusals(none), [refused.clone(), refused]);

@@ -78,7 +78,7 @@ pub use canonical_form::Form;
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs, UnitInputs};
 pub use digest::{Digest, InvalidDigest};
-pub use error::{Failure, FileError, Problem, SkippedItemsHint};
+pub use error::{Failure, FileError, NamedItems, Problem, ProtocolViolation, SkippedItemsHint};
 pub use event::{Event, Events, Fraction};
 pub use executor::{Executor, OnOutcome, UnitOutcome, Wave};
 pub use file_fault::FileFault;
