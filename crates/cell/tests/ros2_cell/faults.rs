@@ -43,7 +43,7 @@ fn a_cell_that_dies_with_a_goal_leaves_it_unknown_and_never_moves_for_it_again()
         client.capabilities(SOON).unwrap();
         match client.recover(&goal_1.encode().goal_id, &goal_1, &joints(), PATIENT) {
             RecoveryResult::Report(report) => {
-                assert_eq!(report.outcome, Outcome::Unknown, "{fault}")
+                assert_eq!(report.outcome, Outcome::Unknown, "{fault}");
             }
             other => panic!("{fault}: {other:?}"),
         }

@@ -195,7 +195,7 @@ impl GraspSearch<'_> {
             contact_model: contact_model(self.config, self.object),
             tips: self.tips,
         };
-        Ok(search.grasp(rng)?)
+        search.grasp(rng)
     }
 }
 
