@@ -49,7 +49,7 @@ pub use episode::{Divergence, Episode, EpisodeState};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;
-pub use protocols::{ProtocolName, PublishedSettings};
+pub use protocols::ProtocolName;
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::{Measures, Verdict};
