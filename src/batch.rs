@@ -27,7 +27,7 @@ use serde::{Deserialize, Serialize};
 
 pub(crate) use self::table::{Table, yes};
 use self::{
-    queue::{Ask, Queue},
+    queue::{Queue, SchedulerCall},
     submit::{described, limit_s},
     table::Values,
 };
@@ -69,7 +69,7 @@ pub(crate) struct Batch<'a> {
     /// Folder of the logs of jobs.
     pub(crate) logs: PathBuf,
     /// Runs its commands.
-    pub(crate) ask: &'a Ask<'a>,
+    pub(crate) ask: &'a SchedulerCall<'a>,
 }
 
 /// An array of jobs that is out.

@@ -8,7 +8,7 @@ use stage_force_closure::ForceClosure;
 use stage_grasp_tta::GraspTta;
 use stage_ingest::report::IngestReport;
 use stage_interpolate::Interpolate;
-use stage_program::{Program, Shipped};
+use stage_program::{Program, ProjectArtifacts};
 use stage_refine::Refine;
 use stage_replay::Replay;
 use stage_report::Report;
@@ -75,6 +75,6 @@ pub fn kinds() -> Vec<Kind> {
             &["simulated.scene.drive", "protocol.flexion_joints"],
         ),
         of_hand(Kind::of::<Report>(code!("stage-report")), &[]),
-        Kind::of::<Program<Shipped>>(code!("stage-program")),
+        Kind::of::<Program<ProjectArtifacts>>(code!("stage-program")),
     ]
 }

@@ -14,14 +14,6 @@ macro_rules! labels {
         }
 
         impl Label {
-            /// Returns the label of a word.
-            pub(crate) fn of(word: &str) -> Option<Self> {
-                match word {
-                    $($($word => Some(Self::$name),)*)*
-                    _ => None,
-                }
-            }
-
             /// Returns its word.
             pub(crate) const fn word(self) -> &'static str {
                 match self {
@@ -99,12 +91,23 @@ impl Label {
     const WIDTH: usize = 6;
 
     /// Returns the style of its word.
-    pub(crate) fn style(self) -> Style {
+    fn style(self) -> Style {
         let style = Style::new().fg_color(self.color().map(Into::into));
         if self == Self::Error {
             style.bold()
         } else {
             style
+        }
+    }
+
+    /// Returns a line that begins with its word, with the word in color.
+    pub(crate) fn painted(self, line: &str) -> String {
+        let style = self.style();
+        match line.strip_prefix(self.word()) {
+            Some(rest) if style != Style::new() => {
+                format!("{style}{}{style:#}{rest}", self.word())
+            }
+            Some(_) | None => line.to_owned(),
         }
     }
 

@@ -6,7 +6,7 @@ use std::{
 };
 
 use clap::ValueEnum;
-use lake::{Sharing, ToldTrouble, Trouble, WhenDown};
+use lake::{DepotOutage, DepotOutageListener, OutagePolicy, Sharing};
 
 use crate::{label::Label, progress::Quiet, report, timestamps};
 
@@ -31,18 +31,18 @@ pub(crate) enum DepotDown {
 /// Returns how a run uses its depot.
 pub(crate) fn sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> Sharing {
     let patience = minutes(patience_min);
-    let (patience, when_down) = match when_down {
-        DepotDown::Wait => (patience, WhenDown::Fail),
-        DepotDown::Fail => (patience.min(SHORT), WhenDown::Fail),
+    let (patience, outage_policy) = match when_down {
+        DepotDown::Wait => (patience, OutagePolicy::Fail),
+        DepotDown::Fail => (patience.min(SHORT), OutagePolicy::Fail),
         DepotDown::Alone => {
             let alone = Sharing::default();
-            (alone.patience, alone.when_down)
+            (alone.patience, alone.outage_policy)
         }
     };
     Sharing {
         patience,
-        when_down,
-        told: Some(told(quiet, when_down)),
+        outage_policy,
+        on_outage: Some(listener(quiet, outage_policy)),
     }
 }
 
@@ -50,8 +50,8 @@ pub(crate) fn sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> 
 pub(crate) fn needed(quiet: Quiet) -> Sharing {
     Sharing {
         patience: SHORT,
-        when_down: WhenDown::Fail,
-        told: Some(told(quiet, WhenDown::Fail)),
+        outage_policy: OutagePolicy::Fail,
+        on_outage: Some(listener(quiet, OutagePolicy::Fail)),
     }
 }
 
@@ -59,8 +59,8 @@ pub(crate) fn needed(quiet: Quiet) -> Sharing {
 pub(crate) fn of_worker(patience: Duration) -> Sharing {
     Sharing {
         patience,
-        when_down: WhenDown::Fail,
-        told: Some(told(Quiet::No, WhenDown::Fail)),
+        outage_policy: OutagePolicy::Fail,
+        on_outage: Some(listener(Quiet::No, OutagePolicy::Fail)),
     }
 }
 
@@ -69,42 +69,41 @@ pub(crate) fn minutes(number: f64) -> Duration {
     Duration::try_from_secs_f64(number * 60.0).unwrap_or(Duration::MAX / 2)
 }
 
-fn told(quiet: Quiet, when_down: WhenDown) -> Arc<ToldTrouble> {
-    Arc::new(move |trouble| {
+fn listener(quiet: Quiet, outage_policy: OutagePolicy) -> Arc<DepotOutageListener> {
+    Arc::new(move |outage| {
         if quiet == Quiet::No {
-            let (label, text) = described(trouble, when_down);
-            report::line(label, text);
+            let (label, text, hint) = described(outage, outage_policy);
+            report::line_with_hint(label, text, hint.as_deref());
         }
     })
 }
 
-/// Describes an outage, or its end.
-fn described(trouble: &Trouble, when_down: WhenDown) -> (Label, String) {
-    let outage = &trouble.outage;
-    let Some(why) = &outage.why else {
-        let lasted = report::duration(outage.lasted.as_secs_f64());
-        return (Label::Note, format!("the depot is back after {lasted}"));
+/// Describes an outage, or its end, and what to do.
+fn described(outage: &DepotOutage, outage_policy: OutagePolicy) -> (Label, String, Option<String>) {
+    let requests = &outage.outage;
+    let Some(why) = &requests.why else {
+        let lasted = report::duration(requests.lasted.as_secs_f64());
+        let text = format!("the depot is back after {lasted}");
+        return (Label::Note, text, None);
     };
-    let since = clock(trouble.since);
-    if trouble.is_of_sending {
-        let text = format!(
-            "results are not sent to the depot since {since}: {why}\n\
-             hint: they are kept in the lake, and sent when it is back"
-        );
-        return (Label::Wait, text);
+    let since = clock(outage.since);
+    if outage.is_of_sending {
+        let text = format!("results are not sent to the depot since {since}: {why}");
+        let hint = "they are kept in the lake, and sent when it is back";
+        return (Label::Wait, text, Some(hint.to_owned()));
     }
-    let left = report::duration(outage.left.as_secs_f64());
-    let at_stake = trouble.at_stake.as_ref();
-    let at_stake = at_stake.filter(|(_, n_units)| *n_units > 0 && when_down == WhenDown::Fail);
-    let then = at_stake.map_or_else(String::new, |(node, n_units)| {
+    let left = report::duration(requests.left.as_secs_f64());
+    let at_stake = outage.at_stake.as_ref();
+    let at_stake =
+        at_stake.filter(|(_, n_units)| *n_units > 0 && outage_policy == OutagePolicy::Fail);
+    let hint = at_stake.map(|(node, n_units)| {
         format!(
-            "\nhint: without it {n_units} units of `{node}` would be made again, and what follows from them: \
+            "without it {n_units} units of `{node}` would be made again, and what follows from them: \
              `--depot-down alone` does that"
         )
     });
-    let text =
-        format!("the depot does not answer since {since}, waiting for up to {left}: {why}{then}");
-    (Label::Wait, text)
+    let text = format!("the depot does not answer since {since}, waiting for up to {left}: {why}");
+    (Label::Wait, text, hint)
 }
 
 /// A time of the day to the second.
@@ -123,31 +122,39 @@ mod tests {
 
     #[test]
     fn an_outage_says_since_when_for_what_and_how_much_would_be_made_again() {
-        let outage = Outage {
+        let requests = Outage {
             lasted: Duration::from_secs(6),
             why: Some("cannot list `units` in the depot: down".to_owned()),
             left: Duration::from_hours(8),
         };
-        let mut trouble = Trouble {
+        let mut outage = DepotOutage {
             since: SystemTime::UNIX_EPOCH,
-            outage,
+            outage: requests,
             is_of_sending: false,
             at_stake: Some((dataflow::NodeName::parse("split.parts").unwrap(), 101)),
         };
-        let (label, said) = described(&trouble, WhenDown::Fail);
+        let (label, said, hint) = described(&outage, OutagePolicy::Fail);
         assert_eq!(label, Label::Wait);
         for part in [
             "since 1970-01-01 00:00:00Z",
             "for up to 8 h 00 min: cannot list `units`",
-            "101 units of `split.parts` would be made again",
         ] {
             assert!(said.contains(part), "{said}");
         }
-        assert!(!described(&trouble, WhenDown::Alone).1.contains("hint"));
-        trouble.outage.why = None;
+        let hint = hint.unwrap();
+        assert!(
+            hint.contains("101 units of `split.parts` would be made again"),
+            "{hint}"
+        );
+        assert!(described(&outage, OutagePolicy::Alone).2.is_none());
+        outage.outage.why = None;
         assert_eq!(
-            described(&trouble, WhenDown::Fail),
-            (Label::Note, "the depot is back after 6.0 s".to_owned())
+            described(&outage, OutagePolicy::Fail),
+            (
+                Label::Note,
+                "the depot is back after 6.0 s".to_owned(),
+                None
+            )
         );
     }
 }

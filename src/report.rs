@@ -3,11 +3,13 @@
 use std::{
     env, fmt,
     io::{self, IsTerminal, Write},
+    iter,
     os::fd::AsFd,
 };
 
 use anstream::AutoStream;
 use clap::builder::styling::{AnsiColor, Style};
+use dataflow::Location;
 use serde::Serialize;
 
 use crate::{arguments::Format, label::Label, outcome::CommandError, system_errors::in_words};
@@ -29,10 +31,64 @@ fn checked(written: io::Result<()>) -> Result<(), CommandError> {
     }
 }
 
-/// Writes text for people to stdout, labels in color.
-pub(crate) fn text(text: &str) -> Result<(), CommandError> {
-    let lines = text.lines().map(|line| painted(line) + "\n");
-    let text: String = lines.collect();
+/// A line for people.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(crate) struct Line {
+    /// The label whose word begins it.
+    label: Option<Label>,
+    text: String,
+}
+
+impl Line {
+    /// Returns a line of text behind a label.
+    pub(crate) fn labeled(label: Label, text: impl fmt::Display) -> Self {
+        Self {
+            label: Some(label),
+            text: label.line(text),
+        }
+    }
+
+    /// Returns a line without a label.
+    pub(crate) fn plain(text: impl Into<String>) -> Self {
+        Self {
+            label: None,
+            text: text.into(),
+        }
+    }
+
+    /// Returns the number of its characters.
+    pub(crate) fn len(&self) -> usize {
+        self.text.chars().count()
+    }
+
+    /// Returns it cut to a width, with a mark at the cut.
+    pub(crate) fn cut(self, width: usize) -> Self {
+        Self {
+            text: cut(&self.text, width),
+            ..self
+        }
+    }
+
+    /// Returns it with errors of the operating system in words.
+    fn in_words(self) -> Self {
+        Self {
+            text: in_words(&self.text),
+            ..self
+        }
+    }
+
+    /// Returns its text with the label in color.
+    fn painted(&self) -> String {
+        match self.label {
+            Some(label) => label.painted(&self.text),
+            None => self.text.clone(),
+        }
+    }
+}
+
+/// Writes lines for people to stdout, labels in color.
+pub(crate) fn lines(lines: &[Line]) -> Result<(), CommandError> {
+    let text: String = lines.iter().map(|line| line.painted() + "\n").collect();
     let mut stdout = AutoStream::auto(io::stdout().lock());
     checked(
         stdout
@@ -62,32 +118,57 @@ pub(crate) fn answer<T: Serialize>(
 
 /// Writes a line for people to stderr.
 pub(crate) fn line(label: Label, text: impl fmt::Display) {
-    plain(&label.line(text));
+    print(&[Line::labeled(label, text)]);
 }
 
-/// Writes text for people to stderr, labels in color. A failure cannot be reported anywhere.
+/// Writes a line for people to stderr, and below it what to do.
+pub(crate) fn line_with_hint(label: Label, text: impl fmt::Display, hint: Option<&str>) {
+    let hint = hint.map(|hint| Line::labeled(Label::Hint, hint));
+    let lines: Vec<Line> = iter::once(Line::labeled(label, text)).chain(hint).collect();
+    print(&lines);
+}
+
+/// Writes text for people to stderr.
 pub(crate) fn plain(text: &str) {
+    print(&[Line::plain(text)]);
+}
+
+/// Writes lines for people to stderr, labels in color. A failure cannot be reported anywhere.
+pub(crate) fn print(lines: &[Line]) {
+    let lines = lines.iter().map(|line| line.clone().in_words().painted());
+    write_to_stderr(&lines.collect::<Vec<String>>().join("\n"));
+}
+
+/// Writes text with its colors to stderr, in one piece.
+fn write_to_stderr(text: &str) {
     if clock::process().is_some() {
         // A simulated process has no terminal.
         return;
     }
     let mut stderr = AutoStream::auto(io::stderr().lock());
-    let text = in_words(text);
-    let lines: Vec<String> = text.lines().map(painted).collect();
-    let _gone = writeln!(stderr, "{}", lines.join("\n"));
+    let _gone = writeln!(stderr, "{text}");
 }
 
 /// Writes a line about a run to stderr, cut where a terminal would wrap it.
 pub(crate) fn short_line(label: Label, text: impl fmt::Display) {
-    short_plain(&label.line(text));
+    short(Line::labeled(label, text));
 }
 
-/// Writes a line to stderr as it is, cut where a terminal would wrap it.
-pub(crate) fn short_plain(text: &str) {
+/// Writes a line to stderr, cut where a terminal would wrap it.
+pub(crate) fn short(line: Line) {
     match width_of(&io::stderr()) {
-        Some(width) => plain(&cut(&in_words(text), width)),
-        None => plain(text),
+        Some(width) => print(&[line.in_words().cut(width)]),
+        None => print(&[line]),
     }
+}
+
+/// Writes a location in a file to stderr, as compilers show it, its carets in color.
+fn location(location: &Location) {
+    let text = in_words(&location.to_string());
+    let before = text.trim_end_matches('^');
+    let carets = text.get(before.len()..).unwrap_or_default();
+    let style = Style::new().fg_color(Some(AnsiColor::Red.into()));
+    write_to_stderr(&format!("{before}{style}{carets}{style:#}"));
 }
 
 /// Returns the line width of an output in characters; `None` if it is not a terminal. `COLUMNS`
@@ -142,23 +223,6 @@ pub(crate) fn wrapped(text: &str, width: usize) -> Vec<String> {
     lines
 }
 
-/// A line with the label that begins it, or its trailing carets, in color.
-fn painted(line: &str) -> String {
-    let word = line.split(' ').next().unwrap_or_default();
-    if let Some(label) = Label::of(word) {
-        let style = label.style();
-        let rest = line.get(word.len()..).unwrap_or_default();
-        return format!("{style}{word}{style:#}{rest}");
-    }
-    let before = line.trim_end_matches('^');
-    let carets = line.get(before.len()..).unwrap_or_default();
-    if carets.is_empty() || !before.ends_with(char::is_whitespace) {
-        return line.to_owned();
-    }
-    let style = Style::new().fg_color(Some(AnsiColor::Red.into()));
-    format!("{before}{style}{carets}{style:#}")
-}
-
 /// Prints clap's output: help to stdout, errors to stderr.
 pub(crate) fn arguments(said: &clap::Error) -> u8 {
     let written = said.print().and_then(|()| io::stdout().flush());
@@ -177,8 +241,8 @@ pub(crate) fn trouble(trouble: &CommandError) -> u8 {
         CommandError::File(err) => {
             for problem in &err.problems {
                 line(Label::Error, &problem.message);
-                if let Some(location) = &problem.location {
-                    plain(&location.to_string());
+                if let Some(at) = &problem.location {
+                    location(at);
                 }
                 hint(problem.hint.as_deref());
             }
@@ -267,6 +331,24 @@ pub(crate) fn columns(rows: &[Vec<String>], right: &[usize]) -> String {
     text
 }
 
+/// A row of a table behind a label.
+pub(crate) type LabeledRow = (Label, Vec<String>);
+
+/// Lays out labeled rows in columns two spaces apart; the labels' words have at least `least` characters.
+pub(crate) fn labeled_rows(rows: &[LabeledRow], least: usize) -> Vec<Line> {
+    let cells = rows.iter().map(|(label, cells)| {
+        let word = format!("{:<least$}", label.word());
+        iter::once(word).chain(cells.iter().cloned()).collect()
+    });
+    let text = columns(&cells.collect::<Vec<Vec<String>>>(), &[]);
+    let lines = rows.iter().zip(text.lines());
+    let line = |((label, _), line): (&(Label, _), &str)| Line {
+        label: Some(*label),
+        text: line.to_owned(),
+    };
+    lines.map(line).collect()
+}
+
 /// The first row of a table.
 pub(crate) fn header<const N: usize>(names: [&str; N]) -> Vec<String> {
     names.map(str::to_owned).to_vec()
@@ -337,30 +419,38 @@ mod tests {
     }
 
     #[test]
-    fn only_words_that_begin_a_line_and_carets_are_colored() {
-        let plain = [
-            "an error: x",
-            "  done",
-            "a^",
-            "report `a`",
-            "goal   1 succeeded",
-        ];
-        for text in plain {
-            assert_eq!(painted(text), text);
-        }
-        for (text, word) in [
-            ("error: no stage", "error:"),
-            ("hint: name one", "hint:"),
-            ("done   all", "done"),
-            ("cached   a.b", "cached"),
-            ("  | ^^^^", "^^^^"),
+    fn the_label_of_a_line_is_colored_and_nothing_else() {
+        for line in [
+            Line::plain("error: x"),
+            Line::labeled(Label::Report, "`a`"),
+            Line::labeled(Label::Goal, "1 succeeded"),
         ] {
-            let colored = painted(text);
-            let start = colored.find('\u{1b}').unwrap();
-            assert!(
-                colored[start..].contains(&format!("m{word}\u{1b}[0m")),
-                "{colored:?}"
-            );
+            assert_eq!(line.painted(), line.text);
         }
+        for (label, word) in [
+            (Label::Error, "error:"),
+            (Label::Hint, "hint:"),
+            (Label::Done, "done"),
+            (Label::Cached, "cached"),
+        ] {
+            let line = Line::labeled(label, "error: done");
+            let painted = line.painted();
+            let end = format!("m{word}\u{1b}[0m");
+            let (_, rest) = painted.split_once(&end).unwrap();
+            assert!(rest.trim_start() == "error: done", "{painted:?}");
+        }
+    }
+
+    #[test]
+    fn rows_keep_their_labels() {
+        let row = |label, cell: &str| (label, vec![cell.to_owned()]);
+        let lines = labeled_rows(&[row(Label::Ok, "a"), row(Label::Missing, "b")], 3);
+        let texts: Vec<&str> = lines.iter().map(|line| line.text.as_str()).collect();
+        assert_eq!(texts, ["ok       a", "missing  b"]);
+        assert_eq!(lines[1].label, Some(Label::Missing));
+        assert_eq!(
+            lines[1].clone().cut(5).painted(),
+            Line::plain("miss…").painted()
+        );
     }
 }

@@ -77,12 +77,10 @@ impl Program<'_> {
             );
         }
         if let Some(why) = &shared.offline {
-            report::line(
+            report::line_with_hint(
                 Label::Warn,
-                format!(
-                    "the depot is not used: {why}\n\
-                 hint: what is made here is kept, and sent by a later run or `pipeline push`"
-                ),
+                format!("the depot is not used: {why}"),
+                Some("what is made here is kept, and sent by a later run or `pipeline push`"),
             );
         } else if shared.n_units_waiting > 0 {
             let waiting = format!(
@@ -90,18 +88,18 @@ impl Program<'_> {
                 shared.n_units_waiting
             );
             match &shared.unsent {
-                Some(why) => report::line(Label::Warn, format!("{why}\nhint: {waiting}")),
+                Some(why) => report::line_with_hint(Label::Warn, why, Some(&waiting)),
                 None => self.say(Label::Note, waiting),
             }
         }
         if shared.n_damaged > 0 {
-            report::line(
+            report::line_with_hint(
                 Label::Warn,
                 format!(
-                    "{} files came damaged from the depot and are not used\n\
-                 hint: `pipeline verify --depot` lists what is damaged in it",
+                    "{} files came damaged from the depot and are not used",
                     shared.n_damaged
                 ),
+                Some("`pipeline verify --depot` lists what is damaged in it"),
             );
         }
         for (unit, host) in shared.differing.iter().take(NAMED) {
@@ -119,13 +117,12 @@ pub(crate) fn say_unlocked(lake: &Lake) {
     if lake.check_exists().is_err()
         && let Some(kind) = lake.file_system_without_locks()
     {
-        report::line(
+        report::line_with_hint(
             Label::Note,
             format!(
-                "the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it\n\
-             hint: {}",
-                instead()
+                "the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it"
             ),
+            Some(&instead()),
         );
     }
 }
@@ -148,7 +145,7 @@ pub(crate) fn offer(lake: &Lake, item: &WorkItem) -> Option<UnitOutcome> {
             Err(err) => return Some(UnitOutcome::Failed(Failure::Store(err.into()))),
         }
     }
-    (!lacks.is_empty()).then(|| UnitOutcome::lacking(lacks))
+    (!lacks.is_empty()).then(|| UnitOutcome::missing_artifacts(lacks))
 }
 
 /// A depot, as it is named.

@@ -7,6 +7,8 @@ mod bounds;
 mod cell;
 mod cell_lab;
 mod commands;
+#[path = "../crates/cell/tests/cell/credential_folder.rs"]
+mod credential_folder;
 mod dispatch_ledger;
 mod doctor;
 mod effective;
@@ -28,8 +30,6 @@ mod older_lake;
 mod output;
 mod own_hand;
 mod page;
-#[path = "../crates/cell/tests/cell/papers.rs"]
-mod papers;
 mod projects;
 mod python;
 mod questions;

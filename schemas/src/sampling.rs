@@ -15,7 +15,7 @@ pub const LIMIT_TOLERANCE_RAD: f64 = 0.05;
 
 /// Plausibility of a motion and its distance from others.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sampled {
+pub struct SampleMeasures {
     /// The motion's name.
     pub candidate_id: String,
     /// Greatest joint limit excess as drawn, before clamping, in radians (meters if prismatic); 0
@@ -59,7 +59,7 @@ impl GraspDistance {
     }
 }
 
-impl Sampled {
+impl SampleMeasures {
     /// Returns whether every joint was drawn within [`LIMIT_TOLERANCE_RAD`] of its limits.
     pub fn within_limits(&self) -> bool {
         self.limit_excess_rad <= LIMIT_TOLERANCE_RAD
@@ -67,11 +67,11 @@ impl Sampled {
 }
 
 /// The motions drawn for one object.
-pub type Sampling = Vec<Sampled>;
-table! {"sampling", 2, per "object", rows: Sampled}
+pub type Sampling = Vec<SampleMeasures>;
+table! {"sampling", 2, per "object", rows: SampleMeasures}
 
 columns! {
-    /// The columns of a [`Sampled`].
+    /// The columns of a [`SampleMeasures`].
     pub(crate) struct Flat {
         candidate_id: String => "the motion",
         + within_limits: bool = |row| row.limit_excess_rad <= LIMIT_TOLERANCE_RAD
@@ -99,7 +99,7 @@ columns! {
     }
 }
 
-impl Flatten for Sampled {
+impl Flatten for SampleMeasures {
     type Flat = Flat;
 
     fn flat(&self) -> Flat {

@@ -120,7 +120,7 @@ impl Batch<'_> {
             match &mut seen {
                 Some((last, at)) if *last == heartbeat => {
                     // While the depot is down nobody is heard.
-                    let untroubled = self.lake.untroubled_for();
+                    let untroubled = self.lake.time_since_failure();
                     let is_heard = untroubled.is_some_and(|since| since <= TIMEOUT);
                     if clock::since(*at) > TIMEOUT && !is_heard {
                         break;

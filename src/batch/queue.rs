@@ -66,7 +66,7 @@ pub(crate) fn read(table: &Table, said: &str) -> Queue {
 }
 
 /// Runs a command of a scheduler with a text on its stdin; returns its stdout.
-pub(crate) type Ask<'a> = dyn Fn(&[String], &str) -> io::Result<String> + Sync + 'a;
+pub(crate) type SchedulerCall<'a> = dyn Fn(&[String], &str) -> io::Result<String> + Sync + 'a;
 
 /// Runs a command of a scheduler with this on its stdin; returns its stdout.
 pub(crate) fn ask(words: &[String], stdin: &str) -> io::Result<String> {

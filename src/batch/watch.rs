@@ -206,7 +206,7 @@ impl Batch<'_> {
                         || displaced(&self.table.out_of_time)
                         || displaced(&self.table.out_of_memory) =>
                     {
-                        UnitOutcome::displaced(&why)
+                        UnitOutcome::preempted(&why)
                     }
                     None => UnitOutcome::lost(&why),
                 };
@@ -317,7 +317,7 @@ impl Batch<'_> {
             }
         }
         // While the depot is down nobody is heard.
-        let untroubled = self.lake.untroubled_for();
+        let untroubled = self.lake.time_since_failure();
         let is_heard = untroubled.is_some_and(|since| since <= longest);
         let is_silent = clock::since(last.at) > longest && !is_heard;
         Ok(is_silent.then(|| match last.heartbeat {

@@ -5,7 +5,7 @@ mod lake_folder;
 mod robot;
 
 use dataflow::{Diagnostic, Pipeline, Resources};
-use lake::{Lake, Sharing, WhenDown};
+use lake::{Lake, OutagePolicy, Sharing};
 
 use crate::{
     arguments::DoctorArgs,
@@ -14,7 +14,8 @@ use crate::{
     executors::RemoteExecutor,
     label::Label,
     outcome::{CommandError, CommandOutcome},
-    report, sharing,
+    report::{self, LabeledRow},
+    sharing,
     system_errors::in_words,
 };
 
@@ -26,6 +27,9 @@ struct Check {
     /// Suggested fix.
     hint: Option<String>,
 }
+
+/// Least width of the column of labels, in characters.
+const LABEL_WIDTH: usize = 7;
 
 /// The status of a check.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -77,17 +81,14 @@ pub(crate) fn doctor(program: &Program, args: &DoctorArgs) -> Result<CommandOutc
     if let Some(name) = &args.on {
         found.extend(remote_executor(program, name, &pipeline)?);
     }
-    let rows: Vec<Vec<String>> = found
+    let rows: Vec<LabeledRow> = found
         .iter()
         .map(|check| {
-            vec![
-                format!("{:<7}", check.state.label().word()),
-                check.subject.clone(),
-                check.finding.clone(),
-            ]
+            let cells = vec![check.subject.clone(), check.finding.clone()];
+            (check.state.label(), cells)
         })
         .collect();
-    report::text(&report::columns(&rows, &[]))?;
+    report::lines(&report::labeled_rows(&rows, LABEL_WIDTH))?;
     let mut hints: Vec<&String> = found
         .iter()
         .filter_map(|check| check.hint.as_ref())
@@ -162,7 +163,7 @@ fn depot(program: &Program) -> Result<Option<Check>, CommandError> {
     let lake = Lake::open(&program.lake).with_depot(
         &depot,
         &Sharing {
-            when_down: WhenDown::Fail,
+            outage_policy: OutagePolicy::Fail,
             ..Sharing::default()
         },
     );

@@ -2,7 +2,7 @@
 
 use std::{fs, io, path::Path};
 
-use dataflow::{FreshAll, Kind, Override, Pipeline, RunOptions, Stage, StageEntry, Sweep, missing};
+use dataflow::{Kind, Override, Pipeline, RunOptions, Stage, StageEntry, StoreUse, Sweep, missing};
 
 use crate::{
     arguments::{PipelineArgs, ValueArgs},
@@ -86,9 +86,9 @@ fn read_text(path: &Path) -> Result<String, CommandError> {
 /// Returns the options of a run.
 pub(crate) fn options(args: &PipelineArgs, jobs: Option<u16>) -> RunOptions {
     let fresh_all = if args.fresh.iter().any(String::is_empty) {
-        FreshAll::MakeAgain
+        StoreUse::MakeAgain
     } else {
-        FreshAll::UseStore
+        StoreUse::UseStore
     };
     RunOptions {
         until: args.until.clone(),

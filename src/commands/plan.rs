@@ -15,7 +15,7 @@ use crate::{
     },
     label::Label,
     outcome::{CommandError, CommandOutcome},
-    report,
+    report::{self, LabeledRow, Line},
 };
 
 /// Partitions, and files among the causes, named in one line of the text.
@@ -58,7 +58,7 @@ fn plan_variant(
     let plan = dataflow::plan(&pipeline, &lake, &options)?;
     program.say_shared(&lake)?;
     match (args.format, label) {
-        (Format::Text, _) => report::text(&text(&plan, Page::of_stdout().width))?,
+        (Format::Text, _) => report::lines(&lines(&plan, Page::of_stdout().width))?,
         (Format::Json, None) => report::json(&plan)?,
         (Format::Json, Some(label)) => several.borrow_mut().push(Variant {
             variant: label.to_owned(),
@@ -69,17 +69,17 @@ fn plan_variant(
 }
 
 /// One line per output and cause, cut to a width if there is one.
-pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
+pub(crate) fn lines(plan: &Plan, width: Option<usize>) -> Vec<Line> {
     if plan.is_up_to_date() {
-        return Label::Cached.line("  everything; nothing to run\n");
+        return vec![Line::labeled(Label::Cached, "  everything; nothing to run")];
     }
     let outputs = plan.nodes.iter().map(|node| node.node.to_string().len());
     // The preceding columns have the width of their widest words.
     let room =
         width.map(|width| width.saturating_sub("pending".len() + outputs.max().unwrap_or(0) + 4));
-    let mut rows: Vec<Vec<String>> = Vec::new();
+    let mut rows: Vec<LabeledRow> = Vec::new();
     let mut row = |state: Label, node: String, what: String| {
-        rows.push(vec![state.word().to_owned(), node, what]);
+        rows.push((state, vec![node, what]));
     };
     for node in &plan.nodes {
         let name = node.node.to_string();
@@ -124,7 +124,11 @@ pub(crate) fn text(plan: &Plan, width: Option<usize>) -> String {
             row(state, name.clone(), named(&partitions, &cause, room));
         }
     }
-    report::cut_lines(report::columns(&rows, &[]), width)
+    let lines = report::labeled_rows(&rows, 0).into_iter();
+    match width {
+        Some(width) => lines.map(|line| line.cut(width)).collect(),
+        None => lines.collect(),
+    }
 }
 
 /// Groups the units that may run by their causes.

@@ -23,7 +23,8 @@ use crate::{
     outcome::{CommandError, CommandOutcome},
     processes::Processes,
     progress::{Quiet, Screen},
-    report, sharing,
+    report::{self, Line},
+    sharing,
 };
 
 /// The artifact that is a page of a run.
@@ -76,7 +77,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let options = pipeline_file::options(&args.pipeline, args.jobs);
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
-        report::text(&plan::text(&plan, Page::of_stdout().width))?;
+        report::lines(&plan::lines(&plan, Page::of_stdout().width))?;
         return Ok(Done::without_words(CommandOutcome::Done));
     }
     let foreign = physics::foreign_drives(&pipeline);
@@ -150,18 +151,18 @@ fn say_done(pipeline: &Pipeline, ran: &RunReport, said: &str) {
             Label::Done,
             format!("{n_stages} stages cached, nothing to run"),
         );
-        format!("       {said}")
+        Line::plain(format!("       {said}"))
     } else {
         let took = format!("in {}", report::duration(ran.seconds));
-        let line = Label::Done.line(format_args!("{said} {took}"));
-        if line.chars().count() <= report::LINE_WIDTH {
+        let line = Line::labeled(Label::Done, format_args!("{said} {took}"));
+        if line.len() <= report::LINE_WIDTH {
             line
         } else {
             report::short_line(Label::Done, took);
-            format!("       {said}")
+            Line::plain(format!("       {said}"))
         }
     };
-    report::short_plain(&line);
+    report::short(line);
 }
 
 /// Reports that items were skipped, and how to see the reasons.

@@ -7,7 +7,7 @@ use crate::{
     command_line::Program,
     commands::query::page::Page,
     outcome::{CommandError, CommandOutcome},
-    report,
+    report::{self, Line},
 };
 
 /// Longest type with a column of its own; a longer list of names follows the option's description.
@@ -28,7 +28,8 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<CommandOutc
             options(kind, Page::of_stdout().width)
         }
     };
-    report::text(&text)?;
+    let lines: Vec<Line> = text.lines().map(Line::plain).collect();
+    report::lines(&lines)?;
     Ok(CommandOutcome::Done)
 }
 

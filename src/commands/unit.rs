@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use dataflow::{Forced, NodeName, UnitName, did_you_mean, make_one};
+use dataflow::{NodeName, Recompute, UnitName, did_you_mean, make_one};
 
 use crate::{
     arguments::UnitArgs,
@@ -34,7 +34,11 @@ pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome,
             })?;
             let lake = Arc::new(program.open_lake()?);
             interrupt::drop_on_signal(&lake)?;
-            let forced = if args.fresh { Forced::Yes } else { Forced::No };
+            let forced = if args.fresh {
+                Recompute::Yes
+            } else {
+                Recompute::No
+            };
             let screen = Screen::new(program.quiet);
             let name = UnitName::new(&node, partition);
             let made = make_one(&pipeline, lake.as_ref(), &name, forced, &|event| {

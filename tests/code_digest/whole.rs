@@ -154,9 +154,9 @@ fn a_number_changes_the_stages_that_link_it_and_no_others() {
     let named = |codes: &[&str]| codes.iter().map(|&code| code.to_owned()).collect();
     let simulation = "crates/physics/simulation/src/lib.rs";
     let edited = [
-        ("stages/refine/src/stage.rs", &["stage-refine"][..]),
+        ("stages/refine/src/refine.rs", &["stage-refine"][..]),
         (
-            "stages/screen/src/stage.rs",
+            "stages/screen/src/screen.rs",
             &["report-screen", "stage-screen"],
         ),
         ("stages/screen/src/report/rates.rs", &["report-screen"]),

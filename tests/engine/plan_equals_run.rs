@@ -14,7 +14,7 @@ use std::{
 };
 
 use dataflow::{
-    Cause, Failure, FreshAll, Pipeline, Plan, PlannedNode, RunOptions, RunReport, UnitState, plan,
+    Cause, Failure, Pipeline, Plan, PlannedNode, RunOptions, RunReport, StoreUse, UnitState, plan,
     run,
 };
 use lake::Lake;
@@ -73,9 +73,9 @@ fn check(place: &Place, world: &mut World, model: &mut Model, step: &Step) -> Ve
         only: step.only.clone(),
         fresh: step.fresh.clone(),
         fresh_all: if step.fresh_all {
-            FreshAll::MakeAgain
+            StoreUse::MakeAgain
         } else {
-            FreshAll::UseStore
+            StoreUse::UseStore
         },
         ..RunOptions::default()
     };

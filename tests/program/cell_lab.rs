@@ -16,7 +16,7 @@ use serde_json::Value;
 
 use crate::program::{
     bench::{Bench, stderr, stdout},
-    papers::Papers,
+    credential_folder::CredentialFolder,
 };
 
 /// Objects whose recordings are taken where a few are enough.
@@ -36,7 +36,7 @@ pub(crate) struct Lab {
     /// Whether the cell connects to a router there.
     behind: Behind,
     /// Credentials of all programs, where they need them.
-    papers: Option<Papers>,
+    credentials: Option<CredentialFolder>,
     /// Reports of cells on finished goals.
     pub(crate) over: Vec<String>,
 }
@@ -90,7 +90,7 @@ impl Lab {
         let mut lab = Self::of(Behind::Router);
         lab.endpoint = lab.endpoint.replace("tcp/127.0.0.1", "tls/localhost");
         let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/access");
-        lab.papers = Some(Papers::new(&shipped));
+        lab.credentials = Some(CredentialFolder::new(&shipped));
         lab
     }
 
@@ -114,7 +114,7 @@ impl Lab {
             bench,
             endpoint: format!("tcp/{port}"),
             behind,
-            papers: None,
+            credentials: None,
             over: Vec::new(),
         }
     }
@@ -178,16 +178,16 @@ impl Lab {
 
     /// Gives a program its credentials, where it needs them.
     fn introduce(&self, program: &mut Command, who: &str) {
-        if let Some(papers) = &self.papers {
-            program.arg("--access").arg(papers.file(WAY, who));
+        if let Some(credentials) = &self.credentials {
+            program.arg("--access").arg(credentials.file(WAY, who));
         }
     }
 
     /// As [`Lab::dispatch`], as an authenticated user.
     pub(crate) fn dispatch_as(&self, who: &str) -> Command {
         let mut command = self.dispatch();
-        if let Some(papers) = &self.papers {
-            let file = papers.file(WAY, who);
+        if let Some(credentials) = &self.credentials {
+            let file = credentials.file(WAY, who);
             command
                 .arg("--set")
                 .arg(format!("dispatch.access={}", file.display()));

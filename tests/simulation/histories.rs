@@ -30,7 +30,7 @@ use std::{
 use ::depot::Depot;
 use clock::{Process, World, lock, random};
 use dataflow::{Digest, Event, Executor, Pipeline, RunOptions};
-use lake::{Lake, Sharing, WhenDown};
+use lake::{Lake, OutagePolicy, Sharing};
 use tempfile::TempDir;
 
 use self::{
@@ -280,15 +280,15 @@ impl History {
 
 /// How a run uses its depot.
 fn sharing_of_run(old: Old) -> Sharing {
-    let (patience, when_down) = match old {
-        Old::MakesAgain => (0, WhenDown::Alone),
-        Old::RunFails => (0, WhenDown::Fail),
-        Old::No | Old::LinkOffline | Old::LooksUpOnce => (8 * 3600, WhenDown::Fail),
+    let (patience, outage_policy) = match old {
+        Old::MakesAgain => (0, OutagePolicy::Alone),
+        Old::RunFails => (0, OutagePolicy::Fail),
+        Old::No | Old::LinkOffline | Old::LooksUpOnce => (8 * 3600, OutagePolicy::Fail),
     };
     Sharing {
         patience: seconds(patience),
-        when_down,
-        told: None,
+        outage_policy,
+        on_outage: None,
     }
 }
 

@@ -1,7 +1,7 @@
 //! Credentials, trusted peers and access rules: kept in a file, never on a command line.
 
 use std::{
-    fmt, fs,
+    fmt, fs, io,
     net::SocketAddr,
     path::{Path, PathBuf},
 };
@@ -48,6 +48,46 @@ pub struct Access {
     tls: Tls,
 }
 
+/// Why a file is not an access file.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum AccessFault {
+    /// It cannot be read.
+    #[error("{0}")]
+    Read(io::Error),
+    /// It is not a part of a zenoh configuration.
+    #[error("{0}")]
+    Configuration(Cause),
+    /// zenoh cannot write what it read.
+    #[error("zenoh cannot write its settings: {0}")]
+    Unwritable(serde_json::Error),
+    /// It has settings that are made elsewhere, by their paths.
+    #[error("`{}` is not for an access file", .0.join("`, `"))]
+    OtherSettings(Vec<String>),
+    /// A setting cannot be read.
+    #[error("`{key}` in it: {message}")]
+    Setting {
+        /// Path of the setting.
+        key: &'static str,
+        /// zenoh's message, or the parser's.
+        message: String,
+    },
+    /// A file that it names cannot be opened.
+    #[error("`{}` in it: {cause}", file.display())]
+    File {
+        /// The file.
+        file: PathBuf,
+        /// Why not.
+        cause: io::Error,
+    },
+    /// Whoever connects is neither asked for a certificate nor for a password.
+    #[error(
+        "it asks whoever connects for neither a certificate (`enable_mtls`) nor a password \
+         (`dictionary_file`)"
+    )]
+    OpenToAll,
+}
+
 impl fmt::Debug for Access {
     /// Writes the file's name but no secrets.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -64,24 +104,23 @@ impl Access {
     /// or contains other settings than the four above; if a certificate or key in a file that it names cannot be
     /// used, or a key is not that of its certificate.
     pub fn read(path: &Path) -> Result<Self, CellError> {
-        let wrong = |problem: String| CellError::Access {
+        let wrong = |fault: AccessFault| CellError::Access {
             path: path.to_owned(),
-            problem,
+            fault,
         };
-        let text = fs::read_to_string(path).map_err(|err| wrong(err.to_string()))?;
-        let config =
-            Config::from_json5(&text).map_err(|err| wrong(Cause::from(err).to_string()))?;
+        let text = fs::read_to_string(path).map_err(|err| wrong(AccessFault::Read(err)))?;
+        let config = Config::from_json5(&text)
+            .map_err(|err| wrong(AccessFault::Configuration(err.into())))?;
         let value = |config: &Config| {
             let value = serde_json::to_value(config);
-            value.map_err(|err| wrong(format!("zenoh cannot write its settings: {err}")))
+            value.map_err(|err| wrong(AccessFault::Unwritable(err)))
         };
         let others = differences(&value(&config)?, &value(&Config::default())?);
         if !others.is_empty() {
-            let others = others.join("`, `");
-            return Err(wrong(format!("`{others}` is not for an access file")));
+            return Err(wrong(AccessFault::OtherSettings(others)));
         }
         for key in FILES {
-            let unknown = |err: String| wrong(format!("`{key}` in it: {err}"));
+            let unknown = |message: String| wrong(AccessFault::Setting { key, message });
             let named = config
                 .get_json(key)
                 .map_err(|err| unknown(err.to_string()))?;
@@ -89,8 +128,8 @@ impl Access {
             let Some(file) = named.map_err(|err| unknown(err.to_string()))? else {
                 continue;
             };
-            if let Err(err) = fs::File::open(&file) {
-                return Err(wrong(format!("`{}` in it: {err}", file.display())));
+            if let Err(cause) = fs::File::open(&file) {
+                return Err(wrong(AccessFault::File { file, cause }));
             }
         }
         let tls = Tls::of(&config);
@@ -157,9 +196,7 @@ impl Access {
         }
         Err(CellError::Access {
             path: self.path.clone(),
-            problem: "it asks whoever connects for neither a certificate (`enable_mtls`) nor a \
-                      password (`dictionary_file`)"
-                .to_owned(),
+            fault: AccessFault::OpenToAll,
         })
     }
 }

@@ -1,5 +1,7 @@
 //! A cell's capabilities and its short answers.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use crate::{Rejection, text::plain_line};
@@ -43,7 +45,7 @@ pub struct Capabilities {
 
 impl Capabilities {
     /// Returns the contradiction of these capabilities with themselves, if there is one.
-    pub(crate) fn contradiction(&self) -> Option<String> {
+    pub(crate) fn contradiction(&self) -> Option<PalmLimitFault> {
         let PalmLimits {
             speed_m_per_s,
             acceleration_m_per_s2,
@@ -57,18 +59,16 @@ impl Capabilities {
             ("turn_rad_per_s", turn_rad_per_s),
             ("turn_acceleration_rad_per_s2", turn_acceleration_rad_per_s2),
         ];
-        if let Some((name, limit)) = limits.iter().find(|(_, limit)| *limit <= 0.0) {
-            return Some(format!("`palm.{name}` is {limit}, expected more than 0"));
+        if let Some(&(name, limit)) = limits.iter().find(|(_, limit)| *limit <= 0.0) {
+            return Some(PalmLimitFault::NotPositive { name, limit });
         }
         let is_inverted = least.iter().zip(&most).any(|(least, most)| least >= most);
-        is_inverted.then(|| {
-            format!("`palm.workspace_m` begins at {least:?} and ends at {most:?}: its least corner comes first")
-        })
+        is_inverted.then_some(PalmLimitFault::Workspace { least, most })
     }
 
     /// Returns what differs from an earlier answer, if anything does but the clock, a stop and the goal
     /// in execution.
-    pub fn change_since(&self, earlier: &Self) -> Option<String> {
+    pub fn change_since(&self, earlier: &Self) -> Option<CapabilityChange> {
         let as_earlier = Self {
             clock_unix_ms: earlier.clock_unix_ms,
             stopped: earlier.stopped,
@@ -89,14 +89,69 @@ impl Capabilities {
             .filter(|key| !ignored.contains(&key.as_str()))
             .find_map(|key| {
                 let [now, before] = [now, before].map(|fields| fields.and_then(|it| it.get(key)));
-                (now != before).then(|| {
-                    let shown = |value: Option<&serde_json::Value>| {
-                        plain_line(&value.map_or("absent".to_owned(), ToString::to_string))
-                    };
-                    format!("`{key}` was {} and is {}", shown(before), shown(now))
+                (now != before).then(|| CapabilityChange::Field {
+                    name: key.clone(),
+                    before: before.cloned(),
+                    now: now.cloned(),
                 })
             });
-        differing.or_else(|| Some("its capabilities changed".to_owned()))
+        differing.or(Some(CapabilityChange::Unnamed))
+    }
+}
+
+/// A contradiction of a palm's limits with themselves.
+#[derive(Debug, Clone, Copy, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum PalmLimitFault {
+    /// A limit lets nothing move.
+    #[error("`palm.{name}` is {limit}, expected more than 0")]
+    NotPositive {
+        /// The limit's key, with its unit.
+        name: &'static str,
+        /// Its value.
+        limit: f64,
+    },
+    /// The workspace is empty.
+    #[error(
+        "`palm.workspace_m` begins at {least:?} and ends at {most:?}: its least corner comes first"
+    )]
+    Workspace {
+        /// Its first corner, in meters.
+        least: [f64; 3],
+        /// Its second corner, in meters.
+        most: [f64; 3],
+    },
+}
+
+/// The first difference of a cell's capabilities from earlier ones.
+#[derive(Debug, Clone, PartialEq)]
+#[non_exhaustive]
+pub enum CapabilityChange {
+    /// A field has another value.
+    Field {
+        /// The field's name.
+        name: String,
+        /// Its value before, if it was there.
+        before: Option<serde_json::Value>,
+        /// Its value now, if it is there.
+        now: Option<serde_json::Value>,
+    },
+    /// They differ in no field of a message, e.g. in a number that JSON cannot write.
+    Unnamed,
+}
+
+impl fmt::Display for CapabilityChange {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Field { name, before, now } => {
+                let [before, now] = [before, now].map(|value| {
+                    let text = value.as_ref().map(ToString::to_string);
+                    plain_line(text.as_deref().unwrap_or("absent"))
+                });
+                write!(f, "`{name}` was {before} and is {now}")
+            }
+            Self::Unnamed => f.write_str("its capabilities changed"),
+        }
     }
 }
 

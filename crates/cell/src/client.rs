@@ -7,7 +7,6 @@ use std::{
     time::{Duration, Instant},
 };
 
-use lake::LakeError;
 use robot::Joint;
 use zenoh::{
     Session, Wait,
@@ -19,7 +18,7 @@ use crate::{
     Acceptance, Access, Address, CellError, Goal, GoalMessage, Keys, PROTOCOL, Rejection,
     SigningKey, Terms, UncheckedReport,
     capabilities::{Acknowledgment, Capabilities, GoalAnswer},
-    error::after_sending,
+    error::{RecordError, Transmission, with_causes},
     heartbeat::Heartbeat,
     message::{CLOCKS_MS, Version, now_unix_ms},
     report::Report,
@@ -75,14 +74,18 @@ pub trait SendRecord {
     /// # Errors
     ///
     /// Fails if it cannot be recorded; then it is not sent.
-    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError>;
+    fn sending(
+        &self,
+        message: &GoalMessage,
+        permitted_by: &Capabilities,
+    ) -> Result<(), RecordError>;
 
     /// Records the cell's acceptance.
     ///
     /// # Errors
     ///
     /// Fails if it cannot be recorded; the goal counts as sent all the same.
-    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError>;
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), RecordError>;
 
     /// Records the cell's refusal of a goal's only transmission: nothing has moved, and nothing of it is under
     /// way.
@@ -90,27 +93,27 @@ pub trait SendRecord {
     /// # Errors
     ///
     /// Fails if it cannot be recorded; the goal counts as sent then.
-    fn refused(&self, goal_id: &str, why: &Rejection) -> Result<(), LakeError>;
+    fn refused(&self, goal_id: &str, why: &Rejection) -> Result<(), RecordError>;
 }
 
 /// No memory.
 impl SendRecord for () {
-    fn sending(&self, _message: &GoalMessage, _cell: &Capabilities) -> Result<(), LakeError> {
+    fn sending(&self, _message: &GoalMessage, _cell: &Capabilities) -> Result<(), RecordError> {
         Ok(())
     }
 
-    fn accepted(&self, _goal_id: &str, _acceptance: &Acceptance) -> Result<(), LakeError> {
+    fn accepted(&self, _goal_id: &str, _acceptance: &Acceptance) -> Result<(), RecordError> {
         Ok(())
     }
 
-    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), LakeError> {
+    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), RecordError> {
         Ok(())
     }
 }
 
 /// A cell's answer about a goal that was sent before.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Recovered {
+pub enum RecoveryResult {
     /// The goal's report.
     Report(Report),
     /// The cell's answer is not to be believed; as a report its outcome is unknown, for this reason.
@@ -232,10 +235,11 @@ impl CellClient {
                 found: plain_line(&found.cell),
             });
         }
-        if let Some(problem) = found.contradiction() {
+        if let Some(fault) = found.contradiction() {
             return Err(CellError::Contradiction {
                 cell: found.cell,
-                problem,
+                fault,
+                transmission: Transmission::None,
             });
         }
         check_clock(found.clock_unix_ms, asked_ms, answered_ms)?;
@@ -262,12 +266,14 @@ impl CellClient {
         started: Instant,
     ) -> Result<(&'a String, &'a [u8]), CellError> {
         let (key, endpoint) = (key.to_owned(), self.endpoint.clone());
+        let transmission = Transmission::None;
         Err(match answers {
             [] => CellError::NoAnswer {
                 key,
                 endpoint,
                 access: self.access.clone(),
                 waited: started.elapsed(),
+                transmission,
             },
             [Answer::Signed { journal, body, .. }] => return Ok((journal, body)),
             [answer] => {
@@ -279,6 +285,7 @@ impl CellClient {
                     key,
                     endpoint,
                     who: answer.who(),
+                    transmission,
                 }
             }
             several => match sole_journal(several) {
@@ -287,12 +294,14 @@ impl CellClient {
                     endpoint,
                     count: several.len(),
                     journal: short(journal).to_owned(),
+                    transmission,
                 },
                 None => CellError::SeveralCells {
                     key,
                     endpoint,
                     count: several.len(),
                     who: who(several),
+                    transmission,
                 },
             },
         })
@@ -351,7 +360,7 @@ impl CellClient {
         goal: &Goal,
         robot: &[Joint],
         patience: Patience,
-    ) -> Recovered {
+    ) -> RecoveryResult {
         let query = || {
             if self.journal.get().is_none() {
                 self.capabilities(patience.answer)?;
@@ -360,13 +369,13 @@ impl CellClient {
         };
         let _heartbeat = match query() {
             Ok(heartbeat) => heartbeat,
-            Err(err) => return Recovered::NoAnswer(after_sending(&err)),
+            Err(err) => return RecoveryResult::NoAnswer(after_sending(err)),
         };
         match self.report(goal, goal_id, robot, patience) {
             Ok(recovered) => recovered,
-            Err(UnknownOutcome::NoAnswer(message)) => Recovered::NoAnswer(message),
+            Err(UnknownOutcome::NoAnswer(message)) => RecoveryResult::NoAnswer(message),
             Err(UnknownOutcome::Untrusted(message)) => {
-                Recovered::Untrusted(Report::unknown(goal_id, message))
+                RecoveryResult::Untrusted(Report::unknown(goal_id, message))
             }
         }
     }
@@ -444,12 +453,14 @@ impl CellClient {
             // An earlier transmission may have been accepted.
             GoalAnswer::Rejected(rejection) => {
                 return match self.report(goal, id, robot, patience)? {
-                    Recovered::Report(report) => Ok(GoalResult::Report(report)),
-                    Recovered::NeverTaken => {
+                    RecoveryResult::Report(report) => Ok(GoalResult::Report(report)),
+                    RecoveryResult::NeverTaken => {
                         Ok(GoalResult::Report(Report::rejected(id, rejection)))
                     }
-                    Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
-                    Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
+                    RecoveryResult::Untrusted(report) => {
+                        Err(UnknownOutcome::Untrusted(report.message))
+                    }
+                    RecoveryResult::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
                 };
             }
             // A goal sent more than once may be known from its first transmission.
@@ -462,13 +473,13 @@ impl CellClient {
             self.show(message);
         }
         match self.report(goal, id, robot, patience)? {
-            Recovered::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
-            Recovered::Report(report) => Ok(GoalResult::Report(report)),
-            Recovered::NeverTaken => Err(UnknownOutcome::Untrusted(
+            RecoveryResult::Report(report) if is_old => Ok(GoalResult::EarlierReport(report)),
+            RecoveryResult::Report(report) => Ok(GoalResult::Report(report)),
+            RecoveryResult::NeverTaken => Err(UnknownOutcome::Untrusted(
                 "the cell accepted the goal and now denies it".to_owned(),
             )),
-            Recovered::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
-            Recovered::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
+            RecoveryResult::Untrusted(report) => Err(UnknownOutcome::Untrusted(report.message)),
+            RecoveryResult::NoAnswer(message) => Err(UnknownOutcome::NoAnswer(message)),
         }
     }
 
@@ -481,7 +492,7 @@ impl CellClient {
         terms: &Terms,
         timeout: Duration,
     ) -> Result<(Vec<u8>, Acceptance, u32), UnknownOutcome> {
-        let unheard = |err: CellError| UnknownOutcome::NoAnswer(after_sending(&err));
+        let unheard = |err: CellError| UnknownOutcome::NoAnswer(after_sending(err));
         let deadline = Instant::now() + timeout;
         for (round, until) in Rounds::new(timeout) {
             let question = Question::new(key, "", &message.bytes).map_err(CellError::Random);
@@ -507,7 +518,7 @@ impl CellClient {
             checked.map_err(|err| {
                 UnknownOutcome::NoAnswer(format!(
                     "{}; it was not sent a second time",
-                    after_sending(&err)
+                    after_sending(err)
                 ))
             })?;
         }
@@ -523,7 +534,7 @@ impl CellClient {
         goal_id: &str,
         robot: &[Joint],
         patience: Patience,
-    ) -> Result<Recovered, UnknownOutcome> {
+    ) -> Result<RecoveryResult, UnknownOutcome> {
         let key = self.keys.result(goal_id);
         let deadline = Instant::now() + patience.result;
         let mut heard = Instant::now();
@@ -546,17 +557,19 @@ impl CellClient {
                 self.ask_report(&key, "", MAX_REPORT_BYTES, Instant::now() + left.min(wait))?
             {
                 if let Ok((Acknowledgment::NeverTaken, _)) = wire::split_line("answer", &body) {
-                    return Ok(Recovered::NeverTaken);
+                    return Ok(RecoveryResult::NeverTaken);
                 }
                 let report =
                     UncheckedReport::from_bytes(&body).map_err(|err| unreadable(&key, &err))?;
                 let checked = report.check_as(goal_id, goal, robot);
-                return checked.map(Recovered::Report).map_err(|contradiction| {
-                    UnknownOutcome::Untrusted(format!(
-                        "its report contradicts itself: {}",
-                        plain_line(&contradiction.to_string())
-                    ))
-                });
+                return checked
+                    .map(RecoveryResult::Report)
+                    .map_err(|contradiction| {
+                        UnknownOutcome::Untrusted(format!(
+                            "its report contradicts itself: {}",
+                            plain_line(&contradiction.to_string())
+                        ))
+                    });
             }
             match self.executing(left.min(QUERY_TIMEOUT))? {
                 None => thread::sleep(PAUSE.min(left)),
@@ -592,7 +605,7 @@ impl CellClient {
         goal_id: &str,
         key: &str,
         timeout: Duration,
-    ) -> Result<Recovered, UnknownOutcome> {
+    ) -> Result<RecoveryResult, UnknownOutcome> {
         let body = self.ask_report(
             key,
             "samples=none",
@@ -608,7 +621,7 @@ impl CellClient {
         };
         let report = UncheckedReport::without_samples(&body, goal_id, MAX_REPORT_BYTES);
         report
-            .map(Recovered::Report)
+            .map(RecoveryResult::Report)
             .map_err(|err| unreadable(key, &err))
     }
 
@@ -623,7 +636,7 @@ impl CellClient {
         let question = Question::new(key, parameters, &[]).map_err(CellError::Random);
         let answers = question
             .and_then(|question| self.put(&question, &[], most, until))
-            .map_err(|err| UnknownOutcome::NoAnswer(after_sending(&err)))?;
+            .map_err(|err| UnknownOutcome::NoAnswer(after_sending(err)))?;
         Ok(self.only(key, &answers)?.map(ToOwned::to_owned))
     }
 
@@ -681,6 +694,7 @@ impl CellClient {
                     endpoint: self.endpoint.clone(),
                     expected: PROTOCOL,
                     found: protocol,
+                    transmission: Transmission::None,
                 })
             }
             Some(_) | None => Ok(()),
@@ -773,7 +787,12 @@ impl UnknownOutcome {
 /// Checks that the cell's clock lies between the times of the query and of its answer.
 fn check_clock(cell_ms: u64, asked_ms: u64, answered_ms: u64) -> Result<(), CellError> {
     let seconds = |ms: u64| ms as f64 / 1000.0;
-    let wrong = |ahead_s: f64| Err(CellError::Clock { ahead_s });
+    let wrong = |ahead_s: f64| {
+        Err(CellError::Clock {
+            ahead_s,
+            transmission: Transmission::None,
+        })
+    };
     if cell_ms > answered_ms.saturating_add(CLOCKS_MS) {
         return wrong(seconds(cell_ms - answered_ms));
     }
@@ -793,6 +812,11 @@ fn sole_journal(answers: &[Answer]) -> Option<&str> {
     journals
         .all(|journal| journal == Some(first))
         .then_some(first)
+}
+
+/// Returns an error of a query after a goal was sent, with its causes on one line.
+fn after_sending(err: CellError) -> String {
+    with_causes(&err.after_transmission())
 }
 
 /// Returns who answered, as text for people.
@@ -816,7 +840,7 @@ mod tests {
     #[test]
     fn clock_offset_is_distinguished_from_message_delay() {
         let ahead = |cell_ms: u64| match check_clock(cell_ms, 100_000, 103_000) {
-            Err(CellError::Clock { ahead_s }) => Some(ahead_s),
+            Err(CellError::Clock { ahead_s, .. }) => Some(ahead_s),
             _ => None,
         };
         for right in [99_000, 100_000, 102_000, 103_000, 104_000] {

@@ -1,8 +1,13 @@
 //! Errors of reaching or starting a cell.
 
-use std::{error::Error, path::PathBuf, time::Duration};
+use std::{error::Error, fmt, path::PathBuf, time::Duration};
 
-use crate::{tls::TlsFault, wire::WireError};
+use crate::{
+    access::AccessFault,
+    capabilities::{CapabilityChange, PalmLimitFault},
+    tls::TlsFault,
+    wire::WireError,
+};
 
 /// zenoh's error message, without its source location.
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
@@ -17,16 +22,34 @@ impl From<zenoh::Error> for Cause {
     }
 }
 
-/// Returns an error of asking a cell that a goal was sent to before, on one line.
-pub(crate) fn after_sending(err: &CellError) -> String {
-    let mut text = with_causes(err);
-    for claim in [
-        "; nothing was sent to the robot",
-        "; nothing was sent to a robot",
-    ] {
-        text = text.replace(claim, "");
+/// What had been sent of a goal before a query failed.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Transmission {
+    /// Nothing: the robot has not moved for it.
+    None,
+    /// A message, which the cell may have accepted.
+    Earlier,
+}
+
+impl fmt::Display for Transmission {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::None => f.write_str("; nothing was sent to the robot"),
+            Self::Earlier => Ok(()),
+        }
     }
-    text
+}
+
+/// Why a record of what is sent could not be written.
+#[derive(Debug, thiserror::Error)]
+#[error(transparent)]
+pub struct RecordError(Box<dyn Error + Send + Sync>);
+
+impl RecordError {
+    /// Takes the recorder's own error.
+    pub fn new(source: impl Into<Box<dyn Error + Send + Sync>>) -> Self {
+        Self(source.into())
+    }
 }
 
 /// Returns an error and its causes on one line.
@@ -80,12 +103,12 @@ pub enum CellError {
         endpoint: String,
     },
     /// An access file cannot be used.
-    #[error("cannot use the access file `{}`: {problem}", path.display())]
+    #[error("cannot use the access file `{}`: {fault}", path.display())]
     Access {
         /// The file.
         path: PathBuf,
-        /// The problem.
-        problem: String,
+        /// What is wrong with it.
+        fault: AccessFault,
     },
     /// A certificate or key that an access file names cannot be used.
     #[error("`{}`, which the access file `{}` names, {fault}", file.display(), path.display())]
@@ -134,8 +157,7 @@ pub enum CellError {
     },
     /// The endpoint is reachable, but no cell of this name answers.
     #[error(
-        "the robot cell did not answer within {waited:.1?}; nothing was sent to the robot: key `{key}`, \
-         session `{endpoint}`"
+        "the robot cell did not answer within {waited:.1?}{transmission}: key `{key}`, session `{endpoint}`"
     )]
     NoAnswer {
         /// The key queried.
@@ -146,10 +168,12 @@ pub enum CellError {
         access: Option<PathBuf>,
         /// The timeout.
         waited: Duration,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// Several cells have the same name: each would execute the goal.
     #[error(
-        "{count} robot cells answer to one name; nothing was sent to a robot: key `{key}`, session `{endpoint}`: {who}"
+        "{count} robot cells answer to one name{transmission}: key `{key}`, session `{endpoint}`: {who}"
     )]
     SeveralCells {
         /// The key queried.
@@ -160,11 +184,13 @@ pub enum CellError {
         count: usize,
         /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// The answer is not signed by a cell.
     #[error(
-        "an answer in the robot cell's name has no verified signature; nothing was sent to the robot: key \
-         `{key}`, session `{endpoint}`: {who}"
+        "an answer in the robot cell's name has no verified signature{transmission}: key `{key}`, session \
+         `{endpoint}`: {who}"
     )]
     Unsigned {
         /// The key queried.
@@ -173,11 +199,13 @@ pub enum CellError {
         endpoint: String,
         /// The responders, as text for people: each one's journal, or its message if unsigned.
         who: String,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// One cell gives different answers to one query.
     #[error(
-        "the robot cell contradicts itself: {count} different answers to one query; nothing was sent to the \
-         robot: key `{key}`, session `{endpoint}`, journal {journal}"
+        "the robot cell contradicts itself: {count} different answers to one query{transmission}: key \
+         `{key}`, session `{endpoint}`, journal {journal}"
     )]
     DifferentAnswers {
         /// The key queried.
@@ -188,6 +216,8 @@ pub enum CellError {
         count: usize,
         /// Start of the name of the journal that signs them all.
         journal: String,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// The cell moves something real, and no person has allowed it.
     #[error("cell `{cell}` moves something real now, and `execute` does not allow it")]
@@ -201,7 +231,7 @@ pub enum CellError {
         /// The cell's name.
         cell: String,
         /// The first difference.
-        change: String,
+        change: CapabilityChange,
     },
     /// The cell was stopped.
     #[error("cell `{cell}` is stopped and has not been resumed")]
@@ -210,16 +240,18 @@ pub enum CellError {
         cell: String,
     },
     /// The cell's capabilities contradict themselves.
-    #[error("cell `{cell}` contradicts itself, nothing was sent to the robot: {problem}")]
+    #[error("cell `{cell}` contradicts itself{transmission}: {fault}")]
     Contradiction {
         /// The cell's name.
         cell: String,
         /// The contradiction.
-        problem: String,
+        fault: PalmLimitFault,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// What is sent cannot be recorded.
     #[error("cannot record what is sent to the cell")]
-    Record(#[from] lake::LakeError),
+    Record(#[from] RecordError),
     /// A party other than the cell answered a query to it.
     #[error(
         "a party other than the robot cell answers; the robot may be moving: key `{key}`, session `{endpoint}`: {who}"
@@ -258,13 +290,15 @@ pub enum CellError {
     },
     /// The clocks of the two machines do not agree.
     #[error(
-        "the robot cell's clock is {} s {}; nothing was sent to the robot",
+        "the robot cell's clock is {} s {}{transmission}",
         ahead_s.abs(),
         if *ahead_s > 0.0 { "ahead" } else { "behind" }
     )]
     Clock {
         /// Least lead of the cell's clock, in seconds; negative if it lags.
         ahead_s: f64,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// Another cell has this name already.
     #[error("another robot cell has the name `{name}`: session `{endpoint}`: {who}")]
@@ -281,8 +315,8 @@ pub enum CellError {
     Random(#[source] std::io::Error),
     /// The cell uses another version of the protocol.
     #[error(
-        "the robot cell speaks version {found} of the protocol, expected {expected}; nothing was sent to the \
-         robot: session `{endpoint}`"
+        "the robot cell speaks version {found} of the protocol, expected {expected}{transmission}: session \
+         `{endpoint}`"
     )]
     Protocol {
         /// The session's endpoint.
@@ -291,6 +325,8 @@ pub enum CellError {
         expected: u32,
         /// Version of the cell.
         found: u64,
+        /// What had been sent of a goal before.
+        transmission: Transmission,
     },
     /// An answer cannot be read.
     #[error("the robot cell's answer cannot be read: key `{key}`")]
@@ -377,6 +413,21 @@ impl CellError {
             },
             other => other,
         }
+    }
+
+    /// Returns the error as that of a query after a goal was sent.
+    pub(crate) fn after_transmission(mut self) -> Self {
+        if let Self::NoAnswer { transmission, .. }
+        | Self::SeveralCells { transmission, .. }
+        | Self::Unsigned { transmission, .. }
+        | Self::DifferentAnswers { transmission, .. }
+        | Self::Contradiction { transmission, .. }
+        | Self::Clock { transmission, .. }
+        | Self::Protocol { transmission, .. } = &mut self
+        {
+            *transmission = Transmission::Earlier;
+        }
+        self
     }
 
     /// Returns the next action, where one is known.

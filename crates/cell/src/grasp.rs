@@ -192,7 +192,6 @@ impl Grasp {
                 max_displacement_m: pull.max_displacement_m,
                 max_rotation_rad: pull.max_rotation_rad,
             },
-            published: None,
         }
     }
 }

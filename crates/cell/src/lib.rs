@@ -55,12 +55,14 @@ mod watch;
 mod wire;
 
 pub use acceptance::check_palm;
-pub use access::Access;
-pub use capabilities::{Capabilities, ControllerInfo, PalmLimits};
+pub use access::{Access, AccessFault};
+pub use capabilities::{
+    Capabilities, CapabilityChange, ControllerInfo, PalmLimitFault, PalmLimits,
+};
 pub use cell_robot::{CellArm, CellRobot};
-pub use client::{CellClient, ControlReply, GoalResult, Patience, Recovered, SendRecord};
+pub use client::{CellClient, ControlReply, GoalResult, Patience, RecoveryResult, SendRecord};
 pub use contradiction::Contradiction;
-pub use error::{Cause, CellError, with_causes};
+pub use error::{Cause, CellError, RecordError, Transmission, with_causes};
 pub use goal::{EncodedGoal, Goal};
 pub use grasp::{Approach, Grasp};
 pub use keys::Keys;

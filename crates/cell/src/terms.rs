@@ -24,7 +24,7 @@ impl Terms {
 
     /// Whether goals may be sent: always to a cell that says it is simulated, to any other only if a
     /// person allowed it.
-    pub fn permit(&self) -> bool {
+    pub fn may_send(&self) -> bool {
         self.first.simulated || self.execute
     }
 
@@ -90,7 +90,7 @@ mod tests {
             (&real, true, true),
         ] {
             let terms = Terms::new(first.clone(), execute);
-            assert_eq!(terms.permit(), permit);
+            assert_eq!(terms.may_send(), permit);
             assert_eq!(terms.check(first).is_ok(), permit);
         }
         // One that becomes real meanwhile does not move, permission or not.
@@ -138,9 +138,19 @@ mod tests {
         assert_eq!(capabilities().contradiction(), None);
         let mut cell = capabilities();
         cell.palm.as_mut().unwrap().workspace_m.reverse();
-        assert!(cell.contradiction().unwrap().contains("workspace_m"));
+        assert!(
+            cell.contradiction()
+                .unwrap()
+                .to_string()
+                .contains("workspace_m")
+        );
         let mut cell = capabilities();
         cell.palm.as_mut().unwrap().speed_m_per_s = -1.0;
-        assert!(cell.contradiction().unwrap().contains("speed_m_per_s"));
+        assert!(
+            cell.contradiction()
+                .unwrap()
+                .to_string()
+                .contains("speed_m_per_s")
+        );
     }
 }

@@ -17,7 +17,7 @@ use schemas::{
     reconstruction::{self, Reconstruction},
     robustness::{Robustness, TrialVerdict},
     rollouts::{self, Rollout, Verdict},
-    sampling::{self, Sampled},
+    sampling::{self, SampleMeasures},
     smoothness::{CandidateSmoothness, ExecutedSmoothness, Smoothness, Variation, Variations},
     success::Success,
     tracking::TrackingSummary,
@@ -248,13 +248,13 @@ fn source(draw_n: u32) -> DrawSource {
     }
 }
 
-pub(crate) fn sampling() -> Vec<Sampled> {
+pub(crate) fn sampling() -> Vec<SampleMeasures> {
     let distance = |by: f64| sampling::GraspDistance {
         palm_m: 1.0 * by,
         palm_rad: 2.0 * by,
         q_rad: 3.0 * by,
     };
-    let sampled = |name: &str, limit_excess_rad: f64| Sampled {
+    let sampled = |name: &str, limit_excess_rad: f64| SampleMeasures {
         candidate_id: name.to_owned(),
         limit_excess_rad,
         approach_depth_m: 4.0,

@@ -19,7 +19,7 @@ use schemas::{
     rates::SuccessRates,
     reconstruction::{self, Reconstruction},
     rollouts::{Rollouts, Verdict},
-    sampling::{Sampled, Sampling},
+    sampling::{SampleMeasures, Sampling},
     success::{Success, Successes},
     trajectories::Trajectory,
 };
@@ -95,7 +95,7 @@ fn every_draw_is_a_row_and_a_candidate_is_one_that_was_kept() {
 #[test]
 fn a_joint_outside_its_limits_is_told_apart() {
     let motions = filled::sampling();
-    let within: Vec<bool> = motions.iter().map(Sampled::within_limits).collect();
+    let within: Vec<bool> = motions.iter().map(SampleMeasures::within_limits).collect();
     assert_eq!(within, [true, false]);
 }
 

@@ -16,8 +16,11 @@ use robot_meshes::LoadError;
 use crate::{
     label::Label,
     outcome::{CommandError, CommandOutcome},
-    report,
+    report::{self, LabeledRow},
 };
+
+/// Least width of the column of labels, in characters.
+const LABEL_WIDTH: usize = 8;
 
 /// Checks a robot's URDF.
 pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
@@ -50,7 +53,7 @@ pub(super) fn check(path: &Path) -> Result<CommandOutcome, CommandError> {
     let mut rows = summary(&model);
     rows.extend(findings_by_kind(&findings));
     // The hand's file goes to stdout, the summary to the user (stderr).
-    report::plain(report::columns(&rows, &[]).trim_end());
+    report::print(&report::labeled_rows(&rows, LABEL_WIDTH));
     if let Some(file) = file {
         let head = "# A first proposal of a hand's file, from its URDF alone: review it, above all its side, scale and \
                     drive.\n# `urdf` is a path from the folder of this file.\n";
@@ -91,16 +94,12 @@ fn read(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-fn row(label: Label, subject: impl Into<String>, finding: impl Into<String>) -> Vec<String> {
-    vec![
-        format!("{:<8}", label.word()),
-        subject.into(),
-        finding.into(),
-    ]
+fn row(label: Label, subject: impl Into<String>, finding: impl Into<String>) -> LabeledRow {
+    (label, vec![subject.into(), finding.into()])
 }
 
 /// Summary of the robot.
-fn summary(model: &RobotModel) -> Vec<Vec<String>> {
+fn summary(model: &RobotModel) -> Vec<LabeledRow> {
     let n_moving = model
         .links()
         .iter()
@@ -157,7 +156,7 @@ fn summary(model: &RobotModel) -> Vec<Vec<String>> {
 }
 
 /// One row per kind of finding, with its parts, the worst first.
-fn findings_by_kind(findings: &[Finding]) -> Vec<Vec<String>> {
+fn findings_by_kind(findings: &[Finding]) -> Vec<LabeledRow> {
     let mut kinds: Vec<(Severity, &str, Vec<&Part>)> = Vec::new();
     for finding in findings {
         let known = kinds.iter_mut().find(|(severity, problem, parts)| {

@@ -11,6 +11,7 @@ use cell::{
     PalmTrajectory, ServiceConfig, SigningKey, SimulatedCell, SimulatedCellConfig, Terms,
 };
 use dataflow::BoxedDiagnostic;
+use options::OptionFault;
 use planning::{ArmConfig, MAX_HZ};
 use schemas::objects::Object;
 use simulation::ObjectShape;
@@ -18,6 +19,7 @@ use simulation::ObjectShape;
 use crate::{
     DispatchConfig, DispatchError,
     config::{SIMULATED, SimulatedConfig},
+    error::ControllerMismatch,
     robots::Robots,
 };
 
@@ -46,7 +48,7 @@ struct CellSetup {
 }
 
 /// A connected cell.
-pub(crate) struct Connected {
+pub(crate) struct ConnectedCell {
     pub(crate) client: Arc<CellClient>,
     /// The terms under which goals may be sent to it.
     pub(crate) terms: Terms,
@@ -62,7 +64,7 @@ pub(crate) fn connect(
     object: &Object,
     goal: &Goal,
     key: Option<SigningKey>,
-) -> Result<Connected, BoxedDiagnostic> {
+) -> Result<ConnectedCell, BoxedDiagnostic> {
     let simulated = if config.cell == SIMULATED {
         let cell = simulated(config, robots)?;
         cell.put_object(&object.name, ObjectShape::from_artifact(object));
@@ -107,18 +109,17 @@ pub(crate) fn connect(
             .zip(&there)
             .all(|(a, b)| (a - b).abs() < SAME_PLACE);
         if !is_there {
-            return Err(DispatchError::BadOption {
-                key: "arm.table_from_base".to_owned(),
-                problem: format!("{planned:?}, but the cell says that its arm stands at {there:?}"),
-            }
-            .into());
+            let problem =
+                format!("{planned:?}, but the cell says that its arm stands at {there:?}");
+            let fault = OptionFault::new("arm.table_from_base", problem);
+            return Err(DispatchError::from(fault).into());
         }
     }
     let first = match &simulated {
         Some(_) => capabilities,
         None => first_of_run(config, capabilities)?,
     };
-    Ok(Connected {
+    Ok(ConnectedCell {
         client: Arc::new(client),
         terms: Terms::new(first, config.execute),
         _simulated: simulated,
@@ -147,16 +148,16 @@ fn first_of_run(
 
 /// Checks that a cell has the goals' controllers.
 fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), BoxedDiagnostic> {
-    let wrong = |problem: String| DispatchError::Controllers {
+    let wrong = |problem| DispatchError::Controllers {
         cell: cell.cell.clone(),
         problem,
     };
     let [carrier, hand] = cell.controllers.as_slice() else {
-        let problem = format!("it has {} controllers, not two", cell.controllers.len());
-        return Err(wrong(problem).into());
+        let found = cell.controllers.len();
+        return Err(wrong(ControllerMismatch::Count { found }).into());
     };
     if matches!(goal.carrier, PalmTrajectory::Palm(_)) && cell.palm.is_none() {
-        return Err(wrong("it says no limits of its palm".to_owned()).into());
+        return Err(wrong(ControllerMismatch::NoPalmLimits).into());
     }
     let none = Vec::new();
     let moved = match &goal.carrier {
@@ -171,32 +172,36 @@ fn check_controllers(cell: &Capabilities, goal: &Goal) -> Result<(), BoxedDiagno
 
 fn check_controller(
     offer: &ControllerInfo,
-    controller: &str,
+    expected: &'static str,
     joints: &[String],
-) -> Result<(), String> {
+) -> Result<(), ControllerMismatch> {
     let ControllerInfo {
-        controller: found,
+        controller,
         joints: offered,
         rate_hz,
     } = offer;
-    if found != controller {
-        return Err(format!("it has a controller `{found}` for `{controller}`"));
+    let controller = controller.clone();
+    if controller != expected {
+        let found = controller;
+        return Err(ControllerMismatch::Kind { found, expected });
     }
     if !(1.0..=MAX_HZ).contains(rate_hz) {
-        return Err(format!(
-            "its controller `{found}` is commanded {rate_hz} times a second, expected 1 to {MAX_HZ}"
-        ));
+        let rate_hz = *rate_hz;
+        return Err(ControllerMismatch::Rate {
+            controller,
+            rate_hz,
+        });
     }
     if let Some(joint) = joints.iter().find(|&joint| !offered.contains(joint)) {
-        return Err(format!("its controller `{found}` has no joint `{joint}`"));
+        let joint = joint.clone();
+        return Err(ControllerMismatch::MissingJoint { controller, joint });
     }
     if let Some(joint) = offered.iter().find(|&joint| !joints.contains(joint)) {
-        return Err(format!(
-            "no goal commands joint `{joint}` of its controller `{found}`"
-        ));
+        let joint = joint.clone();
+        return Err(ControllerMismatch::UncommandedJoint { controller, joint });
     }
     if offered.len() != joints.len() {
-        return Err(format!("its controller `{found}` names a joint twice"));
+        return Err(ControllerMismatch::JointTwice { controller });
     }
     Ok(())
 }

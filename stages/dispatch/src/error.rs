@@ -6,18 +6,15 @@ use cell::CellError;
 use dataflow::Diagnostic;
 use options::OptionFault;
 
+use planning::MAX_HZ;
+
 /// Why motions could not be dispatched; a failed motion is a row of `executions`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DispatchError {
     /// An option has an invalid value.
-    #[error("option `{key}` of dispatch cannot be used: {problem}")]
-    BadOption {
-        /// The option's key.
-        key: String,
-        /// The problem.
-        problem: String,
-    },
+    #[error("option `{}` of dispatch cannot be used: {}", .0.key, .0.problem)]
+    BadOption(OptionFault),
     /// The cell cannot be reached or started.
     #[error(transparent)]
     Cell(#[from] CellError),
@@ -35,7 +32,7 @@ pub enum DispatchError {
         /// The cell's name.
         cell: String,
         /// The difference.
-        problem: String,
+        problem: ControllerMismatch,
     },
     /// A motion's outcome is unknown: the cell does not answer, or its answer fails its checks.
     #[error(
@@ -102,15 +99,70 @@ pub enum DispatchError {
 }
 
 impl From<OptionFault> for DispatchError {
-    fn from(OptionFault { key, problem }: OptionFault) -> Self {
-        Self::BadOption { key, problem }
+    fn from(fault: OptionFault) -> Self {
+        Self::BadOption(fault)
     }
+}
+
+/// Difference of a cell's controllers from those that goals command.
+#[derive(Debug, Clone, PartialEq, thiserror::Error)]
+#[non_exhaustive]
+pub enum ControllerMismatch {
+    /// There are not one for the palm or the arm and one for the hand.
+    #[error("it has {found} controllers, not two")]
+    Count {
+        /// Number of controllers.
+        found: usize,
+    },
+    /// Goals move a free palm, and the cell has no limits for it.
+    #[error("it says no limits of its palm")]
+    NoPalmLimits,
+    /// A controller is of another kind.
+    #[error("it has a controller `{found}` for `{expected}`")]
+    Kind {
+        /// Its kind.
+        found: String,
+        /// The kind that goals command.
+        expected: &'static str,
+    },
+    /// A controller's rate is out of range.
+    #[error(
+        "its controller `{controller}` is commanded {rate_hz} times a second, expected 1 to {MAX_HZ}"
+    )]
+    Rate {
+        /// The controller.
+        controller: String,
+        /// Its rate, in 1/s.
+        rate_hz: f64,
+    },
+    /// A controller lacks a joint.
+    #[error("its controller `{controller}` has no joint `{joint}`")]
+    MissingJoint {
+        /// The controller.
+        controller: String,
+        /// The joint.
+        joint: String,
+    },
+    /// A controller has a joint that no goal commands.
+    #[error("no goal commands joint `{joint}` of its controller `{controller}`")]
+    UncommandedJoint {
+        /// The controller.
+        controller: String,
+        /// The joint.
+        joint: String,
+    },
+    /// A controller names a joint twice.
+    #[error("its controller `{controller}` names a joint twice")]
+    JointTwice {
+        /// The controller.
+        controller: String,
+    },
 }
 
 impl Diagnostic for DispatchError {
     fn hint(&self) -> Option<String> {
         match self {
-            Self::BadOption { .. } => {
+            Self::BadOption(_) => {
                 Some("`pipeline stages dispatch` lists every option with its unit".to_owned())
             }
             Self::Cell(CellError::PortTaken { .. }) => Some(

@@ -21,7 +21,7 @@ pub(crate) fn goal(
         fingers,
         grasp,
     } = planner.plan(&candidate.motion, &candidate.table_from_object)?;
-    let grasp = Grasp::try_from(&grasp).map_err(|fault| Refusal::Protocol(fault.to_string()))?;
+    let grasp = Grasp::try_from(&grasp).map_err(Refusal::Protocol)?;
     let mut goal = Goal {
         candidate_id: candidate.candidate_id.clone(),
         object: candidates.object.clone(),

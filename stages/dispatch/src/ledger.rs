@@ -28,7 +28,8 @@ use std::{
 };
 
 use cell::{
-    Acceptance, Capabilities, Goal, GoalMessage, Rejection, Report, SendRecord, SigningKey,
+    Acceptance, Capabilities, Goal, GoalMessage, RecordError, Rejection, Report, SendRecord,
+    SigningKey,
 };
 use dataflow::BoxedDiagnostic;
 use lake::LakeError;
@@ -337,10 +338,13 @@ impl Ledger {
             None => Ok(()),
         }
     }
-}
 
-impl SendRecord for Ledger {
-    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError> {
+    /// Records a goal before its transmission.
+    fn write_goal(
+        &self,
+        message: &GoalMessage,
+        permitted_by: &Capabilities,
+    ) -> Result<(), LakeError> {
         let id = &message.encoded.goal_id;
         let Some(goal) = self.file(id, GOAL) else {
             return Ok(());
@@ -382,19 +386,26 @@ impl SendRecord for Ledger {
             source,
         })
     }
+}
 
-    fn refused(&self, goal_id: &str, why: &Rejection) -> Result<(), LakeError> {
-        match self.file(goal_id, REFUSED) {
-            Some(path) => lake::write_atomic(&path, why.reason.as_bytes()),
-            None => Ok(()),
-        }
+impl SendRecord for Ledger {
+    fn sending(
+        &self,
+        message: &GoalMessage,
+        permitted_by: &Capabilities,
+    ) -> Result<(), RecordError> {
+        self.write_goal(message, permitted_by)
+            .map_err(RecordError::new)
     }
 
-    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError> {
-        match self.file(goal_id, ACCEPTED) {
-            Some(path) => lake::write_atomic(&path, &acceptance.to_bytes()),
-            None => Ok(()),
-        }
+    fn refused(&self, goal_id: &str, why: &Rejection) -> Result<(), RecordError> {
+        self.write(goal_id, REFUSED, why.reason.as_bytes())
+            .map_err(RecordError::new)
+    }
+
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), RecordError> {
+        self.write(goal_id, ACCEPTED, &acceptance.to_bytes())
+            .map_err(RecordError::new)
     }
 }
 

@@ -20,6 +20,7 @@
 
 mod cells;
 mod config;
+mod dispatch;
 mod earlier;
 mod error;
 mod goals;
@@ -33,10 +34,9 @@ pub mod report;
 mod robots;
 mod rows;
 mod sender;
-mod stage;
 
 pub use cells::simulated_cell;
 pub use config::{AfterUnknown, DispatchConfig, Order, SIMULATED, SimulatedConfig};
-pub use error::DispatchError;
+pub use dispatch::{Dispatch, DispatchMetrics};
+pub use error::{ControllerMismatch, DispatchError};
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};
-pub use stage::{Dispatch, DispatchMetrics};

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use cell::{Goal, PalmTrajectory};
+use options::OptionFault;
 use robot::{Joint, RobotModel};
 
 use crate::DispatchError;
@@ -22,10 +23,7 @@ impl JointNames {
         named: &BTreeMap<String, String>,
         hand: &RobotModel,
     ) -> Result<Self, DispatchError> {
-        let wrong = |problem: String| DispatchError::BadOption {
-            key: "joint_names".to_owned(),
-            problem,
-        };
+        let wrong = |problem: String| DispatchError::from(OptionFault::new("joint_names", problem));
         let joints: Vec<&String> = named.keys().collect();
         hand.require_joints(&joints)
             .map_err(|err| wrong(err.to_string()))?;

@@ -1,5 +1,7 @@
 //! Why a motion is not sent.
 
+use cell::Rejection;
+use options::OptionFault;
 use planning::Infeasible;
 
 /// Why a motion is not sent; nothing has moved.
@@ -10,10 +12,10 @@ pub(crate) enum Refusal {
     Infeasible(#[from] Infeasible),
     /// No cell executes the protocol.
     #[error("not sent: {0}")]
-    Protocol(String),
+    Protocol(OptionFault),
     /// The motion is beyond the cell's own limits.
-    #[error("not sent, beyond the cell's own limits: {0}")]
-    Limits(String),
+    #[error("not sent, beyond the cell's own limits: {}", .0.reason)]
+    Limits(Rejection),
     /// The goal exceeds the cell's maximum message length.
     #[error("not sent: its goal has {bytes} bytes, more than the {most} that the cell takes")]
     Long { bytes: usize, most: usize },

@@ -4,11 +4,10 @@ use std::{cell::RefCell, collections::BTreeSet, sync::Arc};
 
 use cell::{
     Acceptance, CLOCKS_MS, Capabilities, CellClient, CellError, Goal, GoalMessage, GoalResult,
-    PalmTrajectory, Patience, Recovered, Rejection, RejectionCode, Report, SendRecord, Terms,
-    check_palm, with_causes,
+    PalmTrajectory, Patience, RecordError, RecoveryResult, Rejection, RejectionCode, Report,
+    SendRecord, Terms, check_palm, with_causes,
 };
 use dataflow::BoxedDiagnostic;
-use lake::LakeError;
 use robot::Joint;
 use schemas::executions::Outcome;
 
@@ -31,7 +30,7 @@ pub(crate) enum ExecutedDuring {
 
 /// A goal that was sent, and its end.
 #[derive(Debug)]
-pub(crate) struct Sent {
+pub(crate) struct SentGoal {
     pub(crate) goal: Goal,
     pub(crate) report: Report,
     pub(crate) during: ExecutedDuring,
@@ -44,15 +43,19 @@ pub(crate) struct Sent {
 struct Repetition<'a>(&'a Ledger);
 
 impl SendRecord for Repetition<'_> {
-    fn sending(&self, message: &GoalMessage, permitted_by: &Capabilities) -> Result<(), LakeError> {
+    fn sending(
+        &self,
+        message: &GoalMessage,
+        permitted_by: &Capabilities,
+    ) -> Result<(), RecordError> {
         self.0.sending(message, permitted_by)
     }
 
-    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), LakeError> {
+    fn accepted(&self, goal_id: &str, acceptance: &Acceptance) -> Result<(), RecordError> {
         self.0.accepted(goal_id, acceptance)
     }
 
-    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), LakeError> {
+    fn refused(&self, _goal_id: &str, _why: &Rejection) -> Result<(), RecordError> {
         Ok(())
     }
 }
@@ -84,7 +87,9 @@ impl Sender<'_> {
                     let is_here = open.journal.as_ref() == Some(&self.terms.capabilities().journal);
                     let recover = || self.client.recover(&id, goal, self.joints, self.patience());
                     match is_here.then(recover) {
-                        Some(Recovered::Report(report)) => Ok(self.ledger.conclude(&report)?),
+                        Some(RecoveryResult::Report(report)) => {
+                            Ok(self.ledger.conclude(&report)?)
+                        }
                         Some(_) | None => Ok(()),
                     }
                 }
@@ -99,7 +104,7 @@ impl Sender<'_> {
     pub(crate) fn execute_or_resume(
         &self,
         goal: &Goal,
-    ) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
+    ) -> Result<Result<SentGoal, Refusal>, BoxedDiagnostic> {
         let mut goal = goal.clone();
         loop {
             let sent = match self.execute(&goal)? {
@@ -129,7 +134,7 @@ impl Sender<'_> {
     ///
     /// Without an answer, or with one that fails its checks, the run ends: nothing more is sent to
     /// this robot until a person has looked, and the next run queries the cell again.
-    fn execute(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
+    fn execute(&self, goal: &Goal) -> Result<Result<SentGoal, Refusal>, BoxedDiagnostic> {
         let id = goal.encode().goal_id;
         if let GoalHistory::Ended { report, cell } = self.ledger.history(&id)? {
             // One that a person stopped while this run waited for it is not sent again by this run.
@@ -138,7 +143,7 @@ impl Sender<'_> {
             } else {
                 ExecutedDuring::Before
             };
-            return Ok(Ok(Sent {
+            return Ok(Ok(SentGoal {
                 goal: goal.clone(),
                 report: *report,
                 during,
@@ -159,13 +164,12 @@ impl Sender<'_> {
         let PalmTrajectory::Palm(points) = &goal.carrier else {
             return None;
         };
-        let refused = check_palm(points, limits).err()?;
-        Some(Refusal::Limits(refused.reason))
+        check_palm(points, limits).err().map(Refusal::Limits)
     }
 
-    fn send_or_recover(&self, goal: &Goal) -> Result<Result<Sent, Refusal>, BoxedDiagnostic> {
+    fn send_or_recover(&self, goal: &Goal) -> Result<Result<SentGoal, Refusal>, BoxedDiagnostic> {
         let id = goal.encode().goal_id;
-        let sent = |report: Report, during: ExecutedDuring, cell: CellFacts| Sent {
+        let sent = |report: Report, during: ExecutedDuring, cell: CellFacts| SentGoal {
             goal: goal.clone(),
             report,
             during,
@@ -238,7 +242,7 @@ impl Sender<'_> {
             return Err(self.tell(&goal.candidate_id, id, message)?.into());
         }
         match self.client.recover(id, goal, self.joints, self.patience()) {
-            Recovered::Report(report) => {
+            RecoveryResult::Report(report) => {
                 self.conclude(goal, &report, open.told)?;
                 if report.outcome == Outcome::Stopped {
                     self.stopped.borrow_mut().insert(id.to_owned());
@@ -246,14 +250,14 @@ impl Sender<'_> {
                 Ok(Some(report))
             }
             // A person has been told, and asks again: it stays unknown.
-            Recovered::Untrusted(report) if open.told => {
+            RecoveryResult::Untrusted(report) if open.told => {
                 self.ledger.conclude(&report)?;
                 Ok(Some(report))
             }
-            Recovered::Untrusted(report) => {
+            RecoveryResult::Untrusted(report) => {
                 Err(self.tell(&goal.candidate_id, id, report.message)?.into())
             }
-            Recovered::NeverTaken if !open.accepted => {
+            RecoveryResult::NeverTaken if !open.accepted => {
                 let asked_ms = self.terms.capabilities().clock_unix_ms;
                 // Until it expires it may still be under way to this journal.
                 if asked_ms > open.valid_until_unix_ms.saturating_add(CLOCKS_MS) {
@@ -261,7 +265,7 @@ impl Sender<'_> {
                 }
                 Ok(None)
             }
-            Recovered::NeverTaken => {
+            RecoveryResult::NeverTaken => {
                 let message = match &open.earlier {
                     Some(outcome) => format!(
                         "version 4 of the protocol recorded it as `{outcome}`, and this cell does not know it"
@@ -270,7 +274,9 @@ impl Sender<'_> {
                 };
                 Err(self.tell(&goal.candidate_id, id, message)?.into())
             }
-            Recovered::NoAnswer(message) => Err(self.tell(&goal.candidate_id, id, message)?.into()),
+            RecoveryResult::NoAnswer(message) => {
+                Err(self.tell(&goal.candidate_id, id, message)?.into())
+            }
         }
     }
 

@@ -21,11 +21,11 @@ use crate::{
     config::{IngestConfig, Landmarks, TableRule},
     error::{IngestError, RecordingError},
     fuse,
+    ingest::Agreement,
     labels::LabelReader,
     reader::{About, ListedRecording, Reader, read, read_yaml},
     recording::{Observation, Recording, StillObject, TableSource},
     selection::Cameras,
-    stage::Agreement,
     yaml::Meta,
 };
 

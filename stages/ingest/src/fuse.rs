@@ -14,7 +14,7 @@ const METERS_PER_RADIAN: f64 = 0.1;
 
 /// The estimate of the cameras that agree.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Fused<T> {
+pub(crate) struct CameraConsensus<T> {
     /// The average over them.
     pub(crate) value: T,
     /// Number of cameras that agree.
@@ -27,7 +27,10 @@ pub(crate) struct Fused<T> {
 ///
 /// Two cameras agree where their landmarks are on average at most `agreement_m` apart. `None` if no
 /// camera sees it, or no more than half of those that do agree.
-pub(crate) fn keypoints(seen: &[Keypoints], agreement_m: f64) -> Option<Fused<Keypoints>> {
+pub(crate) fn keypoints(
+    seen: &[Keypoints],
+    agreement_m: f64,
+) -> Option<CameraConsensus<Keypoints>> {
     let distance = |a: &Keypoints, b: &Keypoints| {
         let sum: f64 = a.iter().zip(b).map(|(a, b)| (a - b).norm()).sum();
         sum / a.len() as f64
@@ -53,7 +56,7 @@ pub(crate) fn keypoints(seen: &[Keypoints], agreement_m: f64) -> Option<Fused<Ke
 pub(crate) fn pose<To, From>(
     seen: &[Pose<To, From>],
     agreement_m: f64,
-) -> Option<Fused<Pose<To, From>>> {
+) -> Option<CameraConsensus<Pose<To, From>>> {
     fuse(seen, agreement_m, distance_m, |agreeing| {
         let first = agreeing.first()?;
         let mut translation = Vector3::zeros();
@@ -81,7 +84,7 @@ fn fuse<T>(
     agreement_m: f64,
     distance: impl Fn(&T, &T) -> f64,
     mean: impl Fn(&[&T]) -> Option<T>,
-) -> Option<Fused<T>> {
+) -> Option<CameraConsensus<T>> {
     let around =
         |center: &T| -> Vec<f64> { seen.iter().map(|other| distance(center, other)).collect() };
     let first = around(seen.first()?);
@@ -104,7 +107,7 @@ fn fuse<T>(
     let near = distances
         .into_iter()
         .filter(|&distance| distance <= agreement_m);
-    Some(Fused {
+    Some(CameraConsensus {
         value: mean(&agreeing)?,
         agreeing_n: agreeing.len(),
         spread_m: near.fold(0.0, f64::max),

@@ -31,11 +31,11 @@ use crate::{
     departure::{self, Departure, Rule},
     error::{IngestError, RecordingError},
     fuse,
+    ingest::Agreement,
     labels::LabelReader,
     reader::{About, ListedRecording, Reader, read_yaml},
     recording::{Keypoints, Observation, Recording, StillObject, TableSource, Tag},
     selection::Cameras,
-    stage::Agreement,
     yaml::Extrinsics,
 };
 
@@ -241,7 +241,7 @@ impl Reader for HoCap<'_> {
 
 /// The hands that cameras saw: right and left, image by image.
 struct ObservedHands {
-    hands: [Vec<Option<fuse::Fused<Keypoints>>>; 2],
+    hands: [Vec<Option<fuse::CameraConsensus<Keypoints>>>; 2],
     agreement: Agreement,
 }
 
@@ -323,7 +323,7 @@ fn check_nearer_hand(
     files: &SequenceFiles<'_>,
 ) -> Result<(), RecordingError> {
     let object = Point3::from(departure.world_from_object.translation.vector);
-    let nearest_m = |hands: &[Option<fuse::Fused<Keypoints>>]| {
+    let nearest_m = |hands: &[Option<fuse::CameraConsensus<Keypoints>>]| {
         let hand = hands.get(departure.left)?.as_ref()?;
         let distances = hand.value.iter().map(|point| (point - object).norm());
         distances.reduce(f64::min)

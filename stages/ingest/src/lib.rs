@@ -28,6 +28,7 @@ mod fixture;
 mod folders;
 mod fuse;
 mod hocap;
+mod ingest;
 mod labels;
 mod mano;
 mod mirror;
@@ -41,7 +42,6 @@ mod recording;
 pub mod report;
 mod rests;
 mod selection;
-mod stage;
 mod table;
 mod terms;
 mod tracks;
@@ -50,10 +50,10 @@ mod ycb;
 
 pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
 pub use error::{IngestError, RecordingError};
+pub use ingest::{
+    Agreement, DemonstrationMetrics, Demonstrations, Ingest, Objects, ShapeMetrics, Shapes,
+};
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
 pub use selection::Split;
-pub use stage::{
-    Agreement, DemonstrationMetrics, Demonstrations, Ingest, Objects, ShapeMetrics, Shapes,
-};
 pub use yaml::YamlError;

@@ -154,8 +154,8 @@ mod tests {
     use super::*;
     use crate::{
         fixture,
+        ingest::Agreement,
         recording::{Observation, TableSource, Tag},
-        stage::Agreement,
         table,
     };
 

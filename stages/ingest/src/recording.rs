@@ -4,7 +4,7 @@ use nalgebra::Point3;
 use schemas::demonstrations::{KEYPOINTS, Side};
 use spatial::{Object, Pose, World};
 
-use crate::{config::USUAL_RATE_HZ, stage::Agreement};
+use crate::{config::USUAL_RATE_HZ, ingest::Agreement};
 
 /// The frame of the tag that lies on the table: z up against gravity, z = 0 the table's surface.
 pub(crate) enum Tag {}

@@ -23,11 +23,11 @@ use crate::{
     config::{IngestConfig, MAX_RATE_HZ, TableRule},
     error::{IngestError, RecordingError},
     folders::{plain, recordings, root_near},
+    ingest::Agreement,
     npz::{Arrays, NpzError},
     reader::{self, About, ListedRecording, Reader, glance, those_there},
     recording::{Observation, Recording, TableSource, Tag},
     selection::Cameras,
-    stage::Agreement,
     yaml,
 };
 

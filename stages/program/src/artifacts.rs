@@ -9,7 +9,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-use crate::{error::Broken, result};
+use crate::{error::TableFault, result};
 
 /// The artifacts of a project that its programs can make, beside tables of their own.
 pub trait Artifacts: Sized + Sync + 'static {
@@ -40,7 +40,7 @@ pub(crate) struct KnownTable {
     /// Checks the rows of a partition by the artifact's own rules, and returns them as they are stored.
     pub(crate) checked: fn(&str, &RecordBatch) -> Result<RecordBatch, SchemaError>,
     /// Checks the rows against the unit's inputs.
-    pub(crate) against: fn(&Inputs, &str, &RecordBatch) -> Result<(), Broken>,
+    pub(crate) against: fn(&Inputs, &str, &RecordBatch) -> Result<(), TableFault>,
 }
 
 impl KnownArtifact {
@@ -66,7 +66,7 @@ impl KnownArtifact {
     }
 
     const fn checked_against<T: Table>(
-        against: fn(&Inputs, &str, &RecordBatch) -> Result<(), Broken>,
+        against: fn(&Inputs, &str, &RecordBatch) -> Result<(), TableFault>,
     ) -> Self {
         Self {
             artifact: T::NAME,
@@ -84,9 +84,9 @@ impl KnownArtifact {
 
 /// This project's artifacts.
 #[derive(Debug)]
-pub enum Shipped {}
+pub enum ProjectArtifacts {}
 
-impl Artifacts for Shipped {
+impl Artifacts for ProjectArtifacts {
     const KNOWN: &'static [KnownArtifact] = &[
         KnownArtifact::table::<Candidates>(),
         KnownArtifact::table::<Demonstration>(),

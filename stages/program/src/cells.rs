@@ -19,7 +19,7 @@ use arrow_buffer::OffsetBuffer;
 use arrow_schema::{DataType, FieldRef, Schema, SchemaRef};
 use arrow_select::take::take;
 
-use crate::error::Broken;
+use crate::error::TableFault;
 
 /// Metadata of a schema that a program does not write: its name and version.
 const SCHEMA: &str = "schema";
@@ -30,7 +30,7 @@ const SCHEMA: &str = "schema";
 ///
 /// Fails if a column is missing, unknown or of another type, or a cell is not finite, or null in a column that is
 /// not nullable.
-pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<RecordBatch, Broken> {
+pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<RecordBatch, TableFault> {
     let found = written.schema();
     let names = || schema.fields().iter().map(|field| field.name().clone());
     if let Some(unknown) = found
@@ -43,7 +43,7 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
             names().collect::<Vec<_>>().iter().map(String::as_str),
         )
         .map(str::to_owned);
-        return Err(Broken::UnknownColumn {
+        return Err(TableFault::UnknownColumn {
             column: unknown.name().clone(),
             near,
         });
@@ -54,14 +54,14 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
         .iter()
         .find(|field| !seen.insert(field.name()))
     {
-        return Err(Broken::TwoColumns {
+        return Err(TableFault::TwoColumns {
             column: twice.name().clone(),
         });
     }
     let mut arrays = Vec::with_capacity(schema.fields().len());
     for field in schema.fields() {
         let column = written.column_by_name(field.name());
-        let column = column.ok_or_else(|| Broken::NoColumn {
+        let column = column.ok_or_else(|| TableFault::NoColumn {
             column: field.name().clone(),
             expected: words(field.data_type()),
         })?;
@@ -79,7 +79,7 @@ pub(crate) fn conformed(written: &RecordBatch, schema: &Schema) -> Result<Record
         said.filter(|(key, _)| *key != SCHEMA && *key != "pandas" && !key.starts_with("ARROW"));
     metadata.extend(said.map(|(key, value)| (key.clone(), value.clone())));
     let schema: SchemaRef = Arc::new(Schema::new_with_metadata(schema.fields().clone(), metadata));
-    RecordBatch::try_new(schema, arrays).map_err(Broken::Arrow)
+    RecordBatch::try_new(schema, arrays).map_err(TableFault::Arrow)
 }
 
 /// Returns a type in words.
@@ -97,13 +97,13 @@ pub(crate) fn words(kind: &DataType) -> String {
 }
 
 /// Returns the column as this type, null where it is.
-fn nullable(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+fn nullable(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
     let valid: Vec<usize> = (0..from.len()).filter(|&row| from.is_valid(row)).collect();
     if *from.data_type() == DataType::Null || valid.is_empty() {
         return Ok(new_null_array(to, from.len()));
     }
     let picked = UInt64Array::from_iter_values(valid.iter().map(|&row| row as u64));
-    let picked = take(from, &picked, None).map_err(Broken::Arrow)?;
+    let picked = take(from, &picked, None).map_err(TableFault::Arrow)?;
     let rows = Rows {
         column,
         row_of: Some(&valid),
@@ -111,11 +111,11 @@ fn nullable(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Br
     let converted = rows.array(&picked, to)?;
     let mut n = 0..;
     let places = (0..from.len()).map(|row| from.is_valid(row).then(|| n.next()).flatten());
-    take(&converted, &places.collect::<UInt64Array>(), None).map_err(Broken::Arrow)
+    take(&converted, &places.collect::<UInt64Array>(), None).map_err(TableFault::Arrow)
 }
 
 /// Returns the column as this type.
-fn array(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+fn array(column: &str, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
     let rows = Rows {
         column,
         row_of: None,
@@ -136,27 +136,27 @@ impl Rows<'_> {
             .map_or(idx, |rows| rows.get(idx).copied().unwrap_or(idx))
     }
 
-    fn wrong_type(&self, from: &ArrayRef, to: &DataType) -> Broken {
-        Broken::WrongType {
+    fn wrong_type(&self, from: &ArrayRef, to: &DataType) -> TableFault {
+        TableFault::WrongType {
             column: self.column.to_owned(),
             found: words(from.data_type()),
             expected: words(to),
         }
     }
 
-    fn array(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+    fn array(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
         if let Some(dictionary) = from.as_any_dictionary_opt() {
             let values = take(dictionary.values(), dictionary.keys(), None);
             return self
-                .array(&values.map_err(Broken::Arrow)?, to)
+                .array(&values.map_err(TableFault::Arrow)?, to)
                 .map_err(|err| match err {
-                    Broken::WrongType { .. } => self.wrong_type(from, to),
+                    TableFault::WrongType { .. } => self.wrong_type(from, to),
                     err => err,
                 });
         }
         if let Some(idx) = (0..from.len()).find(|&idx| from.is_null(idx)) {
             // An empty column of pyarrow has the type `null`.
-            return Err(Broken::Null {
+            return Err(TableFault::Null {
                 column: self.column.to_owned(),
                 row: self.row(idx),
             });
@@ -179,7 +179,7 @@ impl Rows<'_> {
         }
     }
 
-    fn texts(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+    fn texts(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
         let texts: StringArray = match from.data_type() {
             DataType::Utf8 => from.as_string::<i32>().iter().collect(),
             DataType::LargeUtf8 => from.as_string::<i64>().iter().collect(),
@@ -189,7 +189,7 @@ impl Rows<'_> {
         Ok(Arc::new(texts))
     }
 
-    fn integers(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+    fn integers(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
         fn widened<T: arrow_array::ArrowPrimitiveType>(from: &ArrayRef) -> Int64Array
         where
             T::Native: Into<i64>,
@@ -214,7 +214,7 @@ impl Rows<'_> {
         )))
     }
 
-    fn numbers(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, Broken> {
+    fn numbers(&self, from: &ArrayRef, to: &DataType) -> Result<ArrayRef, TableFault> {
         let numbers: Vec<f64> = match from.data_type() {
             DataType::Float64 => from
                 .as_primitive::<Float64Type>()
@@ -230,7 +230,7 @@ impl Rows<'_> {
             _ => return Err(self.wrong_type(from, to)),
         };
         match numbers.iter().position(|number| !number.is_finite()) {
-            Some(idx) => Err(Broken::NotFinite {
+            Some(idx) => Err(TableFault::NotFinite {
                 column: self.column.to_owned(),
                 row: self.row(idx),
                 value: numbers[idx],
@@ -240,7 +240,7 @@ impl Rows<'_> {
     }
 
     /// Returns the items of all lists, one after another, and how many each list has.
-    fn items(&self, from: &ArrayRef, to: &DataType) -> Result<(ArrayRef, Vec<usize>), Broken> {
+    fn items(&self, from: &ArrayRef, to: &DataType) -> Result<(ArrayRef, Vec<usize>), TableFault> {
         let wrong = || self.wrong_type(from, to);
         Ok(match from.data_type() {
             DataType::List(_) => {
@@ -273,7 +273,7 @@ impl Rows<'_> {
         from: &ArrayRef,
         to: &DataType,
         item: &FieldRef,
-    ) -> Result<(ArrayRef, Vec<usize>), Broken> {
+    ) -> Result<(ArrayRef, Vec<usize>), TableFault> {
         let (values, lengths) = self.items(from, to)?;
         let rows: Vec<usize> = lengths
             .iter()
@@ -290,18 +290,23 @@ impl Rows<'_> {
             _ => inner
                 .array(&values, item.data_type())
                 .map_err(|err| match err {
-                    Broken::WrongType { .. } => self.wrong_type(from, to),
+                    TableFault::WrongType { .. } => self.wrong_type(from, to),
                     err => err,
                 })?,
         };
         Ok((values, lengths))
     }
 
-    fn lists(&self, from: &ArrayRef, to: &DataType, item: &FieldRef) -> Result<ArrayRef, Broken> {
+    fn lists(
+        &self,
+        from: &ArrayRef,
+        to: &DataType,
+        item: &FieldRef,
+    ) -> Result<ArrayRef, TableFault> {
         let (values, lengths) = self.of_items(from, to, item)?;
         let offsets = OffsetBuffer::from_lengths(lengths);
         let lists = ListArray::try_new(Arc::clone(item), offsets, values, None);
-        Ok(Arc::new(lists.map_err(Broken::Arrow)?))
+        Ok(Arc::new(lists.map_err(TableFault::Arrow)?))
     }
 
     fn fixed_lists(
@@ -310,11 +315,11 @@ impl Rows<'_> {
         to: &DataType,
         item: &FieldRef,
         size: i32,
-    ) -> Result<ArrayRef, Broken> {
+    ) -> Result<ArrayRef, TableFault> {
         let (values, lengths) = self.of_items(from, to, item)?;
         let expected = usize::try_from(size).unwrap_or_default();
         if let Some(idx) = lengths.iter().position(|length| *length != expected) {
-            return Err(Broken::Length {
+            return Err(TableFault::Length {
                 column: self.column.to_owned(),
                 row: self.row(idx),
                 found: lengths[idx],
@@ -322,7 +327,7 @@ impl Rows<'_> {
             });
         }
         let lists = FixedSizeListArray::try_new(Arc::clone(item), size, values, None);
-        Ok(Arc::new(lists.map_err(Broken::Arrow)?))
+        Ok(Arc::new(lists.map_err(TableFault::Arrow)?))
     }
 }
 

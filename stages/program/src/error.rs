@@ -146,7 +146,7 @@ pub enum ProgramError {
         /// The schema.
         schema: String,
         /// Why.
-        source: Box<Broken>,
+        source: Box<TableFault>,
     },
     /// The table that it wrote is compressed in a way that is not read here.
     #[error("`{command}` wrote `out/{file}` with the compression {codec}, which is not read")]
@@ -181,7 +181,7 @@ pub enum ProgramError {
     Lake(#[from] LakeError),
     /// The rows are not those asked for.
     #[error(transparent)]
-    Broken(Box<Broken>),
+    TableFault(Box<TableFault>),
     /// The run is being interrupted.
     #[error("the run is interrupted")]
     Interrupted,
@@ -190,7 +190,7 @@ pub enum ProgramError {
 /// Why a table is not the requested one.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
-pub enum Broken {
+pub enum TableFault {
     /// A column is missing.
     #[error("column `{column}` ({expected}) is missing")]
     NoColumn {
@@ -305,7 +305,7 @@ pub enum Broken {
     Arrow(arrow_schema::ArrowError),
 }
 
-impl Broken {
+impl TableFault {
     /// Returns advice to the user.
     fn hint(&self) -> String {
         match self {
@@ -344,9 +344,9 @@ fn shown(value: Option<&String>) -> String {
     value.map_or_else(|| "nothing".to_owned(), |value| format!("`{value}`"))
 }
 
-impl From<Broken> for ProgramError {
-    fn from(source: Broken) -> Self {
-        Self::Broken(Box::new(source))
+impl From<TableFault> for ProgramError {
+    fn from(source: TableFault) -> Self {
+        Self::TableFault(Box::new(source))
     }
 }
 
@@ -419,7 +419,7 @@ impl Diagnostic for ProgramError {
             Self::Unreadable { .. } => Some("close the file before the program ends".to_owned()),
             Self::NoRows { .. } => Some("`pipeline inspect` lists the columns of an artifact".to_owned()),
             Self::Lake(err) => err.hint(),
-            Self::Io { .. } | Self::Broken(_) | Self::Interrupted => None,
+            Self::Io { .. } | Self::TableFault(_) | Self::Interrupted => None,
         }
     }
 }

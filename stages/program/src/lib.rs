@@ -20,14 +20,14 @@ mod log;
 mod own_table;
 mod process;
 mod processes;
+mod program;
 mod result;
 mod script;
-mod stage;
 mod units;
 
-pub use artifacts::{Artifacts, KnownArtifact, Shipped};
+pub use artifacts::{Artifacts, KnownArtifact, ProjectArtifacts};
 pub use config::{ColumnConfig, ColumnType, ProgramConfig};
 pub use error::ProgramError;
 pub use process::stop_all;
+pub use program::{Program, ProgramMetrics};
 pub use script::FirstLine;
-pub use stage::{Program, ProgramMetrics};

@@ -9,7 +9,7 @@ use lake::ReadArtifact;
 
 use crate::{
     config::{ColumnType, ProgramConfig},
-    error::{Broken, ProgramError},
+    error::{ProgramError, TableFault},
 };
 
 /// Version of the tables of programs: their columns are options, which are fingerprinted by themselves.
@@ -77,12 +77,12 @@ pub(crate) fn same_rows(
     input: &str,
     asked: &[String],
     made: &[String],
-) -> Result<(), Broken> {
+) -> Result<(), TableFault> {
     let differs = (0..asked.len().max(made.len())).find(|&row| asked.get(row) != made.get(row));
     let Some(row) = differs else {
         return Ok(());
     };
-    Err(Broken::Rows {
+    Err(TableFault::Rows {
         column: column.to_owned(),
         input: input.to_owned(),
         row,

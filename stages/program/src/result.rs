@@ -16,7 +16,7 @@ use crate::{
     artifacts::KnownTable,
     cells::conformed,
     config::ProgramConfig,
-    error::{Broken, ProgramError},
+    error::{ProgramError, TableFault},
     own_table, process,
 };
 
@@ -31,7 +31,7 @@ pub(crate) fn checked(
 ) -> Result<RecordBatch, ProgramError> {
     let file = lake::table::FILE;
     let version = schema.metadata().get("schema").cloned().unwrap_or_default();
-    let broken = |source: Broken| ProgramError::Table {
+    let broken = |source: TableFault| ProgramError::Table {
         command: process::words(config),
         file: file.to_owned(),
         schema: version.clone(),
@@ -66,7 +66,7 @@ pub(crate) fn checked(
     }
     if let Some((input, column)) = config.rows_of() {
         own_table::check_rows(inputs, input, column, &batch).map_err(|err| match err {
-            ProgramError::Broken(source) => broken(*source),
+            ProgramError::TableFault(source) => broken(*source),
             err => err,
         })?;
     }
@@ -75,7 +75,7 @@ pub(crate) fn checked(
 
 /// Checks that the columns that follow from others, such as `success` from `reason`, are those that follow: the stored
 /// ones are computed anew. Numbers may differ by rounding.
-fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), Broken> {
+fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), TableFault> {
     for field in stored.schema_ref().fields() {
         let exact = matches!(
             field.data_type(),
@@ -95,7 +95,7 @@ fn check_derived(written: &RecordBatch, stored: &RecordBatch) -> Result<(), Brok
         let differs =
             |&row: &usize| written.slice(row, 1).as_ref() != stored.slice(row, 1).as_ref();
         if let Some(row) = (0..written.len()).find(differs) {
-            return Err(Broken::NotDerived {
+            return Err(TableFault::NotDerived {
                 column: field.name().clone(),
                 row,
             });
@@ -110,7 +110,7 @@ pub(crate) fn one_rollout_per_candidate(
     inputs: &Inputs,
     key: &str,
     batch: &RecordBatch,
-) -> Result<(), Broken> {
+) -> Result<(), TableFault> {
     let input = Candidates::NAME;
     let mut asked = Vec::new();
     let mut is_asked = false;
@@ -133,7 +133,7 @@ pub(crate) fn one_rollout_per_candidate(
         &ids(&mut made.iter().map(|rollout| &rollout.candidate_id)),
     )?;
     for (row, (rollout, candidate)) in made.iter().zip(&asked).enumerate() {
-        let contradicts = |column: &str, found: String, expected: String| Broken::Contradicts {
+        let contradicts = |column: &str, found: String, expected: String| TableFault::Contradicts {
             column: column.to_owned(),
             row,
             found,

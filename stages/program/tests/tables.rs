@@ -9,7 +9,7 @@ use schemas::{
     rollouts::{Rollout, Rollouts, Verdict},
 };
 use spatial::{Pose, Twist};
-use stage_program::{Program, ProgramConfig, Shipped};
+use stage_program::{Program, ProgramConfig, ProjectArtifacts};
 use tempfile::TempDir;
 
 fn candidates() -> Candidates {
@@ -84,7 +84,7 @@ fn run(folder: &TempDir, makes: &str, table: &Path, made: &Path) -> Result<f64, 
     let inputs = BTreeMap::from([("candidates".to_owned(), vec![candidates.clone()])]);
     let inputs = Inputs::new(inputs, Vec::new());
     let cx = Context::detached(&candidates.key, 7, made);
-    match <Program<Shipped> as Output>::make(&config, &inputs, &cx)? {
+    match <Program<ProjectArtifacts> as Output>::make(&config, &inputs, &cx)? {
         Outcome::Made(metrics) => Ok(metrics.accepted_n.unwrap_or(f64::NAN)),
         other => panic!("{other:?}"),
     }

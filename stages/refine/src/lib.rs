@@ -6,7 +6,7 @@
 //! judges every generator alike.
 
 mod config;
-mod stage;
+mod refine;
 
 pub use config::RefineConfig;
-pub use stage::{Refine, RefineMetrics};
+pub use refine::{Refine, RefineMetrics};

@@ -236,7 +236,7 @@ fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, BoxedDiagnosti
 /// The digest of each input: of its partitions' names and files, which the lake names by their bytes.
 fn digests(inputs: &Inputs) -> BTreeMap<String, String> {
     let mut digests = BTreeMap::new();
-    for &input in crate::stage::INPUTS {
+    for &input in crate::report::INPUTS {
         let artifacts = inputs.artifacts(input);
         if artifacts.is_empty() {
             continue;

@@ -23,8 +23,8 @@ mod paper;
 mod protocol;
 mod recorded;
 mod render;
+mod report;
 mod sections;
-mod stage;
 mod table;
 
 pub use config::ReportConfig;
@@ -34,4 +34,4 @@ pub use gather::PageData;
 pub use motions::{Motion, OutcomeGroup};
 pub use recorded::{RecordedMotion, of_candidate};
 pub use render::{Rendered, render};
-pub use stage::{INPUTS, PageMetrics, Report, unit};
+pub use report::{INPUTS, PageMetrics, Report, unit};

@@ -9,8 +9,8 @@ mod config;
 mod error;
 mod recording;
 pub mod report;
-mod stage;
+mod retarget;
 
 pub use config::RetargetConfig;
 pub use error::RetargetError;
-pub use stage::{DistanceFields, FieldMetrics, Retarget, Trajectories, TrajectoryMetrics};
+pub use retarget::{DistanceFields, FieldMetrics, Retarget, Trajectories, TrajectoryMetrics};

@@ -15,7 +15,7 @@ pub enum SampleError {
     NoOther(String),
     /// Motions are of another hand.
     #[error("the {what} was made for another hand")]
-    AnotherHand {
+    HandMismatch {
         /// Kind of weights, e.g. `grasping function`.
         what: String,
         /// The difference of its joints from the hand's.
@@ -53,7 +53,7 @@ impl Diagnostic for SampleError {
             Self::NoOther(_) => {
                 Some("leave `shape` out, or ingest recordings of several objects".to_owned())
             }
-            Self::AnotherHand { .. } => Some(
+            Self::HandMismatch { .. } => Some(
                 "give `sample.hand` the URDF with which `retarget` and `train` made them"
                     .to_owned(),
             ),

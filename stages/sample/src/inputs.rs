@@ -16,7 +16,7 @@ pub fn hand_file(config: &SampleConfig) -> SourceFile {
 ///
 /// Fails if they are not the hand's joints.
 pub fn order(model: &RobotModel, joints: &[String], what: &str) -> Result<JointOrder, SampleError> {
-    JointOrder::new(joints, &model.joint_names()).map_err(|source| SampleError::AnotherHand {
+    JointOrder::new(joints, &model.joint_names()).map_err(|source| SampleError::HandMismatch {
         what: what.to_owned(),
         source,
     })

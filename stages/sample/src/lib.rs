@@ -11,8 +11,8 @@ pub mod inputs;
 mod recording;
 pub mod report;
 mod rows;
-mod stage;
+mod sample;
 
 pub use config::{CheckpointWeights, RestingPoses, SampleConfig, SeenShape};
 pub use error::SampleError;
-pub use stage::{Sample, SampleMetrics};
+pub use sample::{Sample, SampleMetrics};

@@ -1,7 +1,7 @@
 //! Rows of `candidates` and `draws` of the motions that were sampled, and the object of which they were.
 
 use robot::Depth;
-use sampling::{CodeOrigin, Orientation, Sampled, SampledObject};
+use sampling::{CodeOrigin, Orientation, SampledMotions, SampledObject};
 use schemas::{
     candidates::{Candidate, DrawSource, ObjectSplit, Origin},
     draws::{Draw, Draws, Refusal},
@@ -27,7 +27,7 @@ pub(crate) fn sampled_object(object: &Object) -> SampledObject<'_> {
 }
 
 /// Returns the candidates of an object by their numbers, and all draws, by candidate and then by draw.
-pub(crate) fn draws_of(object: &str, sampled: Sampled) -> (Vec<Candidate>, Draws) {
+pub(crate) fn draws_of(object: &str, sampled: SampledMotions) -> (Vec<Candidate>, Draws) {
     let object_split = Some(if sampled.is_learned {
         ObjectSplit::Seen
     } else {

@@ -31,7 +31,7 @@ use schemas::{
     draws::{Draw, Draws, Refusal},
     objects::{Object, RestingOrientation},
     ros2::{TfMessage, motion},
-    sampling::Sampled,
+    sampling::SampleMeasures,
     training::Split,
     trajectories,
     trajectories::Trajectory,
@@ -321,7 +321,7 @@ fn sample(config: &SampleConfig, inputs: &Inputs, seed: u64) -> Candidates {
 }
 
 /// Samples, then measures what was sampled.
-fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<Sampled>, SamplingMetrics) {
+fn measure(config: &SampleConfig, inputs: &Inputs) -> (Vec<SampleMeasures>, SamplingMetrics) {
     let (out, made) = measured(config, inputs);
     (lake::table::read(&made_in(out.path())).unwrap(), made)
 }
@@ -734,7 +734,8 @@ fn motions_are_measured_against_object_table_and_demonstrations() {
         assert!(motion.limit_excess_rad > 0.05 && !motion.within_limits());
     }
     let metrics = &made;
-    let count = |is_one: &dyn Fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count();
+    let count =
+        |is_one: &dyn Fn(&SampleMeasures) -> bool| sampled.iter().filter(|s| is_one(s)).count();
     assert_eq!(metrics.candidates_n, 60.0);
     assert_eq!(metrics.within_limits_n, 0.0);
     assert_eq!(
@@ -852,7 +853,7 @@ fn motions_too_deep_in_the_object_are_drawn_again() {
         let drawn: Candidates = lake::table::read(&made_in(out.path())).unwrap();
         let candidates = drawn.candidates;
         let (sampled, _) = measure(&config, &inputs);
-        let deepest = |s: &Sampled| {
+        let deepest = |s: &SampleMeasures| {
             let in_object = s.approach_depth_m.max(s.grasp_depth_m);
             in_object.max(s.table_depth_m)
         };

@@ -7,7 +7,7 @@ use simulation::TraceMode;
 use crate::{
     ScreenConfig,
     recording::{RecordingContext, record},
-    screened::Screened,
+    screening_inputs::ScreeningInputs,
 };
 
 /// Executes one candidate of a unit alone, which gives the same rollout as among the others, and writes its
@@ -23,7 +23,7 @@ pub fn record_alone(
     cx: &Context,
     candidate_id: &str,
 ) -> Result<bool, BoxedDiagnostic> {
-    let Some(screened) = Screened::read(inputs, cx)? else {
+    let Some(screened) = ScreeningInputs::read(inputs, cx)? else {
         return Ok(false);
     };
     let config = &config.resolved();

@@ -18,12 +18,12 @@ mod error;
 mod recording;
 pub mod report;
 mod robustness;
-mod screened;
-mod stage;
+mod screen;
+mod screening_inputs;
 
 pub use alone::record_alone;
 pub use by_verdict::ByVerdict;
 pub use config::{RobustnessConfig, ScreenConfig};
 pub use error::ScreenError;
 pub use robustness::{RobustnessMetrics, RobustnessTrials};
-pub use stage::{Screen, ScreenMetrics};
+pub use screen::{Screen, ScreenMetrics};

@@ -13,7 +13,7 @@ use screening::MotionTrials;
 use crate::{
     Screen, ScreenConfig, ScreenError,
     config::RobustnessConfig,
-    screened::{Screened, units},
+    screening_inputs::{ScreeningInputs, units},
 };
 
 /// The output `robustness`: how often accepted motions hold under drawn errors.
@@ -62,7 +62,7 @@ impl Output for RobustnessTrials {
         cx: &Context,
     ) -> Result<Outcome<RobustnessMetrics>, BoxedDiagnostic> {
         let rollouts: Rollouts = inputs.one()?;
-        let Some(screened) = Screened::read(inputs, cx)? else {
+        let Some(screened) = ScreeningInputs::read(inputs, cx)? else {
             return Ok(Outcome::skipped("object missing"));
         };
         let config = &config.resolved();
@@ -103,7 +103,7 @@ impl RobustnessMetrics {
 /// Returns the first accepted motions, by their numbers among the candidates.
 fn tried(
     rollouts: &Rollouts,
-    screened: &Screened,
+    screened: &ScreeningInputs,
     per_object: usize,
 ) -> Result<Vec<usize>, ScreenError> {
     let held = rollouts

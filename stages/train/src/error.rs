@@ -57,7 +57,7 @@ pub enum TrainError {
     },
     /// A trajectory or an accepted motion belongs to another hand.
     #[error("motion `{sequence}` was made for another hand")]
-    AnotherHand {
+    HandMismatch {
         /// The trajectory's sequence.
         sequence: String,
         /// The difference of its joints from the hand's.
@@ -106,7 +106,7 @@ impl Diagnostic for TrainError {
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
                     .to_owned(),
             ),
-            Self::AnotherHand { .. } => {
+            Self::HandMismatch { .. } => {
                 Some("set `hand` in `train` and `retarget` to the same URDF".to_owned())
             }
             Self::NoObject { .. } | Self::NoRests { .. } => {

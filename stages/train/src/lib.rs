@@ -12,11 +12,11 @@ mod error;
 pub mod report;
 mod resume;
 pub mod set;
-mod stage;
+mod train;
 mod unseen;
 
 pub use by_split::BySplit;
 pub use config::TrainConfig;
 pub use error::TrainError;
-pub use stage::{Train, TrainMetrics, hand};
+pub use train::{Train, TrainMetrics, hand};
 pub use unseen::Fold;

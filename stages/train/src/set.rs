@@ -132,7 +132,7 @@ pub(crate) fn track(
         scene,
         split: Split::Training,
         motion: motion.map_err(|source| match source {
-            MotionError::Joints(source) => TrainError::AnotherHand {
+            MotionError::Joints(source) => TrainError::HandMismatch {
                 sequence: sequence(),
                 source,
             },

@@ -21,7 +21,7 @@ const WATCH_S: f64 = 0.3;
 const GIVE_UP_S: f64 = 2.0;
 
 /// A motion in execution.
-pub(crate) struct Executing<'a> {
+pub(crate) struct ExecutingMotion<'a> {
     machine: &'a Ros2Machine,
     path: JointPath,
     /// From the machine's order of joints to the path's, the arm's and then the hand's, and back.
@@ -37,7 +37,7 @@ pub(crate) struct Executing<'a> {
     pub(crate) aborted: Option<Abort>,
 }
 
-impl<'a> Executing<'a> {
+impl<'a> ExecutingMotion<'a> {
     /// Plans the motion from where the robot is; `None` where that, or an arm, is unknown.
     pub(crate) fn new(machine: &'a Ros2Machine, goal: &Goal) -> Option<Self> {
         let PalmTrajectory::Arm(arm) = &goal.carrier else {

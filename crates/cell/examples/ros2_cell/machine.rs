@@ -13,7 +13,7 @@ use spatial::{Object, Pose, Table};
 use crate::{
     config::Config,
     controllers::Controllers,
-    executing::Executing,
+    executing::ExecutingMotion,
     measurements::Measurements,
     path::{JointPath, POINT_S, start_error},
 };
@@ -260,7 +260,7 @@ impl Machine for Ros2Machine {
             };
             Report::of_motion(&encoded.goal_id, joints.clone(), ending, samples)
         };
-        let Some(mut executing) = Executing::new(self, goal) else {
+        let Some(mut executing) = ExecutingMotion::new(self, goal) else {
             let message = "the joints were lost before anything moved".to_owned();
             return report(Outcome::Aborted, message, 0.0, Vec::new());
         };

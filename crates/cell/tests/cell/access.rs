@@ -17,8 +17,8 @@ use schemas::executions::Outcome;
 use zenoh::{Session, Wait};
 
 use crate::{
+    credential_folder::CredentialFolder,
     lab::{GRIPPER, SOON, addressed, cube, execute, goal, report, robot, scene, terms},
-    papers::Papers,
 };
 
 /// Timeout of a client that is refused.
@@ -34,11 +34,11 @@ const SHIPPED: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../data/access");
 const WAYS: [&str; 2] = ["certificates", "passwords"];
 
 /// Certificates and access files of a test, and the clients and servers that use them.
-struct People(Papers);
+struct People(CredentialFolder);
 
 impl People {
     fn new() -> Self {
-        Self(Papers::new(Path::new(SHIPPED)))
+        Self(CredentialFolder::new(Path::new(SHIPPED)))
     }
 
     fn file(&self, way: &str, who: &str) -> PathBuf {
@@ -94,11 +94,11 @@ impl People {
 
 #[test]
 fn authenticated_dispatcher_has_its_goal_executed() {
-    let papers = People::new();
+    let credentials = People::new();
     for way in WAYS {
-        let router = papers.router(way);
-        let cell = papers.cell(way, &router, ServiceConfig::default());
-        let client = papers.client(way, "dispatcher", &router);
+        let router = credentials.router(way);
+        let cell = credentials.cell(way, &router, ServiceConfig::default());
+        let client = credentials.client(way, "dispatcher", &router);
         assert!(client.capabilities(SOON).unwrap().simulated);
         let report = execute(&client, &goal(0.04));
         assert_eq!(report.outcome, Outcome::Succeeded, "{way}");
@@ -114,7 +114,7 @@ fn authenticated_dispatcher_has_its_goal_executed() {
 
 #[test]
 fn listening_cell_authenticates_its_peers() {
-    let papers = People::new();
+    let credentials = People::new();
     let config = SimulatedCellConfig {
         name: "simulated".to_owned(),
         listen: "tls/localhost:0".to_owned(),
@@ -122,14 +122,14 @@ fn listening_cell_authenticates_its_peers() {
         arm: None,
         mismatch: ModelMismatch::default(),
         service: ServiceConfig {
-            access: Some(papers.file("certificates", "router")),
+            access: Some(credentials.file("certificates", "router")),
             ..ServiceConfig::default()
         },
     };
     let cell = SimulatedCell::start(config, GRIPPER).unwrap();
     cell.put_object("cube", cube());
     let connect = |who: &str| {
-        let access = papers.access("certificates", who);
+        let access = credentials.access("certificates", who);
         CellClient::connect_as(Some(&access), cell.endpoint(), "simulated", SOON).unwrap()
     };
     let there = terms(&connect("dispatcher"));
@@ -145,10 +145,10 @@ fn listening_cell_authenticates_its_peers() {
 
 #[test]
 fn unauthenticated_peer_is_refused() {
-    let papers = People::new();
+    let credentials = People::new();
     let others = People::new();
     for way in WAYS {
-        let router = papers.router(way);
+        let router = credentials.router(way);
         let refused = |access: Option<Access>| {
             let err =
                 CellClient::connect_as(access.as_ref(), router.endpoint(), "simulated", REFUSED);
@@ -169,16 +169,16 @@ fn unauthenticated_peer_is_refused() {
     let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
     assert!(refused.is_err());
     // Clients that know the authority but have no certificate, or a wrong name or password.
-    let router = papers.router("certificates");
-    let access = papers.access("passwords", "dispatcher");
+    let router = credentials.router("certificates");
+    let access = credentials.access("passwords", "dispatcher");
     let refused = CellClient::connect_as(Some(&access), router.endpoint(), "simulated", REFUSED);
     assert!(refused.is_err());
-    let router = papers.router("passwords");
+    let router = credentials.router("passwords");
     for (from, to) in [
         ("secret of dispatcher", "a guess"),
         ("user: \"dispatcher\"", "user: \"somebody\""),
     ] {
-        let file = papers.file("passwords", "dispatcher");
+        let file = credentials.file("passwords", "dispatcher");
         let text = fs::read_to_string(&file).unwrap();
         assert!(text.contains(from));
         fs::write(&file, text.replace(from, to)).unwrap();
@@ -191,13 +191,13 @@ fn unauthenticated_peer_is_refused() {
 
 #[test]
 fn watcher_sees_everything_and_moves_nothing() {
-    let papers = People::new();
+    let credentials = People::new();
     for way in WAYS {
-        let router = papers.router(way);
-        let cell = papers.cell(way, &router, ServiceConfig::default());
-        let viewer = papers.client(way, "viewer", &router);
-        let dispatcher = papers.client(way, "dispatcher", &router);
-        let access = papers.access(way, "viewer");
+        let router = credentials.router(way);
+        let cell = credentials.cell(way, &router, ServiceConfig::default());
+        let viewer = credentials.client(way, "viewer", &router);
+        let dispatcher = credentials.client(way, "dispatcher", &router);
+        let access = credentials.access(way, "viewer");
         let mut watcher =
             Watcher::start(Some(&access), router.endpoint(), "simulated", SOON).unwrap();
 
@@ -235,7 +235,7 @@ fn watcher_sees_everything_and_moves_nothing() {
         );
 
         // Nor does it pass for a cell.
-        let liar = papers.session(way, "viewer", &router);
+        let liar = credentials.session(way, "viewer", &router);
         let keys = Keys::new("simulated").unwrap();
         let _queryable = liar
             .declare_queryable(keys.all())
@@ -270,21 +270,21 @@ fn watcher_sees_everything_and_moves_nothing() {
 
 #[test]
 fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
-    let papers = People::new();
+    let credentials = People::new();
     let way = "certificates";
-    let router = papers.router(way);
+    let router = credentials.router(way);
     let service = ServiceConfig {
         real_time: true,
         ..ServiceConfig::default()
     };
-    let _cell = papers.cell(way, &router, service);
+    let _cell = credentials.cell(way, &router, service);
     let keys = Keys::new("simulated").unwrap();
     // A dispatcher that falls silent right after its goal, while another sends heartbeats.
     let ended = |beats: &Session, attempt: u32| {
-        let dispatcher = papers.session(way, "dispatcher", &router);
+        let dispatcher = credentials.session(way, "dispatcher", &router);
         let mut goal = goal(0.04);
         goal.attempt = attempt;
-        let client = papers.client(way, "dispatcher", &router);
+        let client = credentials.client(way, "dispatcher", &router);
         let sealed = addressed(&client, &goal, "me");
         let ask = |key: String, payload: &[u8]| {
             let replies = dispatcher.get(key).payload(payload).timeout(SOON);
@@ -314,24 +314,24 @@ fn heartbeat_of_a_watcher_keeps_no_motion_alive() {
             report
         })
     };
-    let report = ended(&papers.session(way, "viewer", &router), 1);
+    let report = ended(&credentials.session(way, "viewer", &router), 1);
     assert_eq!(report.outcome, Outcome::Aborted, "{}", report.message);
     assert!(
         report.message.contains("no heartbeat"),
         "{}",
         report.message
     );
-    let report = ended(&papers.session(way, "dispatcher", &router), 2);
+    let report = ended(&credentials.session(way, "dispatcher", &router), 2);
     assert_eq!(report.outcome, Outcome::Succeeded, "{}", report.message);
 }
 
 #[test]
 fn a_message_that_is_too_long_does_not_reach_the_cell() {
-    let papers = People::new();
+    let credentials = People::new();
     for way in WAYS {
-        let router = papers.router(way);
-        let _cell = papers.cell(way, &router, ServiceConfig::default());
-        let dispatcher = papers.session(way, "dispatcher", &router);
+        let router = credentials.router(way);
+        let _cell = credentials.cell(way, &router, ServiceConfig::default());
+        let dispatcher = credentials.session(way, "dispatcher", &router);
         let keys = Keys::new("simulated").unwrap();
         let answered = |key: String, bytes: usize, wait: Duration| {
             let get = dispatcher.get(key).payload(vec![b' '; bytes]);
@@ -347,7 +347,7 @@ fn a_message_that_is_too_long_does_not_reach_the_cell() {
         assert!(!answered(keys.goal(), (8 << 20) + 1, REFUSED), "{way}");
         assert!(answered(keys.resume(), 1024, SOON), "{way}");
         assert!(!answered(keys.stop(), 1025, REFUSED), "{way}");
-        let client = papers.client(way, "dispatcher", &router);
+        let client = credentials.client(way, "dispatcher", &router);
         assert_eq!(execute(&client, &goal(0.04)).outcome, Outcome::Succeeded);
     }
 }

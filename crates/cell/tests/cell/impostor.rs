@@ -78,12 +78,12 @@ pub(crate) fn line(value: &Value) -> Vec<u8> {
 }
 
 /// A party with a session.
-pub(crate) struct Somebody {
+pub(crate) struct RogueParty {
     session: Session,
     queryables: Vec<Queryable<()>>,
 }
 
-impl Somebody {
+impl RogueParty {
     pub(crate) fn at(endpoint: &str) -> Self {
         Self {
             session: subscribe(endpoint, "nothing", SOON).unwrap().0,

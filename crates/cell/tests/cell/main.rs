@@ -3,11 +3,11 @@
 mod access;
 mod addressing;
 mod arm;
+mod credential_folder;
 mod halting;
 mod impostor;
 mod instant;
 mod lab;
-mod papers;
 mod path;
 mod report_checks;
 mod restart;

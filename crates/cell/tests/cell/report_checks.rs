@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex, OnceLock};
 
 use cell::{
-    Abort, Contradiction, Goal, GoalResult, Keys, ModelMismatch, Recovered, Report, Router,
+    Abort, Contradiction, Goal, GoalResult, Keys, ModelMismatch, RecoveryResult, Report, Router,
     ServiceConfig, SimulatedCellConfig, UncheckedReport, execute_offline,
 };
 use proptest::prelude::*;
@@ -14,7 +14,7 @@ use simulation::SceneRandomization;
 
 use crate::{
     arm::{self, ARM},
-    impostor::{Key, Somebody, capabilities, line},
+    impostor::{Key, RogueParty, capabilities, line},
     lab::{self, GRIPPER, LISTEN, PATIENT, SOON, cube, goal, joints_of, robot, terms},
 };
 
@@ -490,7 +490,7 @@ fn contradictory_outcome_is_never_recorded() {
     let router = Router::start(LISTEN, None).unwrap();
     let keys = Keys::new("simulated").unwrap();
     let key = Key::new(1);
-    let mut cell = Somebody::at(router.endpoint());
+    let mut cell = RogueParty::at(router.endpoint());
     let signer = Arc::clone(&key);
     cell.says(keys.capabilities(), &key, move || {
         line(&capabilities(&signer))
@@ -514,7 +514,7 @@ fn contradictory_outcome_is_never_recorded() {
             "{what}: {executed:?}"
         );
         // Queried again, the motion's outcome is unknown.
-        let Recovered::Untrusted(report) =
+        let RecoveryResult::Untrusted(report) =
             client.recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT)
         else {
             panic!("{what}: it has a report");

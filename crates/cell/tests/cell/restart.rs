@@ -3,7 +3,7 @@
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use cell::{
-    Address, CellError, GoalMessage, Keys, Patience, Recovered, ServiceConfig, SigningKey,
+    Address, CellError, GoalMessage, Keys, Patience, RecoveryResult, ServiceConfig, SigningKey,
     SimulatedCell, SimulatedCellConfig, subscribe,
 };
 use schemas::executions::Outcome;
@@ -28,7 +28,7 @@ fn restarted_cell_reports_past_goals_and_repeats_none() {
     assert_eq!(cell.executed_count(), 1);
     let found =
         connect(&cell).recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT);
-    assert_eq!(found, Recovered::Report(report));
+    assert_eq!(found, RecoveryResult::Report(report));
 }
 
 #[test]
@@ -36,7 +36,7 @@ fn unknown_goal_is_answered_with_never_taken() {
     let cell = start();
     let asked =
         connect(&cell).recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), PATIENT);
-    assert_eq!(asked, Recovered::NeverTaken);
+    assert_eq!(asked, RecoveryResult::NeverTaken);
     let client = connect(&cell);
     client.capabilities(SOON).unwrap();
     cell.stop();
@@ -47,7 +47,7 @@ fn unknown_goal_is_answered_with_never_taken() {
     };
     let asked = client.recover(&goal(0.04).encode().goal_id, &goal(0.04), &robot(), soon);
     assert!(
-        matches!(&asked, Recovered::NoAnswer(why) if why.contains("no answer about the result")),
+        matches!(&asked, RecoveryResult::NoAnswer(why) if why.contains("no answer about the result")),
         "{asked:?}"
     );
 }

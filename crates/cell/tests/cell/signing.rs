@@ -17,7 +17,7 @@ use schemas::executions::Outcome;
 use serde_json::{Value, json};
 
 use crate::{
-    impostor::{Key, Somebody, capabilities, line},
+    impostor::{Key, RogueParty, capabilities, line},
     lab::{
         GRIPPER, LISTEN, PATIENT, SOON, body, config, connect, cube, execute, goal, robot, scene,
         start, terms,
@@ -47,10 +47,10 @@ fn router() -> Router {
 }
 
 /// A router, and at it a cell that says of itself what is right, and answers nothing else yet.
-fn known_cell() -> (Router, Somebody, Arc<Key>) {
+fn known_cell() -> (Router, RogueParty, Arc<Key>) {
     let router = router();
     let key = Key::new(1);
-    let mut cell = Somebody::at(router.endpoint());
+    let mut cell = RogueParty::at(router.endpoint());
     let signer = Arc::clone(&key);
     cell.says(keys().capabilities(), &key, move || {
         line(&capabilities(&signer))
@@ -114,7 +114,7 @@ fn answers_of_other_peers_are_ignored_and_named() {
     for (key, glad) in bodies() {
         for way in ["unsigned", "signed by another", "said before"] {
             let cell = start();
-            let mut stranger = Somebody::at(cell.endpoint());
+            let mut stranger = RogueParty::at(cell.endpoint());
             let before = match way {
                 "said before" => stranger.ask(&format!("{}?nonce=1", keys().capabilities())),
                 _ => Vec::new(),
@@ -147,7 +147,7 @@ fn unsigned_responder_is_not_accepted_as_cell() {
     let router = router();
     for (key, glad) in bodies() {
         let known = Key::new(1);
-        let mut cell = Somebody::at(router.endpoint());
+        let mut cell = RogueParty::at(router.endpoint());
         let signer = Arc::clone(&known);
         cell.says(keys().capabilities(), &known, move || {
             line(&capabilities(&signer))
@@ -158,7 +158,7 @@ fn unsigned_responder_is_not_accepted_as_cell() {
                 line(&json!({ "answer": "accepted", "known": false }))
             });
         }
-        let mut stranger = Somebody::at(router.endpoint());
+        let mut stranger = RogueParty::at(router.endpoint());
         stranger.answers(key.clone(), move |_| vec![glad.clone()]);
         let client = client(&router);
         client.capabilities(SOON).unwrap();
@@ -191,7 +191,7 @@ fn cell_that_follows_the_protocol_page_passes_every_check() {
 fn capabilities_of(answer: impl Fn(&Key) -> Value + Send + Sync + 'static) -> CellError {
     let router = router();
     let key = Key::new(1);
-    let mut cell = Somebody::at(router.endpoint());
+    let mut cell = RogueParty::at(router.endpoint());
     let signer = Arc::clone(&key);
     cell.says(keys().capabilities(), &key, move || line(&answer(&signer)));
     client(&router).capabilities(SOON).unwrap_err()
@@ -227,7 +227,7 @@ fn capabilities_are_checked_before_any_goal_is_sent() {
 fn previous_protocol_version_is_told_apart_from_an_unknown_peer() {
     let answered = |text: &'static str| {
         let router = router();
-        let mut cell = Somebody::at(router.endpoint());
+        let mut cell = RogueParty::at(router.endpoint());
         cell.answers(keys().capabilities(), move |_| {
             vec![text.as_bytes().to_vec()]
         });
@@ -254,7 +254,7 @@ fn previous_protocol_version_is_told_apart_from_an_unknown_peer() {
 fn two_cells_that_answer_to_one_name_are_refused() {
     let cell = start();
     // Another program on the same router has the same name.
-    let mut other = Somebody::at(cell.endpoint());
+    let mut other = RogueParty::at(cell.endpoint());
     let key = Key::new(1);
     let signer = Arc::clone(&key);
     other.says(keys().capabilities(), &key, move || {
@@ -279,7 +279,7 @@ fn replaced_cell_is_refused() {
     let pair = [Key::new(1), Key::new(2)];
     let (now, signers) = (Arc::clone(&exchanged), pair.clone());
     let signer = move || Arc::clone(&signers[usize::from(now.load(Ordering::SeqCst))]);
-    let mut cell = Somebody::at(router.endpoint());
+    let mut cell = RogueParty::at(router.endpoint());
     let of_capabilities = signer.clone();
     cell.answers(keys().capabilities(), move |query| {
         let key = of_capabilities();
@@ -352,7 +352,7 @@ fn oversized_answer_is_refused() {
 /// A cell that has accepted a goal, and one answer for each query of its report.
 fn with_report(
     answer: impl Fn(&zenoh::query::Query, &Key) -> Vec<u8> + Send + Sync + 'static,
-) -> (Router, Somebody) {
+) -> (Router, RogueParty) {
     let (router, mut cell, key) = known_cell();
     cell.says(keys().goal(), &key, || {
         line(&json!({ "answer": "accepted", "known": false }))
@@ -408,7 +408,7 @@ fn report_beyond_the_limit_is_asked_for_a_few_times_and_taken_without_samples() 
 #[test]
 fn genuine_answer_to_other_bytes_is_no_answer() {
     let cell = start();
-    let mut between = Somebody::at(cell.endpoint());
+    let mut between = RogueParty::at(cell.endpoint());
     let key = Key::new(1);
     // What a party in the path gets for nonsense, under the same nonce.
     let refusal = line(&json!({ "answer": "rejected", "code": "malformed", "reason": "" }));
@@ -499,7 +499,7 @@ fn unreadable_answers_leave_the_outcome_unknown() {
 fn silent_cell_leaves_the_outcome_unknown() {
     let router = router();
     let key = Key::new(1);
-    let mut mute = Somebody::at(router.endpoint());
+    let mut mute = RogueParty::at(router.endpoint());
     let signer = Arc::clone(&key);
     mute.says(keys().capabilities(), &key, move || {
         line(&capabilities(&signer))
@@ -518,7 +518,7 @@ fn silent_cell_leaves_the_outcome_unknown() {
 #[test]
 fn watcher_refuses_two_cells_of_one_name() {
     let cell = start();
-    let mut stranger = Somebody::at(cell.endpoint());
+    let mut stranger = RogueParty::at(cell.endpoint());
     let key = Key::new(7);
     let signer = Arc::clone(&key);
     let made_up = Arc::new(AtomicBool::new(true));

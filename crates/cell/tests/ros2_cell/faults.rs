@@ -3,7 +3,7 @@
 
 use std::{thread, time::Duration};
 
-use cell::{GoalResult, Patience, Recovered};
+use cell::{GoalResult, Patience, RecoveryResult};
 use schemas::executions::Outcome;
 
 use crate::lab::{Lab, PATIENT, SOON, SOUND, execute, goal, joints, send};
@@ -42,7 +42,9 @@ fn a_cell_that_dies_with_a_goal_leaves_it_unknown_and_never_moves_for_it_again()
         let client = lab.connect();
         client.capabilities(SOON).unwrap();
         match client.recover(&goal_1.encode().goal_id, &goal_1, &joints(), PATIENT) {
-            Recovered::Report(report) => assert_eq!(report.outcome, Outcome::Unknown, "{fault}"),
+            RecoveryResult::Report(report) => {
+                assert_eq!(report.outcome, Outcome::Unknown, "{fault}");
+            }
             other => panic!("{fault}: {other:?}"),
         }
         assert_eq!(
@@ -110,14 +112,14 @@ fn a_report_that_cannot_be_read_or_is_false_is_not_believed_and_not_repeated() {
             fault,
             client.recover(&goal.encode().goal_id, &goal, &joints(), IMPATIENT),
         ) {
-            ("garbled_answer", Recovered::Report(report)) => {
+            ("garbled_answer", RecoveryResult::Report(report)) => {
                 let ended = [Outcome::Failed, Outcome::Aborted];
                 assert!(ended.contains(&report.outcome), "{report:?}");
             }
-            ("garbled_report" | "wrong_report", Recovered::Untrusted(report)) => {
+            ("garbled_report" | "wrong_report", RecoveryResult::Untrusted(report)) => {
                 assert_eq!(report.outcome, Outcome::Unknown, "{fault}");
             }
-            ("never_answer", Recovered::NoAnswer(_)) => {}
+            ("never_answer", RecoveryResult::NoAnswer(_)) => {}
             (_, other) => panic!("{fault}: {other:?}"),
         }
         assert_eq!(emulated.log().motions_n, CONTROLLERS, "{fault}");

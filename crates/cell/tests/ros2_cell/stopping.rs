@@ -15,8 +15,8 @@ use std::{
 };
 
 use cell::{
-    Address, ControlReply, Goal, GoalMessage, GoalResult, Keys, Patience, Recovered, SigningKey,
-    ros2_now_ns, subscribe,
+    Address, ControlReply, Goal, GoalMessage, GoalResult, Keys, Patience, RecoveryResult,
+    SigningKey, ros2_now_ns, subscribe,
 };
 use schemas::executions::Outcome;
 use zenoh::Wait;
@@ -187,7 +187,7 @@ fn joints_stand_within_300_ms_of_the_last_heartbeat() {
             let last_ns = fall_silent(&lab, &goal);
             // The report comes when nothing moves.
             let report = match client.recover(&goal.encode().goal_id, &goal, &joints(), PATIENT) {
-                Recovered::Report(report) => report,
+                RecoveryResult::Report(report) => report,
                 other => panic!("{other:?}"),
             };
             assert_eq!(report.outcome, Outcome::Aborted, "{}", report.message);

@@ -4,14 +4,14 @@ use std::collections::BTreeSet;
 
 use blake3::Hasher;
 
-use crate::tokens::{Counted, Token, counted};
+use crate::tokens::{CodeTokens, Token, counted};
 
 /// A file of a crate, by its tokens.
 #[derive(Debug)]
 pub(crate) struct Source {
     /// Its path below the crate's folder.
     pub(crate) path: String,
-    counted: Counted,
+    counted: CodeTokens,
 }
 
 impl Source {

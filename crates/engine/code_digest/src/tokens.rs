@@ -17,7 +17,7 @@ pub(crate) enum Token {
 
 /// What counts of a file.
 #[derive(Debug, Default)]
-pub(crate) struct Counted {
+pub(crate) struct CodeTokens {
     pub(crate) tokens: Vec<Token>,
     /// The modules that it declares for tests.
     pub(crate) test_modules: Vec<String>,
@@ -25,8 +25,8 @@ pub(crate) struct Counted {
 
 /// Returns what counts of a file: neither comments, documentation and white space, nor tests, nor the
 /// commas that rustfmt adds where it breaks a list. A file without valid tokens counts by each character.
-pub(crate) fn counted(text: &str) -> Counted {
-    let mut counted = Counted::default();
+pub(crate) fn counted(text: &str) -> CodeTokens {
+    let mut counted = CodeTokens::default();
     match text.parse::<TokenStream>() {
         Ok(stream) => counted.add(stream, Within::Code),
         Err(_) => counted.tokens = characters(text),
@@ -60,7 +60,7 @@ enum Within {
     Macro,
 }
 
-impl Counted {
+impl CodeTokens {
     fn add(&mut self, stream: TokenStream, within: Within) {
         let trees: Vec<TokenTree> = stream.into_iter().collect();
         let mut at = 0;

@@ -7,6 +7,7 @@ use crate::{
     event::Event,
     metrics::MissingMetric,
     name::{ArtifactName, InvalidName, NodeName, PartitionKey, StageName, UnitName},
+    scope::SkippedItem,
     source::Location,
     suggestions::{did_you_mean, missing},
 };
@@ -98,7 +99,7 @@ pub enum Failure {
         /// The partition being made, if there was one.
         partition: Option<PartitionKey>,
         /// The upstream output that left out too many items, if that is why.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
         /// The stage's own error.
         source: BoxedDiagnostic,
     },
@@ -126,12 +127,14 @@ pub enum Failure {
     /// Too many items had to be skipped.
     #[error(
         "stage `{}` skipped {n_skipped} of {n_items} items, more than `max_skipped_fraction` = \
-         {allowed}; the first: {first}",
-        skipped.node.stage
+         {allowed}; the first: `{}`: {}",
+        skipped.node.stage,
+        first.key,
+        first.reason
     )]
     TooManySkipped {
         /// The stage and output.
-        skipped: Box<LeftOut>,
+        skipped: Box<SkippedItemsHint>,
         /// Items skipped.
         n_skipped: usize,
         /// Items in all.
@@ -139,7 +142,7 @@ pub enum Failure {
         /// The stage's limit.
         allowed: f64,
         /// The first item and its reason.
-        first: String,
+        first: Box<SkippedItem>,
     },
     /// A damaged artifact could not be rebuilt.
     #[error("`{}` partition `{}` is damaged and cannot be rebuilt identically", unit.node, unit.partition)]
@@ -226,15 +229,17 @@ pub enum Failure {
         /// The hint that it reported.
         hint: Option<String>,
         /// The upstream output that left out too many items, if that is why.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
     },
     /// The process that made a unit broke the protocol.
-    #[error("the process that made `{}` at `{}` broke the protocol: {message}", unit.node, unit.partition)]
+    #[error("the process that made `{}` at `{}` broke the protocol: `{line}` {violation}", unit.node, unit.partition)]
     Protocol {
         /// The unit.
         unit: UnitName,
-        /// Description of the violation.
-        message: String,
+        /// Start of the line that it wrote.
+        line: String,
+        /// What is wrong with the line.
+        violation: ProtocolViolation,
     },
     /// The pipeline has no output of this name.
     #[error("no output `{name}` in the pipeline")]
@@ -266,7 +271,7 @@ pub enum Failure {
         /// The stage and output.
         node: NodeName,
         /// The nearest upstream output that left items out, if any.
-        left_out: Option<Box<LeftOut>>,
+        left_out: Option<Box<SkippedItemsHint>>,
     },
     /// A file outside the lake was written to while a unit read it.
     #[error("stage `{stage}` read `{}` for `{partition}` while it changed; nothing of it is kept", path.display())]
@@ -293,8 +298,8 @@ pub enum Failure {
         stage: StageName,
         /// The key or name.
         name: String,
-        /// Set of items that has the name twice, e.g. the partitions of an output.
-        what: String,
+        /// Set of items that has the name twice.
+        what: NamedItems,
     },
     /// A unit and its outcome both say which labels its artifact has, or neither does.
     #[error("stage `{}` must label `{}` exactly once", unit.node.stage, unit.partition)]
@@ -326,6 +331,40 @@ pub enum Failure {
     Threads(#[source] rayon::ThreadPoolBuildError),
 }
 
+/// Why a line is no event that a unit may send.
+#[derive(Debug, thiserror::Error)]
+#[non_exhaustive]
+pub enum ProtocolViolation {
+    /// It is not an event.
+    #[error("is not an event: {0}")]
+    NoEvent(serde_json::Error),
+    /// The unit has sent its last event already.
+    #[error("follows the last event")]
+    AfterTheLast,
+    /// It is an event of the run, or of another unit.
+    #[error("is not an event of this unit")]
+    OtherUnit,
+}
+
+/// Items of a stage that have names.
+#[derive(Debug, Clone, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum NamedItems {
+    /// The partitions of an output.
+    Partitions(ArtifactName),
+    /// The files that a partition reads.
+    Files(PartitionKey),
+}
+
+impl fmt::Display for NamedItems {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Partitions(artifact) => write!(f, "the partitions of `{artifact}`"),
+            Self::Files(partition) => write!(f, "the files that `{partition}` reads"),
+        }
+    }
+}
+
 /// Suggests the nearest known name, or lists the first known ones.
 fn offer(what: &str, name: &str, known: &[String]) -> String {
     const NAMED: usize = 12;
@@ -337,7 +376,7 @@ fn offer(what: &str, name: &str, known: &[String]) -> String {
 }
 
 /// Joins the hint with the advice to look at the skipped items.
-fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
+fn join(hint: Option<String>, left_out: Option<&SkippedItemsHint>) -> Option<String> {
     let Some(left_out) = left_out else {
         return hint;
     };
@@ -349,20 +388,20 @@ fn join(hint: Option<String>, left_out: Option<&LeftOut>) -> Option<String> {
 
 /// An output that left items out; displayed as the advice to inspect them.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub struct LeftOut {
+pub struct SkippedItemsHint {
     /// The output.
     pub node: NodeName,
     /// The run that left them out; `None` if none is recorded, as while planning.
     pub run: Option<u64>,
 }
 
-impl From<NodeName> for Box<LeftOut> {
+impl From<NodeName> for Box<SkippedItemsHint> {
     fn from(node: NodeName) -> Self {
-        Self::new(LeftOut { node, run: None })
+        Self::new(SkippedItemsHint { node, run: None })
     }
 }
 
-impl fmt::Display for LeftOut {
+impl fmt::Display for SkippedItemsHint {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { node, run } = self;
         match run {

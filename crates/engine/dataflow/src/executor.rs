@@ -19,7 +19,7 @@ use crate::{
     store::Turn,
     unit::ListedUnit,
     unit_runner::{UnitRunner, WorkItemOutcome},
-    work_item::{Forced, WorkItem},
+    work_item::{Recompute, WorkItem},
     workers,
 };
 
@@ -79,7 +79,7 @@ impl UnitOutcome {
     }
 
     /// Returns the outcome of a unit that was lost by no fault of its own, and is tried again as if it had not begun.
-    pub fn displaced(why: impl Into<String>) -> Self {
+    pub fn preempted(why: impl Into<String>) -> Self {
         Self::Lost {
             why: why.into(),
             lacks: Vec::new(),
@@ -88,7 +88,7 @@ impl UnitOutcome {
     }
 
     /// Returns the outcome of a unit that could not read the artifacts of others.
-    pub fn lacking(lacks: Vec<UnitName>) -> Self {
+    pub fn missing_artifacts(lacks: Vec<UnitName>) -> Self {
         Self::Lost {
             why: "an artifact that it reads is damaged or missing".to_owned(),
             lacks,
@@ -102,7 +102,7 @@ pub struct Wave<'a> {
     pub(crate) state: &'a State<'a>,
     pub(crate) node: &'a Node,
     pub(crate) units: &'a [&'a ListedUnit],
-    pub(crate) forced: Forced,
+    pub(crate) forced: Recompute,
     /// Seconds that a unit of the output took before, the median, if any is known.
     pub took_s: Option<f64>,
 }
@@ -173,7 +173,7 @@ impl Wave<'_> {
         };
         // Units that move a robot keep their order, and have claims.
         let takes_turns = self.node.output.execution == Execution::Parallel
-            && self.forced == Forced::No
+            && self.forced == Recompute::No
             && self.state.store().takes_turns();
         if !takes_turns {
             return workers::each(self.len(), n_workers, make);
@@ -260,7 +260,7 @@ impl From<WorkItemOutcome> for UnitOutcome {
     fn from(outcome: WorkItemOutcome) -> Self {
         match outcome {
             WorkItemOutcome::Made { made_now } => Self::Done { made_now },
-            WorkItemOutcome::Lacks(units) => Self::lacking(units),
+            WorkItemOutcome::Lacks(units) => Self::missing_artifacts(units),
         }
     }
 }

@@ -23,7 +23,7 @@ pub(crate) const WITHOUT: &str = "without";
 
 /// A pipeline file whose missing values come from the files that it extends.
 #[derive(Debug, Default)]
-pub(crate) struct Extended {
+pub(crate) struct InheritedFile {
     /// All values, each with its span among [`Self::texts`].
     pub(crate) root: InlineTable,
     /// The texts that the spans point into.
@@ -36,7 +36,7 @@ pub(crate) struct Extended {
     pub(crate) problems: Vec<Problem>,
 }
 
-impl Extended {
+impl InheritedFile {
     /// Reads a file's text and the files that it extends.
     pub(crate) fn read(path: &Path, text: &str) -> Self {
         let mut extended = Self::default();

@@ -53,18 +53,18 @@ struct Completion {
     options: &'static [&'static str],
     /// The option that names the file.
     file: &'static str,
-    complete: Complete,
+    complete: OptionCompletion,
 }
 
 /// Returns, by their dotted keys, the values of these options in the file that a stage's table names; it may change
 /// the table.
-pub type Complete = fn(
+pub type OptionCompletion = fn(
     &mut InlineTable,
     &[&'static str],
 ) -> Result<Vec<(&'static str, toml_edit::Value)>, OptionFault>;
 
 /// Parses a stage's table.
-type Configure = dyn Fn(InlineTable) -> Result<Box<dyn Configured>, ConfigFault> + Send + Sync;
+type Configure = dyn Fn(InlineTable) -> Result<Box<dyn StageWithConfig>, ConfigFault> + Send + Sync;
 
 /// One option of a kind, for people.
 #[derive(Debug, Clone, PartialEq, Eq, serde::Serialize)]
@@ -84,7 +84,7 @@ pub struct OptionInfo {
 }
 
 /// A stage with its configuration.
-pub(crate) trait Configured: Send + Sync {
+pub(crate) trait StageWithConfig: Send + Sync {
     /// The typed configuration.
     fn options(&self) -> &dyn Any;
     /// The configuration without the paths of files that its units read.
@@ -185,7 +185,7 @@ fn not_finite(table: &InlineTable) -> Option<ConfigFault> {
     table.iter().find_map(|(key, value)| within(key, value))
 }
 
-impl<S: Stage> Configured for ConfiguredStage<S> {
+impl<S: Stage> StageWithConfig for ConfiguredStage<S> {
     fn options(&self) -> &dyn Any {
         &self.options
     }
@@ -339,7 +339,7 @@ impl Kind {
             outputs: parts.outputs.iter().map(|listed| listed.info).collect(),
             configure: Arc::new(move |table| {
                 let configured = ConfiguredStage::<S>::read(table, Arc::clone(&parts))?;
-                Ok(Box::new(configured) as Box<dyn Configured>)
+                Ok(Box::new(configured) as Box<dyn StageWithConfig>)
             }),
             schema: || schemars::schema_for!(S::Config).to_value(),
             completion: None,
@@ -377,7 +377,7 @@ impl Kind {
         mut self,
         options: &'static [&'static str],
         file: &'static str,
-        complete: Complete,
+        complete: OptionCompletion,
     ) -> Self {
         self.completion = Some(Completion {
             options,
@@ -414,7 +414,10 @@ impl Kind {
         Ok(())
     }
 
-    pub(crate) fn configure(&self, table: InlineTable) -> Result<Box<dyn Configured>, ConfigFault> {
+    pub(crate) fn configure(
+        &self,
+        table: InlineTable,
+    ) -> Result<Box<dyn StageWithConfig>, ConfigFault> {
         (self.configure)(table)
     }
 

@@ -78,14 +78,14 @@ pub use canonical_form::Form;
 pub use code::Code;
 pub use context::{Artifact, Context, Inputs, UnitInputs};
 pub use digest::{Digest, InvalidDigest};
-pub use error::{Failure, FileError, LeftOut, Problem};
+pub use error::{Failure, FileError, NamedItems, Problem, ProtocolViolation, SkippedItemsHint};
 pub use event::{Event, Events, Fraction};
 pub use executor::{Executor, OnOutcome, UnitOutcome, Wave};
 pub use file_fault::FileFault;
 pub use fingerprint::{Cause, Change, Fingerprint, OutputFingerprint};
 pub use graph::Node;
 pub use input_error::InputError;
-pub use kind::{Complete, Kind, OptionInfo};
+pub use kind::{Kind, OptionCompletion, OptionInfo};
 pub use metrics::{
     Aggregate, Max, Mean, MetricValues, Metrics, MissingMetric, ScalarAggregate, Sum, With,
 };
@@ -93,7 +93,7 @@ pub use name::{
     ArtifactName, ColumnName, FileName, InvalidName, NodeName, PartitionKey, PipelineName,
     StageName, UnitName, text_of,
 };
-pub use options::{FreshAll, RunOptions};
+pub use options::{RunOptions, StoreUse};
 pub use outcome::{Labels, Outcome};
 pub use output::{Execution, OptionsUsed, OutputInfo};
 pub use overrides::{Override, OverrideError};
@@ -121,4 +121,4 @@ pub use suggestions::{did_you_mean, missing, nearest};
 pub use summary::{Line, Summary, counted};
 pub use sweep::{Sweep, Variant};
 pub use unit::Unit;
-pub use work_item::{Forced, WorkItem};
+pub use work_item::{Recompute, WorkItem};

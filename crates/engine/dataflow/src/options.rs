@@ -12,14 +12,14 @@ pub struct RunOptions {
     /// Rerun these stages, even if their results are in the store.
     pub fresh: Vec<String>,
     /// Rerun every stage.
-    pub fresh_all: FreshAll,
+    pub fresh_all: StoreUse,
     /// Number of worker threads; 0 for one per core.
     pub jobs: usize,
 }
 
 /// Whether stored results are used.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum FreshAll {
+pub enum StoreUse {
     /// Stored results are used.
     #[default]
     UseStore,
@@ -65,6 +65,6 @@ impl RunOptions {
     /// Whether a stage's units are made even if their results are in the store.
     pub(crate) fn is_forced(&self, stage: &StageName) -> bool {
         let named = self.fresh.iter().any(|fresh| *stage == **fresh);
-        (named || self.fresh_all == FreshAll::MakeAgain) && !self.only_recalls(stage)
+        (named || self.fresh_all == StoreUse::MakeAgain) && !self.only_recalls(stage)
     }
 }

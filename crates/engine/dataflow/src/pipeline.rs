@@ -14,7 +14,7 @@ use crate::{
     digest::Fields,
     error::{Failure, Problem},
     graph::Node,
-    kind::{Configured, Kind},
+    kind::{Kind, StageWithConfig},
     name::{ArtifactName, NodeName, PartitionKey, StageName},
     output::OptionsUsed,
     resources::Resources,
@@ -53,7 +53,7 @@ pub struct StageEntry {
     pub resources: Resources,
     /// Its options as TOML, merged from all files and values given.
     pub(crate) text: String,
-    pub(crate) configured: Box<dyn Configured>,
+    pub(crate) configured: Box<dyn StageWithConfig>,
     /// Where the file says what [`Stage::FILES`] name.
     pub(crate) places: BTreeMap<String, Location>,
 }

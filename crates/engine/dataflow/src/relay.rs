@@ -2,7 +2,7 @@
 
 use crate::{
     digest::Digest,
-    error::Failure,
+    error::{Failure, ProtocolViolation},
     event::{Event, Events},
     executor::UnitOutcome,
     name::UnitName,
@@ -36,9 +36,9 @@ impl<'a> Relay<'a> {
     /// Fails if the line is not an event, or not one that this unit can send.
     pub fn line(&mut self, line: &str) -> Result<(), Failure> {
         let event = serde_json::from_str(line)
-            .map_err(|err| self.refuse(line, &format!("is not an event: {err}")))?;
+            .map_err(|err| self.refuse(line, ProtocolViolation::NoEvent(err)))?;
         if self.end.is_some() {
-            return Err(self.refuse(line, "follows the last event"));
+            return Err(self.refuse(line, ProtocolViolation::AfterTheLast));
         }
         let of_this_unit = &self.item.unit;
         match event {
@@ -51,7 +51,7 @@ impl<'a> Relay<'a> {
             event => {
                 let end = UnitOutcome::of_event(event, of_this_unit, &self.item.fingerprint);
                 self.end =
-                    Some(end.ok_or_else(|| self.refuse(line, "is not an event of this unit"))?);
+                    Some(end.ok_or_else(|| self.refuse(line, ProtocolViolation::OtherUnit))?);
             }
         }
         Ok(())
@@ -67,11 +67,11 @@ impl<'a> Relay<'a> {
         self.end
     }
 
-    fn refuse(&self, line: &str, reason: &str) -> Failure {
-        let quoted: String = line.chars().take(QUOTED).collect();
+    fn refuse(&self, line: &str, violation: ProtocolViolation) -> Failure {
         Failure::Protocol {
             unit: self.item.unit.clone(),
-            message: format!("`{quoted}` {reason}"),
+            line: line.chars().take(QUOTED).collect(),
+            violation,
         }
     }
 }
@@ -101,7 +101,7 @@ impl UnitOutcome {
                 };
                 (unit, Self::Failed(failure))
             }
-            Event::UnitLacking { unit, lacks } => (unit, Self::lacking(lacks)),
+            Event::UnitLacking { unit, lacks } => (unit, Self::missing_artifacts(lacks)),
             _ => return None,
         };
         (of == *name).then_some(end)
@@ -115,7 +115,7 @@ mod tests {
     use super::*;
     use crate::{
         event::Fraction, fingerprint::OutputFingerprint, name::NodeName, outcome::Labels,
-        work_item::Forced,
+        work_item::Recompute,
     };
 
     fn unit(stage: &str) -> UnitName {
@@ -134,7 +134,7 @@ mod tests {
         WorkItem {
             unit: unit("b"),
             fingerprint: Digest::of_bytes(b"unit"),
-            forced: Forced::No,
+            forced: Recompute::No,
             recipe: recipe.into(),
             options: "{}".to_owned(),
             wires: BTreeMap::new(),

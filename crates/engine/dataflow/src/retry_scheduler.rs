@@ -18,7 +18,7 @@ use crate::{
     store::Store,
     unit::ListedUnit,
     unit_runner::UnitRunner,
-    work_item::Forced,
+    work_item::Recompute,
 };
 
 /// Maximum number of attempts at a unit whose worker is lost.
@@ -117,7 +117,7 @@ impl<'a> RetryScheduler<'a> {
         state: &State,
         node: &Node,
         units: &[&ListedUnit],
-        forced: Forced,
+        forced: Recompute,
     ) -> Vec<Result<UnitReport, Failure>> {
         let mut settled = Vec::with_capacity(units.len());
         let took_s = self.executor.and_then(|_| self.took_s(state, node));
@@ -271,7 +271,7 @@ impl<'a> RetryScheduler<'a> {
         let unit = units
             .find(|unit| unit.partition == name.partition)
             .ok_or_else(lost)?;
-        let made = self.make(state, node, &[unit], Forced::No);
+        let made = self.make(state, node, &[unit], Recompute::No);
         made.into_iter().collect::<Result<Vec<_>, _>>()?;
         self.store.open(files)?.map(drop).ok_or_else(lost)
     }

@@ -18,13 +18,14 @@ use crate::{
     pipeline::{Pipeline, StageEntry},
     record::RecordOutcome,
     retry_scheduler::{RetryScheduler, UnitReport},
+    scope::SkippedItem,
     state::State,
     store::{
         NewestUnit, NodeRecord, OutputRecord, PublishedUnit, RunRecord, RunStatus, StageRecord,
         Store, UnitRef,
     },
     unit::ListedUnit,
-    work_item::Forced,
+    work_item::Recompute,
 };
 
 /// Report of a run.
@@ -282,9 +283,9 @@ impl Runner<'_> {
         units: &[&ListedUnit],
     ) -> Vec<Result<UnitReport, Failure>> {
         let forced = if self.options.is_forced(&stage.name) {
-            Forced::Yes
+            Recompute::Yes
         } else {
-            Forced::No
+            Recompute::No
         };
         self.scheduler.make(&self.state, node, units, forced)
     }
@@ -445,7 +446,11 @@ fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Opt
     let n_skipped = report.record.n_skipped;
     let n_items = report.record.n_made + n_skipped;
     let first = report.units.iter().find_map(|unit| match &*unit.outcome {
-        RecordOutcome::Skipped { reason } => Some(format!("`{}`: {reason}", unit.partition)),
+        RecordOutcome::Skipped { reason } => Some(SkippedItem {
+            key: unit.partition.to_string(),
+            is_fault: true,
+            reason: reason.clone(),
+        }),
         RecordOutcome::Made { .. } | RecordOutcome::Filtered { .. } => None,
     })?;
     let exceeded = n_skipped as f64 > stage.max_skipped_fraction * n_items as f64;
@@ -454,6 +459,6 @@ fn too_many_skipped(node: &Node, stage: &StageEntry, report: &NodeReport) -> Opt
         n_skipped,
         n_items,
         allowed: stage.max_skipped_fraction,
-        first,
+        first: Box::new(first),
     })
 }

@@ -18,7 +18,7 @@ use crate::{
     state::{Certainty, Listing, State, code_parts},
     store::Store,
     unit_runner::UnitRunner,
-    work_item::{Forced, WorkItem},
+    work_item::{Recompute, WorkItem},
 };
 
 /// Makes one unit of a pipeline whose inputs are all in the store.
@@ -30,7 +30,7 @@ pub fn make_one(
     pipeline: &Pipeline,
     store: &dyn Store,
     unit: &UnitName,
-    forced: Forced,
+    forced: Recompute,
     events: &Events,
 ) -> Result<UnitReport, Failure> {
     let mut state = State::new(pipeline, store);

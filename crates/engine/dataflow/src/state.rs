@@ -15,7 +15,7 @@ use crate::{
     canonical_form::Form,
     code::Code,
     digest::Digest,
-    error::Failure,
+    error::{Failure, NamedItems},
     fingerprint::{Fingerprint, OutputFingerprint},
     graph::Node,
     name::{NodeName, PartitionKey, UnitName},
@@ -324,7 +324,7 @@ impl<'a> State<'a> {
             return Err(Failure::Twice {
                 stage: stage.name.clone(),
                 name: key.to_string(),
-                what: format!("the partitions of `{}`", node.output.artifact),
+                what: NamedItems::Partitions(node.name.artifact.clone()),
             });
         }
         Ok(units)
@@ -449,7 +449,7 @@ impl<'a> State<'a> {
                 return Err(Failure::Twice {
                     stage: stage.name.clone(),
                     name: file.name.clone(),
-                    what: format!("the files that `{}` reads", unit.partition),
+                    what: NamedItems::Files(unit.partition.clone()),
                 });
             }
         }

@@ -6,7 +6,7 @@ use toml_edit::{InlineTable, Key, Value};
 
 use crate::{
     error::{FileError, Problem},
-    inheritance::Extended,
+    inheritance::InheritedFile,
     overrides::{KeyPath, Override, OverrideError, parse_value, split},
 };
 
@@ -78,7 +78,7 @@ impl Sweep {
     ///
     /// Fails with every fault in these tables, each with its location and a hint.
     pub fn in_file(path: &Path, source: &str) -> Result<Vec<Self>, FileError> {
-        let file = Extended::read(path, source);
+        let file = InheritedFile::read(path, source);
         // Faults of the extended files are reported by the file's reader.
         let Some(item) = file.root.get(TABLES) else {
             return Ok(Vec::new());

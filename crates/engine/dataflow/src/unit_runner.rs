@@ -18,7 +18,7 @@ use crate::{
     seed::unit_seed,
     source_file::SourceFile,
     store::Store,
-    work_item::{Forced, WorkItem},
+    work_item::{Recompute, WorkItem},
 };
 
 impl StageEntry {
@@ -79,7 +79,7 @@ impl<'a> UnitRunner<'a> {
         };
         let making = self.store.begin(&item.fingerprint, name, &waiting)?;
         // Another process may have made it while this one waited for the lock.
-        if item.forced == Forced::No
+        if item.forced == Recompute::No
             && let Some(outcome) = self.store.lookup(&item.fingerprint)?
             && !outcome.is_provisional()
             && self
@@ -90,7 +90,7 @@ impl<'a> UnitRunner<'a> {
         {
             return Ok(WorkItemOutcome::Made { made_now: false });
         }
-        if item.forced == Forced::Yes {
+        if item.forced == Recompute::Yes {
             making.start_over()?;
         }
         let inputs = match self.inputs(item)? {

@@ -22,7 +22,7 @@ use crate::{
 /// Whether a unit is made even if its result is in the store.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Forced {
+pub enum Recompute {
     /// The unit is made again.
     Yes,
     /// The stored result is used.
@@ -38,7 +38,7 @@ pub struct WorkItem {
     /// Digest of its fingerprint.
     pub fingerprint: Digest,
     /// Whether it is made even if its result is in the store.
-    pub(crate) forced: Forced,
+    pub(crate) forced: Recompute,
     /// Kind, code, configuration and schema.
     pub(crate) recipe: Arc<OutputFingerprint>,
     /// The stage's table as TOML, with all values of the pipeline's files and of the command line.
@@ -88,7 +88,7 @@ impl WorkItem {
         state: &State,
         node: &Node,
         unit: &ListedUnit,
-        forced: Forced,
+        forced: Recompute,
     ) -> Result<Self, Failure> {
         let name = UnitName::new(&node.name, &unit.partition);
         let (fingerprint, digest) = state
@@ -111,7 +111,7 @@ impl WorkItem {
 
     /// Whether the unit is made even if its result is there.
     pub fn is_forced(&self) -> bool {
-        self.forced == Forced::Yes
+        self.forced == Recompute::Yes
     }
 
     /// Returns the fingerprint of the unit.

@@ -32,5 +32,5 @@ mod patience;
 pub use error::DepotError;
 pub use folder::{FolderDepot, WRITING};
 pub use interface::{Content, Depot, Entry, Put, PutMode, Sink};
-pub use link::{Link, Opened, Piece, PieceSink, Told, Traffic};
+pub use link::{ContentSource, Link, OutageListener, Piece, PieceSink, Traffic};
 pub use patience::{Outage, Patience};

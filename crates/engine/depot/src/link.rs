@@ -28,7 +28,7 @@ const SLOWEST: u64 = 1_000_000;
 pub struct Link {
     depot: Arc<dyn Depot>,
     patience: Patience,
-    told: Option<Arc<Told>>,
+    on_outage: Option<Arc<OutageListener>>,
     state: Mutex<State>,
     /// Wakes requests that pause.
     hurried: Condvar,
@@ -38,14 +38,14 @@ pub struct Link {
 }
 
 /// Receives outages when they have lasted for a while, and their ends.
-pub type Told = dyn Fn(&Outage) + Send + Sync;
+pub type OutageListener = dyn Fn(&Outage) + Send + Sync;
 
 /// State of a link.
 struct State {
     offline: Option<Arc<DepotError>>,
     /// Times of the last success and the last failure, and of the first failure since the last success.
     succeeded: Option<Instant>,
-    troubled: Option<Instant>,
+    last_failure: Option<Instant>,
     down: Option<Instant>,
     /// Why requests have failed since the last success.
     failing: Option<String>,
@@ -91,7 +91,7 @@ pub enum Piece<'a> {
 pub type PieceSink<'a> = dyn FnMut(Piece) -> io::Result<()> + 'a;
 
 /// Opens the content of a file to store, for each try anew.
-pub type Opened<'a> = dyn Fn() -> io::Result<Content> + 'a;
+pub type ContentSource<'a> = dyn Fn() -> io::Result<Content> + 'a;
 
 /// One try of a request, with the time that its answer may take beyond that of a small one.
 type Try<T, R> = (Duration, Work<T, R>);
@@ -109,11 +109,11 @@ impl Link {
         Self {
             depot,
             patience,
-            told: None,
+            on_outage: None,
             state: Mutex::new(State {
                 offline: None,
                 succeeded: None,
-                troubled: None,
+                last_failure: None,
                 down: None,
                 failing: None,
                 n_failed: 0,
@@ -127,10 +127,10 @@ impl Link {
         }
     }
 
-    /// Lets outages be told.
+    /// Reports outages to a listener.
     #[must_use]
-    pub fn telling(mut self, told: Option<Arc<Told>>) -> Self {
-        self.told = told;
+    pub fn with_outage_listener(mut self, on_outage: Option<Arc<OutageListener>>) -> Self {
+        self.on_outage = on_outage;
         self
     }
 
@@ -147,8 +147,8 @@ impl Link {
     }
 
     /// Returns when a request failed last, if one did.
-    pub fn troubled(&self) -> Option<Instant> {
-        self.state().troubled
+    pub fn last_failure(&self) -> Option<Instant> {
+        self.state().last_failure
     }
 
     /// Returns when a request succeeded last, if one did.
@@ -234,7 +234,7 @@ impl Link {
     /// # Errors
     ///
     /// Fails if the depot is offline, the content cannot be opened or read, or the request fails.
-    pub fn put(&self, key: &str, open: &Opened, mode: PutMode) -> Result<Put, DepotError> {
+    pub fn put(&self, key: &str, open: &ContentSource, mode: PutMode) -> Result<Put, DepotError> {
         let mut size = 0;
         let work = || {
             let content = open().map_err(DepotError::io("put", key))?;
@@ -388,7 +388,7 @@ impl Link {
     }
 
     /// Makes requests that pause between two tries again at once.
-    pub fn hurry(&self) {
+    pub fn retry_now(&self) {
         self.hurried.notify_all();
     }
 
@@ -430,7 +430,7 @@ impl Link {
     fn failure(&self, err: &DepotError) {
         let mut state = self.state();
         let now = clock::now();
-        state.troubled = Some(now);
+        state.last_failure = Some(now);
         state.down.get_or_insert(now);
         state.failing = Some(err.chain());
         state.n_failed = state.n_failed.saturating_add(1);
@@ -472,8 +472,8 @@ impl Link {
     }
 
     fn say(&self, outage: &Outage) {
-        if let Some(told) = &self.told {
-            told(outage);
+        if let Some(on_outage) = &self.on_outage {
+            on_outage(outage);
         }
     }
 }

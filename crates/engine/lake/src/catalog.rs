@@ -1,7 +1,7 @@
 //! Tables according to the records: which unit made each newest partition, and the digests of its
 //! files.
 //!
-//! The published files below `tables/` and `every/` derive from this, and can be lost, exchanged or
+//! The published files below `tables/` and `versions/` derive from this, and can be lost, exchanged or
 //! added to; queries are answered from the records.
 
 use std::{
@@ -74,7 +74,7 @@ impl Lake {
                     let stored = self.records.read(&unit.fingerprint)?;
                     let stored = stored.ok_or_else(|| self.lost_record(&unit.fingerprint))?;
                     if let Some(file) = stored.outcome.file(table::FILE) {
-                        let path = self.every_path(&published.column, unit);
+                        let path = self.version_path(&published.column, unit);
                         expected.push((path.clone(), file.digest));
                         files.insert(unit.partition.clone(), path);
                     }
@@ -165,7 +165,7 @@ impl Lake {
             };
             let mut files = BTreeMap::new();
             for unit in run.record.units.iter().filter(|unit| unit.node == *node) {
-                let path = self.every_path(column, unit);
+                let path = self.version_path(column, unit);
                 let Some(stored) = self.records.read(&unit.fingerprint)? else {
                     // Garbage collection removes a unit completely.
                     if path.exists() || self.records.path(&unit.fingerprint).exists() {
@@ -209,15 +209,15 @@ impl Lake {
         Ok(files)
     }
 
-    /// Path of a unit's table below `every/`.
-    fn every_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
+    /// Path of a unit's table below `versions/`.
+    fn version_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
         let artifact = &unit.node.artifact;
         self.folder
-            .every_table(artifact, column, &unit.partition, &unit.fingerprint)
+            .version_table(artifact, column, &unit.partition, &unit.fingerprint)
     }
 
     /// Paths of the tables of units that runs have published; some of the units made none.
-    pub(crate) fn every_promised(&self) -> Result<BTreeMap<PathBuf, Digest>, LakeError> {
+    pub(crate) fn promised_versions(&self) -> Result<BTreeMap<PathBuf, Digest>, LakeError> {
         let mut expected = BTreeMap::new();
         let mut lists = BTreeSet::new();
         for number in self.register.numbers()? {
@@ -232,7 +232,7 @@ impl Lake {
             let units = self.register.units(&run).unwrap_or_default();
             for unit in units.iter().filter(|unit| nodes.contains(&unit.node)) {
                 if let Some(column) = run.column_of(&unit.node) {
-                    expected.insert(self.every_path(column, unit), unit.fingerprint);
+                    expected.insert(self.version_path(column, unit), unit.fingerprint);
                 }
             }
         }

@@ -190,7 +190,7 @@ impl Lake {
 
     /// Removes the tables of removed units.
     fn collect_tables(&self, gone: &BTreeSet<Digest>, collecting: GcMode) -> Result<(), LakeError> {
-        for path in files_below(&self.folder.every())? {
+        for path in files_below(&self.folder.versions())? {
             if unit_of(&path).is_some_and(|(_, unit)| gone.contains(&unit)) {
                 remove(&path, collecting)?;
             }

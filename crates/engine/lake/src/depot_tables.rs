@@ -283,8 +283,12 @@ impl<'a> DepotTables<'a> {
         let mut files = BTreeMap::new();
         for (unit, stored) in run.refs().filter(|(unit, _)| unit.node == *node) {
             if let Some(file) = stored.outcome.file(table::FILE) {
-                let path =
-                    folder.every_table(&node.artifact, column, &unit.partition, &unit.fingerprint);
+                let path = folder.version_table(
+                    &node.artifact,
+                    column,
+                    &unit.partition,
+                    &unit.fingerprint,
+                );
                 wanted.push((file.clone(), path.clone()));
                 files.insert(unit.partition, path);
             }

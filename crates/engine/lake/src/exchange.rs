@@ -13,7 +13,7 @@ use crate::{
     lake::Lake,
     published,
     shared::{Item, Shared, key_of, keys},
-    verify::{Fault, Verified},
+    verify::{Fault, VerificationReport},
 };
 
 /// Time without a limit.
@@ -153,14 +153,14 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the lake has no depot or it cannot be read.
-    pub fn verify_depot(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+    pub fn verify_depot(&self, on_bytes: &OnBytes) -> Result<VerificationReport, LakeError> {
         let (n_files, n_bytes, faults) = self.depot()?.check(on_bytes)?;
         let faults = faults.into_iter().map(|(path, what)| Fault {
             path,
             what,
             can_drop: true,
         });
-        Ok(Verified {
+        Ok(VerificationReport {
             n_files,
             n_bytes,
             faults: faults.collect(),

@@ -24,7 +24,10 @@ pub(crate) const FILES: &str = "files";
 pub(crate) const REPORTS: &str = "reports";
 
 /// Folder of every table ever made, by the unit that made it, below the lake.
-pub(crate) const EVERY: &str = "every";
+const VERSIONS: &str = "versions";
+
+/// Its name in lakes of earlier versions of this program, which they keep.
+const VERSIONS_BEFORE: &str = "every";
 
 /// Folder of backup copies, below the lake.
 const COPIES: &str = "copies";
@@ -35,7 +38,7 @@ const SHOWN: [&str; 4] = [".svg", ".html", ".md", ".csv"];
 /// Prefix of a run's table folder, before its number.
 const RUN: &str = "run=";
 
-/// Prefix of a unit's table folder below [`EVERY`], before its digits.
+/// Prefix of a unit's table folder below [`VERSIONS`], before its digits.
 const FINGERPRINT: &str = "fingerprint=";
 
 /// The tables of what runs did, in the order in which they are documented.
@@ -173,8 +176,17 @@ impl Folder {
         self.join(TABLES)
     }
 
-    pub(crate) fn every(&self) -> PathBuf {
-        self.join(EVERY)
+    /// Name of the folder of every table ever made.
+    pub(crate) fn versions_name(&self) -> &'static str {
+        if self.join(VERSIONS_BEFORE).is_dir() {
+            VERSIONS_BEFORE
+        } else {
+            VERSIONS
+        }
+    }
+
+    pub(crate) fn versions(&self) -> PathBuf {
+        self.join(self.versions_name())
     }
 
     /// Lists the published tables of artifacts, by name.
@@ -205,15 +217,15 @@ impl Folder {
         Ok(tables)
     }
 
-    /// Returns the path of a unit's table below [`EVERY`].
-    pub(crate) fn every_table(
+    /// Returns the path of a unit's table below [`VERSIONS`].
+    pub(crate) fn version_table(
         &self,
         artifact: &ArtifactName,
         column: &str,
         partition: &PartitionKey,
         fingerprint: &Digest,
     ) -> PathBuf {
-        self.every()
+        self.versions()
             .join(artifact.as_str())
             .join(format!("{column}={partition}"))
             .join(format!("{FINGERPRINT}{fingerprint}"))

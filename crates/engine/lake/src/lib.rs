@@ -14,7 +14,8 @@
 //! copies/…                 backup of recipes, manifests, runs and tags, which are irreplaceable
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what
 //!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
-//! every/…                  Hive-partitioned Parquet: every partition that any unit made
+//! versions/…               Hive-partitioned Parquet: each version of each partition, by the unit that made it;
+//!                          `every/` in a lake that an earlier version of the program made
 //! files/…                  recordings, meshes and weights of the newest partitions
 //! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB
@@ -110,7 +111,7 @@ pub use error::LakeError;
 pub use lake::Lake;
 pub use records::Provenance;
 pub use register::Run;
-pub use shared::{Sharing, SharingReport, ToldTrouble, Trouble, WhenDown};
+pub use shared::{DepotOutage, DepotOutageListener, OutagePolicy, Sharing, SharingReport};
 pub use table_file::TableFile;
 pub use unit::{ReadInputs, WriteArtifact};
-pub use verify::{Fault, Verified};
+pub use verify::{Fault, VerificationReport};

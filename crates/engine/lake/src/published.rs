@@ -48,7 +48,7 @@ pub(crate) fn publish(
         && is_all(lake, &folders, before)?
         && wanted
             .values()
-            .all(|file| every_table(lake, node, file).is_none_or(|every| every.exists()))
+            .all(|file| version_table(lake, node, file).is_none_or(|version| version.exists()))
     {
         return Ok(None);
     }
@@ -59,8 +59,8 @@ pub(crate) fn publish(
     for (path, file) in &wanted {
         let target = lake.folder.join(path);
         link_file(lake, &file.file.digest, &target)?;
-        if let Some(every) = every_table(lake, node, file) {
-            link_file(lake, &file.file.digest, &every)?;
+        if let Some(version) = version_table(lake, node, file) {
+            link_file(lake, &file.file.digest, &version)?;
         }
         let stamp = Stamp::read(&target).map_err(io_error("read", &target))?;
         let file = PublishedFile {
@@ -76,17 +76,17 @@ pub(crate) fn publish(
     Ok(Some(published))
 }
 
-/// The path of a table among all that were ever made.
-fn every_table(lake: &Lake, node: &Node, file: &FileToPublish) -> Option<PathBuf> {
-    let every = || {
-        lake.folder.every_table(
+/// The path of a table among the versions of its partition.
+fn version_table(lake: &Lake, node: &Node, file: &FileToPublish) -> Option<PathBuf> {
+    let version = || {
+        lake.folder.version_table(
             &node.name.artifact,
             node.output.partition,
             file.partition,
             file.fingerprint,
         )
     };
-    file.is_table.then(every)
+    file.is_table.then(version)
 }
 
 /// Lists the files to publish. Those that were left in the depot are published once something has

@@ -50,7 +50,7 @@ pub(crate) fn repair(lake: &Lake) -> Result<(), LakeError> {
     };
     repair.replicated()?;
     repair.history()?;
-    repair.every()?;
+    repair.versions()?;
     views::write(lake)?;
     let now = Snapshot::take(folder, &repair.blobs, &repair.unrepaired)?;
     if now == repair.before {
@@ -151,9 +151,9 @@ impl Repair<'_> {
     }
 
     /// Tables of all units that runs refer to.
-    fn every(&mut self) -> Result<(), LakeError> {
-        let there = files_below(&self.lake.folder.every())?;
-        let expected = self.lake.every_promised()?;
+    fn versions(&mut self) -> Result<(), LakeError> {
+        let there = files_below(&self.lake.folder.versions())?;
+        let expected = self.lake.promised_versions()?;
         for (path, unit) in &expected {
             if !self.is_known(path) {
                 self.of_unit(path, unit)?;
@@ -185,7 +185,7 @@ impl Repair<'_> {
         Ok(())
     }
 
-    /// Whether a table below `every/` belongs to a unit, though no finished run refers to it.
+    /// Whether a table below `versions/` belongs to a unit, though no finished run refers to it.
     fn may_be_published(&self, path: &Path) -> Result<bool, LakeError> {
         let Some((partition, fingerprint)) = unit_of(path) else {
             return Ok(false);
@@ -196,7 +196,7 @@ impl Repair<'_> {
 
     fn remove(&self, path: &Path) -> Result<(), LakeError> {
         atomic::remove_if_there(path)?;
-        let tables = [self.lake.folder.tables(), self.lake.folder.every()];
+        let tables = [self.lake.folder.tables(), self.lake.folder.versions()];
         let folders = path.ancestors().skip(1);
         for folder in folders.take_while(|folder| !tables.iter().any(|table| table == folder)) {
             // Fails, as intended, if the folder is not empty.

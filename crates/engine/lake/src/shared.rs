@@ -29,14 +29,14 @@ use std::{
 
 use ::clock::lock;
 use dataflow::{Digest, FileRef, NodeName, RecordOutcome};
-use depot::{Depot, Entry, Outage, Patience, Told, Traffic};
+use depot::{Depot, Entry, Outage, OutageListener, Patience, Traffic};
 
 use crate::{LakeError, blobs::Blobs, clock::now, folder::Folder, records::Records};
 
 pub(crate) use self::{index::SharedRun, marks::Item, send::key_of};
 use self::{
     index::{FoundRecord, Index},
-    marks::{Outbox, Unfetched},
+    marks::{Outbox, RemoteBlobs},
     remote::{Layout, Remote},
     send::Sender,
     turns::Turns,
@@ -73,9 +73,9 @@ pub struct Sharing {
     /// Time for which a request that one cannot do without is made again.
     pub patience: Duration,
     /// What follows after that.
-    pub when_down: WhenDown,
+    pub outage_policy: OutagePolicy,
     /// Receives outages.
-    pub told: Option<Arc<ToldTrouble>>,
+    pub on_outage: Option<Arc<DepotOutageListener>>,
 }
 
 impl Default for Sharing {
@@ -83,15 +83,15 @@ impl Default for Sharing {
     fn default() -> Self {
         Self {
             patience: Duration::from_secs(5),
-            when_down: WhenDown::Alone,
-            told: None,
+            outage_policy: OutagePolicy::Alone,
+            on_outage: None,
         }
     }
 }
 
 /// What follows when a depot stays down.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum WhenDown {
+pub enum OutagePolicy {
     /// An error.
     Fail,
     /// The lake goes on alone: what it lacks is made here.
@@ -100,7 +100,7 @@ pub enum WhenDown {
 
 /// An outage of a depot.
 #[derive(Debug, Clone)]
-pub struct Trouble {
+pub struct DepotOutage {
     /// When it began, by this machine's clock.
     pub since: SystemTime,
     /// The outage.
@@ -112,7 +112,7 @@ pub struct Trouble {
 }
 
 /// Receives outages of a depot.
-pub type ToldTrouble = dyn Fn(&Trouble) + Send + Sync;
+pub type DepotOutageListener = dyn Fn(&DepotOutage) + Send + Sync;
 
 /// The units that are being looked up: their output, and those that are not here.
 type AtStake = Arc<Mutex<Option<(NodeName, Vec<Digest>)>>>;
@@ -128,12 +128,12 @@ pub(crate) struct Shared {
     /// For results that are sent beside the work.
     sending: Arc<Remote>,
     turns: Arc<Turns>,
-    when_down: WhenDown,
+    outage_policy: OutagePolicy,
     at_stake: AtStake,
     folder: Folder,
     index: Index,
     pub(crate) outbox: Outbox,
-    pub(crate) unfetched: Unfetched,
+    pub(crate) unfetched: RemoteBlobs,
     sender: Sender,
     /// Blobs that the depot does not have, or has damaged.
     lost: Arc<Mutex<BTreeSet<Digest>>>,
@@ -149,14 +149,14 @@ impl Shared {
     pub(crate) fn new(depot: &Arc<dyn Depot>, folder: &Folder, sharing: &Sharing) -> Self {
         let layout = Arc::new(Layout::default());
         let at_stake = AtStake::default();
-        let told = |is_of_sending: bool| -> Option<Arc<Told>> {
-            let told = sharing.told.clone()?;
+        let listener = |is_of_sending: bool| -> Option<Arc<OutageListener>> {
+            let listener = sharing.on_outage.clone()?;
             let (at_stake, records) = (Arc::clone(&at_stake), Records::new(folder.clone()));
             Some(Arc::new(move |outage: &Outage| {
                 let at_stake = lock(&at_stake);
                 let at_stake = at_stake.as_ref().filter(|_| !is_of_sending);
                 let is_absent = |unit: &&Digest| !records.path(unit).exists();
-                told(&Trouble {
+                listener(&DepotOutage {
                     since: now().checked_sub(outage.lasted).unwrap_or_else(now),
                     outage: outage.clone(),
                     is_of_sending,
@@ -166,8 +166,8 @@ impl Shared {
                 });
             }))
         };
-        let link = |patience, told| Remote::new(depot, &layout, patience, told);
-        let sending = Arc::new(link(Patience::ENDLESS, told(true)));
+        let link = |patience, listener| Remote::new(depot, &layout, patience, listener);
+        let sending = Arc::new(link(Patience::ENDLESS, listener(true)));
         let lost = Arc::default();
         let turns = Arc::new(Turns::default());
         Self {
@@ -177,17 +177,17 @@ impl Shared {
                 Arc::clone(&lost),
                 Arc::clone(&turns),
             ),
-            remote: Arc::new(link(Patience::For(sharing.patience), told(false))),
+            remote: Arc::new(link(Patience::For(sharing.patience), listener(false))),
             casual: link(Patience::Casual, None),
             heartbeats: Arc::new(link(Patience::Once, None)),
             turns,
             sending,
-            when_down: sharing.when_down,
+            outage_policy: sharing.outage_policy,
             at_stake,
             folder: folder.clone(),
             index: Index::default(),
             outbox: Outbox::new(folder),
-            unfetched: Unfetched::new(folder),
+            unfetched: RemoteBlobs::new(folder),
             lost,
             damaged: Mutex::default(),
             found: Mutex::default(),
@@ -215,17 +215,19 @@ impl Shared {
     /// Returns an answer of the depot, or that of an empty one where it is down and the lake goes on alone.
     fn or_alone<T: Default>(&self, answer: Result<T, LakeError>) -> Result<T, LakeError> {
         match answer {
-            Err(LakeError::Depot(_)) if self.when_down == WhenDown::Alone => Ok(T::default()),
+            Err(LakeError::Depot(_)) if self.outage_policy == OutagePolicy::Alone => {
+                Ok(T::default())
+            }
             answer => answer,
         }
     }
 
     /// Returns when the depot failed last, if it did.
-    pub(crate) fn troubled(&self) -> Option<Instant> {
+    pub(crate) fn last_failure(&self) -> Option<Instant> {
         let links = [&self.remote, &self.heartbeats, &self.sending];
         links
             .into_iter()
-            .filter_map(|it| it.idle().troubled())
+            .filter_map(|it| it.idle().last_failure())
             .max()
     }
 
@@ -396,7 +398,7 @@ impl Shared {
                 .remote
                 .idle()
                 .offline()
-                .filter(|_| self.when_down == WhenDown::Alone),
+                .filter(|_| self.outage_policy == OutagePolicy::Alone),
             unsent: self.sending.idle().failing(),
         })
     }

@@ -50,7 +50,7 @@ impl Snapshot {
     ) -> Result<Self, LakeError> {
         let began = clock::now();
         let mut left = vec![
-            folder.every(),
+            folder.versions(),
             folder.copy_of(folder.root()),
             folder.runs(),
             folder.manifests(),

@@ -41,7 +41,7 @@ pub struct Fault {
 
 /// The result of a verification.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
-pub struct Verified {
+pub struct VerificationReport {
     /// Number of files checked.
     pub n_files: usize,
     /// Bytes read.
@@ -57,7 +57,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if there is no lake or a folder cannot be read; a file that cannot is a fault.
-    pub fn verify(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+    pub fn verify(&self, on_bytes: &OnBytes) -> Result<VerificationReport, LakeError> {
         self.check_exists()?;
         // Files collected meanwhile are not faults. A read-only lake has no garbage collection.
         let _shared = self.locks.block_collection().ok();
@@ -65,10 +65,10 @@ impl Lake {
     }
 
     /// Checks everything while garbage collection is blocked.
-    fn verify_alone(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+    fn verify_alone(&self, on_bytes: &OnBytes) -> Result<VerificationReport, LakeError> {
         let mut verifier = Verifier {
             lake: self,
-            verified: Verified::default(),
+            verified: VerificationReport::default(),
             inodes: HashMap::new(),
             unfetched: names_in(&self.folder.unfetched())?
                 .iter()
@@ -92,7 +92,7 @@ impl Lake {
     /// # Errors
     ///
     /// Fails if the lake cannot be written; a file that cannot be read is a fault.
-    pub fn verify_inputs(&self, on_bytes: &OnBytes) -> Result<Verified, LakeError> {
+    pub fn verify_inputs(&self, on_bytes: &OnBytes) -> Result<VerificationReport, LakeError> {
         let entries: Vec<(PathBuf, Stamp, Digest)> = {
             let known = self.sources.known();
             let entries = known.entries.iter();
@@ -113,7 +113,7 @@ impl Lake {
             what: "changed since it was read, behind an unchanged size, time and inode".to_owned(),
             can_drop: false,
         });
-        let verified = Verified {
+        let verified = VerificationReport {
             n_files: unchanged.len(),
             n_bytes,
             faults,
@@ -164,7 +164,7 @@ impl Lake {
 
 struct Verifier<'a> {
     lake: &'a Lake,
-    verified: Verified,
+    verified: VerificationReport,
     /// The existing blobs, by device and inode.
     inodes: HashMap<(u64, u64), Digest>,
     /// Blobs that were left in the depot.

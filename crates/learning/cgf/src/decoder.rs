@@ -29,7 +29,7 @@ use crate::{
     config::{Activation, NetworkConfig},
     hand_numbers::{self, Normalization},
     limits::Limits,
-    product::{LANES, Packed, Row, Sparse},
+    product::{LANES, PackedMatrix, Row, Sparse},
     weights::Weights,
 };
 
@@ -45,7 +45,7 @@ pub(crate) struct Decoder<T> {
     activation: Activation,
     /// First layer, `(1, width)`, of the latent code, `(feature, width)` and `(width)`.
     per_time: Vec<T>,
-    by_latent: Packed<T>,
+    by_latent: PackedMatrix<T>,
     by_feature: Vec<T>,
     first_bias: Vec<T>,
     /// The layers after it.
@@ -59,7 +59,7 @@ pub(crate) struct Decoder<T> {
 
 #[derive(Debug, Clone)]
 struct Layer<T> {
-    weights: Packed<T>,
+    weights: PackedMatrix<T>,
     bias: Vec<T>,
     /// As many zeros as there are numbers in the bias.
     zeros: Vec<T>,
@@ -97,10 +97,10 @@ impl<T: Number> Decoder<T> {
             let rows = |input: usize| values.iter().skip(input).step_by(n_inputs).copied();
             Ok(((0..n_inputs).flat_map(rows).collect(), [n_inputs, width]))
         };
-        let packed = |name: &str| -> Result<Packed<T>, CgfError> {
+        let packed = |name: &str| -> Result<PackedMatrix<T>, CgfError> {
             let (values, [n_inputs, width]) = turned(name)?;
             let entry = |output: usize, input: usize| values[input * width + output];
-            Ok(Packed::new(width, n_inputs, entry))
+            Ok(PackedMatrix::new(width, n_inputs, entry))
         };
         let layer = |idx: usize| -> Result<Layer<T>, CgfError> {
             let bias = numbers(&format!("decoder.{idx}.bias"))?;

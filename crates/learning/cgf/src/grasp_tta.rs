@@ -22,7 +22,7 @@ mod surface;
 mod training;
 
 pub use self::{
-    adaptation::{Adaptation, Adapted},
+    adaptation::{Adaptation, AdaptedGrasp},
     checkpoint::GraspDescription,
     config::{AdaptationConfig, GraspNetworkConfig, GraspTrainingConfig, TermWeights},
     loss::GraspTerms,

@@ -52,5 +52,5 @@ pub use limits::JointRange;
 pub use model::{Cgf, Description, EncodedDemonstration, HandDistance, ObjectFeature, Posterior};
 pub use random::Random;
 pub use step::Losses;
-pub use training::{Trained, Trainer, TrainingSet, train};
+pub use training::{Trainer, TrainingResult, TrainingSet, train};
 pub use weights::{Array, Weights};

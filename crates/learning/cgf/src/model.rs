@@ -20,7 +20,7 @@ use crate::{
     limits::{JointRange, Limits},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
-    weights::{Leaves, Weights},
+    weights::{WeightTensors, Weights},
 };
 
 /// A continuous grasping function f(t, z, object) with the encoder it was trained with.
@@ -28,7 +28,7 @@ use crate::{
 pub struct Cgf {
     description: Description,
     weights: Weights,
-    leaves: Leaves,
+    leaves: WeightTensors,
     decoder: Decoder<f32>,
 }
 

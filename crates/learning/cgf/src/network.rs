@@ -8,7 +8,7 @@ use crate::{
     hand_numbers::PALM_WIDTH,
     point_net,
     random::Random,
-    weights::{Leaves, Weights, leaf},
+    weights::{WeightTensors, Weights, leaf},
 };
 
 /// Makes all numbers of a network for a hand of `dof` joints at random.
@@ -106,7 +106,7 @@ impl LinearLayers<'_> {
 /// The parts of the network that live on the tape.
 pub(crate) struct Network<'a> {
     pub(crate) config: &'a NetworkConfig,
-    pub(crate) leaves: &'a Leaves,
+    pub(crate) leaves: &'a WeightTensors,
 }
 
 impl Network<'_> {

@@ -29,7 +29,7 @@ use rayon::prelude::*;
 pub(crate) use self::tape::{Measured, features};
 use self::{cloud::Cloud, moments::Moments, search::Columns};
 use crate::{
-    CgfError, config::Initialization, precision::narrow, product::Packed, random::Random,
+    CgfError, config::Initialization, precision::narrow, product::PackedMatrix, random::Random,
     weights::Weights,
 };
 
@@ -248,7 +248,7 @@ impl PointNet {
 struct LayerStack<'a> {
     layers: &'a [Layer],
     /// Each layer's matrix but the first's.
-    packed: Vec<Packed>,
+    packed: Vec<PackedMatrix>,
     /// The last layer's matrix, rows of negative gain turned over: the largest value
     /// after normalization is the largest of its products.
     signed: Columns,
@@ -261,7 +261,7 @@ impl<'a> LayerStack<'a> {
     fn new(net: &'a PointNet) -> Self {
         let layers = &net.layers;
         let pack = |layer: &Layer| {
-            Packed::new(layer.outputs, layer.inputs, |output, input| {
+            PackedMatrix::new(layer.outputs, layer.inputs, |output, input| {
                 layer.weight[output * layer.inputs + input]
             })
         };

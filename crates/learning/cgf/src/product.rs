@@ -27,14 +27,14 @@ const GROUP: usize = 6;
 
 /// A matrix laid out for products with patches.
 #[derive(Debug, Clone)]
-pub(crate) struct Packed<T = f32> {
+pub(crate) struct PackedMatrix<T = f32> {
     inputs: usize,
     outputs: usize,
     /// For each group of outputs and each input, the group's entries; zero where there is no output.
     groups: Vec<[T; GROUP]>,
 }
 
-impl<T: Copy + Default> Packed<T> {
+impl<T: Copy + Default> PackedMatrix<T> {
     /// Returns the number of its inputs.
     pub(crate) fn inputs(&self) -> usize {
         self.inputs
@@ -118,7 +118,7 @@ impl WithSimd for Take<'_> {
 }
 
 /// Sets `out`, patch after patch, to the products of a matrix with patches, plus `offset` of each output.
-pub(crate) fn project(weights: &Packed, patches: &[Sparse], offset: &[f32], out: &mut [Row]) {
+pub(crate) fn project(weights: &PackedMatrix, patches: &[Sparse], offset: &[f32], out: &mut [Row]) {
     Arch::new().dispatch(Project {
         weights,
         patches,
@@ -129,7 +129,7 @@ pub(crate) fn project(weights: &Packed, patches: &[Sparse], offset: &[f32], out:
 
 /// Does so with numbers of any kind, in no hurry.
 pub(crate) fn project_plainly<T: Copy + Mul<Output = T> + AddAssign>(
-    weights: &Packed<T>,
+    weights: &PackedMatrix<T>,
     patches: &[Sparse<T>],
     offset: &[T],
     out: &mut [Row<T>],
@@ -151,7 +151,7 @@ pub(crate) fn project_plainly<T: Copy + Mul<Output = T> + AddAssign>(
 }
 
 struct Project<'a> {
-    weights: &'a Packed,
+    weights: &'a PackedMatrix,
     patches: &'a [Sparse],
     offset: &'a [f32],
     out: &'a mut [Row],
@@ -279,7 +279,7 @@ mod tests {
                 .map(|_| random.normal() as f32)
                 .collect();
             let offset: Vec<f32> = (0..outputs).map(|_| random.normal() as f32).collect();
-            let packed = Packed::new(outputs, INPUTS, |output, input| {
+            let packed = PackedMatrix::new(outputs, INPUTS, |output, input| {
                 weights[output * INPUTS + input]
             });
             let patches = patches(5, &mut random);
@@ -314,7 +314,8 @@ mod tests {
     fn the_plain_way_gives_the_same() {
         let mut random = Random::new(4, 0);
         let weights: Vec<f32> = (0..25 * INPUTS).map(|_| random.normal() as f32).collect();
-        let packed = Packed::new(25, INPUTS, |output, input| weights[output * INPUTS + input]);
+        let packed =
+            PackedMatrix::new(25, INPUTS, |output, input| weights[output * INPUTS + input]);
         let xs: Vec<Sparse> = patches(3, &mut random)
             .iter()
             .map(|rows| taken(rows))

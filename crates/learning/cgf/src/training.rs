@@ -49,7 +49,7 @@ pub struct TrainingSet {
 
 /// Result of a training.
 #[derive(Debug, Clone)]
-pub struct Trained {
+pub struct TrainingResult {
     /// After the epoch with the least loss on held-out motions; the last one if none is held out.
     pub best: Cgf,
     /// After the last epoch.
@@ -94,7 +94,7 @@ pub fn train(
     training: &TrainingConfig,
     seed: u64,
     mut progress: impl FnMut(&Epoch),
-) -> Result<Trained, CgfError> {
+) -> Result<TrainingResult, CgfError> {
     let mut trainer = Trainer::new(set, hand, network, training, seed)?;
     while !trainer.is_done() {
         progress(trainer.train_epoch()?);
@@ -333,7 +333,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// Fails if their weights are no longer numbers.
-    pub fn finish(self) -> Result<Trained, CgfError> {
+    pub fn finish(self) -> Result<TrainingResult, CgfError> {
         let hand = self.objective.hand;
         let description = |epoch: usize| Description {
             version: VERSION.to_owned(),
@@ -358,7 +358,7 @@ impl<'a> Trainer<'a> {
             Some(best) => cgf(best.epoch, best.weights)?,
             None => last.clone(),
         };
-        Ok(Trained { best, last })
+        Ok(TrainingResult { best, last })
     }
 }
 

@@ -23,7 +23,7 @@ pub struct Weights {
 }
 
 /// The weights as tensors: variables of one gradient tape, or constants.
-pub(crate) type Leaves = BTreeMap<String, Tensor>;
+pub(crate) type WeightTensors = BTreeMap<String, Tensor>;
 
 /// Names that end so are measured, not learned.
 const MEASURED: [&str; 2] = [".mean", ".variance"];
@@ -112,7 +112,7 @@ impl Weights {
 
     /// Returns all arrays on a device: the learned ones as variables of a new tape, the measured ones
     /// as constants.
-    pub(crate) fn variables(&self, device: &Device) -> Result<Leaves, CgfError> {
+    pub(crate) fn variables(&self, device: &Device) -> Result<WeightTensors, CgfError> {
         self.leaves(device, |name, tensor| {
             Ok(if is_measured(name) {
                 tensor
@@ -123,12 +123,12 @@ impl Weights {
     }
 
     /// Returns all arrays as constants on the CPU.
-    pub(crate) fn constants(&self) -> Result<Leaves, CgfError> {
+    pub(crate) fn constants(&self) -> Result<WeightTensors, CgfError> {
         self.constants_on(&Device::Cpu)
     }
 
     /// Returns all arrays as constants on a device.
-    pub(crate) fn constants_on(&self, device: &Device) -> Result<Leaves, CgfError> {
+    pub(crate) fn constants_on(&self, device: &Device) -> Result<WeightTensors, CgfError> {
         self.leaves(device, |_, tensor| Ok(tensor))
     }
 
@@ -136,7 +136,7 @@ impl Weights {
         &self,
         device: &Device,
         put: impl Fn(&str, Tensor) -> Result<Tensor, CgfError>,
-    ) -> Result<Leaves, CgfError> {
+    ) -> Result<WeightTensors, CgfError> {
         self.arrays
             .iter()
             .map(|(name, array)| {
@@ -235,7 +235,7 @@ fn is_measured(name: &str) -> bool {
 }
 
 /// Returns one leaf.
-pub(crate) fn leaf<'a>(leaves: &'a Leaves, name: &str) -> Result<&'a Tensor, CgfError> {
+pub(crate) fn leaf<'a>(leaves: &'a WeightTensors, name: &str) -> Result<&'a Tensor, CgfError> {
     leaves.get(name).ok_or_else(|| missing(name))
 }
 

@@ -94,6 +94,6 @@ mod penetration;
 
 pub use codes::CodeOrigin;
 pub use error::SamplingError;
-pub use motions::{Draw, Sampled, SampledMotion, SamplingTask, sample};
+pub use motions::{Draw, SampledMotion, SampledMotions, SamplingTask, sample};
 pub use options::{Orientation, Orientations, Redraws, SampledObject, SamplingOptions};
 pub use penetration::{CollisionModel, PenetrationProbe};

@@ -33,7 +33,7 @@ pub struct SamplingTask<'a> {
 
 /// The motions of one object.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Sampled {
+pub struct SampledMotions {
     /// Whether the function was trained on demonstrations of the object.
     pub is_learned: bool,
     /// The motions, by their numbers.
@@ -75,7 +75,7 @@ pub struct Draw {
 ///
 /// Fails if a named demonstration is unknown, the shown object has no resting orientation, or the function cannot be
 /// applied to the object.
-pub fn sample(task: &SamplingTask<'_>) -> Result<Sampled, SamplingError> {
+pub fn sample(task: &SamplingTask<'_>) -> Result<SampledMotions, SamplingError> {
     let &SamplingTask {
         options, cgf, seed, ..
     } = task;
@@ -118,7 +118,7 @@ pub fn sample(task: &SamplingTask<'_>) -> Result<Sampled, SamplingError> {
     for motion in &mut motions {
         motion.refused.sort_by_key(|draw| draw.draw_n);
     }
-    Ok(Sampled {
+    Ok(SampledMotions {
         is_learned: codes::is_learned(cgf, &task.object),
         motions,
     })

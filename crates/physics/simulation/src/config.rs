@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 pub use self::drives::{ControllerKind, DriveConfig, PalmComplianceConfig, PalmDriveConfig};
 use crate::{
-    protocols::{ProtocolName, PublishedSettings},
+    protocols::ProtocolName,
     settings::{
         MAX_DURATION_S, MAX_LINKS, MAX_SETTING, MAX_STEP_S, MAX_STEPS_PER_CONTROL, MAX_SUBSTEPS,
         MIN_STEP_S, SINGLE_PRECISION,
@@ -304,9 +304,6 @@ pub struct Protocol {
     /// The pulls of `six_directions`.
     #[option(default, table)]
     pub pull: PullConfig,
-    /// Settings of a named protocol for which there is no option; [`Protocol::resolved`] sets them.
-    #[serde(skip)]
-    pub published: Option<PublishedSettings>,
 }
 
 impl Protocol {

@@ -35,7 +35,7 @@ pub struct EpisodeState {
 /// A body's numbers overflowed, or it is faster than anything can be.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, thiserror::Error)]
 #[error("the simulation diverged")]
-pub struct Diverged;
+pub struct Divergence;
 
 impl SettledScene {
     /// Places the hand, at rest, beside the settled object.
@@ -82,22 +82,22 @@ impl SettledScene {
         &self,
         episode: &mut Episode,
         command: &HandState<Object>,
-    ) -> Result<(), Diverged> {
+    ) -> Result<(), Divergence> {
         let world = &mut episode.world;
         let target = self.table_from_estimate() * command.frame_from_palm;
         self.hand
             .move_palm(world, &target, self.scene.control_step_s());
         for _ in 0..self.scene.steps_per_control {
             self.hand.drive(world, &command.q_rad);
-            world.step().map_err(|Overflow| Diverged)?;
+            world.step().map_err(|Overflow| Divergence)?;
             self.hand.limit_speed(world);
         }
-        let object = world.bodies.get(self.object).ok_or(Diverged)?;
+        let object = world.bodies.get(self.object).ok_or(Divergence)?;
         let speed = meters(object.linvel().length()).max(f64::from(object.angvel().length()));
         if speed < IMPLAUSIBLE_SPEED && self.hand.fastest(world) < IMPLAUSIBLE_SPEED {
             Ok(())
         } else {
-            Err(Diverged)
+            Err(Divergence)
         }
     }
 

@@ -6,6 +6,7 @@ use spatial::{Object, Palm, Pose, Table};
 use crate::{
     config::{KnockedUntil, Protocol},
     contact::{self, Touch},
+    protocols::{Criteria, exceeds},
     script::{Command, Phase, Script, steps},
     settings::MAX_DELAY_S,
     settled_scene::SettledScene,
@@ -38,6 +39,8 @@ const SETTLED_SHARE: f64 = 0.1;
 /// Follows a rollout and ends it as soon as its verdict is known.
 pub(crate) struct Judge<'a> {
     protocol: &'a Protocol,
+    /// The limits by which it judges.
+    criteria: Criteria,
     /// The settled object.
     table_from_object_at_start: Pose<Table, Object>,
     rise_m: f64,
@@ -87,7 +90,7 @@ impl<'a> Judge<'a> {
         let count = |phase: Phase| script.commands.iter().filter(|c| c.phase == phase).count();
         let hold_left = count(Phase::Hold) + count(Phase::Pull);
         let scene = &settled.scene;
-        let rises_only = protocol.published_settings().shakes.is_none();
+        let rises_only = protocol.published().shakes.is_none();
         // A hand that still closes or is shaken may touch a lost object again.
         let shortcuts = Shortcuts {
             lost: shortcuts.lost && scene.drive.delay_s <= protocol.pause_s && rises_only,
@@ -96,6 +99,7 @@ impl<'a> Judge<'a> {
         };
         Self {
             protocol,
+            criteria: protocol.criteria(),
             table_from_object_at_start: settled.table_from_object(),
             rise_m: 0.0,
             displacement_m: None,
@@ -178,7 +182,7 @@ impl<'a> Judge<'a> {
                 self.palm_from_object_held.push(self.last_palm_from_object);
                 self.count_pressing(&touch);
                 let from = *self.palm_from_object_at_pull.get_or_insert_with(|| {
-                    if self.protocol.published_settings().displacement_from_start {
+                    if self.protocol.published().displacement_from_start {
                         table_from_palm.inv_mul(&self.table_from_object_at_start)
                     } else {
                         before
@@ -186,8 +190,9 @@ impl<'a> Judge<'a> {
                 });
                 let away = from.inv_mul(&palm_from_object);
                 let limits = &self.protocol.pull;
+                let max_rotation_rad = self.criteria.max_rotation_rad;
                 if away.translation.vector.norm() <= limits.max_displacement_m
-                    && away.rotation.angle() <= limits.max_rotation_rad
+                    && max_rotation_rad.is_none_or(|most| away.rotation.angle() <= most)
                 {
                     return None;
                 }
@@ -198,7 +203,7 @@ impl<'a> Judge<'a> {
 
     /// Whether the object is too far from where it lay, moved as the palm was.
     fn is_displaced(&self, table_from_object: &Pose<Table, Object>, command: &Command) -> bool {
-        let Some(most) = self.protocol.published_settings().displacement else {
+        let Some(most) = self.protocol.published().displacement else {
             return false;
         };
         let judged = match command.phase {
@@ -260,13 +265,15 @@ impl<'a> Judge<'a> {
         let turned = table_from_object
             .rotation
             .angle_to(&self.table_from_object_at_start.rotation);
-        (moved.norm() > self.protocol.knocked_m || turned > self.protocol.knocked_rad)
-            .then_some(Verdict::KnockedOver)
+        let is_far = exceeds(moved.norm(), self.criteria.knocked_m)
+            || exceeds(turned, self.criteria.knocked_rad);
+        is_far.then_some(Verdict::KnockedOver)
     }
 
     /// Whether the object is not lifted.
     fn is_low(&self) -> bool {
-        self.rise_m <= self.protocol.lifted_m
+        let lifted_m = self.criteria.lifted_m;
+        lifted_m.is_some_and(|lifted_m| self.rise_m <= lifted_m)
     }
 
     /// Counts, in the final window, in how many steps each body of the hand pressed.
@@ -305,10 +312,11 @@ impl<'a> Judge<'a> {
         if !self.shortcuts.settled {
             return false;
         }
-        let protocol = self.protocol;
-        let settled_m = SETTLED_M.min(SETTLED_SHARE * SETTLED_S * protocol.max_slip_m_per_s);
-        let max_spin_rad_per_s = protocol.strict.max_spin_rad_per_s;
-        let settled_rad = SETTLED_RAD.min(SETTLED_SHARE * SETTLED_S * max_spin_rad_per_s);
+        let slow = |most: f64, speed_limit: Option<f64>| {
+            speed_limit.map_or(most, |limit| most.min(SETTLED_SHARE * SETTLED_S * limit))
+        };
+        let settled_m = slow(SETTLED_M, self.criteria.max_slip_m_per_s);
+        let settled_rad = slow(SETTLED_RAD, self.criteria.max_spin_rad_per_s);
         let moved = |rest: &Resting| {
             let away = rest.palm_from_object.inv_mul(palm_from_object);
             away.translation.vector.norm() > settled_m || away.rotation.angle() > settled_rad
@@ -384,9 +392,9 @@ impl<'a> Judge<'a> {
             });
         let (slipped_m, turned_rad) = (away.translation.vector.norm(), away.rotation.angle());
         let seconds = self.window as f64 * self.control_s;
-        let protocol = self.protocol;
-        if slipped_m > protocol.max_slip_m_per_s * seconds
-            || turned_rad > protocol.strict.max_spin_rad_per_s * seconds
+        let over_window = |speed_limit: Option<f64>| speed_limit.map(|limit| limit * seconds);
+        if exceeds(slipped_m, over_window(self.criteria.max_slip_m_per_s))
+            || exceeds(turned_rad, over_window(self.criteria.max_spin_rad_per_s))
         {
             Verdict::Slipped
         } else {

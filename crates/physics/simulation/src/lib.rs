@@ -45,11 +45,11 @@ pub use config::{
     PalmDriveConfig, Protocol, PullConfig, SceneConfig, StrictConfig, Support, Trial,
 };
 pub use contact::ContactPoint;
-pub use episode::{Diverged, Episode, EpisodeState};
+pub use episode::{Divergence, Episode, EpisodeState};
 pub use error::SimulationError;
 pub use object::ObjectShape;
 pub use played::CommandStep;
-pub use protocols::{ProtocolName, PublishedSettings};
+pub use protocols::ProtocolName;
 pub use rollout::{Rollout, StepDecision, Trace, TraceMode, TraceStep, WatchedRollout};
 pub use scene_randomization::SceneRandomization;
 pub use schemas::rollouts::{Measures, Verdict};

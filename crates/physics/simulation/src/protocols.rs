@@ -11,12 +11,14 @@ use crate::config::{
     StrictConfig, Support, Trial,
 };
 
-/// A limit that nothing reaches, in the unit of its option.
-const NO_LIMIT: f64 = 1e6;
 /// Torque of a drive that has no limit, in newton meters.
 const NO_TORQUE_LIMIT_NM: f64 = 1e3;
 /// Deepest that a palm, which does not yield, may be commanded below the table, in meters.
 const PALM_IN_TABLE_M: f64 = 0.01;
+/// Duration of the squeeze of `DexGraspBench`, in seconds.
+const DEXGRASPBENCH_SQUEEZE_S: f64 = 0.4;
+/// Deepest that a hand of `DexGraspBench` may start in the object, in meters.
+const DEXGRASPBENCH_START_M: f64 = 0.01;
 /// Greatest friction of `full_contact`, before sampled errors.
 pub(crate) const FULL_CONTACT_FRICTION: f64 = 0.8;
 
@@ -78,6 +80,73 @@ impl ProtocolName {
         }
     }
 
+    /// Returns what a published protocol has beyond the options.
+    fn published(self) -> Option<PublishedProtocol> {
+        let plain = PublishedProtocol::PLAIN;
+        let none = Criteria::NONE;
+        let limit = |max_m: f64, max_deg: f64, always: bool| {
+            Some(DisplacementLimit {
+                max_m,
+                max_rad: max_deg.to_radians(),
+                always,
+            })
+        };
+        Some(match self {
+            Self::TableLift | Self::FullContact => return None,
+            Self::Paper => PublishedProtocol {
+                constant_speed_lift: true,
+                criteria: Criteria {
+                    lifted_m: Some(0.04),
+                    ..none
+                },
+                ..plain
+            },
+            Self::DexgraspbenchForceClosure => PublishedProtocol {
+                restart_each_pull: true,
+                displacement_from_start: true,
+                squeeze_s: DEXGRASPBENCH_SQUEEZE_S,
+                criteria: Criteria {
+                    start_tolerance_m: Some(DEXGRASPBENCH_START_M),
+                    max_rotation_rad: Some(15.0_f64.to_radians()),
+                    ..none
+                },
+                ..plain
+            },
+            Self::DexgraspbenchTabletop => PublishedProtocol {
+                constant_speed_lift: true,
+                displacement: limit(0.05, 15.0, false),
+                squeeze_s: DEXGRASPBENCH_SQUEEZE_S,
+                criteria: Criteria {
+                    start_tolerance_m: Some(DEXGRASPBENCH_START_M),
+                    table_tolerance_m: Some(0.01),
+                    ..none
+                },
+                ..plain
+            },
+            Self::GetAGrip => PublishedProtocol {
+                constant_speed_lift: true,
+                shakes: Some(Shakes {
+                    amplitude_m: 0.03,
+                    period_s: 1.14,
+                }),
+                displacement: limit(0.1, 45.0, false),
+                squeeze_s: 0.25,
+                ..plain
+            },
+            Self::Dro => PublishedProtocol {
+                open_share: 0.25,
+                squeeze_share: 0.15,
+                ..plain
+            },
+            Self::Frogger => PublishedProtocol {
+                constant_speed_lift: true,
+                displacement: limit(0.075, 30.0, true),
+                squeeze_s: 0.2,
+                ..plain
+            },
+        })
+    }
+
     /// Whether it is the lenient one, by the options alone.
     pub fn is_table_lift(&self) -> bool {
         *self == Self::TableLift
@@ -89,9 +158,9 @@ impl ProtocolName {
     }
 }
 
-/// Settings of protocols for which there is no option.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub struct PublishedSettings {
+/// What a published protocol has beyond the options.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct PublishedProtocol {
     /// Opening of the flexing joints before the closing, besides `open_rad`, as a share of the distance to their
     /// lower limits.
     pub(crate) open_share: f64,
@@ -107,6 +176,76 @@ pub struct PublishedSettings {
     pub(crate) restart_each_pull: bool,
     /// Whether displacements under pulls count from before the closing, and not from the first pull.
     pub(crate) displacement_from_start: bool,
+    /// Duration of the ramp to the squeeze in seconds, which tells options that were resolved from others.
+    squeeze_s: f64,
+    /// By what it judges instead of the options.
+    criteria: Criteria,
+}
+
+impl PublishedProtocol {
+    /// Judges nothing, and does nothing that the options do not say.
+    const PLAIN: Self = Self {
+        open_share: 0.0,
+        squeeze_share: 0.0,
+        constant_speed_lift: false,
+        shakes: None,
+        displacement: None,
+        restart_each_pull: false,
+        displacement_from_start: false,
+        squeeze_s: 0.0,
+        criteria: Criteria::NONE,
+    };
+}
+
+/// Limits by which a motion is judged; none where the protocol has none. Units are those of the options of these names.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Criteria {
+    pub(crate) knocked_m: Option<f64>,
+    pub(crate) knocked_rad: Option<f64>,
+    pub(crate) limit_tolerance_rad: Option<f64>,
+    pub(crate) table_tolerance_m: Option<f64>,
+    pub(crate) early_tolerance_m: Option<f64>,
+    pub(crate) start_tolerance_m: Option<f64>,
+    pub(crate) lifted_m: Option<f64>,
+    pub(crate) max_slip_m_per_s: Option<f64>,
+    pub(crate) max_spin_rad_per_s: Option<f64>,
+    pub(crate) max_rotation_rad: Option<f64>,
+}
+
+impl Criteria {
+    const NONE: Self = Self {
+        knocked_m: None,
+        knocked_rad: None,
+        limit_tolerance_rad: None,
+        table_tolerance_m: None,
+        early_tolerance_m: None,
+        start_tolerance_m: None,
+        lifted_m: None,
+        max_slip_m_per_s: None,
+        max_spin_rad_per_s: None,
+        max_rotation_rad: None,
+    };
+
+    /// Returns those that the options name.
+    fn of_options(protocol: &Protocol) -> Self {
+        Self {
+            knocked_m: Some(protocol.knocked_m),
+            knocked_rad: Some(protocol.knocked_rad),
+            limit_tolerance_rad: Some(protocol.limit_tolerance_rad),
+            table_tolerance_m: Some(protocol.table_tolerance_m),
+            early_tolerance_m: Some(protocol.early_tolerance_m),
+            start_tolerance_m: Some(protocol.strict.start_tolerance_m),
+            lifted_m: Some(protocol.lifted_m),
+            max_slip_m_per_s: Some(protocol.max_slip_m_per_s),
+            max_spin_rad_per_s: Some(protocol.strict.max_spin_rad_per_s),
+            max_rotation_rad: Some(protocol.pull.max_rotation_rad),
+        }
+    }
+}
+
+/// Whether a number is above its limit, if it has one.
+pub(crate) fn exceeds(number: f64, limit: Option<f64>) -> bool {
+    limit.is_some_and(|limit| number > limit)
 }
 
 /// Shakes of the palm along the table's axes, one after the other: there, back, as far to the other side, and back.
@@ -143,9 +282,24 @@ pub(crate) struct DisplacementLimit {
 }
 
 impl Protocol {
-    /// Returns the settings for which there is no option; this project's own protocol has none.
-    pub(crate) fn published_settings(&self) -> PublishedSettings {
-        self.published.unwrap_or_default()
+    /// Returns what the named protocol has beyond the options; this project's own have nothing.
+    pub(crate) fn published(&self) -> PublishedProtocol {
+        self.name.published().unwrap_or(PublishedProtocol::PLAIN)
+    }
+
+    /// Returns the limits by which it judges a motion.
+    pub(crate) fn criteria(&self) -> Criteria {
+        let published = self.name.published();
+        published.map_or_else(|| Criteria::of_options(self), |it| it.criteria)
+    }
+
+    /// Whether the options are those for which the name stands.
+    #[expect(clippy::float_cmp, reason = "it is assigned, and never computed with")]
+    pub(crate) fn is_resolved(&self) -> bool {
+        match self.name.published() {
+            Some(published) => self.squeeze_s == published.squeeze_s,
+            None => self.name.is_table_lift() || self.strict.knocked_until == KnockedUntil::Lift,
+        }
     }
 
     /// Returns the scene and the protocol for which the name stands.
@@ -168,21 +322,22 @@ impl Protocol {
         (scene, protocol)
     }
 
-    /// Turns off the checks that published protocols do not have: knocking, slip and limits.
-    fn lenient(&mut self) {
-        self.knocked_m = NO_LIMIT;
-        self.knocked_rad = NO_LIMIT;
-        self.limit_tolerance_rad = NO_LIMIT;
-        self.table_tolerance_m = NO_LIMIT;
-        self.early_tolerance_m = NO_LIMIT;
-        self.max_slip_m_per_s = NO_LIMIT;
-        self.lifted_m = -NO_LIMIT;
+    /// Clears the options in whose place published protocols have [`Criteria`] of their own.
+    fn clear_criteria(&mut self) {
+        self.knocked_m = 0.0;
+        self.knocked_rad = 0.0;
+        self.limit_tolerance_rad = 0.0;
+        self.table_tolerance_m = 0.0;
+        self.early_tolerance_m = 0.0;
+        self.max_slip_m_per_s = 0.0;
+        self.lifted_m = 0.0;
+        self.pull.max_rotation_rad = 0.0;
         self.min_links = 0;
         self.strict = StrictConfig {
             min_fingers: 0,
-            max_spin_rad_per_s: NO_LIMIT,
+            max_spin_rad_per_s: 0.0,
             palm_table_tolerance_m: PALM_IN_TABLE_M,
-            start_tolerance_m: NO_LIMIT,
+            start_tolerance_m: 0.0,
             ..self.strict
         };
     }
@@ -215,7 +370,6 @@ fn full_contact(scene: &mut SceneConfig, protocol: &mut Protocol) {
         scene.palm_compliance.get_or_insert_default();
     }
     protocol.strict.knocked_until = KnockedUntil::Lift;
-    protocol.published = Some(PublishedSettings::default());
 }
 
 /// 40 control steps of the motion and 15 of the lift by 15 cm; at the end, a contact and a rise of 4 cm.
@@ -223,18 +377,13 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [200.0, 60.0, 10.0]);
     // Dynamic coefficients, as contacts there have their mean: hand 1 and object 3, object 3 and table 0.5.
     object(scene, [2.0, 1.5], ObjectMass::Density(1000.0));
-    protocol.lenient();
+    protocol.clear_criteria();
     protocol.approach = Approach::Follow;
     protocol.trial = Trial::Lift;
     protocol.reach_s = 0.8;
     (protocol.squeeze_rad, protocol.squeeze_s, protocol.pause_s) = (0.0, 0.0, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.15, 0.3, 0.0);
-    protocol.lifted_m = 0.04;
     protocol.min_links = 1;
-    protocol.published = Some(PublishedSettings {
-        constant_speed_lift: true,
-        ..PublishedSettings::default()
-    });
 }
 
 /// Sets the common settings of both protocols of `DexGraspBench`: 100 g, a pregrasp that is no deeper than 1 cm,
@@ -242,10 +391,9 @@ fn paper(scene: &mut SceneConfig, protocol: &mut Protocol) {
 fn dexgraspbench(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [5.0, 0.1, NO_TORQUE_LIMIT_NM]);
     object(scene, [0.6, 0.6], ObjectMass::Kilograms(0.1));
-    protocol.lenient();
-    protocol.strict.start_tolerance_m = 0.01;
+    protocol.clear_criteria();
     protocol.approach = Approach::AtGrasp;
-    (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.4, 0.4, 0.0);
+    (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.4, DEXGRASPBENCH_SQUEEZE_S, 0.0);
 }
 
 /// Pulls of 1 N for 2 s in six directions, each from the same state: at most 5 cm and 15 degrees from where it lay
@@ -258,37 +406,22 @@ fn force_closure(scene: &mut SceneConfig, protocol: &mut Protocol) {
         force_n_per_kg: 10.0,
         pull_s: 2.0,
         max_displacement_m: 0.05,
-        max_rotation_rad: 15.0_f64.to_radians(),
+        ..protocol.pull
     };
-    protocol.published = Some(PublishedSettings {
-        restart_each_pull: true,
-        displacement_from_start: true,
-        ..PublishedSettings::default()
-    });
 }
 
 /// A lift by 10 cm in 0.4 s: at its end at most 5 cm and 15 degrees from 10 cm above where it lay.
 fn tabletop(scene: &mut SceneConfig, protocol: &mut Protocol) {
     dexgraspbench(scene, protocol);
-    protocol.table_tolerance_m = 0.01;
     protocol.trial = Trial::Lift;
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 0.4, 0.0);
-    protocol.published = Some(PublishedSettings {
-        constant_speed_lift: true,
-        displacement: Some(DisplacementLimit {
-            max_m: 0.05,
-            max_rad: 15.0_f64.to_radians(),
-            always: false,
-        }),
-        ..PublishedSettings::default()
-    });
 }
 
 /// A lift by 20 cm, and shakes of 3 cm: three links in contact, at most 10 cm and 45 degrees off.
 fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [50.0, 1.0, 15.0]);
     object(scene, [0.9, 1.0], ObjectMass::Density(500.0));
-    protocol.lenient();
+    protocol.clear_criteria();
     protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::Lift;
     // The fingertips close by 5 cm: a quarter of a radian in each joint of a finger of 10 cm.
@@ -296,19 +429,6 @@ fn get_a_grip(scene: &mut SceneConfig, protocol: &mut Protocol) {
     (protocol.reach_s, protocol.squeeze_s, protocol.pause_s) = (0.17, 0.25, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.2, 1.14, 0.0);
     protocol.min_links = 3;
-    protocol.published = Some(PublishedSettings {
-        constant_speed_lift: true,
-        shakes: Some(Shakes {
-            amplitude_m: 0.03,
-            period_s: 1.14,
-        }),
-        displacement: Some(DisplacementLimit {
-            max_m: 0.1,
-            max_rad: 45.0_f64.to_radians(),
-            always: false,
-        }),
-        ..PublishedSettings::default()
-    });
 }
 
 /// Fingers that close for 1 s from 25 % open to 15 % closed, and pulls of 0.5 N/kg for 1 s each: at most 2 cm from
@@ -317,7 +437,7 @@ fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
     drive(scene, [1000.0, 200.0, 15.0]);
     object(scene, [3.0, 3.0], ObjectMass::Density(500.0));
     scene.support = Support::Nothing;
-    protocol.lenient();
+    protocol.clear_criteria();
     protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::SixDirections;
     (protocol.open_rad, protocol.squeeze_rad) = (0.0, 0.0);
@@ -328,33 +448,19 @@ fn dro(scene: &mut SceneConfig, protocol: &mut Protocol) {
         force_n_per_kg: 0.5,
         pull_s: 1.0,
         max_displacement_m: 0.02,
-        max_rotation_rad: NO_LIMIT,
+        ..protocol.pull
     };
-    protocol.published = Some(PublishedSettings {
-        open_share: 0.25,
-        squeeze_share: 0.15,
-        ..PublishedSettings::default()
-    });
 }
 
 /// A squeeze of 0.2 s, a lift by 10 cm in 1 s and a hold of 1.5 s: at most 7.5 cm and 30 degrees off.
 fn frogger(scene: &mut SceneConfig, protocol: &mut Protocol) {
     scene.drive.torque_limit = 0.7;
     object(scene, [0.7, 0.7], ObjectMass::Density(150.0));
-    protocol.lenient();
+    protocol.clear_criteria();
     protocol.approach = Approach::AtGrasp;
     protocol.trial = Trial::Lift;
     protocol.open_rad = 0.0;
     protocol.reach_s = scene.control_step_s();
     (protocol.squeeze_s, protocol.pause_s) = (0.2, 0.0);
     (protocol.lift_m, protocol.lift_s, protocol.hold_s) = (0.1, 1.0, 1.5);
-    protocol.published = Some(PublishedSettings {
-        constant_speed_lift: true,
-        displacement: Some(DisplacementLimit {
-            max_m: 0.075,
-            max_rad: 30.0_f64.to_radians(),
-            always: true,
-        }),
-        ..PublishedSettings::default()
-    });
 }

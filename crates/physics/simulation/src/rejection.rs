@@ -33,7 +33,8 @@ pub(crate) fn reject(
     support: Support,
     table_from_object: &Pose<Table, Object>,
 ) -> Result<Option<Verdict>, SimulationError> {
-    let tolerance = protocol.limit_tolerance_rad;
+    let criteria = protocol.criteria();
+    let tolerance = criteria.limit_tolerance_rad.unwrap_or(f64::INFINITY);
     let outside = |pose: &HandState<Object>| {
         pose.q_rad
             .iter()
@@ -49,7 +50,7 @@ pub(crate) fn reject(
         let table_from_shape = *table_from_object * *object_from_shape;
         let tolerance_m = match shape.of_hand.finger {
             None => protocol.strict.palm_table_tolerance_m,
-            Some(_) => protocol.table_tolerance_m,
+            Some(_) => criteria.table_tolerance_m.unwrap_or(f64::INFINITY),
         };
         let is_above = shape.shape.lowest_m(&table_from_shape, &Vector3::z()) >= -tolerance_m;
         support == Support::Table && !is_above
@@ -59,12 +60,12 @@ pub(crate) fn reject(
             return Ok(Some(Verdict::Table));
         }
     }
-    let deeper = |tolerance_m: f64| {
+    let deeper = |tolerance_m: Option<f64>| {
         move |shape: &LinkShape, object_from_shape: &Pose<Object, Shape>| {
-            depth_m(shape, object_from_shape, hulls) > tolerance_m
+            tolerance_m.is_some_and(|most_m| depth_m(shape, object_from_shape, hulls) > most_m)
         }
     };
-    let start_m = protocol.strict.start_tolerance_m;
+    let start_m = criteria.start_tolerance_m;
     if any_shape(model, shapes, &script.start.hand, deeper(start_m))? {
         return Ok(Some(Verdict::EarlyContact));
     }
@@ -74,7 +75,7 @@ pub(crate) fn reject(
             model,
             shapes,
             &command.hand,
-            deeper(protocol.early_tolerance_m),
+            deeper(criteria.early_tolerance_m),
         )? {
             return Ok(Some(Verdict::EarlyContact));
         }

@@ -236,7 +236,7 @@ impl<'a> Execution<'a> {
             palm,
             compliant: None,
             halted: false,
-            restart_each_pull: protocol.published_settings().restart_each_pull,
+            restart_each_pull: protocol.published().restart_each_pull,
             before_pulls: None,
             commanded_n: 0,
             control_steps_n: 0,

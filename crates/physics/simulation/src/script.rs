@@ -201,7 +201,7 @@ fn check<R: Rates>(
         );
         return Err(SimulationError::Motion(message));
     }
-    if !protocol.name.is_table_lift() && protocol.published.is_none() {
+    if !protocol.is_resolved() {
         let problem = "stands for settings that were not taken: call `Protocol::resolved`";
         return Err(OptionFault::new("name", problem).into());
     }
@@ -276,7 +276,7 @@ impl<R: Rates> Writer<'_, R> {
     /// Returns the commands of the lift, of the shakes that follow it, if any, and of the hold.
     fn lift(&self, scene: &SceneConfig) -> Vec<Command> {
         let protocol = self.protocol;
-        let published = protocol.published_settings();
+        let published = protocol.published();
         let mut commands = Vec::new();
         let lifted = |share: f64| Vector3::z() * share * protocol.lift_m;
         for fraction in fractions(steps(protocol.lift_s, scene).max(1)) {
@@ -347,7 +347,7 @@ impl<R: Rates> Writer<'_, R> {
                 let grasp = self.at(1.0);
                 let opened = self
                     .flexion
-                    .towards_limit(&grasp.q_rad, -self.protocol.published_settings().open_share);
+                    .towards_limit(&grasp.q_rad, -self.protocol.published().open_share);
                 let opened = self.flexion.flexed(&opened, -self.protocol.open_rad);
                 let between = opened.iter().zip(&grasp.q_rad);
                 HandState {
@@ -369,7 +369,7 @@ impl<R: Rates> Writer<'_, R> {
     /// Returns the command at the grasp, squeezed by a fraction.
     fn grasp(&self, phase: Phase, squeeze: f64) -> Command {
         let grasp = self.at(1.0);
-        let share = self.protocol.published_settings().squeeze_share * squeeze;
+        let share = self.protocol.published().squeeze_share * squeeze;
         let closed = self.flexion.towards_limit(&grasp.q_rad, share);
         Command {
             phase,

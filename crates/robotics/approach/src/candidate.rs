@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use motion::HandState;
 use posture::Environment;
-use schemas::candidates::{Candidate, DrawSource, Origin};
+use schemas::candidates::{Candidate, Candidates, DrawSource, Origin};
 use spatial::Object;
 
 use crate::{
@@ -52,6 +52,15 @@ impl<'a> Reach<'a> {
     /// Returns the names of the candidates' joints.
     pub fn joints(&self) -> &Arc<[String]> {
         &self.joints
+    }
+
+    /// Returns the table of these candidates of the object.
+    pub fn table(&self, candidates: Vec<Candidate>) -> Candidates {
+        Candidates {
+            object: self.object.to_owned(),
+            joints: Arc::clone(&self.joints),
+            candidates,
+        }
     }
 
     /// Returns the motion from a start to a grasp as the candidate of this number: from the nearest side from which the

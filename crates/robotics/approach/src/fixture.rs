@@ -11,7 +11,7 @@ pub(crate) use grasp_fixture::{GRASP_Q, hand};
 /// Half of the box's sides, in meters.
 pub(crate) const BOX_HALF_M: [f64; 3] = [0.025, 0.08, 0.05];
 
-const BOX: StandingBox = StandingBox { half_m: BOX_HALF_M };
+pub(crate) const BOX: StandingBox = StandingBox { half_m: BOX_HALF_M };
 
 pub(crate) fn body() -> HandBody {
     HandBody::new(hand(), &FLEXION, GRASP_Q.to_vec()).unwrap()

@@ -4,12 +4,15 @@
 //! demonstration carried to where the object lies, straight to a pregrasp, which is the grasp with its palm backed
 //! off along its [`HandAxes`] and its fingers opened, and straight to the grasp ([`ApproachPath`]). Rates are exact.
 //!
+//! [`Attempts`] gives each random attempt at a grasp its own random numbers and resting pose.
+//!
 //! [`HandBody`] says how near a hand is to an object and a table, link by link; [`HandBody::closed`] closes the
 //! fingers on the object, joint by joint. Nothing is simulated, and fingers do not stop at each other.
 //!
 //! Everything is in meters, radians and seconds; hands are in the object's frame.
 
 mod approach_path;
+mod attempts;
 mod axes;
 mod body;
 mod candidate;
@@ -26,6 +29,7 @@ mod virtual_contacts;
 mod wrenches;
 
 pub use approach_path::ApproachPath;
+pub use attempts::Attempts;
 pub use axes::HandAxes;
 pub use body::{HandBody, PlacedHand, Touch};
 pub use candidate::{Grasp, Reach};

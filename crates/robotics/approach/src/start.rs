@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use motion::{HandState, Motion, MotionError};
 use nalgebra::{UnitQuaternion, Vector3};
+use rand::Rng;
+use rand_chacha::ChaCha8Rng;
 use schemas::trajectories::{Trajectory, TrajectoryRates};
 use spatial::{Object, Pose, Table};
 
@@ -46,6 +48,15 @@ impl Start {
             return Err(ApproachError::NoStart);
         }
         Ok(starts)
+    }
+
+    /// Draws one of several starts, each as often.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is none.
+    pub fn draw<'s>(starts: &'s [Self], rng: &mut ChaCha8Rng) -> &'s Self {
+        &starts[rng.random_range(0..starts.len())]
     }
 
     /// Returns the mean of the joint positions at the grasp of trajectories, in the hand's order.

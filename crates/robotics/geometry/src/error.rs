@@ -2,7 +2,7 @@
 
 use crate::{
     polygon::MAX_CONCAVE_CORNERS,
-    size::{Rounded, unit},
+    size::{ThreeDigits, unit},
 };
 
 /// Why a mesh could not be used.
@@ -89,7 +89,7 @@ pub enum GeometryError {
     /// The lengths make no sense in meters.
     #[error(
         "it measures {} m, and its longest side must be {least_m} to {most_m} m{}",
-        sides_m.map(|side| Rounded(side).to_string()).join(" × "),
+        sides_m.map(|side| ThreeDigits(side).to_string()).join(" × "),
         factor.map_or("; meshes are in meters".to_owned(), |factor| {
             format!("; meshes are in meters, this one may be in {}: multiply its coordinates by {factor}", unit(factor))
         })
@@ -117,7 +117,7 @@ pub enum GeometryError {
     #[error(
         "it measures {} m, too large for distances every {spacing_m} m; meshes are in meters, and \
          large objects need a coarser spacing",
-        sides_m.map(|side| Rounded(side).to_string()).join(" × ")
+        sides_m.map(|side| ThreeDigits(side).to_string()).join(" × ")
     )]
     LargeGrid {
         /// Its sides along the axes, in meters.

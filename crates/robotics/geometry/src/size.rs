@@ -58,9 +58,9 @@ pub(crate) fn unit(factor: f64) -> &'static str {
 }
 
 /// A length in three digits.
-pub(crate) struct Rounded(pub(crate) f64);
+pub(crate) struct ThreeDigits(pub(crate) f64);
 
-impl fmt::Display for Rounded {
+impl fmt::Display for ThreeDigits {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if self.0 == 0.0 || !self.0.is_finite() {
             return write!(f, "{}", self.0);

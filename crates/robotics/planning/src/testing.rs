@@ -9,13 +9,13 @@ pub(crate) mod swings;
 
 /// Steps of a motion, and the pose of its object on the table.
 #[derive(Debug, Clone)]
-pub(crate) struct Drawn {
+pub(crate) struct MotionOnTable {
     pub(crate) joints: Vec<String>,
     pub(crate) steps: Vec<Step<Object>>,
     pub(crate) table_from_object: Pose<Table, Object>,
 }
 
-impl Drawn {
+impl MotionOnTable {
     pub(crate) fn motion(&self) -> Result<Motion<Object>, MotionError> {
         Motion::new(&self.joints, self.steps.clone())
     }

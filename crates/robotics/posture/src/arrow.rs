@@ -24,7 +24,7 @@ pub(crate) struct System<'a> {
 }
 
 /// Memory to solve systems of one layout.
-pub(crate) trait Eliminate: std::fmt::Debug + Send {
+pub(crate) trait LinearSolver: std::fmt::Debug + Send {
     /// Writes the steps of the free unknowns and 0 for the held ones; returns false, with `step`
     /// in any state, if the matrix is not positive definite.
     fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool;
@@ -35,7 +35,7 @@ pub(crate) trait Eliminate: std::fmt::Debug + Send {
 }
 
 /// Returns memory for systems of this layout.
-pub(crate) fn eliminator(layout: &Layout) -> Box<dyn Eliminate> {
+pub(crate) fn eliminator(layout: &Layout) -> Box<dyn LinearSolver> {
     let finger = layout.stride - layout.n_trunk;
     match (finger, layout.n_trunk) {
         (0..=4, 0..=6) => Box::new(Arrow::<4, 6>::new(layout)),
@@ -85,7 +85,7 @@ impl<const F: usize, const T: usize> Arrow<F, T> {
     }
 }
 
-impl<const F: usize, const T: usize> Eliminate for Arrow<F, T> {
+impl<const F: usize, const T: usize> LinearSolver for Arrow<F, T> {
     fn solve(&mut self, system: &System<'_>, step: &mut [f64]) -> bool {
         load_trunk(system, &mut self.trunk);
         for (rows, &(first, len)) in self.fingers.iter_mut().zip(&system.layout.fingers) {

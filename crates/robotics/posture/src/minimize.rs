@@ -4,7 +4,7 @@ use nalgebra::Vector3;
 
 use crate::{
     SolverError,
-    arrow::{Eliminate, eliminator},
+    arrow::{LinearSolver, eliminator},
     compiled::{CompiledHand, Root},
     evaluate::{Evaluation, Posed, State},
     moments::Order,
@@ -76,7 +76,7 @@ pub struct SearchOutcome {
 #[derive(Debug)]
 pub struct Solver<'a> {
     pub(crate) evaluation: Evaluation<'a>,
-    pub(crate) eliminator: Box<dyn Eliminate>,
+    pub(crate) eliminator: Box<dyn LinearSolver>,
     pub(crate) pair_factors: PairFactors,
     pub(crate) state: State,
     pub(crate) trial: State,

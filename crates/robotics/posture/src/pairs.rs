@@ -4,7 +4,7 @@
 //! Gauss-Newton's, a sum of `c g gᵀ` over the pairs, so few systems with the arrow's factors solve the whole one
 //! (Woodbury's formula; Golub and Van Loan, *Matrix Computations*, 2013, §2.1.4).
 
-use crate::{arrow::Eliminate, evaluate::Evaluation, layout::Layout, task::PairResidual};
+use crate::{arrow::LinearSolver, evaluate::Evaluation, layout::Layout, task::PairResidual};
 
 /// Second derivatives of the residuals of pairs.
 #[derive(Debug, Default)]
@@ -131,7 +131,7 @@ impl PairFactors {
     pub(crate) fn prepare(
         &mut self,
         pairs: &PairRows,
-        eliminator: &mut dyn Eliminate,
+        eliminator: &mut dyn LinearSolver,
         layout: &Layout,
         free: &[f64],
     ) -> bool {

@@ -46,16 +46,17 @@
 //! tips end beside its surface. A [`Refiner`] moves it so that its hand keeps out of object and table over the whole
 //! reach, keeps clear of the object until it closes, and reaches a grasp with its fingertips on the surface, where
 //! their forces balance; over its last tenth it squeezes along these forces. The grasp is refined first, and the
-//! approach is rebuilt backward from it. [`Refined::residual_m2`] says how well that succeeded, so that the best of
-//! several draws can be kept.
+//! approach is rebuilt backward from it. [`Refined::residual_m2`] says how well that succeeded, and [`choose`] picks the
+//! best of several draws by it.
 //!
 //! - Everything is computed in the object's frame, in `f64`, in meters, seconds, radians and newtons.
 //! - At no step does a joint leave its limits.
 //! - Equal arguments give equal motions, whatever a refiner refined before.
 //!
-//! This crate does no input or output and simulates nothing: it knows nothing of draws, tables or files.
+//! This crate does no input or output and simulates nothing: it knows nothing of tables or files.
 
 mod balance;
+mod choice;
 mod config;
 mod error;
 #[cfg(test)]
@@ -63,6 +64,7 @@ mod fixture;
 mod grasp;
 mod refiner;
 
+pub use choice::{Choice, choose};
 pub use config::RefinementConfig;
 pub use error::RefinementError;
 pub use refiner::{Payload, Refined, Refiner};

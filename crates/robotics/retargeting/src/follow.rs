@@ -28,7 +28,7 @@ const TIE_BREAK_WEIGHT: f64 = 1e-3;
 
 /// A step that was solved.
 #[derive(Debug, Clone)]
-pub(crate) struct Solved {
+pub(crate) struct StepSolution {
     /// The posture.
     pub(crate) posture: Posture,
     /// Positions of the followed points, object frame, in meters.
@@ -85,8 +85,8 @@ impl<'a> Follower<'a> {
     pub(crate) fn step(
         &mut self,
         goal: &Goal,
-        before: &Solved,
-    ) -> Result<Solved, RetargetingError> {
+        before: &StepSolution,
+    ) -> Result<StepSolution, RetargetingError> {
         let start = before.posture.clone();
         self.search(
             goal,
@@ -98,7 +98,10 @@ impl<'a> Follower<'a> {
 
     /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
     /// from outside and so end on the right side of thin things.
-    pub(crate) fn grasp(&mut self, goals: &[Goal]) -> Result<Option<Solved>, RetargetingError> {
+    pub(crate) fn grasp(
+        &mut self,
+        goals: &[Goal],
+    ) -> Result<Option<StepSolution>, RetargetingError> {
         let Some((goal, before)) = goals.split_last() else {
             return Ok(None);
         };
@@ -119,7 +122,7 @@ impl<'a> Follower<'a> {
     /// Follows the last steps before the grasp forward in time, and returns the last one's posture.
     fn approach(&mut self, before: &[Goal]) -> Result<Option<Posture>, RetargetingError> {
         let from = before.len().saturating_sub(APPROACH);
-        let mut last: Option<Solved> = None;
+        let mut last: Option<StepSolution> = None;
         for goal in before.get(from..).unwrap_or(&[]) {
             last = Some(if let Some(last) = last {
                 self.step(goal, &last)?
@@ -136,8 +139,8 @@ impl<'a> Follower<'a> {
     pub(crate) fn afresh(
         &mut self,
         goal: &Goal,
-        before: Option<&Solved>,
-    ) -> Result<Option<Solved>, RetargetingError> {
+        before: Option<&StepSolution>,
+    ) -> Result<Option<StepSolution>, RetargetingError> {
         let targets = self.context.targets(goal);
         let task = self.context.task(&targets, before);
         let mut starts = self.solver.initial_postures(&task)?;
@@ -150,7 +153,7 @@ impl<'a> Follower<'a> {
             self.solver.minimize(&task, start, &options, &mut NoTerms)?;
         }
         let iterations = GRASP_ITERATIONS * self.context.config.max_iterations;
-        let mut best: Option<Solved> = None;
+        let mut best: Option<StepSolution> = None;
         for mut start in starts {
             let mut soft = self.context.terms(goal, SOFT);
             let task = self.context.task(&targets, before);
@@ -169,10 +172,10 @@ impl<'a> Follower<'a> {
     fn search(
         &mut self,
         goal: &Goal,
-        before: Option<&Solved>,
+        before: Option<&StepSolution>,
         start: Posture,
         iterations: usize,
-    ) -> Result<Solved, RetargetingError> {
+    ) -> Result<StepSolution, RetargetingError> {
         // Landmarks alone are cheap enough for it at every step.
         let fingers = if self.context.is_alone() {
             Fingers::TriedBothWays
@@ -186,11 +189,11 @@ impl<'a> Follower<'a> {
     fn search_with(
         &mut self,
         goal: &Goal,
-        before: Option<&Solved>,
+        before: Option<&StepSolution>,
         start: Posture,
         iterations: usize,
         fingers: Fingers,
-    ) -> Result<Solved, RetargetingError> {
+    ) -> Result<StepSolution, RetargetingError> {
         let mut posture = match self.context.config.wrist {
             Wrist::Free => start,
             Wrist::Fixed => self.aligned_to_targets(goal, start.q)?,
@@ -238,7 +241,7 @@ impl<'a> Follower<'a> {
                 }
             }
         }
-        Ok(Solved {
+        Ok(StepSolution {
             posture,
             points,
             cost,
@@ -292,7 +295,7 @@ impl<'a> StepContext<'a> {
     }
 
     /// Returns what is asked of the hand alone.
-    fn task<'t>(self, targets: &'t [Target], before: Option<&'t Solved>) -> Task<'t>
+    fn task<'t>(self, targets: &'t [Target], before: Option<&'t StepSolution>) -> Task<'t>
     where
         'a: 't,
     {
@@ -368,6 +371,6 @@ impl<'a> StepContext<'a> {
 }
 
 /// Returns the one of lower cost, the first if they are equal.
-fn cheaper(a: Solved, b: Solved) -> Solved {
+fn cheaper(a: StepSolution, b: StepSolution) -> StepSolution {
     if b.cost < a.cost { b } else { a }
 }

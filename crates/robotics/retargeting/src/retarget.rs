@@ -6,7 +6,7 @@ use spatial::Object;
 
 use crate::{
     LandmarkStep, RetargetingConfig, RetargetingError, Tracking,
-    follow::{Follower, Solved},
+    follow::{Follower, StepSolution},
     goal::{Goal, goal},
     smoothing::smoothed,
 };
@@ -54,7 +54,7 @@ pub fn retarget(
     };
     let grasp_error_m = grasp.tracking.keypoint_error_m();
     let (mut restarts_n, mut iterations_n) = (0, grasp.iterations);
-    let mut solved: Vec<Solved> = vec![grasp];
+    let mut solved: Vec<StepSolution> = vec![grasp];
     for goal in goals.iter().rev().skip(1) {
         let Some(after) = solved.last() else { break };
         let mut best = follower.step(goal, after)?;

@@ -18,7 +18,7 @@ const FLAT_M: f64 = 1e-12;
 
 /// The shortest way out of an overlap.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct WayOut {
+pub(crate) struct Separation {
     /// Its length in meters.
     pub(crate) depth_m: f64,
     /// Unit vector along which the second body leaves the first.
@@ -51,7 +51,7 @@ struct Polytope {
 pub(crate) fn way_out(
     farthest: impl Fn(&Vector3<f64>) -> Corner,
     within: &Simplex,
-) -> Option<WayOut> {
+) -> Option<Separation> {
     let first = tetrahedron(&farthest, within)?;
     let mut polytope = Polytope::of(&first)?;
     loop {
@@ -198,7 +198,7 @@ impl Polytope {
     }
 
     /// Returns the way out through the point of a face's plane nearest to the origin.
-    fn way_out(&self, face: &Face) -> WayOut {
+    fn way_out(&self, face: &Face) -> Separation {
         let [a, b, c] = face.corners.map(|corner| self.corners[corner]);
         let [p, q, r] = [a, b, c].map(|corner| corner.difference);
         let foot = face.outward * face.off_m;
@@ -207,7 +207,7 @@ impl Polytope {
         };
         let shares = [share(q, r), share(r, p), share(p, q)];
         let sum = shares[0] + shares[1] + shares[2];
-        WayOut {
+        Separation {
             depth_m: face.off_m.max(0.0),
             along: face.outward,
             on_first: (a.on_first * shares[0] + b.on_first * shares[1] + c.on_first * shares[2])

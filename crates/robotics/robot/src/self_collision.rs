@@ -6,7 +6,7 @@ use spatial::Pose;
 use crate::{
     Link, RobotModel, Shape, ShapePair,
     distance::{Corner, Nearest, to_origin},
-    penetration::{WayOut, way_out},
+    penetration::{Separation, way_out},
 };
 
 /// Radius with which edges are rounded, in meters: that of the spheres that line a box against objects. It takes
@@ -307,7 +307,7 @@ fn gap(
         )
     } else {
         match way_out(farthest, &found.simplex) {
-            Some(WayOut {
+            Some(Separation {
                 depth_m,
                 along,
                 on_first,

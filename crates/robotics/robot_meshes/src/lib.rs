@@ -12,15 +12,15 @@
 //! Objects get the same convex parts ([`geometry::convex_parts`]); equal bytes give equal parts,
 //! and a process computes them once.
 
-mod another_hand;
 mod error;
+mod hand_mismatch;
 mod load;
 mod place;
 mod shapes;
 mod sources;
 
-pub use another_hand::AnotherHand;
 pub use error::LoadError;
+pub use hand_mismatch::HandMismatch;
 pub use load::{LoadedRobot, load};
 pub use place::find;
 pub use shapes::{convex_bodies, with_mesh_shapes};

@@ -12,7 +12,7 @@ use crate::{
     body::{Body, height_m, horizontal},
     hand::{FINGERS, Hand, Joints, Side, posture_deg, rotation_from_axes},
     noise::{between, normal, normal3},
-    objects::Handling,
+    objects::GraspPlacement,
 };
 
 /// A way to take an object, before the hand is fitted to it.
@@ -74,7 +74,7 @@ pub(crate) fn draw(
 }
 
 fn is_at_rim(body: &Body) -> bool {
-    body.kind.handling == Handling::Rim
+    body.kind.handling == GraspPlacement::Rim
 }
 
 /// Says how much a surface faces a unit direction: 1 if it faces it fully.

@@ -8,7 +8,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use spatial::RestingPose;
 
-use crate::objects::{Handling, ObjectKind};
+use crate::objects::{GraspPlacement, ObjectKind};
 
 /// An object with what is computed from its mesh once.
 pub(crate) struct Body {
@@ -88,7 +88,7 @@ impl Body {
 
     /// Draws how it lies: mostly upright.
     pub(crate) fn draw_rest(&self, rng: &mut ChaCha8Rng, lying_share: f64) -> RestingPose {
-        let lies = rng.random::<f64>() < lying_share && self.kind.handling == Handling::Any;
+        let lies = rng.random::<f64>() < lying_share && self.kind.handling == GraspPlacement::Any;
         let all: f64 = self.lying.iter().map(|(_, share)| share).sum();
         let mut target = rng.random::<f64>() * all;
         for (rest, share) in &self.lying {

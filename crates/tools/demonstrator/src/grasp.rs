@@ -9,7 +9,7 @@ use crate::{
     body::{Body, height_m},
     fit::{FittedHand, fit},
     hand::{FINGERS, Hand, point},
-    objects::Handling,
+    objects::GraspPlacement,
 };
 
 /// A hand that holds an object, in the object's frame.
@@ -120,7 +120,7 @@ fn judge(
         penetration_m = penetration_m.max(radius - body.surface.signed_distance(flesh).distance_m);
         clearance_m = clearance_m.min(height_m(rest, flesh) - radius);
     }
-    let lift = if body.kind.handling == Handling::Rim {
+    let lift = if body.kind.handling == GraspPlacement::Rim {
         0.0
     } else {
         0.3

@@ -11,7 +11,7 @@ use crate::solid::{Builder, Ring, ellipse, level_set, loft, oriented_ellipse, ro
 
 /// Placement and grasp of objects of a kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Handling {
+pub(crate) enum GraspPlacement {
     /// It may also lie on its side; it is taken across its body.
     Any,
     /// It always lies as in its own frame; it is taken across its body.
@@ -27,7 +27,7 @@ pub(crate) struct ObjectKind {
     /// The dataset's name.
     pub(crate) name: &'static str,
     /// Its placement and grasp.
-    pub(crate) handling: Handling,
+    pub(crate) handling: GraspPlacement,
     /// Makes its mesh.
     pub(crate) mesh: fn() -> TriMesh,
 }
@@ -37,91 +37,91 @@ pub(crate) const OBJECT_KINDS: [ObjectKind; 15] = [
     ObjectKind {
         id: 1,
         name: "002_master_chef_can",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || can(51.0, -73.7, 66.4),
     },
     ObjectKind {
         id: 2,
         name: "003_cracker_box",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || carton(30.0, 79.0, -108.0, 102.0),
     },
     ObjectKind {
         id: 3,
         name: "004_sugar_box",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || carton(19.5, 44.5, -92.0, 83.0),
     },
     ObjectKind {
         id: 4,
         name: "005_tomato_soup_can",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || can(33.0, -59.3, 41.7),
     },
     ObjectKind {
         id: 5,
         name: "006_mustard_bottle",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: mustard_bottle,
     },
     ObjectKind {
         id: 7,
         name: "008_pudding_box",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || carton(44.5, 55.0, -20.0, 15.0),
     },
     ObjectKind {
         id: 9,
         name: "010_potted_meat_can",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: potted_meat_can,
     },
     ObjectKind {
         id: 10,
         name: "011_banana",
-        handling: Handling::Upright,
+        handling: GraspPlacement::Upright,
         mesh: banana,
     },
     ObjectKind {
         id: 12,
         name: "021_bleach_cleanser",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: bleach_cleanser,
     },
     ObjectKind {
         id: 13,
         name: "024_bowl",
-        handling: Handling::Rim,
+        handling: GraspPlacement::Rim,
         mesh: bowl,
     },
     ObjectKind {
         id: 14,
         name: "025_mug",
-        handling: Handling::Upright,
+        handling: GraspPlacement::Upright,
         mesh: mug,
     },
     ObjectKind {
         id: 15,
         name: "035_power_drill",
-        handling: Handling::Upright,
+        handling: GraspPlacement::Upright,
         mesh: power_drill,
     },
     ObjectKind {
         id: 16,
         name: "036_wood_block",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || carton(42.5, 42.5, -116.0, 84.0),
     },
     ObjectKind {
         id: 21,
         name: "061_foam_brick",
-        handling: Handling::Any,
+        handling: GraspPlacement::Any,
         mesh: || carton(25.0, 37.5, -17.0, 33.0),
     },
     ObjectKind {
         id: 22,
         name: "056_tennis_ball",
-        handling: Handling::Upright,
+        handling: GraspPlacement::Upright,
         mesh: tennis_ball,
     },
 ];

@@ -3,7 +3,7 @@
 mod motions;
 
 use glb::{GlbError, Moment, Player};
-use motions::{Wild, hand, motion, object, scene};
+use motions::{MotionSpectrum, hand, motion, object, scene};
 use nalgebra::Isometry3;
 use proptest::prelude::*;
 use robot::Link;
@@ -53,7 +53,7 @@ proptest! {
         shake_m in 0.0..0.01_f64,
         steps in 1..150_u32,
     ) {
-        let wild = Wild { turns_per_s, reach_m, shake_m };
+        let wild = MotionSpectrum { turns_per_s, reach_m, shake_m };
         check(&motion(&hand(), wild, steps));
     }
 }
@@ -62,7 +62,7 @@ proptest! {
 fn a_slow_motion_needs_few_keys_and_a_still_one_fewer() {
     let (hand, object) = (hand(), object());
     let bytes_n = |moments: &[Moment]| scene(&hand, &object).to_glb(moments).unwrap().len();
-    let slow = Wild {
+    let slow = MotionSpectrum {
         turns_per_s: 0.1,
         reach_m: 0.1,
         shake_m: 0.0,
@@ -82,7 +82,7 @@ fn a_slow_motion_needs_few_keys_and_a_still_one_fewer() {
 #[test]
 fn contacts_appear_and_vanish_with_the_size_of_their_force() {
     let (hand, object) = (hand(), object());
-    let wild = Wild {
+    let wild = MotionSpectrum {
         turns_per_s: 0.2,
         reach_m: 0.1,
         shake_m: 0.0,
@@ -124,7 +124,7 @@ fn contacts_appear_and_vanish_with_the_size_of_their_force() {
 #[test]
 fn equal_motions_give_equal_bytes() {
     let (hand, object) = (hand(), object());
-    let wild = Wild {
+    let wild = MotionSpectrum {
         turns_per_s: 0.5,
         reach_m: 0.1,
         shake_m: 0.001,
@@ -140,7 +140,7 @@ fn equal_motions_give_equal_bytes() {
 #[test]
 fn a_motion_that_cannot_be_shown_says_why() {
     let (hand, object) = (hand(), object());
-    let wild = Wild {
+    let wild = MotionSpectrum {
         turns_per_s: 0.5,
         reach_m: 0.1,
         shake_m: 0.0,

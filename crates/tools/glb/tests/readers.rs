@@ -8,14 +8,14 @@ mod motions;
 use std::{fs, path::Path, process::Command};
 
 use glb::Moment;
-use motions::{Wild, hand, motion, object, scene};
+use motions::{MotionSpectrum, hand, motion, object, scene};
 use robot::Link;
 use spatial::{Palm, Pose};
 
 /// Files of a motion as it is, of one moment, and without an object's triangles or contacts.
 fn files() -> Vec<(&'static str, Vec<Moment>, Vec<u8>)> {
     let hand = hand();
-    let wild = Wild {
+    let wild = MotionSpectrum {
         turns_per_s: 0.4,
         reach_m: 0.2,
         shake_m: 0.002,

@@ -1,4 +1,5 @@
-//! The Allegro hand, a box on a table and demonstrations of grasping it, for tests of generators of grasps.
+//! The Allegro hand, a box on a table and demonstrations of grasping it, for tests of generators of grasps, and the
+//! checks that hold of every generator.
 //!
 //! Everything is in meters, radians and seconds; every failure panics, as in a test.
 
@@ -6,12 +7,16 @@
     clippy::disallowed_methods,
     clippy::expect_used,
     clippy::missing_panics_doc,
+    clippy::panic,
     reason = "it is a part of tests"
 )]
 
 use std::{collections::BTreeMap, fs, path::Path, sync::Arc};
 
-use dataflow::{Artifact, Inputs, SourceFile};
+use dataflow::{
+    Artifact, BoxedDiagnostic, ConfigOf, Context, Inputs, Outcome, Output, Partition, Scope,
+    SourceFile, Unit,
+};
 use geometry::{DistanceField, TriMesh};
 use motion::{Motion, Step};
 use nalgebra::{Point3, UnitQuaternion, Vector3};
@@ -19,6 +24,7 @@ use posture::Environment;
 use robot::RobotModel;
 use schemas::{
     Table,
+    candidates::Candidates,
     distance_fields::{self, FieldInfo},
     objects::{Object, RestingOrientation},
     trajectories::{Tracking, Trajectory, TrajectoryRates},
@@ -192,6 +198,75 @@ impl StandingBox {
         }
         artifacts
     }
+
+    /// Makes a generator's candidates for it from these trajectories, with its distance field if `with_field`; returns
+    /// what was measured and written.
+    pub fn candidates<O: Output>(
+        self,
+        config: &ConfigOf<O>,
+        trajectories: &[Trajectory],
+        with_field: bool,
+        seed: u64,
+    ) -> (Outcome<O::Metrics>, Option<Candidates>) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let out = folder.path().join("out");
+        fs::create_dir(&out).expect("a folder");
+        let artifacts = self.artifacts(folder.path(), trajectories, with_field);
+        let cx = Context::detached(&"box".parse().expect("a key"), seed, &out);
+        let outcome = O::read_and_make(config, &inputs(&artifacts), &cx).expect("no failure");
+        let is_made = matches!(outcome, Outcome::Made(_));
+        let read = || lake::table::read(&artifact("box", &out)).expect("candidates");
+        let candidates = is_made.then(read);
+        (outcome, candidates)
+    }
+}
+
+/// Checks that candidates follow the seed, on any number of threads.
+pub fn check_seed(candidates: impl Fn(u64) -> Option<Candidates> + Sync) {
+    let on_one = rayon::ThreadPoolBuilder::new().num_threads(1);
+    let on_one = on_one.build().expect("a pool");
+    let one = on_one.install(|| candidates(3));
+    assert_eq!(one, candidates(3));
+    assert_ne!(one, candidates(4));
+}
+
+/// Checks that a generator skips an object without a distance field, with the reason.
+pub fn check_skipped_without_field<M>((outcome, made): (Outcome<M>, Option<Candidates>)) {
+    let Outcome::Skipped { reason } = outcome else {
+        panic!("not skipped");
+    };
+    assert!(
+        reason.contains("distance field") && made.is_none(),
+        "{reason}"
+    );
+}
+
+/// Checks that a generator has a unit for each object that its option names, by default for all; `units` lists them.
+pub fn check_chosen_objects(
+    units: impl Fn(Vec<String>, &Scope) -> Result<Vec<Unit>, BoxedDiagnostic>,
+) {
+    let partition = |key: &&str| Partition::new(key.parse().expect("a key"), BTreeMap::new());
+    let of = |keys: &[&str]| keys.iter().map(partition).collect::<Vec<_>>();
+    let scope = Scope::new(BTreeMap::from([
+        (Object::NAME.to_owned(), of(&["box", "can"])),
+        (FieldInfo::NAME.to_owned(), of(&["can"])),
+        (Trajectory::NAME.to_owned(), of(&["a", "b"])),
+    ]));
+    let named = |objects: &[&str]| {
+        let objects = objects.iter().map(|&name| name.to_owned());
+        units(objects.collect(), &scope)
+    };
+    assert_eq!(named(&[]).expect("units").len(), 2);
+    let one = named(&["can"]).expect("a unit");
+    assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
+    assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
+    assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
+    let unknown = named(&["cup"]).expect_err("it is unknown");
+    assert!(unknown.to_string().contains("`cup`"));
+    let hint = unknown.hint().expect("the known ones");
+    assert!(hint.contains("box, can"));
+    let nothing = units(Vec::new(), &Scope::default()).expect_err("there is none");
+    assert_eq!(nothing.missing_input(), Some("objects"));
 }
 
 /// Returns the files of an artifact that a unit wrote into a folder.

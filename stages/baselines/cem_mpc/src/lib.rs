@@ -5,10 +5,10 @@
 //! screen executes the same. The lift is the screen's. What a motion costs is its control steps: those of the search,
 //! and those that were executed.
 
+mod cem_mpc;
 mod config;
 mod error;
-mod stage;
 
+pub use self::cem_mpc::{CemMpc, CemMpcMetrics};
 pub use config::CemMpcConfig;
 pub use error::CemMpcError;
-pub use stage::{CemMpc, CemMpcMetrics};

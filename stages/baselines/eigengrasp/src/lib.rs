@@ -14,6 +14,7 @@
 mod annealing;
 mod basis;
 mod config;
+mod eigengrasp;
 mod energy;
 mod error;
 #[cfg(test)]
@@ -21,9 +22,8 @@ mod fixture;
 mod hull;
 mod quality;
 mod run;
-mod stage;
 mod variables;
 
 pub use config::EigengraspConfig;
+pub use eigengrasp::{Eigengrasp, EigengraspMetrics};
 pub use error::EigengraspError;
-pub use stage::{Eigengrasp, EigengraspMetrics};

@@ -55,7 +55,7 @@ struct KeptState {
 
 /// A finished grasp.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Finished {
+pub(crate) struct FinishedGrasp {
     pub(crate) hand: HandState<Object>,
     /// Contact energy before it was finished, in millimeters.
     pub(crate) energy_mm: f64,
@@ -68,7 +68,7 @@ pub(crate) struct Finished {
 /// Grasps of a run, and the work spent on them.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub(crate) struct RunResult {
-    pub(crate) grasps: Vec<Finished>,
+    pub(crate) grasps: Vec<FinishedGrasp>,
     /// Steps made.
     pub(crate) steps: u64,
     /// States checked for collisions.
@@ -143,7 +143,7 @@ impl Run<'_> {
 
     /// Finishes a grasp: the palm backs off, its fingers open as far as they must for that, and advances until it
     /// touches; the fingers close joint by joint. A palm that cannot back off, an object in its way, stays.
-    fn finished(&self, kept: KeptState) -> Result<Finished, ApproachError> {
+    fn finished(&self, kept: KeptState) -> Result<FinishedGrasp, ApproachError> {
         let there = match self.opened(&self.body.backed_off(&kept.hand, self.config.back_off_m))? {
             Some(back) => self.body.advanced(self.environment, &back, MAX_ADVANCE_M)?,
             None => kept.hand,
@@ -151,7 +151,7 @@ impl Run<'_> {
         let hand = self.body.closed(self.environment, &there)?;
         let touches = self.body.touches(self.environment, &hand, TOUCH_M)?;
         let (center, friction) = (&self.center_in_object, self.config.friction);
-        Ok(Finished {
+        Ok(FinishedGrasp {
             epsilon: epsilon(&touches, center, self.length_m, friction),
             depth_m: self.body.clearance(self.environment, &hand)?.depth_m(),
             energy_mm: kept.energy_mm,

@@ -14,11 +14,11 @@ mod contacts;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod force_closure;
 mod min_weight;
 mod search;
 mod simplex;
-mod stage;
 
 pub use config::ForceClosureConfig;
 pub use error::ForceClosureError;
-pub use stage::{ForceClosure, ForceClosureMetrics};
+pub use force_closure::{ForceClosure, ForceClosureMetrics};

@@ -227,7 +227,7 @@ mod tests {
     fn grasps(config: &ForceClosureConfig, n: u64) -> Vec<FoundGrasp> {
         let (hand, body) = fixture::hand();
         let environment = fixture::BOX.environment();
-        let tips = crate::stage::tips(&hand).unwrap();
+        let tips = crate::force_closure::tips(&hand).unwrap();
         let search = Search {
             hand: &hand,
             body: &body,
@@ -280,7 +280,7 @@ mod tests {
         let config = fixture::config();
         let (hand, body) = fixture::hand();
         let environment = fixture::BOX.environment();
-        let tips = crate::stage::tips(&hand).unwrap();
+        let tips = crate::force_closure::tips(&hand).unwrap();
         let search = Search {
             hand: &hand,
             body: &body,

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use approach::{Grasp, HandBody, Reach, RestDistribution, Start};
 use cgf::{
     Random, RestingObject,
-    grasp_tta::{Adaptation, Adapted, GraspNetworks, HandSurface},
+    grasp_tta::{Adaptation, AdaptedGrasp, GraspNetworks, HandSurface},
 };
 use dataflow::{
     Artifact, BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Scope, Sum, Unit,
@@ -184,7 +184,7 @@ struct DrawnGrasp {
     /// The start of its motion, by number.
     start: usize,
     latent: Vec<f64>,
-    adapted: Adapted,
+    adapted: AdaptedGrasp,
 }
 
 impl GraspDrawer<'_> {
@@ -232,7 +232,7 @@ impl GraspDrawer<'_> {
         &self,
         rest: RestingPose,
         latents: &[Vec<f64>],
-    ) -> Result<Vec<Adapted>, GraspTtaError> {
+    ) -> Result<Vec<AdaptedGrasp>, GraspTtaError> {
         let points = self.object.points_m.iter().copied();
         let resting = RestingObject {
             object: self.object.name.clone(),
@@ -258,7 +258,8 @@ impl DrawnGrasp {
 
 fn metrics(drawn: &[DrawnGrasp], depth_m: f64) -> GraspTtaMetrics {
     let n = drawn.len() as f64;
-    let mean = |of: fn(&Adapted) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
+    let mean =
+        |of: fn(&AdaptedGrasp) -> f64| drawn.iter().map(|one| of(&one.adapted)).sum::<f64>() / n;
     GraspTtaMetrics {
         candidates: n,
         contact_drawn: mean(|one| one.drawn.contact),

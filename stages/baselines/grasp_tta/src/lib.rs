@@ -12,12 +12,12 @@ mod config;
 mod error;
 #[cfg(test)]
 mod fixture;
+mod grasp_tta;
 mod networks;
-mod stage;
 mod surface;
 
 pub use candidates::{AdaptedCandidates, GraspTtaMetrics};
 pub use config::{Finish, GraspTtaConfig};
 pub use error::GraspTtaError;
+pub use grasp_tta::GraspTta;
 pub use networks::{GraspNetworksMetrics, LearnedNetworks};
-pub use stage::GraspTta;

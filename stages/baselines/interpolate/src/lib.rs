@@ -6,8 +6,8 @@
 //! Nothing is judged here: `screen` judges every generator alike.
 
 mod config;
+mod interpolate;
 mod line;
-mod stage;
 
 pub use config::InterpolateConfig;
-pub use stage::{Interpolate, InterpolateMetrics};
+pub use interpolate::{Interpolate, InterpolateMetrics};

@@ -5,7 +5,7 @@
 //! share of held grasps here is their reference.
 
 mod config;
-mod stage;
+mod replay;
 
 pub use config::ReplayConfig;
-pub use stage::{Replay, ReplayMetrics};
+pub use replay::{Replay, ReplayMetrics};

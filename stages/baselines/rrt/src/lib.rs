@@ -6,7 +6,7 @@
 //! the hand against object and table.
 
 mod config;
-mod stage;
+mod rrt;
 
 pub use config::RrtConfig;
-pub use stage::{Rrt, RrtMetrics};
+pub use rrt::{Rrt, RrtMetrics};

@@ -9,8 +9,8 @@ mod config;
 mod error;
 mod footprint;
 mod mean;
-mod stage;
+mod transfer;
 
 pub use config::{TransferConfig, TransferSource};
 pub use error::TransferError;
-pub use stage::{Transfer, TransferMetrics};
+pub use transfer::{Transfer, TransferMetrics};

@@ -45,7 +45,7 @@ pub(crate) fn trials(gathered: &PageData) -> TrialCounts {
 
 /// Motions of all objects from samples to accepted candidates.
 #[expect(clippy::struct_field_names, reason = "they are counts")]
-struct Screened {
+struct ScreeningCounts {
     objects_n: usize,
     /// Objects with an accepted motion.
     objects_accepted_n: usize,
@@ -55,7 +55,7 @@ struct Screened {
     accepted_n: i64,
 }
 
-impl Screened {
+impl ScreeningCounts {
     /// Counts the motions; `None` if nothing was screened.
     fn of(gathered: &PageData) -> Option<Self> {
         let mut by_object: BTreeMap<&str, [i64; 3]> = BTreeMap::new();
@@ -104,7 +104,7 @@ impl Screened {
 /// Returns the headline, from samples to executions, and below it each rate with its interval.
 pub(crate) fn head(gathered: &PageData) -> Head {
     let trials = trials(gathered);
-    let screened = Screened::of(gathered).map(|screened| screened.text());
+    let screened = ScreeningCounts::of(gathered).map(|screened| screened.text());
     let place = if trials.simulated_n >= trials.trials_n {
         "simulated"
     } else if trials.simulated_n > 0 {

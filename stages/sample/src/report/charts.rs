@@ -6,7 +6,7 @@ use diversity::{ComparedMotion, Diversity};
 use lake::{LakeError, WriteArtifact};
 use motion::Step;
 use schemas::{
-    sampling::Sampled,
+    sampling::SampleMeasures,
     trajectories::{Trajectory, TrajectoryRates},
 };
 use spatial::{Object, Pose, RestingPose, Table};
@@ -24,7 +24,7 @@ pub(crate) struct Charts<'a> {
     /// Names of the hand's joints.
     pub(crate) joints: &'a [String],
     /// Plausibility of each motion.
-    pub(crate) sampled: &'a [Sampled],
+    pub(crate) sampled: &'a [SampleMeasures],
     /// Diversity of the motions.
     pub(crate) drawn: &'a Diversity,
     /// Diversity of the object's demonstrations.
@@ -155,7 +155,7 @@ impl Charts<'_> {
     }
 
     fn depth(&self) -> Option<String> {
-        let sample = |name: &str, depth_m: fn(&Sampled) -> f64| Sample {
+        let sample = |name: &str, depth_m: fn(&SampleMeasures) -> f64| Sample {
             name: name.to_owned(),
             values: self.sampled.iter().map(|s| 1e3 * depth_m(s)).collect(),
         };

@@ -7,7 +7,7 @@ use robot::WrongDof;
 use sampling::PenetrationProbe;
 use schemas::{
     candidates::Candidate,
-    sampling::{GraspDistance, Sampled},
+    sampling::{GraspDistance, SampleMeasures},
     trajectories::Trajectory,
 };
 use spatial::Object;
@@ -28,14 +28,14 @@ impl Measure<'_> {
         &self,
         candidates: &[Candidate],
         diversity: &Diversity,
-    ) -> Result<Vec<Sampled>, WrongDof> {
+    ) -> Result<Vec<SampleMeasures>, WrongDof> {
         candidates
             .par_iter()
             .enumerate()
             .map(|(idx, candidate)| {
                 let is_compared = diversity.is_compared.get(idx).copied();
                 let from_mean = diversity.from_mean.get(idx).copied().flatten();
-                Ok(Sampled {
+                Ok(SampleMeasures {
                     demonstration: self.nearest(candidate.motion.grasp()),
                     from_mean: from_mean.filter(|_| is_compared == Some(true)),
                     ..self.depths(candidate)?
@@ -45,8 +45,8 @@ impl Measure<'_> {
     }
 
     /// Measures how deep the hand is in object and table over a motion.
-    fn depths(&self, candidate: &Candidate) -> Result<Sampled, WrongDof> {
-        let mut sampled = Sampled {
+    fn depths(&self, candidate: &Candidate) -> Result<SampleMeasures, WrongDof> {
+        let mut sampled = SampleMeasures {
             candidate_id: candidate.candidate_id.clone(),
             limit_excess_rad: candidate.limit_excess_rad,
             approach_depth_m: 0.0,

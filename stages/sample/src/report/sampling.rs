@@ -14,7 +14,7 @@ use schemas::{
     Table,
     candidates::Candidates,
     distance_fields::{self, FieldInfo},
-    sampling::{Sampled, Sampling},
+    sampling::{SampleMeasures, Sampling},
     trajectories::Trajectory,
 };
 
@@ -131,13 +131,14 @@ impl Output for SamplingReport {
 }
 
 impl SamplingMetrics {
-    fn of(sampled: &[Sampled], diversity: &Diversity) -> Self {
-        let count =
-            |is_one: fn(&Sampled) -> bool| sampled.iter().filter(|s| is_one(s)).count() as f64;
+    fn of(sampled: &[SampleMeasures], diversity: &Diversity) -> Self {
+        let count = |is_one: fn(&SampleMeasures) -> bool| {
+            sampled.iter().filter(|s| is_one(s)).count() as f64
+        };
         let (at_grasp, over_time) = (diversity.at_grasp, diversity.over_time);
         Self {
             candidates_n: sampled.len() as f64,
-            within_limits_n: count(Sampled::within_limits),
+            within_limits_n: count(SampleMeasures::within_limits),
             clear_n: count(|s| s.approach_depth_m <= CLEAR_M),
             grasp_spread_m: at_grasp.palm_m,
             grasp_spread_rad: at_grasp.palm_rad,
@@ -170,7 +171,7 @@ fn line(summary: &Summary<SamplingMetrics>) -> String {
 /// Returns a demonstration with its joints in this order.
 fn reordered(shown: Trajectory, joints: &[String]) -> Result<Trajectory, SampleError> {
     let motion = shown.motion.reordered(joints).map_err(|err| match err {
-        MotionError::Joints(source) => SampleError::AnotherHand {
+        MotionError::Joints(source) => SampleError::HandMismatch {
             what: format!("trajectory `{}`", shown.sequence),
             source,
         },

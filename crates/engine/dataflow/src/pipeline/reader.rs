@@ -18,7 +18,7 @@ use super::{
 use crate::{
     error::{FileError, Problem},
     file_fault::place_of,
-    inheritance::{EXTENDS, Extended, WITHOUT},
+    inheritance::{EXTENDS, InheritedFile, WITHOUT},
     kind::Kind,
     name::{ArtifactName, NodeName, PipelineName, StageName},
     overrides::Override,
@@ -51,7 +51,7 @@ impl Pipeline {
         profile: Option<&str>,
         overrides: &[Override],
     ) -> Result<Self, FileError> {
-        let file = Extended::read(path, source);
+        let file = InheritedFile::read(path, source);
         if !file.problems.is_empty() {
             return Err(FileError {
                 problems: file.problems,
@@ -79,7 +79,7 @@ impl Pipeline {
 pub(super) struct FileReader<'a> {
     pub(super) path: &'a Path,
     /// The file, merged with the files that it extends.
-    pub(super) file: &'a Extended,
+    pub(super) file: &'a InheritedFile,
     pub(super) kinds: &'a [Kind],
     /// Values that override those of the file.
     pub(super) overrides: &'a [Override],

@@ -117,7 +117,7 @@ fn requests_are_made_again_until_the_depot_is_back_and_come_out_whole() {
             assert_eq!(link.list("").unwrap().len(), 2);
             assert_eq!(link.offline(), None);
         }
-        assert!(link.troubled().is_some());
+        assert!(link.last_failure().is_some());
     }
     let link = Link::new(Faulty::new(Fault::Cut, 3), patient(60));
     assert_eq!(link.list("").unwrap().len(), 2, "each entry once");
@@ -128,11 +128,12 @@ fn requests_are_made_again_until_the_depot_is_back_and_come_out_whole() {
 #[test]
 fn an_outage_is_told_once_with_its_end() {
     let said = Arc::new(Mutex::new(Vec::new()));
-    let told: Arc<Told> = {
+    let listener: Arc<OutageListener> = {
         let said = Arc::clone(&said);
         Arc::new(move |outage: &Outage| said.lock().unwrap().push(outage.clone()))
     };
-    let link = Link::new(Faulty::new(Fault::Fails, 6), patient(60)).telling(Some(told));
+    let link =
+        Link::new(Faulty::new(Fault::Fails, 6), patient(60)).with_outage_listener(Some(listener));
     assert!(link.head("key").unwrap().is_some());
     let said = said.lock().unwrap();
     let [begin, end] = said.as_slice() else {

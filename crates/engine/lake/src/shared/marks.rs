@@ -69,13 +69,13 @@ impl Outbox {
 }
 
 /// Blobs that are in the depot and not here, until something asks for them.
-pub(crate) struct Unfetched {
+pub(crate) struct RemoteBlobs {
     folder: PathBuf,
     /// Those of earlier processes, and those found by this one.
     known: OnceLock<Mutex<BTreeSet<Digest>>>,
 }
 
-impl Unfetched {
+impl RemoteBlobs {
     pub(crate) fn new(folder: &Folder) -> Self {
         Self {
             folder: folder.unfetched(),

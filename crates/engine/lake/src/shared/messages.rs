@@ -34,9 +34,9 @@ impl Lake {
 
     /// Returns the time since the depot failed last, if it ever did: what has not been heard of in it since then may
     /// still be alive.
-    pub fn untroubled_for(&self) -> Option<Duration> {
-        let troubled = self.shared.as_ref().and_then(Shared::troubled);
-        troubled.map(::clock::since)
+    pub fn time_since_failure(&self) -> Option<Duration> {
+        let last_failure = self.shared.as_ref().and_then(Shared::last_failure);
+        last_failure.map(::clock::since)
     }
 
     /// Returns the message under a key, if there is one.

@@ -3,7 +3,7 @@
 use std::sync::{Arc, Mutex};
 
 use ::clock::lock;
-use depot::{Depot, DepotError, Entry, Link, Patience, Put, PutMode, Told};
+use depot::{Depot, DepotError, Entry, Link, OutageListener, Patience, Put, PutMode};
 
 use super::keys;
 
@@ -31,10 +31,10 @@ impl Remote {
         depot: &Arc<dyn Depot>,
         layout: &Arc<Layout>,
         patience: Patience,
-        told: Option<Arc<Told>>,
+        on_outage: Option<Arc<OutageListener>>,
     ) -> Self {
         Self {
-            link: Link::new(Arc::clone(depot), patience).telling(told),
+            link: Link::new(Arc::clone(depot), patience).with_outage_listener(on_outage),
             layout: Arc::clone(layout),
         }
     }

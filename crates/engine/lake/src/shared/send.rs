@@ -42,7 +42,7 @@ const RENEWED: Duration = Duration::from_hours(24);
 
 /// Why an item was not sent.
 #[derive(Debug, thiserror::Error)]
-pub(crate) enum Unsent {
+pub(crate) enum SendFailure {
     /// The depot is offline.
     #[error(transparent)]
     Depot(#[from] DepotError),
@@ -138,7 +138,7 @@ impl Sender {
         self.start();
         let began = ::clock::now();
         let until = began + patience;
-        self.work.remote.idle().hurry();
+        self.work.remote.idle().retry_now();
         let mut passes = lock(&self.work.passes);
         passes.n_asked += 1;
         let asked = passes.n_asked;
@@ -164,8 +164,8 @@ impl Sender {
     /// Sends a file that the depot lacks, by this link; returns whether it is there now.
     pub(crate) fn offer(&self, remote: &Remote, file: &FileRef) -> Result<bool, LakeError> {
         self.work.send_blob(remote, file).map_err(|err| match err {
-            Unsent::Depot(err) => err.into(),
-            Unsent::Lake(err) => err,
+            SendFailure::Depot(err) => err.into(),
+            SendFailure::Lake(err) => err,
         })
     }
 
@@ -217,14 +217,14 @@ impl Work {
         }
     }
 
-    fn send(&self, item: Item) -> Result<(), Unsent> {
+    fn send(&self, item: Item) -> Result<(), SendFailure> {
         match item {
             Item::Unit(fingerprint) => self.send_unit(&fingerprint),
             Item::Run(number) => self.send_run(number),
         }
     }
 
-    fn send_unit(&self, fingerprint: &Digest) -> Result<(), Unsent> {
+    fn send_unit(&self, fingerprint: &Digest) -> Result<(), SendFailure> {
         let item = Item::Unit(*fingerprint);
         let Some(stored) = self.records.read(fingerprint)? else {
             // A unit in the making is marked before its record is stored.
@@ -261,7 +261,7 @@ impl Work {
 
     /// Compares a record with the one that was there first. Of two that differ the first stays; one
     /// that is damaged is replaced.
-    fn compare(&self, stored: &Stored, bytes: &[u8], there: &[u8]) -> Result<(), Unsent> {
+    fn compare(&self, stored: &Stored, bytes: &[u8], there: &[u8]) -> Result<(), SendFailure> {
         let fingerprint = &stored.fingerprint;
         let key = keys::record(fingerprint);
         let first: Option<Stored> = sealed::parse(Path::new(&key), there).ok();
@@ -282,7 +282,7 @@ impl Work {
         Ok(())
     }
 
-    fn send_recipe(&self, digest: &Digest) -> Result<(), Unsent> {
+    fn send_recipe(&self, digest: &Digest) -> Result<(), SendFailure> {
         if lock(&self.there).contains(digest) {
             return Ok(());
         }
@@ -301,7 +301,7 @@ impl Work {
     }
 
     /// Sends a blob, unless it is there; returns whether it is there now.
-    fn send_blob(&self, remote: &Remote, file: &FileRef) -> Result<bool, Unsent> {
+    fn send_blob(&self, remote: &Remote, file: &FileRef) -> Result<bool, SendFailure> {
         let digest = &file.digest;
         let is_lost = lock(&self.lost).contains(digest);
         if lock(&self.there).contains(digest) && !is_lost {
@@ -339,7 +339,7 @@ impl Work {
     }
 
     /// Sends the records of a run's units in one file, once all of them are there.
-    fn send_run(&self, number: u64) -> Result<(), Unsent> {
+    fn send_run(&self, number: u64) -> Result<(), SendFailure> {
         let item = Item::Run(number);
         let Ok(mut run) = self.register.read(number) else {
             return Ok(self.outbox.remove(item)?);

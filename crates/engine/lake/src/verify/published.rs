@@ -199,8 +199,8 @@ impl Verifier<'_> {
     /// Checks the tables of all units.
     fn check_unit_tables(&mut self, state: &PublishedState) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
-        let mut expected = self.lake.every_promised()?;
-        for path in files_below(&folder.every())? {
+        let mut expected = self.lake.promised_versions()?;
+        for path in files_below(&folder.versions())? {
             self.verified.n_files += 1;
             let is_promised = expected.remove(&path).is_some();
             let Some((partition, unit)) = unit_of(&path) else {

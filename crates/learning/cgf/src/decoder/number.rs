@@ -2,7 +2,7 @@
 
 use candle_core::WithDType;
 
-use crate::product::{self, Packed, Row, Sparse};
+use crate::product::{self, PackedMatrix, Row, Sparse};
 
 /// `f32` as the network computes, `f64` to check it.
 pub(crate) trait Number: WithDType + Default {
@@ -20,7 +20,7 @@ pub(crate) trait Number: WithDType + Default {
     /// Sets `out`, patch after patch, to the products of a matrix with patches, plus `offset` of each
     /// output.
     fn project(
-        weights: &Packed<Self>,
+        weights: &PackedMatrix<Self>,
         patches: &[Sparse<Self>],
         offset: &[Self],
         out: &mut [Row<Self>],
@@ -57,7 +57,7 @@ macro_rules! number {
             }
 
             fn project(
-                weights: &Packed<Self>,
+                weights: &PackedMatrix<Self>,
                 patches: &[Sparse<Self>],
                 offset: &[Self],
                 out: &mut [Row<Self>],

@@ -27,7 +27,7 @@ pub struct Adaptation {
 
 /// A grasp as it was adapted.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Adapted {
+pub struct AdaptedGrasp {
     /// The hand, its joints within their limits.
     pub hand: HandState<Table>,
     /// Greatest distance of a joint beyond its limits before it was put back, in radians (meters if prismatic).
@@ -54,7 +54,7 @@ impl GraspNetworks {
         surface: &HandSurface,
         latents: &[Vec<f64>],
         adaptation: &Adaptation,
-    ) -> Result<Vec<Adapted>, CgfError> {
+    ) -> Result<Vec<AdaptedGrasp>, CgfError> {
         let seen = self.seen(object)?;
         let adapt = |latent: &Vec<f64>| self.adapted(&seen, surface, latent, adaptation);
         latents.par_iter().map(adapt).collect()
@@ -66,7 +66,7 @@ impl GraspNetworks {
         surface: &HandSurface,
         latent: &[f64],
         Adaptation { config, terms }: &Adaptation,
-    ) -> Result<Adapted, CgfError> {
+    ) -> Result<AdaptedGrasp, CgfError> {
         let mut hand = Weights::default();
         let width = surface.width();
         hand.set(HAND, &[width], self.decode(object, latent)?);
@@ -95,7 +95,7 @@ impl GraspNetworks {
             limit_excess_rad = limit_excess_rad.max((*q - within).abs());
             *q = within;
         }
-        Ok(Adapted {
+        Ok(AdaptedGrasp {
             hand,
             limit_excess_rad,
             drawn: drawn.unwrap_or(adapted),

@@ -21,7 +21,7 @@ use crate::{
     point_net::{self, Clouds, Measured, Statistics},
     precision::{narrow, narrow_all},
     random::Random,
-    weights::{Leaves, Weights, leaf},
+    weights::{WeightTensors, Weights, leaf},
 };
 
 /// The point networks: of object and hand for the generator, and of both for the contact network.
@@ -42,7 +42,7 @@ const SMALL: f32 = 0.1;
 pub struct GraspNetworks {
     pub(crate) description: GraspDescription,
     pub(crate) weights: Weights,
-    leaves: Leaves,
+    leaves: WeightTensors,
 }
 
 /// An object as both networks see it.
@@ -217,7 +217,7 @@ impl GraspNetworks {
 /// The networks on a tape.
 pub(crate) struct Tape<'a> {
     pub(crate) config: &'a GraspNetworkConfig,
-    pub(crate) leaves: &'a Leaves,
+    pub(crate) leaves: &'a WeightTensors,
 }
 
 impl Tape<'_> {

@@ -30,7 +30,7 @@ use crate::{
     precision::{narrow, narrow_all},
     random::Random,
     training::equal_chunks,
-    weights::{Leaves, Weights},
+    weights::{WeightTensors, Weights},
 };
 
 /// Weight of the measured statistics in the update of the stored ones after every step.
@@ -300,7 +300,7 @@ impl<'a> Trainer<'a> {
         Ok(())
     }
 
-    fn tape<'t>(&'t self, leaves: &'t Leaves) -> Tape<'t> {
+    fn tape<'t>(&'t self, leaves: &'t WeightTensors) -> Tape<'t> {
         Tape {
             config: self.network,
             leaves,

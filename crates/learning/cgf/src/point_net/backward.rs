@@ -23,7 +23,7 @@ use super::{
 };
 use crate::{
     precision::{narrow, narrow_all},
-    product::{LANES, Packed, Row, Sparse, project},
+    product::{LANES, PackedMatrix, Row, Sparse, project},
 };
 
 impl PointNet {
@@ -61,7 +61,7 @@ impl PointNet {
             }
             let slopes = Slopes::new(layer, &layer_stack.normalized[idx], &sums, &pass.moments);
             if let Some(below) = idx.checked_sub(1) {
-                let transposed = Packed::new(layer.inputs, layer.outputs, |input, output| {
+                let transposed = PackedMatrix::new(layer.inputs, layer.outputs, |input, output| {
                     layer.weight[output * layer.inputs + input]
                 });
                 descents = clouds
@@ -212,7 +212,7 @@ struct Step<'a> {
     below: usize,
     slopes: &'a Slopes,
     /// Matrix of the layer, turned over.
-    transposed: &'a Packed,
+    transposed: &'a PackedMatrix,
 }
 
 impl Step<'_> {

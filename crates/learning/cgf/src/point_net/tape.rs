@@ -8,7 +8,7 @@ use candle_core::{CpuStorage, CustomOp1, Device, Layout, Shape, Tensor};
 use super::{Clouds, EPSILON, Layer, Normalized, Pass, PointNet, Statistics, names};
 use crate::{
     CgfError,
-    weights::{Leaves, leaf},
+    weights::{WeightTensors, leaf},
 };
 
 /// Means and unbiased variances that a pass measured, by the names of the arrays that store them.
@@ -19,7 +19,7 @@ pub(crate) type Measured = Vec<(String, Vec<f32>)>;
 ///
 /// On the CPU this is the fast form, on other devices the plain one.
 pub(crate) fn features(
-    leaves: &Leaves,
+    leaves: &WeightTensors,
     n_layers: usize,
     clouds: &Arc<Clouds>,
     statistics: Statistics,
@@ -31,7 +31,7 @@ pub(crate) fn features(
 }
 
 fn fast(
-    leaves: &Leaves,
+    leaves: &WeightTensors,
     n_layers: usize,
     clouds: &Arc<Clouds>,
     statistics: Statistics,
@@ -111,7 +111,7 @@ impl CustomOp1 for Features {
 
 /// The same in candle's own operations: `(points, width)` tensors at every layer.
 pub(crate) fn plain(
-    leaves: &Leaves,
+    leaves: &WeightTensors,
     n_layers: usize,
     clouds: &Clouds,
     statistics: Statistics,

@@ -505,7 +505,6 @@ fn full_contact_has_every_contact_an_arm_that_yields_and_little_friction() {
         Protocol {
             name: ProtocolName::TableLift,
             strict: given.strict,
-            published: None,
             ..resolved.clone()
         },
         protocol(ProtocolName::TableLift)

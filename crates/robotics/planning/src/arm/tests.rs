@@ -10,7 +10,7 @@ use spatial::{Base, Object, Palm, Pose, Table};
 use super::*;
 use crate::{
     ArmFault, ArmSetup, CommandRatesConfig, Infeasible, LimitsConfig, Planner, PlannerConfig,
-    testing::{Drawn, protocol},
+    testing::{MotionOnTable, protocol},
 };
 
 mod clear;
@@ -57,7 +57,7 @@ fn cases() -> u32 {
 fn follow<'a>(
     arm: &'a Arm,
     spline: &'a MotionSpline<Object>,
-    drawn: &Drawn,
+    drawn: &MotionOnTable,
     lift_m: f64,
 ) -> Result<ArmPath<'a>, Infeasible> {
     let fingers = |time_s: f64| spline.at(time_s).q_rad;
@@ -84,16 +84,16 @@ fn links_are_those_of_all_joints_or_an_error() {
     arm.clearance.check(&[links], &up, 1.0).unwrap_err();
 }
 
-fn spline_of(drawn: &Drawn) -> Option<MotionSpline<Object>> {
+fn spline_of(drawn: &MotionOnTable) -> Option<MotionSpline<Object>> {
     MotionSpline::through(drawn.motion().ok()?).ok()
 }
 
-fn refused(arm: &Arm, drawn: &Drawn) -> Infeasible {
+fn refused(arm: &Arm, drawn: &MotionOnTable) -> Infeasible {
     let spline = spline_of(drawn).unwrap();
     follow(arm, &spline, drawn, 0.1).unwrap_err()
 }
 
-fn fault(arm: &Arm, drawn: &Drawn) -> ArmFault {
+fn fault(arm: &Arm, drawn: &MotionOnTable) -> ArmFault {
     match refused(arm, drawn) {
         Infeasible::Arm { fault, .. } => fault,
         other => panic!("{other}"),
@@ -373,7 +373,7 @@ fn the_table_may_be_anywhere_about_the_base() {
         ..config()
     });
     // The object is turned with the base.
-    let turned = Drawn {
+    let turned = MotionOnTable {
         table_from_object: Pose::<Table, Object>::new(
             nalgebra::UnitQuaternion::from_axis_angle(&nalgebra::Vector3::z_axis(), 0.8)
                 * *drawn.table_from_object,

@@ -6,7 +6,7 @@ use simulation::{ProtocolName, Trial};
 use spatial::{Object, Palm, Pose, Table, Twist};
 
 use super::*;
-use crate::testing::{Drawn, protocol, swings::motions};
+use crate::testing::{MotionOnTable, protocol, swings::motions};
 
 /// A hand with three joints, whose palm is a ball.
 const HAND: &str = r#"<robot name="hand">
@@ -64,7 +64,7 @@ fn high() -> Pose<Table, Object> {
     Pose::new(Isometry3::translation(0.0, 0.0, 5.0))
 }
 
-fn plan(config: &Config, given: &Drawn) -> Result<PlannedMotion, Infeasible> {
+fn plan(config: &Config, given: &MotionOnTable) -> Result<PlannedMotion, Infeasible> {
     let hand = hand();
     let planner = Planner::new(&config.planner_config(&hand)).unwrap();
     planner.plan(&given.motion()?, &given.table_from_object)
@@ -306,7 +306,7 @@ fn cases() -> u32 {
 }
 
 /// A palm that goes 0.3 m straight down in 1 s at one speed, while the fingers rest.
-fn straight() -> Drawn {
+fn straight() -> MotionOnTable {
     let step = |time_s: f64| Step {
         time_s,
         frame_from_palm: Pose::new(Isometry3::translation(0.0, 0.0, 0.3 - 0.3 * time_s)),
@@ -316,7 +316,7 @@ fn straight() -> Drawn {
             ..HandRates::zero(3)
         },
     };
-    Drawn {
+    MotionOnTable {
         joints: hand().joint_names(),
         steps: (0..=10).map(|k| step(f64::from(k) / 10.0)).collect(),
         table_from_object: Pose::new(Isometry3::translation(0.0, 0.0, 0.1)),
@@ -401,7 +401,7 @@ fn ramps_keep_the_limits() {
 
 #[test]
 fn infeasible_motions_name_their_reason() {
-    let refused = |change: &dyn Fn(&mut Config, &mut Drawn)| {
+    let refused = |change: &dyn Fn(&mut Config, &mut MotionOnTable)| {
         let (mut config, mut given) = (config(Approach::Follow), straight());
         change(&mut config, &mut given);
         plan(&config, &given).unwrap_err().to_string()

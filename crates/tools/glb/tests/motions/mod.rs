@@ -28,14 +28,14 @@ pub(crate) fn object() -> ObjectMesh {
 
 /// Frequencies and sizes of a motion.
 #[derive(Debug, Clone, Copy)]
-pub(crate) struct Wild {
+pub(crate) struct MotionSpectrum {
     pub(crate) turns_per_s: f64,
     pub(crate) reach_m: f64,
     pub(crate) shake_m: f64,
 }
 
 /// A motion that reaches, closes, shakes and lifts; `steps` of 4 ms.
-pub(crate) fn motion(hand: &RobotModel, wild: Wild, steps: u32) -> Vec<Moment> {
+pub(crate) fn motion(hand: &RobotModel, wild: MotionSpectrum, steps: u32) -> Vec<Moment> {
     let moment = |step: u32| {
         let time_s = f64::from(step) * 0.004;
         let turn = std::f64::consts::TAU * wild.turns_per_s * time_s;

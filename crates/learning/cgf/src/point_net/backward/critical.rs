@@ -12,7 +12,7 @@ use crate::{
         moments::{Axpy, Moments},
     },
     precision::{narrow, narrow_all, row_index},
-    product::{LANES, Packed, Row, Sparse, project},
+    product::{LANES, PackedMatrix, Row, Sparse, project},
 };
 
 /// The gradient by the last layer's input.
@@ -34,7 +34,7 @@ struct Critical {
 /// The dense part at a point `x`: `offset − K x`.
 struct Dense {
     /// `−K`.
-    kernel: Packed,
+    kernel: PackedMatrix,
     offset: Vec<f32>,
 }
 
@@ -236,7 +236,7 @@ impl Dense {
         });
         let offset = offset.collect();
         Self {
-            kernel: Packed::new(inputs, inputs, |output, input| {
+            kernel: PackedMatrix::new(inputs, inputs, |output, input| {
                 -narrow(kernel[output * inputs + input])
             }),
             offset,

@@ -9,7 +9,7 @@ use robot::{Link, distance_bounds};
 use spatial::{Base, Object, Pose, Table, Twist};
 
 use super::{Arm, hand};
-use crate::testing::Drawn;
+use crate::testing::MotionOnTable;
 
 const DURATION_S: f64 = 1.0;
 const STEPS: usize = 41;
@@ -74,7 +74,7 @@ impl JointPath {
 
     /// Returns the motion of the palm for an object at the place that the arm's options give, and the
     /// properties of the joint motion that it was made from.
-    pub(super) fn motion(&self, arm: &Arm) -> (Drawn, Given) {
+    pub(super) fn motion(&self, arm: &Arm) -> (MotionOnTable, Given) {
         let table_from_object = Isometry3::from_parts(
             Translation3::new(0.1, -0.2, 0.05),
             UnitQuaternion::from_euler_angles(0.3, -0.5, 1.0),
@@ -106,7 +106,7 @@ impl JointPath {
                 },
             }
         };
-        let drawn = Drawn {
+        let drawn = MotionOnTable {
             joints: hand.joint_names(),
             steps: (0..STEPS).map(step).collect(),
             table_from_object: Pose::<Table, Object>::new(table_from_object),
@@ -175,7 +175,7 @@ impl super::Clearance {
 
 /// A motion through poses in the frame of the table with its origin at the object's place, at rest at
 /// each; the object lies at (0, 0, 0.04).
-fn through(poses: &[Isometry3<f64>]) -> Drawn {
+fn through(poses: &[Isometry3<f64>]) -> MotionOnTable {
     let table_from_object = Isometry3::translation(0.0, 0.0, 0.04);
     let fingers = hand().mid_range();
     let step = |(idx, pose): (usize, &Isometry3<f64>)| Step {
@@ -184,7 +184,7 @@ fn through(poses: &[Isometry3<f64>]) -> Drawn {
         q_rad: fingers.clone(),
         rates: HandRates::zero(16),
     };
-    Drawn {
+    MotionOnTable {
         joints: hand().joint_names(),
         steps: poses.iter().enumerate().map(step).collect(),
         table_from_object: Pose::new(table_from_object),
@@ -203,7 +203,7 @@ fn line(from: [f64; 3], to: [f64; 3], rotation: UnitQuaternion<f64>) -> Vec<Isom
 
 /// The palm on a line, given from the object's origin, with the fingers down; the object lies at
 /// `object` in the table's frame.
-pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> Drawn {
+pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> MotionOnTable {
     let down = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), PI);
     let mut drawn = through(&line(from, to, down));
     let table_from_object = Isometry3::translation(object[0], object[1], object[2]);
@@ -216,13 +216,13 @@ pub(super) fn straight(from: [f64; 3], to: [f64; 3], object: [f64; 3]) -> Drawn 
 }
 
 /// The palm on a line, relative to the object's place, with the fingers level and away from the base.
-pub(super) fn level(from: [f64; 3], to: [f64; 3]) -> Drawn {
+pub(super) fn level(from: [f64; 3], to: [f64; 3]) -> MotionOnTable {
     let ahead = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), 0.5 * PI);
     through(&line(from, to, ahead))
 }
 
 /// The fingers down, and the palm turned about the vertical by so many turns.
-pub(super) fn wound(turns: f64) -> Drawn {
+pub(super) fn wound(turns: f64) -> MotionOnTable {
     let down = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), PI);
     let poses: Vec<Isometry3<f64>> = (0..=20)
         .map(|k| {

@@ -63,9 +63,9 @@ fn accepted_motions_are_followed_or_refused_with_a_reason() {
     }
 }
 
-fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
+fn accepted(lake: &lake::Lake) -> Vec<MotionOnTable> {
     let rollouts = lake.newest_partitions("rollouts", Some("screen")).unwrap();
-    let mut accepted: Vec<Drawn> = Vec::new();
+    let mut accepted: Vec<MotionOnTable> = Vec::new();
     for (name, artifact) in lake
         .newest_partitions("candidates", Some("refine"))
         .unwrap()
@@ -83,7 +83,7 @@ fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
         assert_eq!(*all.joints, *hand().joint_names());
         let all_held = all.candidates.iter();
         let all_held = all_held.filter(|one| held.contains(&one.candidate_id.as_str()));
-        accepted.extend(all_held.map(|one| Drawn {
+        accepted.extend(all_held.map(|one| MotionOnTable {
             joints: all.joints.to_vec(),
             steps: one.motion.steps().to_vec(),
             table_from_object: one.table_from_object,
@@ -93,7 +93,7 @@ fn accepted(lake: &lake::Lake) -> Vec<Drawn> {
 }
 
 impl Tally {
-    fn add(&mut self, arm: &Arm, drawn: &Drawn, is_checked: bool) {
+    fn add(&mut self, arm: &Arm, drawn: &MotionOnTable, is_checked: bool) {
         const LIFT_M: f64 = 0.15;
         let spline = spline_of(drawn).unwrap();
         let before = Instant::now();

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
-use cgf::{CgfError, HandDistance, Trained, Trainer, TrainingDevice, TrainingSet};
+use cgf::{CgfError, HandDistance, Trainer, TrainingDevice, TrainingResult, TrainingSet};
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Max, Mean, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit,
@@ -204,7 +204,7 @@ fn train(
     set: &TrainingSet,
     hand: &Arc<RobotModel>,
     cx: &Context,
-) -> Result<Trained, BoxedDiagnostic> {
+) -> Result<TrainingResult, BoxedDiagnostic> {
     let epochs = config.training.epochs;
     let (network, training) = (&config.network, &config.training);
     let mut trainer =
@@ -237,7 +237,7 @@ fn train(
 }
 
 impl TrainMetrics {
-    fn of(trained: &Trained) -> Self {
+    fn of(trained: &TrainingResult) -> Self {
         let description = trained.last.description();
         let mean = |error: fn(&HandDistance) -> f64| {
             BySplit::of(|split| {

@@ -8,7 +8,7 @@ use robot::{JointMismatch, JointOrder, RobotModel};
 /// Candidates are for another hand than the one of the stage that reads them.
 #[derive(Debug, thiserror::Error)]
 #[error("candidates of `{object}` are not for the hand `{}`", urdf.display())]
-pub struct AnotherHand {
+pub struct HandMismatch {
     stage: &'static str,
     object: String,
     urdf: PathBuf,
@@ -16,7 +16,7 @@ pub struct AnotherHand {
     source: JointMismatch,
 }
 
-impl AnotherHand {
+impl HandMismatch {
     /// Checks that the candidates of an object move the joints of this hand, in any order; `stage` is the kind of the
     /// stage that reads them.
     ///
@@ -38,7 +38,7 @@ impl AnotherHand {
     }
 }
 
-impl Diagnostic for AnotherHand {
+impl Diagnostic for HandMismatch {
     fn hint(&self) -> Option<String> {
         Some(format!(
             "use the same `hand` in `retarget` and in `{}`, then run again",

@@ -1,21 +1,16 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
-
-use approach::{ContactModel, Grasp, HandBody, Reach, RestDistribution, Start};
+use approach::{Attempts, ContactModel, Grasp, HandBody, Reach, Start};
 use dataflow::{
     BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
-use geometry::DistanceField;
 use grasp_inputs::GraspInputs;
 use hand_files::HandFiles;
 use lake::WriteArtifact;
 use nalgebra::Point3;
 use posture::{Environment, Hand};
-use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -134,7 +129,6 @@ impl Output for ForceClosure {
                 },
             hand,
         } = inputs;
-        let field = Arc::new(field);
         let joints = hand.model.joint_names();
         let starts = Start::of(&trajectories, &joints)?;
         let grasp_q = Start::mean_grasp(&trajectories, &joints)?;
@@ -143,20 +137,25 @@ impl Output for ForceClosure {
             config,
             hand: &hand,
             body: &body,
-            field: &field,
             object: &object,
             tips: &tips(&hand)?,
-            rests: RestDistribution::of(&object, config.approach.rests),
-            starts: &starts,
-            seed: cx.seed(),
         };
-        let measured: Vec<(Option<(Candidate, FoundGrasp)>, f64)> = (0..config.per_object)
-            .into_par_iter()
-            .map(|number| {
-                let (made, cpu_s) = cpu_time::measured(|| search.candidate(number));
-                Ok((made?, cpu_s))
-            })
-            .collect::<Result<_, BoxedDiagnostic>>()?;
+        let generator = GENERATORS[usize::from(config.max_iterations == 0)];
+        let reach = Reach::new(&body, &config.approach, generator, &object.name);
+        let attempts = Attempts::new(&object, field, config.approach.rests, cx.seed());
+        let measured = attempts.results(config.per_object, |number, environment, rng| {
+            let start = Start::draw(&starts, rng);
+            let Some(found) = search.grasp(environment, rng)? else {
+                return Ok::<_, BoxedDiagnostic>(None);
+            };
+            let grasp = Grasp {
+                hand: found.hand.clone(),
+                depth_m: found.depth_m,
+                residual_m2: Some(found.residual_m2),
+            };
+            let candidate = reach.candidate(number, environment, &grasp, start)?;
+            Ok(Some((candidate, found)))
+        })?;
         let cpu_s = measured.iter().map(|(_, cpu_s)| cpu_s).sum();
         let made = measured.into_iter().filter_map(|(made, _)| made);
         let made: Vec<(Candidate, FoundGrasp)> = made.collect();
@@ -166,64 +165,37 @@ impl Output for ForceClosure {
             ));
         }
         let metrics = metrics(&made, cpu_s);
-        cx.write(&Candidates {
-            object: object.name.clone(),
-            joints: joints.into(),
-            candidates: made.into_iter().map(|(candidate, _)| candidate).collect(),
-        })?;
+        let candidates = made.into_iter().map(|(candidate, _)| candidate);
+        cx.write(&reach.table(candidates.collect()))?;
         Ok(Outcome::Made(metrics))
     }
 }
 
-/// Makes the candidates of one object.
+/// Searches grasps of one object.
 struct GraspSearch<'a> {
     config: &'a ForceClosureConfig,
     hand: &'a Hand,
     body: &'a HandBody,
-    field: &'a Arc<DistanceField>,
     object: &'a Object,
     tips: &'a [Tip],
-    rests: RestDistribution,
-    starts: &'a [Start],
-    seed: u64,
 }
 
 impl GraspSearch<'_> {
-    /// Makes the candidate of a number, from random numbers of its own; `None` if something is in the way of every
-    /// palm.
-    fn candidate(&self, number: usize) -> Result<Option<(Candidate, FoundGrasp)>, BoxedDiagnostic> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(number as u64);
-        let rest = self.rests.at(rng.random());
-        let start = &self.starts[rng.random_range(0..self.starts.len())];
-        let environment = Environment::new(Arc::clone(self.field), rest);
+    /// Searches a grasp of the object as it lies; `None` if something is in the way of every palm.
+    fn grasp(
+        &self,
+        environment: &Environment,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<Option<FoundGrasp>, BoxedDiagnostic> {
         let search = Search {
             hand: self.hand,
             body: self.body,
             config: self.config,
-            environment: &environment,
+            environment,
             contact_model: contact_model(self.config, self.object),
             tips: self.tips,
         };
-        let Some(found) = search.grasp(&mut rng)? else {
-            return Ok(None);
-        };
-        let generator = GENERATORS[usize::from(self.config.max_iterations == 0)];
-        let reach = Reach::new(
-            self.body,
-            &self.config.approach,
-            generator,
-            &self.object.name,
-        );
-        let grasp = Grasp {
-            hand: found.hand.clone(),
-            depth_m: found.depth_m,
-            residual_m2: Some(found.residual_m2),
-        };
-        Ok(Some((
-            reach.candidate(number, &environment, &grasp, start)?,
-            found,
-        )))
+        search.grasp(rng)
     }
 }
 
@@ -277,36 +249,19 @@ pub(crate) fn tips(hand: &Hand) -> Result<Vec<Tip>, ForceClosureError> {
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
-    use dataflow::{Artifact, Partition};
-    use schemas::{candidates::Origin, distance_fields::FieldInfo, trajectories::Trajectory};
+    use schemas::candidates::Origin;
 
     use super::*;
     use crate::fixture;
 
-    /// Runs the stage on the box; returns what it wrote.
+    /// Runs the stage on the box; returns what it measured and wrote.
     fn run(
         config: &ForceClosureConfig,
         seed: u64,
         with_field: bool,
     ) -> (Outcome<ForceClosureMetrics>, Option<Candidates>) {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("out");
-        std::fs::create_dir(&out).unwrap();
         let trajectories = fixture::trajectories();
-        let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
-        let inputs = grasp_fixture::inputs(&artifacts);
-        let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = ForceClosure::read_and_make(config, &inputs, &cx).unwrap();
-        let made = Artifact {
-            key: "box".parse().unwrap(),
-            labels: BTreeMap::new(),
-            files: [(lake::table::FILE.to_owned(), out.join(lake::table::FILE))].into(),
-        };
-        let is_made = matches!(outcome, Outcome::Made(_));
-        let read = is_made.then(|| lake::table::read(&made).unwrap());
-        (outcome, read)
+        fixture::BOX.candidates::<ForceClosure>(config, &trajectories, with_field, seed)
     }
 
     fn small() -> ForceClosureConfig {
@@ -363,55 +318,19 @@ mod tests {
 
     #[test]
     fn grasps_are_those_of_the_seed_on_any_number_of_threads() {
-        let config = small();
-        let on_one = rayon::ThreadPoolBuilder::new()
-            .num_threads(1)
-            .build()
-            .unwrap();
-        let [one, other] = [
-            on_one.install(|| run(&config, 3, true).1),
-            run(&config, 3, true).1,
-        ];
-        assert_eq!(one, other);
-        let another = run(&config, 4, true).1;
-        assert_ne!(one, another);
+        grasp_fixture::check_seed(|seed| run(&small(), seed, true).1);
     }
 
     #[test]
     fn an_object_without_distances_is_skipped_with_the_reason() {
-        let (outcome, made) = run(&small(), 3, false);
-        let Outcome::Skipped { reason } = outcome else {
-            panic!("not skipped");
-        };
-        assert!(
-            reason.contains("distance field") && made.is_none(),
-            "{reason}"
-        );
+        grasp_fixture::check_skipped_without_field(run(&small(), 3, false));
     }
 
     #[test]
     fn objects_are_chosen_by_name() {
-        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
-        let of = |keys: &[&str]| keys.iter().map(|key| partition(key)).collect::<Vec<_>>();
-        let scope = Scope::new(BTreeMap::from([
-            (Object::NAME.to_owned(), of(&["box", "can"])),
-            (FieldInfo::NAME.to_owned(), of(&["can"])),
-            (Trajectory::NAME.to_owned(), of(&["a", "b"])),
-        ]));
-        let units = |objects: &[&str], scope: &Scope| {
-            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+        grasp_fixture::check_chosen_objects(|objects, scope| {
             ForceClosure::units(&ForceClosureConfig { objects, ..small() }, scope)
-        };
-        assert_eq!(units(&[], &scope).unwrap().len(), 2);
-        let one = units(&["can"], &scope).unwrap();
-        assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
-        assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
-        assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
-        let unknown = units(&["cup"], &scope).unwrap_err();
-        assert!(unknown.to_string().contains("`cup`"));
-        assert!(unknown.hint().unwrap().contains("box, can"));
-        let nothing = units(&[], &Scope::default()).unwrap_err();
-        assert_eq!(nothing.missing_input(), Some("objects"));
+        });
     }
 
     #[test]

@@ -21,7 +21,7 @@ use schemas::{
 
 use crate::{
     DispatchConfig, DispatchError,
-    cells::{self, Connected},
+    cells::{self, ConnectedCell},
     config::SIMULATED,
     goals::goal,
     ledger::{CellFacts, Ledger, OpenGoal, signing_key},
@@ -31,7 +31,7 @@ use crate::{
     refusal::Refusal,
     robots::Robots,
     rows,
-    sender::{ExecutedDuring, Sender, Sent, unknown},
+    sender::{ExecutedDuring, Sender, SentGoal, unknown},
 };
 
 /// Sends accepted motions to a robot cell.
@@ -240,7 +240,7 @@ fn send(
     };
     let ledger = ledger(config, cx)?;
     let connected = connect(config, robots, object, first, &ledger, cx)?;
-    if !connected.terms.permit() {
+    if !connected.terms.may_send() {
         done.dry_n = goals.iter().filter(|(_, goal)| goal.is_ok()).count();
         return Ok(done);
     }
@@ -262,7 +262,7 @@ fn send(
             Ok(goal) => sender.execute_or_resume(&goal)?,
             Err(refusal) => Err(refusal),
         };
-        let Sent {
+        let SentGoal {
             goal,
             mut report,
             during,
@@ -338,7 +338,7 @@ fn connect(
     first: &Goal,
     ledger: &Ledger,
     cx: &Context,
-) -> Result<Connected, BoxedDiagnostic> {
+) -> Result<ConnectedCell, BoxedDiagnostic> {
     let key = match config.cell.as_str() {
         SIMULATED => None,
         _ => Some(signing_key(cx.effects_folder())?),

@@ -9,10 +9,11 @@ use dataflow::{
 use geometry::DistanceField;
 use hand_files::HandFiles;
 use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use motion::MotionError;
 use posture::{Environment, Hand};
 use rayon::prelude::*;
-use refinement::{Payload, Refined, RefinementError, Refiner};
-use robot_meshes::AnotherHand;
+use refinement::{Choice, Payload, Refined, RefinementError, Refiner};
+use robot_meshes::HandMismatch;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -125,7 +126,7 @@ impl Output for Refine {
             hand,
         } = inputs;
         let of_object = (given.object.as_str(), &given.joints[..]);
-        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
+        HandMismatch::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let field = Arc::new(field);
         let payload = Payload {
             center_of_mass_in_object: object.center_of_mass_m.into(),
@@ -151,7 +152,7 @@ impl Output for Refine {
             cpu_s += took_s;
             let refined = match tried {
                 Ok(moved) => Ok(moved),
-                Err(RefinementError::Motion(err)) => Err(err.to_string()),
+                Err(RefinementError::Motion(err)) => Err(err),
                 Err(err) => return Err(BoxedDiagnostic::without_hint(err)),
             };
             attempts.push(Attempt {
@@ -166,9 +167,9 @@ impl Output for Refine {
         let drawn_n = attempts.len() as f64;
         let mut candidates: Vec<(Candidate, Refined)> = Vec::new();
         let mut draws = Draws::new();
-        for best in best_of(attempts, config.draws) {
-            draws.extend(best.draws);
-            candidates.extend(best.kept);
+        for rows in rows_of_motions(attempts, config.draws) {
+            draws.extend(rows.draws);
+            candidates.extend(rows.kept);
         }
         draws.extend(refused.rest());
         let metrics = RefineMetrics::of(&candidates, drawn_n, cpu_s);
@@ -239,90 +240,65 @@ struct Attempt {
     /// Draws of it that were refused before.
     refused: Draws,
     /// The refined motion, or why none of the hand could be formed.
-    refined: Result<Refined, String>,
+    refined: Result<Refined, MotionError>,
 }
 
-/// Draws of one motion.
-struct Best {
-    /// Place among the motions.
-    number: usize,
-    /// The draw with the smallest residual; nothing if no motion could be formed.
+/// The rows of one motion.
+struct MotionRows {
+    /// The chosen draw; nothing if no motion could be formed of any.
     kept: Option<(Candidate, Refined)>,
     /// All draws, in their order.
     draws: Draws,
 }
 
-/// Makes of every `draws` consecutive motions with the same resting pose draws of one motion: the candidate is the one
-/// with the smallest residual. The resting pose is not chosen.
-fn best_of(attempts: Vec<Attempt>, draws: usize) -> Vec<Best> {
-    let mut by_rest: Vec<Vec<(usize, Attempt)>> = Vec::new();
-    for (number, attempt) in attempts.into_iter().enumerate() {
-        let rest = &attempt.candidate.table_from_object;
-        let alike = by_rest.iter_mut().find(|group| {
-            let first = group.first();
-            first.is_some_and(|(_, other)| other.candidate.table_from_object == *rest)
-        });
-        match alike {
-            Some(group) => group.push((number, attempt)),
-            None => by_rest.push(vec![(number, attempt)]),
-        }
-    }
-    let mut chosen: Vec<Best> = Vec::new();
-    for group in by_rest {
-        let mut group = group.into_iter().peekable();
-        while group.peek().is_some() {
-            chosen.extend(best(group.by_ref().take(draws).collect()));
-        }
-    }
-    chosen.sort_by_key(|best| best.number);
-    chosen
+/// Makes of every `draws` consecutive attempts with the same resting pose the rows of one motion.
+fn rows_of_motions(attempts: Vec<Attempt>, draws: usize) -> Vec<MotionRows> {
+    let rest = |attempt: &Attempt| attempt.candidate.table_from_object;
+    let residual_m2 = |attempt: &Attempt| Some(attempt.refined.as_ref().ok()?.residual_m2);
+    let choices = refinement::choose(attempts, draws, rest, residual_m2);
+    choices.into_iter().map(MotionRows::of).collect()
 }
 
-/// Returns the motion with the smallest residual, the first of those, and all draws; nothing of no attempt.
-fn best(attempts: Vec<(usize, Attempt)>) -> Option<Best> {
-    let residual_m2 = |attempt: &Attempt| {
-        let refined = attempt.refined.as_ref().ok();
-        refined.map_or(f64::INFINITY, |one| one.residual_m2)
-    };
-    let least = attempts
-        .iter()
-        .min_by(|(_, a), (_, b)| residual_m2(a).total_cmp(&residual_m2(b)))?;
-    let (number, candidate_id) = (least.0, least.1.candidate.candidate_id.clone());
-    let mut best = Best {
-        number,
-        kept: None,
-        draws: Draws::new(),
-    };
-    let mut before_n = 0;
-    for (attempt_number, attempt) in attempts {
-        let mut candidate = attempt.candidate;
-        // Each may have draws of its own that were refused when it was drawn.
-        let draws_n = attempt.refused.iter().map(|draw| draw.source.draw_n);
-        let draws_n = draws_n.fold(candidate.source.draw_n, u32::max);
-        let mut draws = attempt.refused;
-        match attempt.refined {
-            Ok(refined) => {
-                candidate.residual_m2 = Some(refined.residual_m2);
-                if attempt_number == number {
-                    draws.push(Draw::kept(&candidate));
-                    candidate.source.draw_n += before_n;
-                    best.kept = Some((candidate, refined));
-                } else {
-                    draws.push(Draw::refused(&candidate, Refusal::Residual));
+impl MotionRows {
+    /// Names all draws of a motion by the chosen one, and counts them through.
+    fn of(choice: Choice<Attempt>) -> Self {
+        let chosen = choice.draws.get(choice.chosen);
+        let chosen_id = chosen.map(|attempt| attempt.candidate.candidate_id.clone());
+        let candidate_id = chosen_id.unwrap_or_default();
+        let (mut kept, mut rows) = (None, Draws::new());
+        let mut before_n = 0;
+        for (idx, attempt) in choice.draws.into_iter().enumerate() {
+            let mut candidate = attempt.candidate;
+            // Each may have draws of its own that were refused when it was drawn.
+            let draws_n = attempt.refused.iter().map(|draw| draw.source.draw_n);
+            let draws_n = draws_n.fold(candidate.source.draw_n, u32::max);
+            let mut draws = attempt.refused;
+            match attempt.refined {
+                Ok(refined) => {
+                    candidate.residual_m2 = Some(refined.residual_m2);
+                    if idx == choice.chosen {
+                        draws.push(Draw::kept(&candidate));
+                        candidate.source.draw_n += before_n;
+                        kept = Some((candidate, refined));
+                    } else {
+                        draws.push(Draw::refused(&candidate, Refusal::Residual));
+                    }
+                }
+                Err(fault) => {
+                    draws.push(Draw::without_motion(&candidate, fault.to_string()));
                 }
             }
-            Err(fault) => draws.push(Draw::without_motion(&candidate, fault)),
+            for mut draw in draws {
+                draw.source.draw_n += before_n;
+                draw.candidate_id.clone_from(&candidate_id);
+                GENERATOR.clone_into(&mut draw.generator);
+                rows.push(draw);
+            }
+            before_n += draws_n;
         }
-        for mut draw in draws {
-            draw.source.draw_n += before_n;
-            draw.candidate_id.clone_from(&candidate_id);
-            GENERATOR.clone_into(&mut draw.generator);
-            best.draws.push(draw);
-        }
-        before_n += draws_n;
+        rows.sort_by_key(|draw| draw.source.draw_n);
+        Self { kept, draws: rows }
     }
-    best.draws.sort_by_key(|draw| draw.source.draw_n);
-    Some(best)
 }
 
 #[cfg(test)]
@@ -571,33 +547,33 @@ mod tests {
             palm_moved_m: 0.0,
             approach_penetration_m: 0.0,
         };
-        let attempt = |name: &str, refined: Result<Refined, String>| Attempt {
+        let attempt = |name: &str, refined: Result<Refined, MotionError>| Attempt {
             candidate: candidate(name, 1, 0.5),
             refused: Draws::new(),
             refined,
         };
-        let unformed = || Err("its times do not increase".to_owned());
+        let unformed = || Err(MotionError::Number { step: 1 });
         let attempts = vec![
             attempt("box-0", unformed()),
             attempt("box-1", Ok(refined(0.5))),
             attempt("box-2", unformed()),
             attempt("box-3", unformed()),
         ];
-        let best = best_of(attempts, 2);
-        let [some, none] = &best[..] else {
+        let motions = rows_of_motions(attempts, 2);
+        let [some, none] = &motions[..] else {
             panic!("two pairs of draws");
         };
         assert_eq!(some.kept.as_ref().unwrap().0.candidate_id, "box-1");
         assert!(none.kept.is_none());
-        let refusals = |best: &Best| -> Vec<(Option<Refusal>, String)> {
-            let draws = best.draws.iter();
+        let refusals = |rows: &MotionRows| -> Vec<(Option<Refusal>, String)> {
+            let draws = rows.draws.iter();
             draws
                 .map(|draw| (draw.refused, draw.fault.clone()))
                 .collect()
         };
         let refused = (
             Some(Refusal::Motion),
-            "its times do not increase".to_owned(),
+            "step 1 has a number that is missing or not finite".to_owned(),
         );
         assert_eq!(refusals(some), [refused.clone(), (None, String::new())]);
         assert_eq!(refusals(none), [refused.clone(), refused]);

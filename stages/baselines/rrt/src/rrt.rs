@@ -14,7 +14,7 @@ use posture::{Environment, Hand};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
-use robot_meshes::AnotherHand;
+use robot_meshes::HandMismatch;
 use rrt_connect::{RrtOutcome, RrtPlan, RrtPlanner};
 use schemas::{
     Table,
@@ -122,7 +122,7 @@ impl Output for Rrt {
         let field = Arc::new(field);
         let joints = hand.model.joint_names();
         let of_object = (given.object.as_str(), &given.joints[..]);
-        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand.model))?;
+        HandMismatch::check(Self::KIND, of_object, (&urdf, &hand.model))?;
         let planned = given.candidates.par_iter().enumerate();
         let search = || RrtPlanner::new(&hand, config.planner());
         let planned = planned.map_init(search, |search, (idx, candidate)| {

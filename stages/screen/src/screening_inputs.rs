@@ -7,7 +7,7 @@ use dataflow::{
 };
 use lake::ReadInputs;
 use robot::RobotModel;
-use robot_meshes::AnotherHand;
+use robot_meshes::HandMismatch;
 use schemas::{Table, candidates::Candidates, objects::Object};
 use screening::{PlacedMotion, Screening};
 use simulation::{ObjectShape, SimulationError};
@@ -15,7 +15,7 @@ use simulation::{ObjectShape, SimulationError};
 use crate::{Screen, ScreenConfig, ScreenError};
 
 /// The inputs of a unit.
-pub(crate) struct Screened {
+pub(crate) struct ScreeningInputs {
     partition: String,
     urdf: PathBuf,
     /// The hand's URDF.
@@ -50,7 +50,7 @@ pub(crate) fn units(
     Ok(partitions.iter().map(unit).collect())
 }
 
-impl Screened {
+impl ScreeningInputs {
     /// Reads a unit's inputs; nothing if the object is missing.
     pub(crate) fn read(inputs: &Inputs, cx: &Context) -> Result<Option<Self>, BoxedDiagnostic> {
         let urdf = inputs.source("hand")?.path.clone();
@@ -62,7 +62,7 @@ impl Screened {
         };
         let partition = cx.partition().to_string();
         let of_object = (partition.as_str(), &candidates.joints[..]);
-        AnotherHand::check(Screen::KIND, of_object, (&urdf, &hand))?;
+        HandMismatch::check(Screen::KIND, of_object, (&urdf, &hand))?;
         Ok(Some(Self {
             partition,
             urdf,

@@ -14,7 +14,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 use robot::RobotModel;
-use robot_meshes::AnotherHand;
+use robot_meshes::HandMismatch;
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, Origin},
@@ -139,7 +139,7 @@ impl Output for CemMpc {
         given.candidates.truncate(config.per_object);
         let joints = hand.joint_names();
         let of_object = (given.object.as_str(), &given.joints[..]);
-        AnotherHand::check(Self::KIND, of_object, (&urdf, &hand))?;
+        HandMismatch::check(Self::KIND, of_object, (&urdf, &hand))?;
         let shape = ObjectShape::from_artifact(&object);
         let poses = given.candidates.iter();
         let poses = poses.map(|candidate| candidate.table_from_object);

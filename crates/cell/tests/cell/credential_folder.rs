@@ -19,14 +19,14 @@ const PLACEHOLDER: &str = "a password of its own";
 const AGES_HENCE: i32 = 4000;
 
 /// A folder of certificates and access files.
-pub(crate) struct Papers {
+pub(crate) struct CredentialFolder {
     folder: TempDir,
     /// Folder of the shipped files.
     shipped: PathBuf,
     authority: Issuer<'static, KeyPair>,
 }
 
-impl Papers {
+impl CredentialFolder {
     /// Makes an authority, and certificates and passwords of router, cell, dispatcher and viewer.
     pub(crate) fn new(shipped: &Path) -> Self {
         let folder = TempDir::new().unwrap();
@@ -36,18 +36,18 @@ impl Papers {
         let key = KeyPair::generate().unwrap();
         let certificate = authority.self_signed(&key).unwrap();
         fs::write(folder.path().join("ca.pem"), certificate.pem()).unwrap();
-        let papers = Self {
+        let credentials = Self {
             folder,
             shipped: shipped.to_owned(),
             authority: Issuer::new(authority, key),
         };
         let mut passwords = String::new();
         for name in ["router", "cell", "dispatcher", "viewer"] {
-            papers.certify(name, AGES_HENCE);
+            credentials.certify(name, AGES_HENCE);
             passwords.push_str(&format!("{name}:secret of {name}\n"));
         }
-        fs::write(papers.folder.path().join("passwords.txt"), passwords).unwrap();
-        papers
+        fs::write(credentials.folder.path().join("passwords.txt"), passwords).unwrap();
+        credentials
     }
 
     /// Issues a certificate that is valid until the end of a year.

@@ -1,23 +1,16 @@
 //! The stage: one unit per object.
 
-use std::sync::Arc;
-
-use approach::{
-    ApproachError, Grasp, HandBody, Reach, RestDistribution, Start, grasps, virtual_contacts,
-};
+use approach::{ApproachError, Attempts, Grasp, HandBody, Reach, Start, grasps, virtual_contacts};
 use dataflow::{
     BoxedDiagnostic, Context, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
-use geometry::DistanceField;
 use grasp_inputs::GraspInputs;
 use hand_files::HandFiles;
 use lake::WriteArtifact;
 use nalgebra::Point3;
 use posture::Environment;
-use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 use robot::{RobotModel, SurfacePoint};
 use schemas::{Table, candidates::Candidates, objects::Object};
 use spatial::RestingPose;
@@ -25,7 +18,7 @@ use spatial::RestingPose;
 use crate::{
     EigengraspConfig,
     basis::Basis,
-    run::{Finished, Run, RunResult},
+    run::{FinishedGrasp, Run, RunResult},
 };
 
 /// Anneals grasps in the space of eigengrasps, and reaches for them.
@@ -139,10 +132,8 @@ impl Output for Eigengrasp {
             contacts: virtual_contacts(&body),
             body: &body,
             basis: &basis,
-            field: Arc::new(field),
-            rests: RestDistribution::of(&object, config.approach.rests),
+            attempts: Attempts::new(&object, field, config.approach.rests, cx.seed()),
             object: &object,
-            seed: cx.seed(),
         };
         let (ranked, spent) = annealer.ranked()?;
         if ranked.is_empty() {
@@ -150,8 +141,7 @@ impl Output for Eigengrasp {
                 "no state of any run is free of collisions",
             ));
         }
-        let mut rng = ChaCha8Rng::seed_from_u64(cx.seed());
-        rng.set_stream(STARTS_STREAM);
+        let mut rng = annealer.attempts.random(STARTS_STREAM);
         let reach = Reach::new(&body, &config.approach, GENERATOR, &object.name);
         let candidates = ranked.iter().enumerate().map(|(number, (rest, finished))| {
             let grasp = Grasp {
@@ -159,16 +149,12 @@ impl Output for Eigengrasp {
                 depth_m: finished.depth_m,
                 residual_m2: None,
             };
-            let environment = Environment::new(Arc::clone(&annealer.field), *rest);
-            let start = &starts[rng.random_range(0..starts.len())];
+            let environment = annealer.attempts.environment(*rest);
+            let start = Start::draw(&starts, &mut rng);
             reach.candidate(number, &environment, &grasp, start)
         });
         let candidates = candidates.collect::<Result<_, _>>()?;
-        cx.write(&Candidates {
-            object: object.name.clone(),
-            joints: joints.into(),
-            candidates,
-        })?;
+        cx.write(&reach.table(candidates))?;
         Ok(Outcome::Made(metrics(&ranked, &spent, &basis)))
     }
 }
@@ -179,30 +165,25 @@ struct Annealer<'a> {
     body: &'a HandBody,
     basis: &'a Basis,
     contacts: Vec<SurfacePoint>,
-    field: Arc<DistanceField>,
-    rests: RestDistribution,
+    attempts: Attempts,
     object: &'a Object,
-    seed: u64,
 }
 
 impl Annealer<'_> {
     /// Returns the best finished grasps of all runs, each with the object's resting pose, and the work spent.
-    fn ranked(&self) -> Result<(Vec<(RestingPose, Finished)>, RunResult), ApproachError> {
-        let runs: Vec<(RestingPose, RunResult)> = (0..self.config.runs)
-            .into_par_iter()
-            .map(|number| {
-                let (run, cpu_s) = cpu_time::measured(|| self.run(number));
-                let (rest, made) = run?;
-                Ok((rest, RunResult { cpu_s, ..made }))
-            })
-            .collect::<Result<_, ApproachError>>()?;
+    fn ranked(&self) -> Result<(Vec<(RestingPose, FinishedGrasp)>, RunResult), ApproachError> {
+        let runs = self
+            .attempts
+            .results(self.config.runs, |_, environment, rng| {
+                Ok::<_, ApproachError>((environment.rest(), self.run(environment, rng)?))
+            })?;
         let mut spent = RunResult::default();
         let mut ranked = Vec::new();
-        for (rest, made) in runs {
+        for ((rest, made), cpu_s) in runs {
             spent.steps += made.steps;
             spent.checks += made.checks;
             spent.evaluations += made.evaluations;
-            spent.cpu_s += made.cpu_s;
+            spent.cpu_s += cpu_s;
             ranked.extend(made.grasps.into_iter().map(|grasp| (rest, grasp)));
         }
         // The sort is stable: of equals the one of the lower energy and the earlier run is first.
@@ -214,23 +195,23 @@ impl Annealer<'_> {
         Ok((ranked, spent))
     }
 
-    /// Makes the run of a number, from random numbers of its own.
-    fn run(&self, number: usize) -> Result<(RestingPose, RunResult), ApproachError> {
-        let mut rng = ChaCha8Rng::seed_from_u64(self.seed);
-        rng.set_stream(number as u64);
-        let rest = self.rests.at(rng.random());
-        let environment = Environment::new(Arc::clone(&self.field), rest);
+    /// Makes a run about the object as it lies.
+    fn run(
+        &self,
+        environment: &Environment,
+        rng: &mut ChaCha8Rng,
+    ) -> Result<RunResult, ApproachError> {
         let center_in_object = Point3::from(self.object.center_of_mass_m);
         let run = Run {
             config: self.config,
             body: self.body,
             basis: self.basis,
             contacts: &self.contacts,
-            environment: &environment,
+            environment,
             center_in_object,
             length_m: radius_m(self.object, &center_in_object),
         };
-        Ok((rest, run.grasps(&mut rng)?))
+        run.grasps(rng)
     }
 }
 
@@ -243,12 +224,13 @@ fn radius_m(object: &Object, center: &Point3<f64>) -> f64 {
 }
 
 fn metrics(
-    ranked: &[(RestingPose, Finished)],
+    ranked: &[(RestingPose, FinishedGrasp)],
     spent: &RunResult,
     basis: &Basis,
 ) -> EigengraspMetrics {
     let n = ranked.len() as f64;
-    let mean = |of: fn(&Finished) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
+    let mean =
+        |of: fn(&FinishedGrasp) -> f64| ranked.iter().map(|(_, one)| of(one)).sum::<f64>() / n;
     let closed = ranked.iter().filter(|(_, grasp)| grasp.epsilon > 0.0);
     EigengraspMetrics {
         candidates: n,
@@ -265,36 +247,19 @@ fn metrics(
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
-    use dataflow::{Artifact, Partition};
-    use schemas::{candidates::Origin, distance_fields::FieldInfo, trajectories::Trajectory};
+    use schemas::candidates::Origin;
 
     use super::*;
     use crate::fixture;
 
-    /// Runs the stage on the box; returns what it wrote.
+    /// Runs the stage on the box; returns what it measured and wrote.
     fn run(
         config: &EigengraspConfig,
         seed: u64,
         with_field: bool,
     ) -> (Outcome<EigengraspMetrics>, Option<Candidates>) {
-        let folder = tempfile::tempdir().unwrap();
-        let out = folder.path().join("out");
-        std::fs::create_dir(&out).unwrap();
         let trajectories = fixture::trajectories();
-        let artifacts = fixture::BOX.artifacts(folder.path(), &trajectories, with_field);
-        let inputs = grasp_fixture::inputs(&artifacts);
-        let cx = Context::detached(&"box".parse().unwrap(), seed, &out);
-        let outcome = Eigengrasp::read_and_make(config, &inputs, &cx).unwrap();
-        let made = Artifact {
-            key: "box".parse().unwrap(),
-            labels: BTreeMap::new(),
-            files: [(lake::table::FILE.to_owned(), out.join(lake::table::FILE))].into(),
-        };
-        let is_made = matches!(outcome, Outcome::Made(_));
-        let read = is_made.then(|| lake::table::read(&made).unwrap());
-        (outcome, read)
+        fixture::BOX.candidates::<Eigengrasp>(config, &trajectories, with_field, seed)
     }
 
     fn small() -> EigengraspConfig {
@@ -332,55 +297,19 @@ mod tests {
 
     #[test]
     fn grasps_are_those_of_the_seed_on_any_number_of_threads() {
-        let config = small();
-        let on_one = rayon::ThreadPoolBuilder::new()
-            .num_threads(1)
-            .build()
-            .unwrap();
-        let [one, other] = [
-            on_one.install(|| run(&config, 3, true).1),
-            run(&config, 3, true).1,
-        ];
-        assert_eq!(one, other);
-        let another = run(&config, 4, true).1;
-        assert_ne!(one, another);
+        grasp_fixture::check_seed(|seed| run(&small(), seed, true).1);
     }
 
     #[test]
     fn an_object_without_distances_is_skipped_with_the_reason() {
-        let (outcome, made) = run(&small(), 3, false);
-        let Outcome::Skipped { reason } = outcome else {
-            panic!("not skipped");
-        };
-        assert!(
-            reason.contains("distance field") && made.is_none(),
-            "{reason}"
-        );
+        grasp_fixture::check_skipped_without_field(run(&small(), 3, false));
     }
 
     #[test]
     fn objects_are_chosen_by_name() {
-        let partition = |key: &str| Partition::new(key.parse().unwrap(), BTreeMap::new());
-        let of = |keys: &[&str]| keys.iter().map(|key| partition(key)).collect::<Vec<_>>();
-        let scope = Scope::new(BTreeMap::from([
-            (Object::NAME.to_owned(), of(&["box", "can"])),
-            (FieldInfo::NAME.to_owned(), of(&["can"])),
-            (Trajectory::NAME.to_owned(), of(&["a", "b"])),
-        ]));
-        let units = |objects: &[&str], scope: &Scope| {
-            let objects = objects.iter().map(|&name| name.to_owned()).collect();
+        grasp_fixture::check_chosen_objects(|objects, scope| {
             Eigengrasp::units(&EigengraspConfig { objects, ..small() }, scope)
-        };
-        assert_eq!(units(&[], &scope).unwrap().len(), 2);
-        let one = units(&["can"], &scope).unwrap();
-        assert_eq!((one.len(), one[0].partition.as_str()), (1, "can"));
-        assert_eq!(one[0].reads[FieldInfo::NAME], ["can"]);
-        assert_eq!(one[0].reads[Trajectory::NAME], ["a", "b"]);
-        let unknown = units(&["cup"], &scope).unwrap_err();
-        assert!(unknown.to_string().contains("`cup`"));
-        assert!(unknown.hint().unwrap().contains("box, can"));
-        let nothing = units(&[], &Scope::default()).unwrap_err();
-        assert_eq!(nothing.missing_input(), Some("objects"));
+        });
     }
 
     #[test]

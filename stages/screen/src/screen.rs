@@ -23,7 +23,7 @@ use crate::{
     by_verdict::ByVerdict,
     recording::{self, record},
     robustness::RobustnessTrials,
-    screened::{Screened, units},
+    screening_inputs::{ScreeningInputs, units},
 };
 
 /// Judges candidate motions in physics.
@@ -92,7 +92,7 @@ impl Output for Screen {
         inputs: &Inputs,
         cx: &Context,
     ) -> Result<Outcome<ScreenMetrics>, BoxedDiagnostic> {
-        let Some(screened) = Screened::read(inputs, cx)? else {
+        let Some(screened) = ScreeningInputs::read(inputs, cx)? else {
             return Ok(Outcome::skipped("object missing"));
         };
         let config = &config.resolved();

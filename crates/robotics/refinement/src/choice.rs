@@ -1,0 +1,116 @@
+//! Choice of one draw of a motion by its residual.
+
+/// Draws of one motion, of which one is chosen.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Choice<T> {
+    /// Index in `draws` of the chosen one: that with the smallest residual, the first among equals.
+    pub chosen: usize,
+    /// All draws, in their order.
+    pub draws: Vec<T>,
+}
+
+/// Makes of every `per_motion` consecutive draws with the same resting pose the draws of one motion; the resting pose
+/// is not chosen. Choices are in the order of their chosen draws.
+///
+/// `residual_m2` returns a draw's residual in square meters, or `None` of one that could not be refined, which any
+/// other beats.
+///
+/// ```
+/// let draws = vec![("lying", 0.3), ("upright", 0.2), ("lying", 0.1)];
+/// let choices = refinement::choose(draws, 2, |draw| draw.0, |draw| Some(draw.1));
+/// assert_eq!(choices[0].draws, [("upright", 0.2)]);
+/// assert_eq!((choices[1].chosen, choices[1].draws.len()), (1, 2));
+/// ```
+pub fn choose<T, P: PartialEq>(
+    draws: Vec<T>,
+    per_motion: usize,
+    resting_pose: impl Fn(&T) -> P,
+    residual_m2: impl Fn(&T) -> Option<f64>,
+) -> Vec<Choice<T>> {
+    let mut by_rest: Vec<(P, Vec<(usize, T)>)> = Vec::new();
+    for (number, draw) in draws.into_iter().enumerate() {
+        let rest = resting_pose(&draw);
+        match by_rest.iter_mut().find(|(other, _)| *other == rest) {
+            Some((_, alike)) => alike.push((number, draw)),
+            None => by_rest.push((rest, vec![(number, draw)])),
+        }
+    }
+    let mut choices: Vec<(usize, Choice<T>)> = Vec::new();
+    for (_, alike) in by_rest {
+        let mut alike = alike.into_iter().peekable();
+        while alike.peek().is_some() {
+            let of_motion: Vec<(usize, T)> = alike.by_ref().take(per_motion.max(1)).collect();
+            let residuals = of_motion.iter().map(|(_, draw)| residual_m2(draw));
+            let chosen = smallest(residuals.map(|residual| residual.unwrap_or(f64::INFINITY)));
+            let number = of_motion
+                .get(chosen)
+                .map_or(usize::MAX, |(number, _)| *number);
+            let draws = of_motion.into_iter().map(|(_, draw)| draw).collect();
+            choices.push((number, Choice { chosen, draws }));
+        }
+    }
+    choices.sort_by_key(|(number, _)| *number);
+    choices.into_iter().map(|(_, choice)| choice).collect()
+}
+
+/// Returns the index of the smallest number, the first among equals; 0 of none.
+fn smallest(numbers: impl Iterator<Item = f64>) -> usize {
+    let least = numbers.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+    least.map_or(0, |(idx, _)| idx)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Chooses among draws with these resting poses and residuals; returns the chosen draw and all of each choice.
+    fn check(draws: &[(u8, Option<f64>)], per_motion: usize, expected: &[(usize, &[usize])]) {
+        let numbers = (0..draws.len()).collect();
+        let choices = choose(
+            numbers,
+            per_motion,
+            |&number: &usize| draws[number].0,
+            |&number| draws[number].1,
+        );
+        let found: Vec<(usize, &[usize])> = choices
+            .iter()
+            .map(|choice| (choice.draws[choice.chosen], &choice.draws[..]))
+            .collect();
+        assert_eq!(found, expected);
+    }
+
+    #[test]
+    fn the_smallest_residual_of_consecutive_draws_is_chosen_the_first_among_equals() {
+        let draws = [
+            (0, Some(2.0)),
+            (0, Some(1.0)),
+            (0, Some(3.0)),
+            (0, Some(3.0)),
+            (0, Some(0.0)),
+        ];
+        check(&draws, 2, &[(1, &[0, 1]), (2, &[2, 3]), (4, &[4])]);
+        check(
+            &draws,
+            1,
+            &[(0, &[0]), (1, &[1]), (2, &[2]), (3, &[3]), (4, &[4])],
+        );
+        check(&[], 2, &[]);
+    }
+
+    #[test]
+    fn draws_compete_only_with_the_same_resting_pose() {
+        let draws = [
+            (0, Some(9.0)),
+            (1, Some(9.0)),
+            (0, Some(1.0)),
+            (1, Some(1.0)),
+        ];
+        check(&draws, 2, &[(2, &[0, 2]), (3, &[1, 3])]);
+    }
+
+    #[test]
+    fn a_draw_that_could_not_be_refined_is_chosen_only_among_its_like() {
+        let draws = [(0, None), (0, Some(5.0)), (0, None), (0, None)];
+        check(&draws, 2, &[(1, &[0, 1]), (2, &[2, 3])]);
+    }
+}
