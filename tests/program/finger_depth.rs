@@ -70,7 +70,7 @@ fn screen(bench: &Bench, values: &[&str]) {
 fn a_recording(bench: &Bench) -> PathBuf {
     let folder = bench.lake().join("files/full_contact/screen/rollouts");
     let object = folder.join("004_sugar_box");
-    first(&object, |name| name.ends_with(".mcap"))
+    first(&object, |name| name.starts_with("004_sugar_box-"))
 }
 
 /// Runs the check on the newest rollouts.
