@@ -15,6 +15,7 @@ mod effective;
 mod errors;
 mod exports;
 mod extended;
+mod finger_depth;
 #[path = "../stages/dispatch/tests/model/model.rs"]
 mod goal_model;
 mod history;
