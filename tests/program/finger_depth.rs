@@ -58,7 +58,7 @@ fn no_accepted_motion_of_full_contact_has_deep_fingers_by_another_measurement() 
 
 /// Screens the small sample's motions by `full_contact`, with these values.
 fn screen(bench: &Bench, values: &[&str]) {
-    let mut run = bench.command_on("pipelines/full_contact.toml", "run", &["--until", "screen"]);
+    let mut run = bench.command_on("pipelines/cgf.toml", "run", &["--until", "screen"]);
     for value in values {
         run.args(["--set", value]);
     }
@@ -68,7 +68,7 @@ fn screen(bench: &Bench, values: &[&str]) {
 
 /// A recording of an accepted motion: failures are not recorded.
 fn a_recording(bench: &Bench) -> PathBuf {
-    let folder = bench.lake().join("files/full_contact/screen/rollouts");
+    let folder = bench.lake().join("files/cgf/screen/rollouts");
     let object = folder.join("004_sugar_box");
     first(&object, |name| name.starts_with("004_sugar_box-"))
 }
