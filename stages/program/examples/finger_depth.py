@@ -1,6 +1,6 @@
 """Measures again how deep fingers are in each other and in the palm: an independent check of `finger_penetration_m`.
 
-    pipeline run pipelines/full_contact.toml --until screen --set screen.recorded_per_object=10000
+    pipeline run pipelines/cgf.toml --until screen --set screen.recorded_per_object=10000
     python stages/program/examples/finger_depth.py
 
 Reads the rollouts of a stage `screen` and their recordings (MCAP) from a lake. MuJoCo reads the hand's URDF, places its
@@ -158,7 +158,7 @@ def rollouts(lake, pipeline, stage):
 def arguments():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--lake", type=Path, default=Path("data/lake"), help="folder of the artifacts (data/lake)")
-    parser.add_argument("--pipeline", default="full_contact", help="name of the pipeline file (full_contact)")
+    parser.add_argument("--pipeline", default="cgf", help="name of the pipeline file (cgf)")
     parser.add_argument("--stage", default="screen", help="stage that made the rollouts (screen)")
     parser.add_argument("--hand", type=Path, default=Path(HAND), help=f"URDF of the hand ({HAND})")
     parser.add_argument("--max-depth-m", type=float, default=0.002, help="`screen.max_finger_penetration_m` (0.002)")
