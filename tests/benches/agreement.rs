@@ -10,7 +10,7 @@
 //! `PIPELINE_LAKE` names the lake, or several with `:` between them, which are counted together. The newest
 //! `objects` in each and the newest `candidates` of the stage `PIPELINE_STAGE`, `refine` where it is not set,
 //! are taken, and the options are those of `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions
-//! that are not refined. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set.
+//! that are not refined, with the profile `table_lift`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set.
 //! Anything missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]

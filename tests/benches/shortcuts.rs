@@ -4,7 +4,7 @@
 //!
 //! 400 scripted grasps of each of seven bodies; and, where `PIPELINE_LAKE` names a lake, the newest
 //! `objects` in it and the newest `candidates` of the stage `PIPELINE_STAGE` (`refine`), with the options of
-//! `pipelines/cgf.toml`.
+//! `pipelines/cgf.toml` and its profile `table_lift`.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]

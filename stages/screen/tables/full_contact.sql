@@ -17,8 +17,8 @@ with
         from variants),
     names as (
         select * from (values
-            (0, '`table_lift`, friction 1'), (1, '`table_lift`, friction 0.8'), (2, 'and fingers touch each other'),
-            (3, 'and the palm'), (4, 'and the arm yields, `knocked_until = "lift"`: `full_contact`'),
+            (0, '`table_lift`, friction 1'), (1, '`table_lift`, friction 0.8'), (2, 'the same, fingers touch each other'),
+            (3, 'the same, and the palm'), (4, '`full_contact`: the same, the arm yields, `knocked_until = "lift"`'),
             (5, '`table_lift`, friction 1; refined with `self_collision_weight = 1`'),
             (6, '`full_contact`; refined with `self_collision_weight = 1`'))
             as names(number, judged)),

@@ -29,7 +29,7 @@ with
         from variants),
     names as (
         select * from (values
-            (0, 'all (default)'), (1, 'without `min_fingers`'), (2, 'without `max_spin_rad_per_s`'),
+            (0, 'all'), (1, 'without `min_fingers`'), (2, 'without `max_spin_rad_per_s`'),
             (3, 'without `palm_table_tolerance_m`'), (4, 'without `start_tolerance_m`'),
             (5, 'without `max_penetration_m`'), (6, 'with `knocked_until = "lift"`'),
             (7, 'with `max_palm_force_n = 50`, `max_palm_torque_nm = 10`'), (8, 'with `fingers_touch`'), (9, 'none'))

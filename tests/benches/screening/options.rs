@@ -12,7 +12,8 @@ pub(crate) fn hand() -> RobotModel {
 }
 
 /// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of
-/// others those of `pipelines/replay.toml`.
+/// others those of `pipelines/replay.toml`; with the profile `table_lift`, because the peer's scene has no contacts between
+/// fingers.
 pub(crate) fn screen(refined: bool) -> ScreenConfig {
     let path = if refined {
         "pipelines/cgf.toml"
@@ -22,7 +23,8 @@ pub(crate) fn screen(refined: bool) -> ScreenConfig {
     let root = env!("CARGO_MANIFEST_DIR");
     let path = format!("{root}/{path}");
     let text = fs::read_to_string(&path).unwrap();
-    let read = Pipeline::parse(path.as_ref(), &text, &pipeline::kinds(), None, &[]).unwrap();
+    let profile = Some("table_lift");
+    let read = Pipeline::parse(path.as_ref(), &text, &pipeline::kinds(), profile, &[]).unwrap();
     let screen = read.find("screen").unwrap();
     screen.options::<Screen>().unwrap().resolved()
 }

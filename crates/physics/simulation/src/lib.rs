@@ -5,9 +5,9 @@
 //! hold; the [`Verdict`] says how it ended and, if it failed, the one reason.
 //!
 //! - The hand is a reduced-coordinate multibody made from the same [`robot::RobotModel`] that
-//!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it is infinitely strong,
-//!   and follows its path exactly, or lags by drives of its own ([`PalmDriveConfig`]). Only the fingers
-//!   yield; with [`PalmComplianceConfig`] the palm does too.
+//!   kinematics uses. Its palm is a kinematic joint with six degrees of freedom: it follows its path exactly, with any
+//!   force, or lags by drives of its own ([`PalmDriveConfig`]); with [`PalmComplianceConfig`], as by `full_contact`,
+//!   contact pushes it off its path.
 //! - Finger joints are PD drives, with an optional velocity reference and inverse dynamics, integrated
 //!   implicitly, with clamped torque.
 //! - Equal arguments give equal bytes: no clock, no threads, a fresh copy of the world each time.
