@@ -40,8 +40,14 @@ const START_RAD: f64 = 2e-2;
 /// Verdicts of 62 recorded ones that have to agree; the screen agrees with 58 of them.
 const MIN_AGREEMENTS: usize = 56;
 
-/// Demonstrations of the sample, replayed.
-const REPLAYED: &str = "extends = \"ROOT/pipelines/replay.toml\"\n";
+/// Demonstrations of the sample, replayed; contacts of the hand with itself and a palm that yields are those that a test
+/// asks for.
+const REPLAYED: &str = r#"
+extends = "ROOT/pipelines/replay.toml"
+[shared]
+friction = 1.0
+protocol.name = "table_lift"
+"#;
 /// The judge as the stage `NAME`, which makes `MAKES` of the replayed demonstrations.
 const JUDGED: &str = r#"
 [stages.NAME]
