@@ -19,14 +19,7 @@ use crate::engine::place::{
 
 /// Paths that are not damaged. Published files are the same files as the blobs, or copies that the
 /// next run replaces; nothing else depends on the rest.
-const NOT_KEPT: [&str; 6] = [
-    "tables",
-    "files",
-    "versions",
-    "views.sql",
-    "staging",
-    "locks",
-];
+const NOT_KEPT: [&str; 6] = ["tables", "files", "every", "views.sql", "staging", "locks"];
 
 /// Kind of damage to a file.
 #[derive(Debug, Clone, Copy)]

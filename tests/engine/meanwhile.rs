@@ -247,9 +247,9 @@ fn of_several_pipelines_and_values_the_one_that_ran_last_is_the_newest() {
         well(place.bare(&place.lake(), "verify"));
     }
     // Nothing sound is dropped.
-    let before = files_below(&place.lake().join("versions"));
+    let before = files_below(&place.lake().join("every"));
     let mut drop = place.bare(&place.lake(), "verify");
     drop.arg("--drop");
     well(drop);
-    assert_eq!(files_below(&place.lake().join("versions")), before);
+    assert_eq!(files_below(&place.lake().join("every")), before);
 }

@@ -102,7 +102,7 @@ fn rows(lab: &Lab) -> Vec<(String, String)> {
 
 /// Objects of the lake, of each of which one motion is sent.
 fn objects_n(lab: &Lab) -> usize {
-    let objects = lab.bench.lake().join("versions/objects");
+    let objects = lab.bench.lake().join("every/objects");
     fs::read_dir(objects).unwrap().count()
 }
 

@@ -1,7 +1,7 @@
 //! Tables according to the records: which unit made each newest partition, and the digests of its
 //! files.
 //!
-//! The published files below `tables/` and `versions/` derive from this, and can be lost, exchanged or
+//! The published files below `tables/` and `every/` derive from this, and can be lost, exchanged or
 //! added to; queries are answered from the records.
 
 use std::{
@@ -209,7 +209,7 @@ impl Lake {
         Ok(files)
     }
 
-    /// Path of a unit's table below `versions/`.
+    /// Path of a unit's table below `every/`.
     fn version_path(&self, column: &str, unit: &UnitRef) -> PathBuf {
         let artifact = &unit.node.artifact;
         self.folder

@@ -24,10 +24,7 @@ pub(crate) const FILES: &str = "files";
 pub(crate) const REPORTS: &str = "reports";
 
 /// Folder of every table ever made, by the unit that made it, below the lake.
-const VERSIONS: &str = "versions";
-
-/// Its name in lakes of earlier versions of this program, which they keep.
-const VERSIONS_BEFORE: &str = "every";
+pub(crate) const VERSIONS: &str = "every";
 
 /// Folder of backup copies, below the lake.
 const COPIES: &str = "copies";
@@ -176,17 +173,8 @@ impl Folder {
         self.join(TABLES)
     }
 
-    /// Name of the folder of every table ever made.
-    pub(crate) fn versions_name(&self) -> &'static str {
-        if self.join(VERSIONS_BEFORE).is_dir() {
-            VERSIONS_BEFORE
-        } else {
-            VERSIONS
-        }
-    }
-
     pub(crate) fn versions(&self) -> PathBuf {
-        self.join(self.versions_name())
+        self.join(VERSIONS)
     }
 
     /// Lists the published tables of artifacts, by name.

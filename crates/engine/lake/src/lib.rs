@@ -14,8 +14,7 @@
 //! copies/…                 backup of recipes, manifests, runs and tags, which are irreplaceable
 //! tables/…                 Hive-partitioned Parquet: the newest partitions of every artifact, and what
 //!                          runs did (`runs`, `settings`, `units`, `artifacts`, `metrics`)
-//! versions/…               Hive-partitioned Parquet: each version of each partition, by the unit that made it;
-//!                          `every/` in a lake that an earlier version of the program made
+//! every/…                  Hive-partitioned Parquet: each version of each partition, by the unit that made it;
 //! files/…                  recordings, meshes and weights of the newest partitions
 //! reports/PIPELINE/STAGE/… charts of the newest partitions
 //! views.sql                the tables as views for DuckDB

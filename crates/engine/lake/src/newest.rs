@@ -51,7 +51,7 @@ pub(crate) type PublishedFiles = BTreeMap<String, PublishedFile>;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(crate) struct PublishedFile {
     pub(crate) digest: Digest,
-    /// The unit that made it: another unit's equal bytes are a separate file below `versions/`.
+    /// The unit that made it: another unit's equal bytes are a separate file below `every/`.
     pub(crate) fingerprint: Digest,
     pub(crate) stamp: Stamp,
 }

@@ -185,7 +185,7 @@ impl Repair<'_> {
         Ok(())
     }
 
-    /// Whether a table below `versions/` belongs to a unit, though no finished run refers to it.
+    /// Whether a table below `every/` belongs to a unit, though no finished run refers to it.
     fn may_be_published(&self, path: &Path) -> Result<bool, LakeError> {
         let Some((partition, fingerprint)) = unit_of(path) else {
             return Ok(false);

@@ -6,7 +6,7 @@ use dataflow::ArtifactName;
 
 use crate::{
     LakeError, atomic,
-    folder::{HISTORY, TABLES, names_in},
+    folder::{HISTORY, TABLES, VERSIONS, names_in},
     lake::Lake,
     table,
 };
@@ -46,14 +46,13 @@ pub(crate) fn text(lake: &Lake) -> Result<String, LakeError> {
              hive_types_autocast = false, union_by_name = true);\n",
             table::FILE
         ));
-        let versions = lake.folder.versions_name();
-        if !lake.folder.join(versions).join(name.as_str()).is_dir() {
+        if !lake.folder.versions().join(name.as_str()).is_dir() {
             continue;
         }
         views.push_str(&format!(
             "create or replace view all_{name} as select units.run, units.pipeline, units.stage, \
              made.fingerprint, made.* exclude (fingerprint) from \
-             read_parquet('{versions}/{name}/**/{}', hive_partitioning = true, \
+             read_parquet('{VERSIONS}/{name}/**/{}', hive_partitioning = true, \
              hive_types_autocast = false, union_by_name = true) as made \
              join units on units.fingerprint = made.fingerprint and units.artifact = '{name}';\n",
             table::FILE
