@@ -217,22 +217,20 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
     let is = |number: u8, place: f64| (f64::from(number) - place).abs() < 0.5;
-    let own = || {
-        let mut approaches = Approach::ALL.into_iter();
-        let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
-        let approach = approach.map_or("", Approach::as_str);
-        if all.squeeze_rad > 0.0 {
-            format!("{approach}, squeeze {} rad", all.squeeze_rad)
-        } else {
-            format!("{approach}, no scripted squeeze")
-        }
-    };
+    let mut approaches = Approach::ALL.into_iter();
+    let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
+    let approach = approach.map_or("", Approach::as_str);
+    let squeezed = format!("{approach}, squeeze {} rad", all.squeeze_rad);
+    let is_squeezed = all.squeeze_rad > 0.0;
     let named = ProtocolName::ALL
         .into_iter()
         .find(|name| is(*name as u8, all.protocol_n));
     let protocol = match named {
-        Some(ProtocolName::TableLift) | None => own(),
-        Some(name) if name.is_own() => format!("{}, {}", name.as_str(), own()),
+        Some(ProtocolName::TableLift) | None if is_squeezed => squeezed,
+        Some(ProtocolName::TableLift) | None => format!("{approach}, no scripted squeeze"),
+        Some(name) if name.is_own() && is_squeezed => format!("{}, {squeezed}", name.as_str()),
+        // A line has 100 columns: what is not said was not there.
+        Some(name) if name.is_own() => format!("{}, {approach}", name.as_str()),
         Some(name) => name.as_str().to_owned(),
     };
     format!(
@@ -405,6 +403,12 @@ mod tests {
             ..protocol()
         };
         assert!(said(&placed).ends_with("; at_grasp, squeeze 0.15 rad"));
+        let every_contact = Protocol {
+            name: ProtocolName::FullContact,
+            squeeze_rad: 0.0,
+            ..protocol()
+        };
+        assert!(said(&every_contact).ends_with("); full_contact, follow"));
         let published = Protocol {
             name: ProtocolName::DexgraspbenchForceClosure,
             ..protocol()
