@@ -1,4 +1,5 @@
-//! Moves the hand to the grasp of each motion by model predictive control ([`cem_mpc`]): the paper's control baseline.
+//! Moves the hand to the grasp of each motion by model predictive control ([`cem_mpc`](::cem_mpc)): the paper's
+//! control baseline.
 //!
 //! One unit per object: each of its first candidates becomes another one that begins at its first step and goes for the
 //! fingertips of its last one. What becomes a candidate is what was commanded, on the screen's own clock, so that the
