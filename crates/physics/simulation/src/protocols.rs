@@ -104,7 +104,6 @@ impl ProtocolName {
             Self::DexgraspbenchForceClosure => PublishedProtocol {
                 restart_each_pull: true,
                 displacement_from_start: true,
-                squeeze_s: DEXGRASPBENCH_SQUEEZE_S,
                 criteria: Criteria {
                     start_tolerance_m: Some(DEXGRASPBENCH_START_M),
                     max_rotation_rad: Some(15.0_f64.to_radians()),
@@ -115,7 +114,6 @@ impl ProtocolName {
             Self::DexgraspbenchTabletop => PublishedProtocol {
                 constant_speed_lift: true,
                 displacement: limit(0.05, 15.0, false),
-                squeeze_s: DEXGRASPBENCH_SQUEEZE_S,
                 criteria: Criteria {
                     start_tolerance_m: Some(DEXGRASPBENCH_START_M),
                     table_tolerance_m: Some(0.01),
@@ -130,7 +128,6 @@ impl ProtocolName {
                     period_s: 1.14,
                 }),
                 displacement: limit(0.1, 45.0, false),
-                squeeze_s: 0.25,
                 ..plain
             },
             Self::Dro => PublishedProtocol {
@@ -141,7 +138,6 @@ impl ProtocolName {
             Self::Frogger => PublishedProtocol {
                 constant_speed_lift: true,
                 displacement: limit(0.075, 30.0, true),
-                squeeze_s: 0.2,
                 ..plain
             },
         })
@@ -176,8 +172,6 @@ pub(crate) struct PublishedProtocol {
     pub(crate) restart_each_pull: bool,
     /// Whether displacements under pulls count from before the closing, and not from the first pull.
     pub(crate) displacement_from_start: bool,
-    /// Duration of the ramp to the squeeze in seconds, which tells options that were resolved from others.
-    squeeze_s: f64,
     /// By what it judges instead of the options.
     criteria: Criteria,
 }
@@ -192,7 +186,6 @@ impl PublishedProtocol {
         displacement: None,
         restart_each_pull: false,
         displacement_from_start: false,
-        squeeze_s: 0.0,
         criteria: Criteria::NONE,
     };
 }
@@ -293,13 +286,15 @@ impl Protocol {
         published.map_or_else(|| Criteria::of_options(self), |it| it.criteria)
     }
 
-    /// Whether the options are those for which the name stands.
-    #[expect(clippy::float_cmp, reason = "it is assigned, and never computed with")]
+    /// Whether the options have been replaced by what the name stands for: the criteria of published protocols are not
+    /// among them.
     pub(crate) fn is_resolved(&self) -> bool {
-        match self.name.published() {
-            Some(published) => self.squeeze_s == published.squeeze_s,
-            None => self.name.is_table_lift() || self.strict.knocked_until == KnockedUntil::Lift,
+        if self.name.is_own() {
+            return self.name.is_table_lift() || self.strict.knocked_until == KnockedUntil::Lift;
         }
+        let mut cleared = self.clone();
+        cleared.clear_criteria();
+        Criteria::of_options(self) == Criteria::of_options(&cleared)
     }
 
     /// Returns the scene and the protocol for which the name stands.
