@@ -52,7 +52,7 @@ pub(crate) fn take_over(
     let lake = effects.parent().and_then(Path::parent);
     if let Some(root) = lake.filter(|root| root.join("units").is_dir()) {
         let lake = Lake::open(root);
-        for goal in noted(root)?.iter().chain(&executed(root, &lake)?) {
+        for goal in noted(root)?.iter().chain(&executed(&lake)?) {
             keep(goal)?;
         }
     }
@@ -78,9 +78,9 @@ fn noted(root: &Path) -> Result<Vec<EarlierGoal>, BoxedDiagnostic> {
 }
 
 /// Goals in tables of executions, but those at cells that ended with their run.
-fn executed(root: &Path, lake: &Lake) -> Result<Vec<EarlierGoal>, BoxedDiagnostic> {
+fn executed(lake: &Lake) -> Result<Vec<EarlierGoal>, BoxedDiagnostic> {
     let mut goals = Vec::new();
-    for object in folders_of(&root.join("every").join(Executions::NAME))? {
+    for object in folders_of(&lake.versions(Executions::NAME))? {
         for unit in folders_of(&object)? {
             let name = unit.file_name().and_then(|name| name.to_str());
             let digest = name.and_then(|name| name.strip_prefix(FINGERPRINT)?.parse().ok());

@@ -281,6 +281,11 @@ impl Lake {
         Some(self.folder.log(fingerprint)).filter(|path| path.is_file())
     }
 
+    /// Returns the folder of every table ever made of an artifact, by partition and unit.
+    pub fn versions(&self, artifact: &str) -> PathBuf {
+        self.folder.versions().join(artifact)
+    }
+
     /// Returns the path of an artifact's file.
     pub fn file(&self, file: &FileRef) -> PathBuf {
         self.blobs.path(&file.digest)
