@@ -85,11 +85,11 @@ pub struct SceneConfig {
     /// with 1 mm held cans turn back and forth.
     #[option(default = 0.0, range = 0.0..=MAX_SETTING, why = SINGLE_PRECISION)]
     pub contact_recycle_m: f64,
-    /// Whether different fingers touch each other (false); links of one finger never do.
+    /// Whether different fingers touch each other (false; always by `full_contact`); links of one finger never do.
     #[option(default)]
     pub fingers_touch: bool,
-    /// Whether fingers touch the palm (false), except for their links next to it and those that overlap it with all
-    /// joints at zero.
+    /// Whether fingers touch the palm (false; always by `full_contact`), except for their links next to it and those
+    /// that overlap it with all joints at zero.
     #[option(default)]
     pub fingers_touch_palm: bool,
     /// Timeout in seconds for the object to come to rest on the table: it falls half a millimeter.

@@ -220,18 +220,21 @@ fn line(summary: &Summary<RatesMetrics>) -> String {
     let mut approaches = Approach::ALL.into_iter();
     let approach = approaches.find(|approach| is(*approach as u8, all.approach_n));
     let approach = approach.map_or("", Approach::as_str);
-    let squeezed = format!("{approach}, squeeze {} rad", all.squeeze_rad);
-    let is_squeezed = all.squeeze_rad > 0.0;
+    let squeeze = (all.squeeze_rad > 0.0).then(|| format!("squeeze {} rad", all.squeeze_rad));
     let named = ProtocolName::ALL
         .into_iter()
         .find(|name| is(*name as u8, all.protocol_n));
     let protocol = match named {
-        Some(ProtocolName::TableLift) | None if is_squeezed => squeezed,
-        Some(ProtocolName::TableLift) | None => format!("{approach}, no scripted squeeze"),
-        Some(name) if name.is_own() && is_squeezed => format!("{}, {squeezed}", name.as_str()),
+        Some(name) if !name.is_own() => name.as_str().to_owned(),
+        Some(ProtocolName::TableLift) | None => {
+            let squeeze = squeeze.unwrap_or_else(|| "no scripted squeeze".to_owned());
+            format!("{approach}, {squeeze}")
+        }
         // A line has 100 columns: what is not said was not there.
-        Some(name) if name.is_own() => format!("{}, {approach}", name.as_str()),
-        Some(name) => name.as_str().to_owned(),
+        Some(name) => {
+            let squeeze = squeeze.map_or(String::new(), |squeeze| format!(", {squeeze}"));
+            format!("{}, {approach}{squeeze}", name.as_str())
+        }
     };
     format!(
         "{} object{}: mean {:.1} % (95 % CI {:.0} to {:.0}); {}",
