@@ -23,7 +23,7 @@ columns! {
         penetration_m: Option<f64> ["m"]
             => "deepest that the hand was in the object while it was held; null if the motion ended before",
         finger_penetration_m: Option<f64> ["m"]
-            => "deepest that links of different fingers, or a finger and the palm, were in each other at any control step; null unless they touch both",
+            => "deepest that links of different fingers, or a finger and the palm, were in each other at the start of any physics step; null unless they touch both",
         contacts_n: Option<u32>
             => "hand links in contact with the object at the end; null if the motion ended before the end of the hold",
     }

@@ -15,9 +15,9 @@ Pairs, by the rule of `robot::HandShape`, derived here from MuJoCo's model:
 - A shape of a finger counts with every shape of the palm, unless a joint joins its body to the palm, or it touches a shape
   of the palm with all joints at zero, or at the limit nearest to it.
 
-The depth of two shapes is the shortest way along which one leaves the other. The screen takes it from its contacts, which
-are those of the start of the last physics step: 4 ms before the recorded positions by default. Step 0 is the start of a
-motion, which is measured here alone.
+The depth of two shapes is the shortest way along which one leaves the other. The screen takes it from its contacts at the
+start of every physics step, 4 ms apart by default; here it is measured at the control steps, of which step 0 is the start
+of a motion.
 
 Exits with 1 if an accepted motion is deeper than `--max-depth-m` and `--tolerance-m` together, or its depth differs from
 `finger_penetration_m` by more than the tolerance; else with 3 if accepted motions are not recorded, and so unchecked.
@@ -130,8 +130,7 @@ def measured(hand, recording, control_steps_n):
         hand.place(at)
         depths.append(hand.deepest())
     step = max(range(len(depths)), key=lambda step: depths[step][0])
-    # The start is no control step.
-    of_rollout_m = max(depth_m for depth_m, _ in depths[1:control_steps_n + 1])
+    of_rollout_m = max(depth_m for depth_m, _ in depths[:control_steps_n + 1])
     return {"depth_m": depths[step][0], "links": depths[step][1], "step": step, "of_rollout_m": of_rollout_m}
 
 

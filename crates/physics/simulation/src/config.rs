@@ -121,6 +121,11 @@ impl SceneConfig {
         self.time_step_s * f64::from(self.steps_per_control)
     }
 
+    /// Whether fingers touch each other and the palm, so that a depth of theirs counts.
+    pub(crate) fn is_finger_depth_defined(&self) -> bool {
+        self.fingers_touch && self.fingers_touch_palm
+    }
+
     /// Returns the object's mass, before [`SceneConfig::mass_scale`].
     pub fn object_mass(&self) -> ObjectMass {
         match (self.object_mass_kg, self.object_density_kg_per_m3) {

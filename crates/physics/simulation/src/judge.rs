@@ -46,8 +46,6 @@ pub(crate) struct Judge<'a> {
     rise_m: f64,
     displacement_m: Option<f64>,
     penetration_m: Option<f64>,
-    /// Depth of the fingers in each other and in the palm; none if they do not touch.
-    finger_penetration_m: Option<f64>,
     /// The object's pose in the palm frame, from the end of the lift on.
     palm_from_object_held: Vec<Pose<Palm, Object>>,
     /// The object's pose in the palm frame after the latest step.
@@ -104,7 +102,6 @@ impl<'a> Judge<'a> {
             rise_m: 0.0,
             displacement_m: None,
             penetration_m: None,
-            finger_penetration_m: (scene.fingers_touch && scene.fingers_touch_palm).then_some(0.0),
             palm_from_object_held: Vec::new(),
             last_palm_from_object: Pose::identity(),
             closing_left: scene.delay_control_steps(),
@@ -133,7 +130,6 @@ impl<'a> Judge<'a> {
         if implausible(settled, world, &table_from_object) {
             return Some(Verdict::Diverged);
         }
-        self.measure_fingers(world);
         self.rise_m =
             table_from_object.translation.z - self.table_from_object_at_start.translation.z;
         let table_from_palm = settled.hand.table_from_palm(world);
@@ -347,13 +343,6 @@ impl<'a> Judge<'a> {
         long_enough
     }
 
-    /// Records the depth of fingers in each other and in the palm.
-    fn measure_fingers(&mut self, world: &World) {
-        if let Some(deepest_m) = &mut self.finger_penetration_m {
-            *deepest_m = deepest_m.max(contact::self_depth_m(world));
-        }
-    }
-
     /// Records the penetration depth of hand and object while the object is carried.
     fn measure_touch(&mut self, settled: &SettledScene, world: &World) -> Touch {
         let surface = settled.surface.as_ref();
@@ -402,14 +391,13 @@ impl<'a> Judge<'a> {
         }
     }
 
-    /// Returns what was measured until now, without the numbers of steps.
+    /// Returns what was measured until now, without the numbers of steps and the fingers' depth in each other.
     pub(crate) fn measures(&self) -> Measures {
         Measures {
             lift_m: finite(self.rise_m),
             slip_m: self.slip_m().and_then(finite),
             displacement_m: self.displacement_m.and_then(finite),
             penetration_m: self.penetration_m.and_then(finite),
-            finger_penetration_m: self.finger_penetration_m.and_then(finite),
             contacts_n: self.contact_count(),
             ..Measures::default()
         }

@@ -6,7 +6,7 @@ use spatial::{Object, Palm, Pose, Table};
 
 use crate::{
     config::Protocol,
-    contact::{ContactPoint, contact_points},
+    contact::{ContactPoint, contact_points, self_depth_m},
     desired::DesiredStep,
     judge::Judge,
     palm_compliance::CompliantPalm,
@@ -164,6 +164,7 @@ pub(crate) fn run_watched<'a>(
     }
     let Execution {
         control_steps_n,
+        finger_penetration_m,
         executed,
         trace,
         ..
@@ -177,6 +178,7 @@ pub(crate) fn run_watched<'a>(
         measures: Measures {
             control_steps_n,
             skipped_steps_n: Some(count(script.commands.len()).saturating_sub(control_steps_n)),
+            finger_penetration_m: finger_penetration_m.filter(|depth_m| depth_m.is_finite()),
             ..judge.measures()
         },
         executed: if has_reached { executed } else { Vec::new() },
@@ -208,6 +210,8 @@ struct Execution<'a> {
     /// Control steps commanded since the start, by the clock of the drives.
     commanded_n: u32,
     control_steps_n: u32,
+    /// Depth of the fingers in each other and in the palm, from the start on; none if they do not touch.
+    finger_penetration_m: Option<f64>,
     /// The hand after each control step of the reach, its start first.
     executed: Vec<HandState<Object>>,
     trace: Option<Trace>,
@@ -240,6 +244,7 @@ impl<'a> Execution<'a> {
             before_pulls: None,
             commanded_n: 0,
             control_steps_n: 0,
+            finger_penetration_m: settled.scene.is_finger_depth_defined().then_some(0.0),
             executed: Vec::with_capacity(script.reach_len() + 1),
             trace: (record == TraceMode::Trace).then(Trace::default),
             observer,
@@ -307,7 +312,14 @@ impl<'a> Execution<'a> {
             }
             _ => PalmMotion::Set,
         };
-        let advanced = control_step(settled, world, script, idx, self.commanded_n, palm);
+        let first_step = self.commanded_n as usize * settled.scene.steps_per_control as usize;
+        let stepped = |world: &World| {
+            // The contacts of a physics step are those at its start: the first one's are the starting posture's.
+            if let Some(deepest_m) = &mut self.finger_penetration_m {
+                *deepest_m = deepest_m.max(self_depth_m(world));
+            }
+        };
+        let advanced = control_step(settled, world, script, idx, first_step, palm, stepped);
         self.commanded_n += 1;
         self.control_steps_n += 1;
         if command.phase.is_reach() {
@@ -392,17 +404,18 @@ enum PalmMotion<'a> {
     Compliant(&'a mut CompliantPalm, Pose<EngineFrame, Palm>),
 }
 
-/// Advances by one control step after `done_n` others, with `last` as the last one commanded.
+/// Advances by one control step from the physics step `first` on, with `last` as the last one commanded; calls
+/// `stepped` after each physics step.
 fn control_step(
     settled: &SettledScene,
     world: &mut World,
     script: &Script,
     last: usize,
-    done_n: u32,
+    first: usize,
     mut palm: PalmMotion,
+    mut stepped: impl FnMut(&World),
 ) -> Result<(), Overflow> {
     let per_control = settled.scene.steps_per_control as usize;
-    let first = done_n as usize * per_control;
     for step in first..first + per_control {
         match &mut palm {
             PalmMotion::Set => {}
@@ -424,6 +437,7 @@ fn control_step(
         }
         world.step()?;
         settled.hand.limit_speed(world);
+        stepped(world);
     }
     Ok(())
 }
