@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use options::{OptionFaults, Options, options};
-use screening::ScreeningOptions;
+use screening::{PoseError, ScreeningOptions};
 use simulation::{Protocol, SceneConfig, SceneRandomization};
 
 /// Most rollouts of an object that are recorded: a recording has about 1 MB.
@@ -37,6 +37,10 @@ pub struct ScreenConfig {
     /// share of the object's extent (0); paper: 0 to 0.1
     #[option(default, range = 0.0..=MAX_POSE_NOISE, why = "it is a share of the object's extent")]
     pub pose_noise: f64,
+    /// Error of the object's estimated pose, for a study: each motion is executed as if the object lay so far off on
+    /// the table (none).
+    #[option(default, table)]
+    pub pose_error: PoseError,
     /// Deepest that the hand may be in an object that it holds, in meters; deeper is `too_deep`: soft
     /// fingertips yield by that much.
     #[option(
@@ -93,6 +97,7 @@ impl ScreenConfig {
             max_penetration_m: self.max_penetration_m,
             max_finger_penetration_m: self.max_finger_penetration_m,
             pose_noise: self.pose_noise,
+            pose_error: self.pose_error,
             seed,
         }
     }

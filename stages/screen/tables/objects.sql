@@ -2,19 +2,21 @@
 -- that have not (five seeds, four folds), the share of the unseen single samples that fails by each reason, and the share
 -- of the object's demonstrations that succeed.
 --
--- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
 with
     options as (
-        select run as of_run, max(number) as best_of
-        from settings where stage = 'refine' and key = 'draws' and run in (select run from runs) group by run),
+        select run as of_run, max(case when stage = 'refine' and key = 'draws' then number end) as best_of,
+            max(case when stage = 'screen' and key = 'pose_error.position_m' then number end) as error_m
+        from settings where run in (select run from runs) group by run),
     sampled as (
         select object, object_split, best_of, sum(1.0 * candidates_n) as n, sum(1.0 * successes_n) as s,
             sum(1.0 * not_grasped_n) as not_grasped, sum(1.0 * table_n) as at_table,
             sum(1.0 * early_contact_n) as early, sum(1.0 * knocked_over_n) as knocked,
+            sum(1.0 * overloaded_n) as overloaded,
             sum(1.0 * dropped_n) + sum(1.0 * slipped_n) as lost, sum(1.0 * too_deep_n) as deep,
             sum(1.0 * limit_n) + sum(1.0 * diverged_n) + sum(1.0 * infeasible_n) as other
-        from all_success join options on all_success.run = options.of_run
+        from all_success join options on all_success.run = options.of_run where error_m = 0
         group by object, object_split, best_of),
     unseen as (select * from sampled where object_split = 'unseen' and best_of = 1),
     seen as (
@@ -39,6 +41,7 @@ select
     round(100 * at_table / n, 0) as "table",
     round(100 * early / n, 0) as "early contact",
     round(100 * knocked / n, 0) as "knocked over",
+    round(100 * overloaded / n, 0) as "overloaded",
     round(100 * lost / n, 0) as "dropped, slipped",
     round(100 * deep / n, 0) as "too deep",
     round(100 * other / n, 0) as "limit, diverged, infeasible",

@@ -3,17 +3,18 @@
 -- objects' mean, Student's over the 20 objects' own rates. The paper's share is derived: 65 control steps of a trial
 -- over its cost (Ye et al., RA-L 2023, table V).
 --
--- pipeline run pipelines/replay.toml --profile table_lift --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --profile table_lift --set ingest.root=$DEXYCB
+-- pipeline run pipelines/replay.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
 with
     options as (
-        select run as of_run, max(number) as best_of
-        from settings where stage = 'refine' and key = 'draws' and run in (select run from runs) group by run),
+        select run as of_run, max(case when stage = 'refine' and key = 'draws' then number end) as best_of,
+            max(case when stage = 'screen' and key = 'pose_error.position_m' then number end) as error_m
+        from settings where run in (select run from runs) group by run),
     by_object as (
         select origin, case when best_of > 1 then 4 else 1 end as best_of, object_split, object, 1.0 * sum(draws_n) as d,
             1.0 * sum(candidates_n) as c, 1.0 * sum(successes_n) as s
         from all_success left join options on all_success.run = options.of_run
-        where run in (select run from runs)
+        where run in (select run from runs) and error_m = 0
         group by origin, case when best_of > 1 then 4 else 1 end, object_split, object),
     shares as (select *, case when c > 0 then s / c end as share from by_object),
     groups as (

@@ -6,7 +6,7 @@ use robot::RobotModel;
 use simulation::{ObjectShape, Protocol, SceneConfig};
 use spatial::{Object, Pose};
 
-use crate::{PlacedMotion, ScreeningOptions};
+use crate::{PlacedMotion, PoseError, ScreeningOptions};
 
 /// A finger that slides, as a ball.
 const HAND: &str = r#"<robot name="h"><link name="palm"/>
@@ -38,6 +38,7 @@ pub(crate) fn options<'a>(scene: &'a SceneConfig, protocol: &'a Protocol) -> Scr
         max_penetration_m: 0.005,
         max_finger_penetration_m: 0.002,
         pose_noise: 0.0,
+        pose_error: PoseError::default(),
         seed: 7,
     }
 }

@@ -3,7 +3,7 @@
 //! ```
 //! use motion::{HandRates, Motion, Step};
 //! use nalgebra::{Isometry3, Matrix3, Point3};
-//! use screening::{PlacedMotion, Screening, ScreeningOptions};
+//! use screening::{PlacedMotion, PoseError, Screening, ScreeningOptions};
 //! use simulation::{ObjectShape, Protocol, SceneConfig, SceneRandomization, Verdict};
 //! use spatial::Pose;
 //!
@@ -45,6 +45,7 @@
 //!     max_penetration_m: 0.005,
 //!     max_finger_penetration_m: 0.002,
 //!     pose_noise: 0.0,
+//!     pose_error: PoseError::default(),
 //!     seed: 7,
 //! };
 //! let motions = vec![PlacedMotion { table_from_object: on_the_table, motion: &motion }];
@@ -72,9 +73,10 @@
 
 #[cfg(test)]
 mod fixture;
-mod pose_noise;
+mod pose_error;
 mod screening;
 mod trials;
 
+pub use pose_error::PoseError;
 pub use screening::{Judgment, PlacedMotion, Scenes, Screening, ScreeningOptions};
 pub use trials::MotionTrials;

@@ -7,7 +7,7 @@ use std::{
 };
 
 use motion::{HandState, Motion, Smoothness, smoothness};
-use nalgebra::{Translation3, Vector3};
+use nalgebra::{Isometry3, Translation3, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
 use simulation::{
@@ -16,7 +16,7 @@ use simulation::{
 };
 use spatial::{Object, Pose, RestingPose, Table};
 
-use crate::pose_noise::pose_noise_m;
+use crate::pose_error::{PoseError, pose_noise_m};
 
 /// Conditions under which motions are screened.
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +33,9 @@ pub struct ScreeningOptions<'a> {
     /// Standard deviation of the noise on the object's position, along each axis as a share of the object's extent; 0
     /// for none.
     pub pose_noise: f64,
-    /// Seed of the pose noise and of the errors of [`Screening::trials`].
+    /// Error of the object's estimated pose, in a direction of its own for each motion.
+    pub pose_error: PoseError,
+    /// Seed of the pose noise, the pose errors and of the errors of [`Screening::trials`].
     pub seed: u64,
 }
 
@@ -70,7 +72,7 @@ pub struct Judgment {
     pub verdict: Verdict,
     /// What the simulation measured.
     pub measures: Measures,
-    /// Smoothness of the motion as given, without pose noise.
+    /// Smoothness of the motion as given, without pose noise or error.
     pub smoothness: Smoothness,
     /// Smoothness as executed over the control steps of the reach; none unless the reach was simulated to its end.
     pub executed: Option<Smoothness>,
@@ -217,7 +219,7 @@ impl<'a> Screening<'a> {
         verdicts.collect()
     }
 
-    /// Carries out one motion, with its pose noise. Equal arguments give an equal rollout, alone or among others.
+    /// Carries out one motion, with its pose noise and error. Equal arguments give an equal rollout, alone or among others.
     ///
     /// # Errors
     ///
@@ -231,7 +233,7 @@ impl<'a> Screening<'a> {
     ) -> Result<Rollout, SimulationError> {
         let settled = scenes.0[self.pose_of[idx]].as_ref();
         let settled = settled.ok_or(SimulationError::Unsettled)?;
-        let motion = self.in_order(idx)?.shifted(&self.noise_m(idx));
+        let motion = self.in_order(idx)?.moved(&self.off(idx));
         settled.rollout(&motion, self.options.protocol, record)
     }
 
@@ -256,14 +258,22 @@ impl<'a> Screening<'a> {
         motion.reordered(&joints).map_err(motion_error)
     }
 
-    /// Returns the pose noise of a motion, along the object's axes, in meters.
-    fn noise_m(&self, idx: usize) -> Translation3<f64> {
-        let scale = self.options.pose_noise;
-        Translation3::from(if scale > 0.0 {
-            pose_noise_m(&(self.extent_m * scale), self.options.seed, idx)
+    /// Returns how far a motion is off in the object's frame, by pose noise and error.
+    fn off(&self, idx: usize) -> Isometry3<f64> {
+        let ScreeningOptions {
+            pose_noise,
+            pose_error,
+            seed,
+            ..
+        } = self.options;
+        let lying = &self.poses[self.pose_of[idx]];
+        let error = pose_error.draw(lying, seed, idx);
+        if pose_noise > 0.0 {
+            let noise_m = pose_noise_m(&(self.extent_m * pose_noise), seed, idx);
+            Translation3::from(noise_m) * error
         } else {
-            Vector3::zeros()
-        })
+            error
+        }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use nalgebra::Translation3;
+use nalgebra::Isometry3;
 use robot::JointOrder;
 use spatial::{Palm, Pose};
 
@@ -138,12 +138,12 @@ impl<F, R: Rates> Motion<F, R> {
         Motion::of_joints(Arc::clone(&self.joints), steps.collect())
     }
 
-    /// Returns the motion displaced along the frame's axes, in meters.
+    /// Returns the motion moved in its frame.
     #[must_use]
-    pub fn shifted(&self, by_m: &Translation3<f64>) -> Self {
+    pub fn moved(&self, by: &Isometry3<f64>) -> Self {
         let step = |step: &Step<F, R>| Step {
             time_s: step.time_s,
-            frame_from_palm: Pose::new(by_m * *step.frame_from_palm),
+            frame_from_palm: Pose::new(by * *step.frame_from_palm),
             q_rad: step.q_rad.clone(),
             rates: step.rates.clone(),
         };

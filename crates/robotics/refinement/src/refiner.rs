@@ -393,8 +393,8 @@ mod tests {
     #[test]
     fn a_motion_below_the_table_rises_above_it() {
         let hand = fixture::hand();
-        let down = nalgebra::Translation3::new(0.0, 0.0, -0.06);
-        let drawn = reach(&hand, -0.1, 0.3).shifted(&down);
+        let down = nalgebra::Isometry3::translation(0.0, 0.0, -0.06);
+        let drawn = reach(&hand, -0.1, 0.3).moved(&down);
         let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[1]);
         assert!(before > 0.02 && after < 0.001, "{before} m, then {after} m");
@@ -405,8 +405,8 @@ mod tests {
     #[test]
     fn fingers_that_cross_are_parted_at_every_step() {
         let hand = fixture::hand();
-        let above = nalgebra::Translation3::new(0.0, 0.0, 0.3);
-        let away = reach(&hand, -0.1, 0.3).shifted(&above);
+        let above = nalgebra::Isometry3::translation(0.0, 0.0, 0.3);
+        let away = reach(&hand, -0.1, 0.3).moved(&above);
         let joint = |name: &str| hand.model.joint(name).unwrap();
         let ends = [
             ("joint_0.0", -0.45),
@@ -471,8 +471,8 @@ mod tests {
     #[test]
     fn a_motion_far_from_things_stays_as_it_is() {
         let hand = fixture::hand();
-        let above = nalgebra::Translation3::new(0.0, 0.0, 0.3);
-        let drawn = reach(&hand, -0.1, 0.3).shifted(&above);
+        let above = nalgebra::Isometry3::translation(0.0, 0.0, 0.3);
+        let drawn = reach(&hand, -0.1, 0.3).moved(&above);
         let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         for (drawn, refined) in drawn.steps().iter().zip(refined.steps()) {
             let off = drawn.frame_from_palm.inv_mul(&refined.frame_from_palm);

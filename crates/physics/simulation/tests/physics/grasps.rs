@@ -1,7 +1,7 @@
 use std::convert::Infallible;
 
 use motion::{HandState, Motion};
-use nalgebra::{Point3, Translation3, Vector3};
+use nalgebra::{Isometry3, Point3, Vector3};
 use robot::{ConvexBody, RobotModel};
 use simulation::{
     Approach, Offset, PalmDriveConfig, Protocol, Rollout, SceneConfig, SettledScene,
@@ -286,7 +286,7 @@ fn only_a_reach_that_was_simulated_to_its_end_counts_as_executed() {
         simulated_n
     };
     assert!(check(&good(), &protocol(), 41) > 40);
-    let below = good().shifted(&Translation3::new(0.0, 0.0, -1.0));
+    let below = good().moved(&Isometry3::translation(0.0, 0.0, -1.0));
     assert_eq!(check(&below, &protocol(), 0), 0);
     // The palm runs into the can before the reach ends, and that is enough.
     let mut strict = protocol();

@@ -1,7 +1,7 @@
 //! Validation of motions, and their invariants under reordered joints and changes of frame.
 
 use motion::{HandRates, JointRates, Motion, MotionError, MotionSpline, Step};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{Isometry3, Vector3};
 use proptest::prelude::*;
 use spatial::{Object, Pose, Table};
 
@@ -99,11 +99,11 @@ proptest! {
         prop_assert_eq!(&other.grasp().q_rad[0], &motion.grasp().q_rad[2]);
         let own = motion.joints().to_vec();
         prop_assert_eq!(&other.reordered(&own).unwrap(), &motion);
-        let by = Translation3::new(0.1, -0.2, 0.3);
+        let by = Isometry3::translation(0.1, -0.2, 0.3);
         let at = |motion: &Motion<Object>| motion.at_fraction(share).frame_from_palm;
-        let off = at(&motion.shifted(&by)).translation.vector
+        let off = at(&motion.moved(&by)).translation.vector
             - at(&motion).translation.vector;
-        prop_assert!((off - by.vector).norm() < 1e-12);
+        prop_assert!((off - by.translation.vector).norm() < 1e-12);
     }
 }
 
