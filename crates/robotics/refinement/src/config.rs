@@ -49,7 +49,7 @@ pub struct RefinementConfig {
     #[option(default = 0.002, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub table_margin_m: f64,
     /// Weight of what a finger lacks to its margin from another finger, or from the palm (0); 1 is for screens in which
-    /// they touch (`full_contact`): there it takes a sixth more time, and 92 instead of 74 % of the sample's motions
+    /// they touch (`full_contact`): there it takes a sixth more time, and 92 instead of 56 % of the sample's motions
     /// succeed.
     #[option(default, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub self_collision_weight: f64,
