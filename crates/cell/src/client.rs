@@ -561,7 +561,7 @@ impl CellClient {
                 }
                 let report =
                     UncheckedReport::from_bytes(&body).map_err(|err| unreadable(&key, &err))?;
-                let checked = report.check_as(goal_id, goal, robot);
+                let checked = report.check(goal_id, goal, robot);
                 return checked
                     .map(RecoveryResult::Report)
                     .map_err(|contradiction| {

@@ -331,19 +331,15 @@ impl UncheckedReport {
         Ok(Report::of_motion(goal_id, Vec::new(), ending, Vec::new()))
     }
 
-    /// Checks the report against its goal, itself, and the robot, whose joints have the goal's
-    /// names.
+    /// Checks the report against its goal, itself, and the robot, whose joints have the goal's names.
+    ///
+    /// The id is the one that the goal was sent under: a goal that was parsed may encode to another, since a parsed
+    /// quaternion is normalized.
     ///
     /// # Errors
     ///
     /// Fails with the contradiction: the goal's outcome is then unknown.
-    pub fn check(self, goal: &Goal, robot: &[Joint]) -> Result<Report, Contradiction> {
-        self.check_as(&goal.encode().goal_id, goal, robot)
-    }
-
-    /// Checks the report as [`UncheckedReport::check`] does, on a goal of this id: that of a goal that was parsed
-    /// is not that of its encoding, for a parsed rotation is made one again.
-    pub(crate) fn check_as(
+    pub fn check(
         self,
         goal_id: &str,
         goal: &Goal,

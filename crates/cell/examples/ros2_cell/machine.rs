@@ -281,7 +281,9 @@ impl Machine for Ros2Machine {
         // What contradicts the goal or itself is not claimed.
         let all: Vec<Joint> = self.robot.joints().cloned().collect();
         let checked = UncheckedReport::from_bytes(&done.to_bytes()).map_err(|err| err.to_string());
-        let checked = checked.and_then(|it| it.check(goal, &all).map_err(|err| err.to_string()));
+        let id = &encoded.goal_id;
+        let checked =
+            checked.and_then(|it| it.check(id, goal, &all).map_err(|err| err.to_string()));
         checked.unwrap_or_else(|why| {
             let message = format!("{}; but {why}", done.message);
             report(Outcome::Unknown, message, 0.0, Vec::new())

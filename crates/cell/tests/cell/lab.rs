@@ -201,7 +201,9 @@ pub(crate) fn body(answer: &[u8]) -> &[u8] {
 /// Reads an answer that is a report on a goal.
 pub(crate) fn report(answer: &[u8], goal: &Goal) -> Report {
     let report = UncheckedReport::from_bytes(body(answer)).unwrap();
-    report.check(goal, &robot()).unwrap()
+    report
+        .check(&goal.encode().goal_id, goal, &robot())
+        .unwrap()
 }
 
 pub(crate) fn connect(cell: &SimulatedCell) -> CellClient {

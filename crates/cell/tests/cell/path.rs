@@ -215,7 +215,7 @@ fn nothing_moves_or_is_reported_that_was_not_sent_or_said() {
                 if !is_refused {
                     let kept = fs::read(journal.path().join(format!("{id}.report"))).unwrap();
                     let kept = UncheckedReport::from_bytes(&kept).unwrap();
-                    assert_eq!(kept.check(&goal, &robot()).unwrap(), report);
+                    assert_eq!(kept.check(&id, &goal, &robot()).unwrap(), report);
                 }
                 report.outcome.as_str()
             }

@@ -64,7 +64,10 @@ impl Loose {
 
 fn refused(bytes: &[u8], goal: &Goal, robot: &[Joint]) -> Option<String> {
     match UncheckedReport::from_bytes(bytes) {
-        Ok(report) => report.check(goal, robot).err().map(|err| err.to_string()),
+        Ok(report) => {
+            let checked = report.check(&goal.encode().goal_id, goal, robot);
+            checked.err().map(|err| err.to_string())
+        }
         Err(err) => Some(err.to_string()),
     }
 }

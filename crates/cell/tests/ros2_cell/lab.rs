@@ -15,6 +15,7 @@ use cell::{
     PalmTrajectory, Patience, Report, Router, ServerConfig, ServiceConfig, State, Terms,
     robot_digest, subscribe,
 };
+use nalgebra::{Isometry3, Quaternion, Translation3, UnitQuaternion};
 use robot::{Joint, RobotModel};
 use spatial::Pose;
 use tempfile::TempDir;
@@ -250,14 +251,16 @@ pub(crate) fn goal(lab: &Lab, attempt: u32) -> Goal {
         serde_json::from_str(include_str!("../../examples/grasp.json")).unwrap();
     grasp.hold_s = 0.5;
     grasp.lifted_m = 0.03;
-    let object = Pose::from_array([0.0, 0.0, OBJECT_Z_M, 0.0, 0.0, 0.0, 1.0]);
+    // Not quite normalized: the cell that parses the goal must keep the id of its bytes.
+    let turn = UnitQuaternion::new_unchecked(Quaternion::new(1.0 + 1e-9, 0.0, 0.0, 0.0));
+    let object = Isometry3::from_parts(Translation3::new(0.0, 0.0, OBJECT_Z_M), turn);
     Goal {
         candidate_id: "box-0001".to_owned(),
         object: "box".to_owned(),
         robot: robot_digest(ARM),
         attempt,
         resumed: 0,
-        table_from_object: object.unwrap(),
+        table_from_object: Pose::new(object),
         start_tolerance_rad: 7.0,
         grasp: Grasp::try_from(&grasp).unwrap(),
         // The reach ends at 0.8 s, the lift goes from 1.4 s to 1.8 s.
