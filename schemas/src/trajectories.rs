@@ -6,6 +6,7 @@
 use arrow_array::RecordBatch;
 use arrow_schema::Schema;
 use motion::{JointRates, Motion, Step};
+use nalgebra::UnitQuaternion;
 use robot::{JointOrder, WrongDof};
 use spatial::{Object, Palm, Pose, RestingPose, Twist};
 
@@ -71,6 +72,13 @@ impl motion::Rates for TrajectoryRates {
             joints: self.joints.reordered(order)?,
             ..self.clone()
         })
+    }
+
+    fn rotated(&self, by: &UnitQuaternion<f64>) -> Self {
+        Self {
+            palm_velocity: self.palm_velocity.rotated(by),
+            joints: self.joints.clone(),
+        }
     }
 }
 

@@ -48,7 +48,7 @@ pub struct ScreenConfig {
         why = "no object of a hand's size is deeper"
     )]
     pub max_penetration_m: f64,
-    /// Deepest that fingers may be in each other and in the palm at any control step of a motion that holds its object,
+    /// Deepest that fingers may be in each other and in the palm at any time of a motion that holds its object,
     /// in meters, where they touch both; deeper is `too_deep`: soft contacts of the simulation yield by that much.
     #[option(
         default = 0.002, range = 0.0..=MAX_PENETRATION_M,

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use nalgebra::{Isometry3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use options::options;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -34,17 +34,17 @@ impl PoseError {
         table_from_object: &Pose<Table, Object>,
         seed: u64,
         item: usize,
-    ) -> Isometry3<f64> {
+    ) -> Pose<Object, Object> {
         if self.position_m == 0.0 && self.yaw_rad == 0.0 {
-            return Isometry3::identity();
+            return Pose::identity();
         }
         let mut rng = rng(seed, item);
         let direction_rad = TAU * rng.random::<f64>();
         let sign = if rng.random::<bool>() { 1.0 } else { -1.0 };
         let along = Vector3::new(direction_rad.cos(), direction_rad.sin(), 0.0) * self.position_m;
         let up = RestingPose::of(table_from_object).up_in_object;
-        Isometry3::from_parts(
-            Translation3::from(table_from_object.rotation.inverse() * along),
+        Pose::from_parts(
+            table_from_object.rotation.inverse() * along,
             UnitQuaternion::from_axis_angle(&up, sign * self.yaw_rad),
         )
     }
@@ -98,7 +98,7 @@ mod tests {
         let lying: Pose<Table, Object> = Pose::from_parts(Vector3::new(0.1, 0.2, 0.05), tilt);
         let n = 2000;
         let drawn = (0..n).map(|item| {
-            let off = *lying * error.draw(&lying, 7, item) * *lying.inverse();
+            let off: Pose<Table, Table> = lying * error.draw(&lying, 7, item) * lying.inverse();
             let turn = off.rotation.scaled_axis();
             let origin = lying.translation.vector;
             let shift = off.transform_point(&origin.into()).coords - origin;
@@ -115,9 +115,6 @@ mod tests {
         let clockwise = drawn.iter().filter(|(_, turn)| *turn < 0.0).count();
         assert!(mean.norm() < 5e-4, "{mean}");
         assert!((900..1100).contains(&clockwise), "{clockwise}");
-        assert_eq!(
-            PoseError::default().draw(&lying, 7, 0),
-            Isometry3::identity()
-        );
+        assert_eq!(PoseError::default().draw(&lying, 7, 0), Pose::identity());
     }
 }

@@ -7,7 +7,7 @@ use std::{
 };
 
 use motion::{HandState, Motion, Smoothness, smoothness};
-use nalgebra::{Isometry3, Translation3, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rayon::prelude::*;
 use robot::RobotModel;
 use simulation::{
@@ -219,7 +219,8 @@ impl<'a> Screening<'a> {
         verdicts.collect()
     }
 
-    /// Carries out one motion, with its pose noise and error. Equal arguments give an equal rollout, alone or among others.
+    /// Carries out one motion, with its pose noise and error. Equal arguments give an equal rollout, alone or among
+    /// others.
     ///
     /// # Errors
     ///
@@ -259,7 +260,7 @@ impl<'a> Screening<'a> {
     }
 
     /// Returns how far a motion is off in the object's frame, by pose noise and error.
-    fn off(&self, idx: usize) -> Isometry3<f64> {
+    fn off(&self, idx: usize) -> Pose<Object, Object> {
         let ScreeningOptions {
             pose_noise,
             pose_error,
@@ -270,7 +271,7 @@ impl<'a> Screening<'a> {
         let error = pose_error.draw(lying, seed, idx);
         if pose_noise > 0.0 {
             let noise_m = pose_noise_m(&(self.extent_m * pose_noise), seed, idx);
-            Translation3::from(noise_m) * error
+            Pose::from_parts(noise_m, UnitQuaternion::identity()) * error
         } else {
             error
         }

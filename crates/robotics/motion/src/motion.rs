@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use nalgebra::Isometry3;
 use robot::JointOrder;
 use spatial::{Palm, Pose};
 
@@ -138,14 +137,14 @@ impl<F, R: Rates> Motion<F, R> {
         Motion::of_joints(Arc::clone(&self.joints), steps.collect())
     }
 
-    /// Returns the motion moved in its frame.
+    /// Returns the motion moved in its frame, with its rates.
     #[must_use]
-    pub fn moved(&self, by: &Isometry3<f64>) -> Self {
+    pub fn moved(&self, by: &Pose<F, F>) -> Self {
         let step = |step: &Step<F, R>| Step {
             time_s: step.time_s,
-            frame_from_palm: Pose::new(by * *step.frame_from_palm),
+            frame_from_palm: *by * step.frame_from_palm,
             q_rad: step.q_rad.clone(),
-            rates: step.rates.clone(),
+            rates: step.rates.rotated(&by.rotation),
         };
         Self {
             joints: Arc::clone(&self.joints),

@@ -1,5 +1,6 @@
 //! Velocities and accelerations at a step of a motion.
 
+use nalgebra::UnitQuaternion;
 use robot::{JointOrder, WrongDof};
 use spatial::Twist;
 
@@ -17,6 +18,10 @@ pub trait Rates: Clone {
     ///
     /// Fails if there is not one number for each joint.
     fn reordered(&self, order: &JointOrder) -> Result<Self, WrongDof>;
+
+    /// Returns the rates of the hand rotated in its frame.
+    #[must_use]
+    fn rotated(&self, by: &UnitQuaternion<f64>) -> Self;
 }
 
 /// Velocities and accelerations of joints, in their order.
@@ -72,6 +77,8 @@ impl Rates for () {
     fn reordered(&self, _order: &JointOrder) -> Result<Self, WrongDof> {
         Ok(())
     }
+
+    fn rotated(&self, _by: &UnitQuaternion<f64>) -> Self {}
 }
 
 impl Rates for JointRates {
@@ -91,6 +98,10 @@ impl Rates for JointRates {
             acceleration: order.apply(&self.acceleration)?,
         })
     }
+
+    fn rotated(&self, _by: &UnitQuaternion<f64>) -> Self {
+        self.clone()
+    }
 }
 
 impl<F: Clone> Rates for HandRates<F> {
@@ -108,5 +119,13 @@ impl<F: Clone> Rates for HandRates<F> {
             joints: self.joints.reordered(order)?,
             ..self.clone()
         })
+    }
+
+    fn rotated(&self, by: &UnitQuaternion<f64>) -> Self {
+        Self {
+            palm_velocity: self.palm_velocity.rotated(by),
+            palm_acceleration: self.palm_acceleration.rotated(by),
+            joints: self.joints.clone(),
+        }
     }
 }

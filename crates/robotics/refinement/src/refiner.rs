@@ -393,7 +393,7 @@ mod tests {
     #[test]
     fn a_motion_below_the_table_rises_above_it() {
         let hand = fixture::hand();
-        let down = nalgebra::Isometry3::translation(0.0, 0.0, -0.06);
+        let down = Pose::new(nalgebra::Isometry3::translation(0.0, 0.0, -0.06));
         let drawn = reach(&hand, -0.1, 0.3).moved(&down);
         let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         let [before, after] = [&drawn, &refined].map(|motion| depths_m(&hand, motion)[1]);
@@ -405,7 +405,7 @@ mod tests {
     #[test]
     fn fingers_that_cross_are_parted_at_every_step() {
         let hand = fixture::hand();
-        let above = nalgebra::Isometry3::translation(0.0, 0.0, 0.3);
+        let above = Pose::new(nalgebra::Isometry3::translation(0.0, 0.0, 0.3));
         let away = reach(&hand, -0.1, 0.3).moved(&above);
         let joint = |name: &str| hand.model.joint(name).unwrap();
         let ends = [
@@ -471,7 +471,7 @@ mod tests {
     #[test]
     fn a_motion_far_from_things_stays_as_it_is() {
         let hand = fixture::hand();
-        let above = nalgebra::Isometry3::translation(0.0, 0.0, 0.3);
+        let above = Pose::new(nalgebra::Isometry3::translation(0.0, 0.0, 0.3));
         let drawn = reach(&hand, -0.1, 0.3).moved(&above);
         let refined = refine(&hand, &RefinementConfig::default(), &drawn).motion;
         for (drawn, refined) in drawn.steps().iter().zip(refined.steps()) {

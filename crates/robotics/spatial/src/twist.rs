@@ -8,7 +8,7 @@ use std::{
     ops::{Add, Mul, Sub},
 };
 
-use nalgebra::Vector3;
+use nalgebra::{UnitQuaternion, Vector3};
 
 use crate::Pose;
 
@@ -54,6 +54,11 @@ impl<Frame> Twist<Frame> {
             *other_from_frame * self.linear,
             *other_from_frame * self.angular,
         )
+    }
+
+    /// Returns the twist rotated in its frame.
+    pub fn rotated(&self, by: &UnitQuaternion<f64>) -> Self {
+        Self::new(by * self.linear, by * self.angular)
     }
 
     /// Whether every number is finite.

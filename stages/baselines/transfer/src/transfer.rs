@@ -464,7 +464,7 @@ mod tests {
         shown[2].rest = lying;
         shown[1].motion = shown[1]
             .motion
-            .moved(&nalgebra::Isometry3::translation(0.0, 0.04, 0.0));
+            .moved(&Pose::new(Isometry3::translation(0.0, 0.04, 0.0)));
         let made = made(TransferSource::Mean, std::slice::from_ref(&can), &shown);
         assert_eq!(made.len(), 2);
         let at = |idx: usize| made[idx].motion.grasp().frame_from_palm.translation.vector;

@@ -286,7 +286,7 @@ fn only_a_reach_that_was_simulated_to_its_end_counts_as_executed() {
         simulated_n
     };
     assert!(check(&good(), &protocol(), 41) > 40);
-    let below = good().moved(&Isometry3::translation(0.0, 0.0, -1.0));
+    let below = good().moved(&Pose::new(Isometry3::translation(0.0, 0.0, -1.0)));
     assert_eq!(check(&below, &protocol(), 0), 0);
     // The palm runs into the can before the reach ends, and that is enough.
     let mut strict = protocol();

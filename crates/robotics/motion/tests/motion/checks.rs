@@ -1,7 +1,7 @@
 //! Validation of motions, and their invariants under reordered joints and changes of frame.
 
 use motion::{HandRates, JointRates, Motion, MotionError, MotionSpline, Step};
-use nalgebra::{Isometry3, Vector3};
+use nalgebra::{Isometry3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use spatial::{Object, Pose, Table};
 
@@ -99,11 +99,18 @@ proptest! {
         prop_assert_eq!(&other.grasp().q_rad[0], &motion.grasp().q_rad[2]);
         let own = motion.joints().to_vec();
         prop_assert_eq!(&other.reordered(&own).unwrap(), &motion);
-        let by = Isometry3::translation(0.1, -0.2, 0.3);
+        let turn = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.0);
+        let by: Pose<Object, Object> = Pose::from_parts(Vector3::new(0.1, -0.2, 0.3), turn);
+        let there = motion.moved(&by);
         let at = |motion: &Motion<Object>| motion.at_fraction(share).frame_from_palm;
-        let off = at(&motion.moved(&by)).translation.vector
-            - at(&motion).translation.vector;
-        prop_assert!((off - by.translation.vector).norm() < 1e-12);
+        let off = at(&motion).inv_mul(&(by.inverse() * at(&there)));
+        prop_assert!(off.translation.vector.norm() < 1e-12 && off.rotation.angle() < 1e-6);
+        // In its own frame, the palm moves as before.
+        let palm_velocity = |motion: &Motion<Object>| {
+            let step = motion.grasp();
+            step.frame_from_palm.rotation.inverse() * step.rates.palm_velocity.linear
+        };
+        prop_assert!((palm_velocity(&there) - palm_velocity(&motion)).norm() < 1e-12);
     }
 }
 
