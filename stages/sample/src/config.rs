@@ -115,6 +115,9 @@ pub enum RestingPoses {
     /// trained on, those that are `stable`.
     #[default]
     Seen,
+    /// Those of its demonstrations, also of an object that the function was not trained on: for a comparison
+    /// with generators that know them.
+    Recorded,
     /// Those that are stable, as probable as they are by the mesh.
     Stable,
     /// The one of `rest_up`, with the mesh's lowest point on the table.
@@ -149,6 +152,7 @@ impl SampleConfig {
             (RestingPoses::Given, Some(up)) => {
                 Orientations::Given(Unit::new_normalize(Vector3::from(up)))
             }
+            (RestingPoses::Recorded, _) => Orientations::Recorded,
             (RestingPoses::Stable, _) => Orientations::Stable,
             (RestingPoses::Seen | RestingPoses::Given, _) => Orientations::Seen,
         };
@@ -199,11 +203,11 @@ impl SampleConfig {
                     faults.note("rest_up", problem);
                 }
             }
-            (RestingPoses::Seen | RestingPoses::Stable, Some(_)) => {
+            (_, Some(_)) => {
                 let problem = "is to be left out without `rests = \"given\"`";
                 faults.note("rest_up", problem);
             }
-            (RestingPoses::Seen | RestingPoses::Stable, None) => {}
+            (_, None) => {}
         }
     }
 }

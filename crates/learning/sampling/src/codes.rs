@@ -197,7 +197,7 @@ fn weights(orientations: Orientations, object: &SampledObject<'_>, n: usize) -> 
     let seen: Vec<f64> = own.iter().map(|rest| f64::from(rest.seen_n)).collect();
     let stable: Vec<f64> = own.iter().map(|rest| rest.probability).collect();
     let usable = |weights: &[f64]| weights.iter().sum::<f64>() > 0.0;
-    if orientations == Orientations::Seen && usable(&seen) {
+    if matches!(orientations, Orientations::Seen | Orientations::Recorded) && usable(&seen) {
         return seen;
     }
     if orientations == Orientations::Stable && usable(&stable) {

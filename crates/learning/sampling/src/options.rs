@@ -37,6 +37,8 @@ pub enum Orientations {
     /// Those of its demonstrations, as often as they were seen; of an object that the function was not trained on,
     /// the stable ones.
     Seen,
+    /// Those of its demonstrations, also of an object that the function was not trained on.
+    Recorded,
     /// Those that are stable, by their probability.
     Stable,
     /// With this direction of the object's frame up, the lowest vertex on the table.
