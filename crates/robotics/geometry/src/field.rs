@@ -117,6 +117,8 @@ impl DistanceField {
     ///
     /// The gradient is that of the interpolation, about of length 1. Beyond the grid the way to it is
     /// added: never less than the true distance.
+    // Callers that need no gradient compute none.
+    #[inline]
     pub fn distance(&self, point: &Point3<f64>) -> (f64, Vector3<f64>) {
         let mut cell = [0; 3];
         let mut share = [0.0; 3];
@@ -131,7 +133,8 @@ impl DistanceField {
                 clippy::cast_sign_loss,
                 reason = "clamped to the grid; NaN becomes the first node"
             )]
-            let node = (within as usize).min(self.counts[axis] - 2);
+            // A grid has at most 2²⁶ nodes; to 64 bits the conversion takes several times as long.
+            let node = (within as u32 as usize).min(self.counts[axis] - 2);
             cell[axis] = node;
             share[axis] = within - node as f64;
         }
@@ -156,8 +159,9 @@ impl DistanceField {
             far - near,
         ) * (self.quantum_m / self.spacing_m);
         let distance = (near + w * (far - near)) * self.quantum_m;
-        let way = beyond.norm();
-        if way > 0.0 {
+        let squared_way = beyond.norm_squared();
+        if squared_way > 0.0 {
+            let way = squared_way.sqrt();
             let along =
                 gradient.zip_map(&beyond, |slope, way| if way == 0.0 { slope } else { 0.0 });
             return (distance + way, along + beyond / way);

@@ -35,6 +35,7 @@ impl Environment {
     }
 
     /// Returns the signed distance of a point from the object's surface.
+    #[inline]
     pub fn signed_distance(&self, point_in_object: &Point3<f64>) -> SignedDistance {
         let (distance_m, gradient_in_object) = self.field.distance(point_in_object);
         SignedDistance {

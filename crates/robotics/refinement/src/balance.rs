@@ -9,6 +9,8 @@ const NEAR_M: f64 = 0.003;
 const EDGES: usize = 6;
 /// Sweeps of coordinate descent over all edge forces.
 const SWEEPS: usize = 60;
+/// Longest step of a sweep after which the forces have converged, relative to the thumb's force.
+const LEAST_STEP: f64 = 1e-6;
 
 /// A tip that should touch the object.
 #[derive(Debug, Clone, Copy)]
@@ -48,24 +50,13 @@ struct ContactPoint {
     lever_in_object_m: Vector3<f64>,
 }
 
-/// The wrench of a unit force along a cone's edge, or of one that replaces another.
+/// A unit force along a finger's cone edge, or one along the thumb's that replaces another.
 struct Direction {
+    /// The edge whose force grows.
+    gains: usize,
+    /// The edge whose force shrinks as much.
+    loses: Option<usize>,
     wrench: Vector6<f64>,
-    norm_squared: f64,
-}
-
-impl Direction {
-    fn of(wrench: Vector6<f64>) -> Self {
-        Self {
-            norm_squared: wrench.norm_squared(),
-            wrench,
-        }
-    }
-
-    /// Returns how far to go along it for the least residual.
-    fn best_step(&self, residual_wrench: &Vector6<f64>) -> f64 {
-        -self.wrench.dot(residual_wrench) / self.norm_squared
-    }
 }
 
 impl<'a> ForceBalance<'a> {
@@ -173,48 +164,37 @@ impl<'a> ForceBalance<'a> {
             }
         }
         let carried = self.environment.up_in_object() * self.relative_load;
-        let mut residual_wrench = Vector6::zeros();
-        residual_wrench.fixed_rows_mut::<3>(0).copy_from(&-carried);
+        let mut carried_wrench = Vector6::zeros();
+        carried_wrench.fixed_rows_mut::<3>(0).copy_from(&carried);
+        let mut residual_wrench = -carried_wrench;
         let of_thumb: Vec<usize> = (0..cone_edges.len())
             .filter(|&edge| self.tips[cone_edges[edge].0].is_thumb)
             .collect();
         // The thumb's forces have a sum of 1 from the start, and keep it: what one gains another loses.
         let mut sizes = vec![0.0_f64; cone_edges.len()];
-        for &edge in &of_thumb {
-            sizes[edge] = 1.0 / of_thumb.len() as f64;
-            residual_wrench += cone_edges[edge].2 * sizes[edge];
+        let mut directions = Vec::new();
+        for (n, &gains) in of_thumb.iter().enumerate() {
+            let wrench = cone_edges[gains].2;
+            sizes[gains] = 1.0 / of_thumb.len() as f64;
+            residual_wrench += wrench * sizes[gains];
+            directions.extend(of_thumb[..n].iter().map(|&loses| Direction {
+                gains,
+                loses: Some(loses),
+                wrench: wrench - cone_edges[loses].2,
+            }));
         }
-        let pairs = of_thumb
-            .iter()
-            .enumerate()
-            .flat_map(|(n, &gains)| of_thumb[..n].iter().map(move |&loses| (gains, loses)));
-        let exchanges = pairs.map(|(gains, loses)| {
-            let wrench = cone_edges[gains].2 - cone_edges[loses].2;
-            (gains, loses, Direction::of(wrench))
-        });
         // Without friction all edges of a tip's cone coincide.
-        let exchanges: Vec<_> = exchanges
-            .filter(|(_, _, exchange)| exchange.norm_squared >= f64::EPSILON)
-            .collect();
-        let of_fingers: Vec<_> = cone_edges
-            .iter()
-            .enumerate()
-            .filter(|(_, (tip, ..))| !self.tips[*tip].is_thumb)
-            .map(|(edge, (_, _, wrench))| (edge, Direction::of(*wrench)))
-            .collect();
-        for _ in 0..SWEEPS {
-            for (gains, loses, exchange) in &exchanges {
-                let step = exchange.best_step(&residual_wrench);
-                let step = step.clamp(-sizes[*gains], sizes[*loses]);
-                sizes[*gains] += step;
-                sizes[*loses] -= step;
-                residual_wrench += exchange.wrench * step;
-            }
-            for (edge, direction) in &of_fingers {
-                let step = direction.best_step(&residual_wrench).max(-sizes[*edge]);
-                sizes[*edge] += step;
-                residual_wrench += direction.wrench * step;
-            }
+        directions.retain(|exchange| exchange.wrench.norm_squared() >= f64::EPSILON);
+        let of_fingers = (0..cone_edges.len()).filter(|edge| !of_thumb.contains(edge));
+        directions.extend(of_fingers.map(|gains| Direction {
+            gains,
+            loses: None,
+            wrench: cone_edges[gains].2,
+        }));
+        descend(&directions, &residual_wrench, &mut sizes);
+        let mut residual_wrench = -carried_wrench;
+        for ((_, _, wrench), size) in cone_edges.iter().zip(&sizes) {
+            residual_wrench += wrench * *size;
         }
         let mut forces = vec![Vector3::zeros(); contacts.len()];
         for ((idx, force, _), size) in cone_edges.iter().zip(&sizes) {
@@ -224,14 +204,33 @@ impl<'a> ForceBalance<'a> {
     }
 
     fn contact_point(&self, at: &Point3<f64>, radius_m: f64) -> Option<ContactPoint> {
-        let normal = self.normal(at)?;
+        let gradient = |offsets: [(usize, f64); 2]| {
+            let mut at = *at;
+            for (axis, offset) in offsets {
+                at[axis] += offset;
+            }
+            self.environment.signed_distance(&at).gradient_in_object
+        };
+        // The normals on both sides of `at` along each axis: those of neighbors share most of their gradients.
+        let center = gradient([(0, 0.0); 2]);
+        let sides = [-NEAR_M, NEAR_M];
+        let beyond = |axis| sides.map(|side| center + gradient([(axis, side); 2]));
+        let mut beside: [[Vector3<f64>; 2]; 3] = [beyond(0), beyond(1), beyond(2)];
+        for [a, b] in [[0, 1], [0, 2], [1, 2]] {
+            for (of_a, side_a) in sides.into_iter().enumerate() {
+                for (of_b, side_b) in sides.into_iter().enumerate() {
+                    let between = gradient([(a, side_a), (b, side_b)]);
+                    beside[a][of_a] += between;
+                    beside[b][of_b] += between;
+                }
+            }
+        }
         let mut curvature = Matrix3::zeros();
-        for axis in 0..3 {
-            let mut offset = Vector3::zeros();
-            offset[axis] = NEAR_M;
-            let change = self.normal(&(at + offset))? - self.normal(&(at - offset))?;
+        for (axis, [before, after]) in beside.iter().enumerate() {
+            let change = after.try_normalize(1e-6)? - before.try_normalize(1e-6)?;
             curvature.set_column(axis, &(change / (2.0 * NEAR_M)));
         }
+        let normal = self.normal(at)?;
         Some(ContactPoint {
             normal,
             curvature,
@@ -243,16 +242,11 @@ impl<'a> ForceBalance<'a> {
     fn normal(&self, at: &Point3<f64>) -> Option<Vector3<f64>> {
         let mut sum = Vector3::zeros();
         for axis in 0..3 {
-            let mut offset = Vector3::zeros();
-            offset[axis] = NEAR_M;
-            sum += self
-                .environment
-                .signed_distance(&(at + offset))
-                .gradient_in_object;
-            sum += self
-                .environment
-                .signed_distance(&(at - offset))
-                .gradient_in_object;
+            for side in [-NEAR_M, NEAR_M] {
+                let mut at = *at;
+                at[axis] += side;
+                sum += self.environment.signed_distance(&at).gradient_in_object;
+            }
         }
         sum.try_normalize(1e-6)
     }
@@ -277,6 +271,40 @@ impl<'a> ForceBalance<'a> {
             .fixed_rows_mut::<3>(3)
             .copy_from(&(torque_jacobian / self.characteristic_length_m));
         jacobian
+    }
+}
+
+/// Changes the sizes of edges' forces, none below 0, to those of the least residual wrench: coordinate descent along
+/// the directions, on the slopes of half its square.
+fn descend(directions: &[Direction], residual_wrench: &Vector6<f64>, sizes: &mut [f64]) {
+    let n = directions.len();
+    let slope = |along: &Direction| along.wrench.dot(residual_wrench);
+    let mut slopes: Vec<f64> = directions.iter().map(slope).collect();
+    let products = directions
+        .iter()
+        .flat_map(|a| directions.iter().map(|b| a.wrench.dot(&b.wrench)));
+    let products: Vec<f64> = products.collect();
+    for _ in 0..SWEEPS {
+        let mut longest = 0.0_f64;
+        for (idx, (along, products)) in directions.iter().zip(products.chunks_exact(n)).enumerate()
+        {
+            let most = along.loses.map_or(f64::INFINITY, |loses| sizes[loses]);
+            let step = (-slopes[idx] / products[idx]).clamp(-sizes[along.gains], most);
+            if step == 0.0 {
+                continue;
+            }
+            sizes[along.gains] += step;
+            if let Some(loses) = along.loses {
+                sizes[loses] -= step;
+            }
+            for (slope, product) in slopes.iter_mut().zip(products) {
+                *slope += product * step;
+            }
+            longest = longest.max(step.abs());
+        }
+        if longest < LEAST_STEP {
+            break;
+        }
     }
 }
 
