@@ -92,12 +92,13 @@ fn pieces(line: &str) -> Vec<Piece<'_>> {
             pieces.push(match piece.parse() {
                 Ok(figure) if is_number && piece.contains('.') => Piece::Figure(figure),
                 Ok(count) if is_number => Piece::Count(count),
-                _ => Piece::Text(piece),
+                _ => Piece::Text(piece.trim_end_matches(',')),
             });
             word = rest;
         }
     }
-    // Less than a minute, or more, depends on the machine too.
+    // Less than a minute, or more, depends on the machine too; how many of a few motions fail is chance, and none is
+    // not told.
     let mut told = Vec::new();
     let mut left = pieces.as_slice();
     loop {
@@ -113,6 +114,7 @@ fn pieces(line: &str) -> Vec<Piece<'_>> {
                 told.push(Piece::Text("TIME"));
                 rest
             }
+            [Piece::Count(_), Piece::Text("failed" | "infeasible"), rest @ ..] => rest,
             [piece, rest @ ..] => {
                 told.push(*piece);
                 rest
