@@ -114,7 +114,11 @@ fn pieces(line: &str) -> Vec<Piece<'_>> {
                 told.push(Piece::Text("TIME"));
                 rest
             }
-            [Piece::Count(_), Piece::Text("failed" | "infeasible"), rest @ ..] => rest,
+            [
+                Piece::Count(_),
+                Piece::Text("failed" | "infeasible"),
+                rest @ ..,
+            ] => rest,
             [piece, rest @ ..] => {
                 told.push(*piece);
                 rest

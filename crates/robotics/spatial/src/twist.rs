@@ -57,6 +57,7 @@ impl<Frame> Twist<Frame> {
     }
 
     /// Returns the twist rotated in its frame.
+    #[must_use]
     pub fn rotated(&self, by: &UnitQuaternion<f64>) -> Self {
         Self::new(by * self.linear, by * self.angular)
     }
