@@ -92,13 +92,12 @@ fn pieces(line: &str) -> Vec<Piece<'_>> {
             pieces.push(match piece.parse() {
                 Ok(figure) if is_number && piece.contains('.') => Piece::Figure(figure),
                 Ok(count) if is_number => Piece::Count(count),
-                _ => Piece::Text(piece.trim_end_matches(',')),
+                _ => Piece::Text(piece),
             });
             word = rest;
         }
     }
-    // Less than a minute, or more, depends on the machine too; how many of a few motions fail is chance, and none is
-    // not told.
+    // Less than a minute, or more, depends on the machine too.
     let mut told = Vec::new();
     let mut left = pieces.as_slice();
     loop {
@@ -114,11 +113,6 @@ fn pieces(line: &str) -> Vec<Piece<'_>> {
                 told.push(Piece::Text("TIME"));
                 rest
             }
-            [
-                Piece::Count(_),
-                Piece::Text("failed" | "infeasible"),
-                rest @ ..,
-            ] => rest,
             [piece, rest @ ..] => {
                 told.push(*piece);
                 rest

@@ -28,14 +28,21 @@ const GRACE: Duration = Duration::from_secs(2);
 const ASK_EVERY: Duration = Duration::from_millis(10);
 /// Outputs of a program: stdout and stderr.
 const OUTPUTS: usize = 2;
-/// Kills the group `$0` when its stdin closes without a word, because the process that started it has died, and
-/// the processes with the folder `$1` in their environment, which left the group.
-const GUARD: &str = r#"read -r word && exit
-kill -KILL -- "-$0"
-for process in /proc/[0-9]*; do
-    if tr '\0' '\n' < "$process/environ" | grep -qxF "PIPELINE_UNIT=$1"; then
-        kill -KILL "${process#/proc/}"
-    fi
+/// Kills the group that it was told, and the processes with the folder `$0` in their environment, when its stdin
+/// closes without `done`, because the process that started it has died.
+const GUARD: &str = r#"group=
+while read -r word; do
+    [ "$word" = done ] && exit
+    group=$word
+done
+[ -z "$group" ] || kill -KILL -- "-$group"
+# Twice: one that was just beginning may be missed.
+for pass in first second; do
+    for process in /proc/[0-9]*; do
+        if tr '\0' '\n' < "$process/environ" | grep -qxF "PIPELINE_UNIT=$0"; then
+            kill -KILL "${process#/proc/}"
+        fi
+    done
 done"#;
 
 /// The programs that are running, unless the run is being interrupted.
@@ -79,11 +86,43 @@ impl ProgramEnd {
     }
 }
 
+/// Kills a program's processes if this process dies.
+struct Guard(Child);
+
+impl Guard {
+    /// Starts it before the program, which then is never without one.
+    fn new(folder: &Path) -> io::Result<Self> {
+        let mut command = Command::new("sh");
+        command
+            .args(["-c", GUARD])
+            .arg(folder)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .process_group(0);
+        command.spawn().map(Self)
+    }
+
+    /// Says one line to it.
+    fn say(&mut self, word: &str) {
+        if let Some(input) = &mut self.0.stdin {
+            // Without it, only the death of this very process would leave the program behind.
+            let _ended = writeln!(input, "{word}");
+        }
+    }
+}
+
+impl Drop for Guard {
+    fn drop(&mut self) {
+        self.say("done");
+        let _status = self.0.wait();
+    }
+}
+
 /// A program that runs; when this is dropped, all its processes are killed.
 struct RunningProgram {
     processes: Processes,
-    /// Kills the group if this process dies.
-    guard: Option<Child>,
+    guard: Option<Guard>,
     /// Whether none of them lives any more.
     is_over: bool,
 }
@@ -99,6 +138,7 @@ impl RunningProgram {
                 .flatten(),
             source,
         };
+        let mut guard = Guard::new(folder).ok();
         let mut running = running();
         if running.stopped {
             return Err(ProgramError::Interrupted);
@@ -112,19 +152,12 @@ impl RunningProgram {
         let processes = Processes::of(child.id(), folder).ok_or_else(lost)?;
         running.all.insert(processes.clone());
         drop(running);
-        // Without a guard, only the death of this very process would leave it behind.
-        let guard = Command::new("sh")
-            .args(["-c", GUARD])
-            .arg(child.id().to_string())
-            .arg(folder)
-            .stdin(Stdio::piped())
-            .stdout(Stdio::null())
-            .stderr(Stdio::null())
-            .process_group(0)
-            .spawn();
+        if let Some(guard) = &mut guard {
+            guard.say(&child.id().to_string());
+        }
         let started = Self {
             processes,
-            guard: guard.ok(),
+            guard,
             is_over: false,
         };
         Ok((started, child))
@@ -136,12 +169,7 @@ impl Drop for RunningProgram {
         if !self.is_over {
             self.processes.kill();
         }
-        if let Some(mut guard) = self.guard.take() {
-            if let Some(mut input) = guard.stdin.take() {
-                let _ended = input.write_all(b"done\n");
-            }
-            let _status = guard.wait();
-        }
+        drop(self.guard.take());
         running().all.remove(&self.processes);
     }
 }
