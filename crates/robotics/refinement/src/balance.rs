@@ -5,6 +5,10 @@ use posture::{Environment, Posed, Residual};
 
 /// Distance over which a surface's normal is averaged, and differences of it are taken, in meters.
 const NEAR_M: f64 = 0.003;
+/// Both ways along an axis.
+const SIDES_M: [f64; 2] = [-NEAR_M, NEAR_M];
+/// Least length of a sum of gradients that has a direction.
+const LEAST_SUM: f64 = 1e-6;
 /// Edges of the linearized friction cone.
 const EDGES: usize = 6;
 /// Sweeps of coordinate descent over all edge forces.
@@ -164,9 +168,14 @@ impl<'a> ForceBalance<'a> {
             }
         }
         let carried = self.environment.up_in_object() * self.relative_load;
-        let mut carried_wrench = Vector6::zeros();
-        carried_wrench.fixed_rows_mut::<3>(0).copy_from(&carried);
-        let mut residual_wrench = -carried_wrench;
+        let mut unbalanced = Vector6::zeros();
+        unbalanced.fixed_rows_mut::<3>(0).copy_from(&-carried);
+        let residual_wrench = |sizes: &[f64]| {
+            let edges = cone_edges.iter().zip(sizes);
+            edges.fold(unbalanced, |sum, ((_, _, wrench), size)| {
+                sum + wrench * *size
+            })
+        };
         let of_thumb: Vec<usize> = (0..cone_edges.len())
             .filter(|&edge| self.tips[cone_edges[edge].0].is_thumb)
             .collect();
@@ -176,7 +185,6 @@ impl<'a> ForceBalance<'a> {
         for (n, &gains) in of_thumb.iter().enumerate() {
             let wrench = cone_edges[gains].2;
             sizes[gains] = 1.0 / of_thumb.len() as f64;
-            residual_wrench += wrench * sizes[gains];
             directions.extend(of_thumb[..n].iter().map(|&loses| Direction {
                 gains,
                 loses: Some(loses),
@@ -191,35 +199,23 @@ impl<'a> ForceBalance<'a> {
             loses: None,
             wrench: cone_edges[gains].2,
         }));
-        descend(&directions, &residual_wrench, &mut sizes);
-        let mut residual_wrench = -carried_wrench;
-        for ((_, _, wrench), size) in cone_edges.iter().zip(&sizes) {
-            residual_wrench += wrench * *size;
-        }
+        descend(&directions, &residual_wrench(&sizes), &mut sizes);
         let mut forces = vec![Vector3::zeros(); contacts.len()];
         for ((idx, force, _), size) in cone_edges.iter().zip(&sizes) {
             forces[*idx] += force * *size;
         }
-        (forces, residual_wrench)
+        (forces, residual_wrench(&sizes))
     }
 
     fn contact_point(&self, at: &Point3<f64>, radius_m: f64) -> Option<ContactPoint> {
-        let gradient = |offsets: [(usize, f64); 2]| {
-            let mut at = *at;
-            for (axis, offset) in offsets {
-                at[axis] += offset;
-            }
-            self.environment.signed_distance(&at).gradient_in_object
-        };
-        // The normals on both sides of `at` along each axis: those of neighbors share most of their gradients.
-        let center = gradient([(0, 0.0); 2]);
-        let sides = [-NEAR_M, NEAR_M];
-        let beyond = |axis| sides.map(|side| center + gradient([(axis, side); 2]));
-        let mut beside: [[Vector3<f64>; 2]; 3] = [beyond(0), beyond(1), beyond(2)];
+        // The sums of `normal` on both sides of `at` along each axis: neighbors share most of their gradients.
+        let center = self.gradient(at, &[]);
+        let beyond = |axis| SIDES_M.map(|side| center + self.gradient(at, &[(axis, side); 2]));
+        let mut beside = [0, 1, 2].map(beyond);
         for [a, b] in [[0, 1], [0, 2], [1, 2]] {
-            for (of_a, side_a) in sides.into_iter().enumerate() {
-                for (of_b, side_b) in sides.into_iter().enumerate() {
-                    let between = gradient([(a, side_a), (b, side_b)]);
+            for (of_a, side_a) in SIDES_M.into_iter().enumerate() {
+                for (of_b, side_b) in SIDES_M.into_iter().enumerate() {
+                    let between = self.gradient(at, &[(a, side_a), (b, side_b)]);
                     beside[a][of_a] += between;
                     beside[b][of_b] += between;
                 }
@@ -227,7 +223,7 @@ impl<'a> ForceBalance<'a> {
         }
         let mut curvature = Matrix3::zeros();
         for (axis, [before, after]) in beside.iter().enumerate() {
-            let change = after.try_normalize(1e-6)? - before.try_normalize(1e-6)?;
+            let change = after.try_normalize(LEAST_SUM)? - before.try_normalize(LEAST_SUM)?;
             curvature.set_column(axis, &(change / (2.0 * NEAR_M)));
         }
         let normal = self.normal(at)?;
@@ -242,13 +238,20 @@ impl<'a> ForceBalance<'a> {
     fn normal(&self, at: &Point3<f64>) -> Option<Vector3<f64>> {
         let mut sum = Vector3::zeros();
         for axis in 0..3 {
-            for side in [-NEAR_M, NEAR_M] {
-                let mut at = *at;
-                at[axis] += side;
-                sum += self.environment.signed_distance(&at).gradient_in_object;
+            for side in SIDES_M {
+                sum += self.gradient(at, &[(axis, side)]);
             }
         }
-        sum.try_normalize(1e-6)
+        sum.try_normalize(LEAST_SUM)
+    }
+
+    /// Returns the gradient of the object's distance at a point moved along axes.
+    fn gradient(&self, at: &Point3<f64>, moves_m: &[(usize, f64)]) -> Vector3<f64> {
+        let mut at = *at;
+        for (axis, move_m) in moves_m {
+            at[*axis] += move_m;
+        }
+        self.environment.signed_distance(&at).gradient_in_object
     }
 
     /// Returns how force and torque of a tip change with its place while it presses as strongly.
