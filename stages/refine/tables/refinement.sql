@@ -1,5 +1,11 @@
 -- Refined motions of the prior that succeed, single samples, also with an error of the object's estimated pose, and the
--- best of four by residual, of two hands, palm and fingers following the motion: means over the objects of the share of motions, with
+-- best of four by residual, of two hands, palm and fingers following the motion: means over the objects of the share of
+-- motions, with Student's 95 % interval over the 20 objects, each over all its folds and seeds; the mean over the objects
+-- that are unseen (or seen) by the functions of folds 2 to 4; and how far the means of single seeds spread.
+--
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set shared.hand=data/hands/leap_right.toml --set seed=1
+with
 -- Student's 95 % interval over the 20 objects, each over all its folds and seeds; the mean over the objects that are
 -- unseen (or seen) by the functions of folds 2 to 4; and how far the means of single seeds spread.
 --
