@@ -27,6 +27,7 @@ pub mod executions;
 pub mod grasp_networks;
 pub mod latents;
 pub mod objects;
+pub mod pose_errors;
 pub mod rates;
 pub mod reconstruction;
 pub mod robustness;

@@ -12,11 +12,12 @@ use serde_json::Value;
 use tempfile::TempDir;
 
 /// Values with which the whole job is small.
-pub(crate) const SMALL: [&str; 4] = [
+pub(crate) const SMALL: [&str; 5] = [
     "train.network.points=64",
     "train.training.epochs=20",
     "sample.per_object=16",
     "screen.robustness.trials=2",
+    "screen.robustness.pose_errors=1",
 ];
 
 /// The recipe of the bundled sample with one recording per object.

@@ -5,8 +5,8 @@ use arrow_schema::Schema;
 use dataflow::Inputs;
 use schemas::{
     SchemaError, Table, candidates::Candidates, demonstrations::Demonstration,
-    robustness::RobustnessTable, rollouts::Rollouts, smoothness::SmoothnessTable,
-    trajectories::Trajectory,
+    pose_errors::PoseErrors, robustness::RobustnessTable, rollouts::Rollouts,
+    smoothness::SmoothnessTable, trajectories::Trajectory,
 };
 
 use crate::{error::TableFault, result};
@@ -92,6 +92,7 @@ impl Artifacts for ProjectArtifacts {
         KnownArtifact::table::<Demonstration>(),
         KnownArtifact::checked_against::<Rollouts>(result::one_rollout_per_candidate),
         KnownArtifact::table::<RobustnessTable>(),
+        KnownArtifact::table::<PoseErrors>(),
         KnownArtifact::table::<SmoothnessTable>(),
         KnownArtifact::table::<Trajectory>(),
     ];

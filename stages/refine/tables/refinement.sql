@@ -6,12 +6,6 @@
 -- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
 -- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set shared.hand=data/hands/leap_right.toml --set seed=1
 with
--- Student's 95 % interval over the 20 objects, each over all its folds and seeds; the mean over the objects that are
--- unseen (or seen) by the functions of folds 2 to 4; and how far the means of single seeds spread.
---
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB
--- pipeline run pipelines/studies/refinement.toml --set ingest.root=$DEXYCB --set shared.hand=data/hands/leap_right.toml --set seed=1
-with
     options as (
         select run as of_run,
             max(case when stage = 'refine' and key = 'draws' then number end) as draws,

@@ -12,6 +12,7 @@ use schemas::{
     draws::Refusal,
     executions::{Execution, Executions},
     objects::Object,
+    pose_errors::{PoseErrorTrial, PoseErrors},
     rates::SuccessRates,
     robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts},
@@ -54,6 +55,8 @@ pub struct PageData {
     pub robustness: Option<[i64; 2]>,
     /// Control steps of those trials.
     pub robustness_steps_n: i64,
+    /// Trials with the object off its estimated pose, by object.
+    pub pose_errors: BTreeMap<String, Vec<PoseErrorTrial>>,
     /// Executions by object, if a cell was asked.
     pub executions: BTreeMap<String, Vec<Execution>>,
     /// Motions in the player.
@@ -113,6 +116,12 @@ impl PageData {
             gathered
                 .smoothness
                 .insert(artifact.key.to_string(), smoothness);
+        }
+        for artifact in inputs.artifacts(PoseErrors::NAME) {
+            let trials: PoseErrors = table::read(artifact)?;
+            gathered
+                .pose_errors
+                .insert(artifact.key.to_string(), trials);
         }
         for artifact in inputs.artifacts(Executions::NAME) {
             let executions: Executions = table::read(artifact)?;

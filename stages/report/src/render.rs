@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::{
     PageData, ReportError, csv, funnel, html, markdown, paper,
-    sections::{compare, cost, failures, objects, provenance, result, training},
+    sections::{compare, cost, failures, objects, pose_errors, provenance, result, training},
     table::Section,
 };
 
@@ -49,6 +49,7 @@ pub fn render(runs: &[(String, PageData)]) -> Result<Rendered, ReportError> {
         .chain([
             objects::section(main),
             failures::section(main),
+            pose_errors::section(main),
             funnel::section(main),
             training::section(main),
             paper::section(main),

@@ -7,9 +7,9 @@ use dataflow::{
 use lake::{ReadInputs, WriteArtifact};
 use schemas::{
     Table, candidates::Candidates, demonstrations::Demonstration, draws::Draws,
-    executions::Executions, objects::Object, rates::SuccessRates, robustness::RobustnessTable,
-    rollouts::Rollouts, smoothness::SmoothnessTable, success::Successes, training::Training,
-    trajectories::Trajectory,
+    executions::Executions, objects::Object, pose_errors::PoseErrors, rates::SuccessRates,
+    robustness::RobustnessTable, rollouts::Rollouts, smoothness::SmoothnessTable,
+    success::Successes, training::Training, trajectories::Trajectory,
 };
 
 use crate::{Facts, PageData, ReportConfig, render::render, sections::result};
@@ -24,6 +24,7 @@ pub const INPUTS: &[&str] = &[
     Rollouts::NAME,
     SmoothnessTable::NAME,
     RobustnessTable::NAME,
+    PoseErrors::NAME,
     Successes::NAME,
     SuccessRates::NAME,
     Executions::NAME,

@@ -55,7 +55,7 @@ pub struct ScreenConfig {
         why = "no finger is thicker"
     )]
     pub max_finger_penetration_m: f64,
-    /// Trials of accepted motions under sampled errors.
+    /// Trials of motions under errors.
     #[option(default, table)]
     pub robustness: RobustnessConfig,
     /// The physical scene.
@@ -65,12 +65,13 @@ pub struct ScreenConfig {
     pub protocol: Protocol,
 }
 
-/// Trials of accepted motions under sampled errors.
+/// Trials of motions under errors.
 #[options]
 #[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct RobustnessConfig {
-    /// Number of trials of each motion (16), 0 for none: its share of them is uncertain by an eighth.
+    /// Number of trials of each motion (16), 0 for none, also of no other kind: its share of them is uncertain by an
+    /// eighth.
     #[option(
         default = 16, range = 0..=MAX_TRIALS,
         why = "each simulates every tried motion once more"
@@ -83,9 +84,27 @@ pub struct RobustnessConfig {
         why = "each is simulated `robustness.trials` times"
     )]
     pub per_object: usize,
+    /// Number of motions per object, accepted or not, that are tried with the object off its estimated pose by errors
+    /// of several sizes (8), evenly among the candidates.
+    #[option(
+        default = 8, range = 0..=MAX_TRIED,
+        why = "each is simulated once for each size"
+    )]
+    pub pose_errors: usize,
     /// Bounds of the sampled errors.
     #[option(default)]
     pub errors: SceneRandomization,
+}
+
+impl RobustnessConfig {
+    /// Returns the number of motions per object that are tried with the object off its estimated pose.
+    pub(crate) fn pose_error_motions(&self) -> usize {
+        if self.trials == 0 {
+            0
+        } else {
+            self.pose_errors
+        }
+    }
 }
 
 impl ScreenConfig {

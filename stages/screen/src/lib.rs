@@ -4,7 +4,8 @@
 //! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
 //! failure; the first accepted and failed ones of each object are recorded for a viewer. Beside it is a row of
 //! `smoothness`, of the motion as drawn and as executed. Accepted motions are tried again under drawn errors; the
-//! share that holds is a row of `robustness`.
+//! share that holds is a row of `robustness`. `pose_errors` has motions, accepted or not, with the object off its
+//! estimated pose.
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun
 //! alone with the same verdict. This stage does not depend on the generator.
@@ -15,6 +16,7 @@ mod alone;
 mod by_verdict;
 mod config;
 mod error;
+mod pose_errors;
 mod recording;
 pub mod report;
 mod robustness;
@@ -25,5 +27,6 @@ pub use alone::record_alone;
 pub use by_verdict::ByVerdict;
 pub use config::{RobustnessConfig, ScreenConfig};
 pub use error::ScreenError;
+pub use pose_errors::{PoseErrorMetrics, PoseErrorTrials};
 pub use robustness::{RobustnessMetrics, RobustnessTrials};
 pub use screen::{Screen, ScreenMetrics};

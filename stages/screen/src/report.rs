@@ -8,7 +8,7 @@ mod success;
 
 use dataflow::{Lines, Outputs, Report, counted};
 
-use crate::{RobustnessTrials, Screen};
+use crate::{PoseErrorTrials, RobustnessTrials, Screen};
 
 pub use rates::{RatesMetrics, RatesReport};
 pub use success::{SuccessMetrics, SuccessReport};
@@ -40,6 +40,18 @@ impl Report for ScreenReport {
                 counted(all.motions_n, "accepted motion"),
                 all.trials_n / all.motions_n,
                 100.0 * all.held_n / all.trials_n
+            )
+        });
+        lines.add::<PoseErrorTrials>(|summary| {
+            let all = &summary.metrics;
+            if all.motions_n == 0.0 {
+                return "no motion tried with the object off its pose".to_owned();
+            }
+            format!(
+                "{}: {:.0} % succeed, {:.0} % with the object 5 mm and 5° off",
+                counted(all.motions_n, "motion"),
+                100.0 * all.held_n / all.motions_n,
+                100.0 * all.off_held_n / all.motions_n
             )
         });
     }

@@ -70,6 +70,7 @@ impl Output for RobustnessTrials {
             trials,
             per_object,
             errors,
+            ..
         } = &config.robustness;
         let motions = tried(&rollouts, &screened, *per_object)?;
         let rows = if motions.is_empty() || *trials == 0 {

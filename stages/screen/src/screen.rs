@@ -21,6 +21,7 @@ use simulation::{Flexion, ProtocolName, TraceMode, check_hand};
 use crate::{
     ScreenConfig, ScreenError,
     by_verdict::ByVerdict,
+    pose_errors::PoseErrorTrials,
     recording::{self, record},
     robustness::RobustnessTrials,
     screening_inputs::{ScreeningInputs, units},
@@ -55,6 +56,7 @@ impl Stage for Screen {
         &Self,
         &Beside::<Self, SmoothnessTable>::OUTPUT,
         &RobustnessTrials,
+        &PoseErrorTrials,
     ];
 
     /// Checks that the hand can be read, and be simulated as the options say.

@@ -13,17 +13,19 @@ use robot_meshes::LoadError;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
     objects::{self, RestingOrientation},
+    pose_errors::{PoseErrorTrial, PoseErrors},
     rates::SuccessRates,
     robustness::RobustnessTable,
     rollouts::{Rollout, Rollouts, Verdict},
     smoothness::SmoothnessTable,
     success::Successes,
 };
+use screening::PoseError;
 use simulation::{ProtocolName, SceneRandomization};
 use spatial::{Pose, RestingPose};
 use stage_screen::report::{RatesReport, SuccessReport};
 use stage_screen::{
-    RobustnessConfig, RobustnessTrials, Screen, ScreenConfig, ScreenError, ScreenMetrics,
+    PoseErrorTrials, RobustnessConfig, RobustnessTrials, Screen, ScreenConfig, ScreenError, ScreenMetrics,
 };
 
 const HAND: &str = concat!(
@@ -243,17 +245,14 @@ fn judges_candidates_in_their_order_and_records_one_accepted_and_one_failed() {
     assert_eq!(fs::read_dir(folder.path().join("out")).unwrap().count(), 4);
 }
 
-/// Writes the rollouts of a can's candidates, and tries those that hold under these errors.
-fn robustness(trials: usize, errors: SceneRandomization) -> (RobustnessTable, Rollouts) {
+/// Writes the rollouts of a can's candidates, and what `make` makes of them.
+fn tried<T: schemas::Table>(
+    config: &ScreenConfig,
+    make: impl FnOnce(&Inputs, &Context),
+) -> (T, Rollouts) {
     let folder = tempfile::tempdir().unwrap();
-    let mut config = config();
-    config.robustness = RobustnessConfig {
-        trials,
-        errors,
-        ..config.robustness
-    };
-    made(run(&config, &can(0.35), &three(), folder.path()).unwrap());
-    let out = folder.path().join("robustness");
+    made(run(config, &can(0.35), &three(), folder.path()).unwrap());
+    let out = folder.path().join("tried");
     fs::create_dir(&out).unwrap();
     let read = [
         ("rollouts", "out"),
@@ -263,10 +262,70 @@ fn robustness(trials: usize, errors: SceneRandomization) -> (RobustnessTable, Ro
     .map(|(input, made)| (input.to_owned(), vec![artifact(&folder.path().join(made))]));
     let hand = SourceFile::named("hand", Path::new(HAND));
     let inputs = Inputs::new(BTreeMap::from(read), vec![hand]);
-    let cx = Context::detached(&"can".parse().unwrap(), 7, &out);
-    made(RobustnessTrials::make(&config, &inputs, &cx).unwrap());
+    make(
+        &inputs,
+        &Context::detached(&"can".parse().unwrap(), 7, &out),
+    );
     let tried = lake::table::read(&artifact(&out)).unwrap();
     (tried, rows(folder.path()))
+}
+
+/// The can's rollouts, and the trials of those that hold under these errors.
+fn robustness(trials: usize, errors: SceneRandomization) -> (RobustnessTable, Rollouts) {
+    let mut config = config();
+    config.robustness = RobustnessConfig {
+        trials,
+        errors,
+        ..config.robustness
+    };
+    tried(&config, |inputs, cx| {
+        made(RobustnessTrials::make(&config, inputs, cx).unwrap());
+    })
+}
+
+/// The can's motions with the can off its estimated pose.
+fn pose_errors(config: &ScreenConfig) -> PoseErrors {
+    tried(config, |inputs, cx| {
+        made(PoseErrorTrials::make(config, inputs, cx).unwrap());
+    })
+    .0
+}
+
+#[test]
+fn motions_are_tried_with_the_object_off_its_pose_accepted_or_not() {
+    let trials = pose_errors(&config());
+    // Three motions with errors of seven sizes.
+    assert_eq!(trials.len(), 21);
+    let sizes = |trial: &PoseErrorTrial| (trial.position_m, trial.yaw_rad);
+    for (position_m, yaw_rad) in [(0.0, 0.0), (0.01, 0.0), (0.005, 5.0_f64.to_radians())] {
+        // As the screen judges with that error.
+        let screened = ScreenConfig {
+            pose_error: PoseError {
+                position_m,
+                yaw_rad,
+            },
+            ..config()
+        };
+        let folder = tempfile::tempdir().unwrap();
+        made(run(&screened, &can(0.35), &three(), folder.path()).unwrap());
+        let expected: Vec<_> = rows(folder.path())
+            .into_iter()
+            .map(|row| (row.candidate_id, row.verdict))
+            .collect();
+        let of_size = trials
+            .iter()
+            .filter(|trial| sizes(trial) == (position_m, yaw_rad));
+        let found: Vec<_> = of_size
+            .map(|trial| (trial.candidate_id.clone(), trial.verdict))
+            .collect();
+        assert_eq!(found, expected, "{position_m} {yaw_rad}");
+    }
+    let mut config = config();
+    config.robustness.pose_errors = 1;
+    let of_first: Vec<_> = trials.into_iter().step_by(3).collect();
+    assert_eq!(pose_errors(&config), of_first);
+    config.robustness.trials = 0;
+    assert!(pose_errors(&config).is_empty());
 }
 
 #[test]

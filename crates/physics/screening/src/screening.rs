@@ -201,8 +201,16 @@ impl<'a> Screening<'a> {
         Ok((judged.into_iter().map(|(found, _)| found).collect(), cpu_s))
     }
 
-    /// Returns the verdicts on some motions, in their order, with the simulated control steps of each.
-    pub(crate) fn verdicts(
+    /// Returns the verdicts on the motions of these indices, in their order, with the simulated control steps of each.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the protocol names a joint that the hand lacks.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is no motion of an index.
+    pub fn verdicts(
         &self,
         scenes: &Scenes,
         motions: &[usize],
