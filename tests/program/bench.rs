@@ -17,7 +17,7 @@ pub(crate) const SMALL: [&str; 5] = [
     "train.training.epochs=20",
     "sample.per_object=16",
     "screen.robustness.trials=2",
-    "screen.robustness.pose_errors=1",
+    "screen.pose_errors_per_object=1",
 ];
 
 /// The recipe of the bundled sample with one recording per object.

@@ -13,6 +13,7 @@ use schemas::{
     executions::{self, Execution},
     latents,
     objects::{self, Object},
+    pose_errors::PoseErrorTrial,
     rates::{ALL_ORIGINS, Rate},
     reconstruction::{self, Reconstruction},
     robustness::{Robustness, TrialVerdict},
@@ -49,6 +50,7 @@ pub(crate) fn each(tables: &impl EachTable) {
     tables.table("can", &rollouts());
     tables.table("can", &smoothness());
     tables.table("can", &robustness());
+    tables.table("can", &pose_errors());
     tables.table("all", &success());
     tables.table("all", &rates());
     tables.table("can", &executions());
@@ -278,6 +280,20 @@ pub(crate) fn robustness() -> Vec<Robustness> {
         control_steps_n: 1000,
     };
     vec![row("can-0", 13), row("can-1", 0)]
+}
+
+fn pose_errors() -> Vec<PoseErrorTrial> {
+    let trial = |name: &str, verdict| PoseErrorTrial {
+        candidate_id: name.to_owned(),
+        position_m: 0.005,
+        yaw_rad: 0.1,
+        verdict,
+        control_steps_n: 120,
+    };
+    vec![
+        trial("can-0", Verdict::Held),
+        trial("can-1", Verdict::Dropped),
+    ]
 }
 
 pub(crate) fn success() -> Vec<Success> {

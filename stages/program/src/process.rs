@@ -90,7 +90,7 @@ impl ProgramEnd {
 struct Guard(Child);
 
 impl Guard {
-    /// Starts it before the program, which then is never without one.
+    /// Starts the guard of the unit in this folder.
     fn new(folder: &Path) -> io::Result<Self> {
         let mut command = Command::new("sh");
         command
@@ -103,10 +103,10 @@ impl Guard {
         command.spawn().map(Self)
     }
 
-    /// Says one line to it.
-    fn say(&mut self, word: &str) {
+    /// Sends it one line.
+    fn send(&mut self, word: &str) {
         if let Some(input) = &mut self.0.stdin {
-            // Without it, only the death of this very process would leave the program behind.
+            // If the guard has ended, only the death of this very process would leave the program behind.
             let _ended = writeln!(input, "{word}");
         }
     }
@@ -114,7 +114,7 @@ impl Guard {
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        self.say("done");
+        self.send("done");
         let _status = self.0.wait();
     }
 }
@@ -138,6 +138,7 @@ impl RunningProgram {
                 .flatten(),
             source,
         };
+        // Before the program: one that is left behind before the guard knows its group is found by its environment.
         let mut guard = Guard::new(folder).ok();
         let mut running = running();
         if running.stopped {
@@ -153,7 +154,7 @@ impl RunningProgram {
         running.all.insert(processes.clone());
         drop(running);
         if let Some(guard) = &mut guard {
-            guard.say(&child.id().to_string());
+            guard.send(&child.id().to_string());
         }
         let started = Self {
             processes,
@@ -351,4 +352,29 @@ pub(crate) fn words(config: &ProgramConfig) -> String {
         }
     });
     words.collect::<Vec<_>>().join(" ")
+}
+
+#[cfg(all(test, target_os = "linux"))]
+mod tests {
+    use super::*;
+
+    /// This process dies before it can tell the guard the program's group.
+    #[test]
+    fn a_guard_that_knows_no_group_finds_the_program_by_its_environment() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut guard = Guard::new(folder.path()).unwrap();
+        let sleeping = |folder: &Path| {
+            let mut command = Command::new("sleep");
+            command.arg("600").env(VARIABLE, folder).process_group(0);
+            command.spawn().unwrap()
+        };
+        let other = tempfile::tempdir().unwrap();
+        let (mut left_behind, mut of_other) = (sleeping(folder.path()), sleeping(other.path()));
+        drop(guard.0.stdin.take());
+        let ended = left_behind.wait().unwrap();
+        assert_eq!(ended.signal(), Some(9), "{ended}");
+        assert!(of_other.try_wait().unwrap().is_none());
+        of_other.kill().unwrap();
+        of_other.wait().unwrap();
+    }
 }

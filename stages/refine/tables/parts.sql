@@ -2,7 +2,7 @@
 -- means over the objects of the share of motions, with Student's 95 % interval over 20 seen and 15 unseen objects, and
 -- why unseen objects' motions fail. Three folds of four; the defaults were chosen on the other.
 --
--- pipeline run pipelines/studies/refinement_parts.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/refinement_parts.toml --profile table_lift --set ingest.root=$DEXYCB
 with
     options as (
         select run as of_run,
@@ -13,13 +13,12 @@ with
             max(case when stage = 'refine' and key = 'contact_weight' then number end) as contact,
             max(case when stage = 'refine' and key = 'clearance_m' then number end) as clearance,
             max(case when stage = 'refine' and key = 'object_weight' then number end) as keep_out,
-            max(case when stage = 'refine' and key = 'table_weight' then number end) as off_table,
-            max(case when stage = 'refine' and key = 'self_collision_weight' then number end) as apart
+            max(case when stage = 'refine' and key = 'table_weight' then number end) as off_table
         from settings where run in (select run from runs) group by run),
     kinds as (
         select of_run, case when scripted > 0 then 4 when planned = 0 then 3 when restarts = 0 then 5
             when contact = 0 then 7 when balance = 0 then 6 when keep_out = 0 then 9 when clearance = 0 then 8
-            when off_table = 0 then 10 when apart = 0 then 11 else 2 end as place from options),
+            when off_table = 0 then 10 else 2 end as place from options),
     counts as (
         select case when stage = 'screen_drawn' then 1 else place end as place, object_split, object,
             1.0 * candidates_n as n, 1.0 * successes_n as s, 1.0 * table_n as tab, 1.0 * early_contact_n as early,
@@ -46,7 +45,7 @@ with
             (1, 'as sampled, with the scripted squeeze'), (2, 'refined'), (3, 'without `squeeze_m`'),
             (4, 'without `squeeze_m`, with the scripted squeeze'), (5, 'without `restart_angle_rad`'),
             (6, 'without `balance_weight`'), (7, 'without `contact_weight` too, and so without the squeeze'), (8, 'without `clearance_m`'),
-            (9, 'without `object_weight` too'), (10, 'without `table_weight`'), (11, 'without `self_collision_weight`'))
+            (9, 'without `object_weight` too'), (10, 'without `table_weight`'))
             as names(number, shown))
 select
     shown as "samples",

@@ -13,7 +13,7 @@ const MAX_POSE_NOISE: f64 = 1000.0;
 
 /// Most trials of a motion under sampled errors.
 const MAX_TRIALS: usize = 100_000;
-/// Most motions of an object that are tried under sampled errors.
+/// Most motions of an object that are tried under errors.
 const MAX_TRIED: usize = 1_000_000;
 
 /// Greatest bound of the hand's depth in an object, in meters.
@@ -55,9 +55,13 @@ pub struct ScreenConfig {
         why = "no finger is thicker"
     )]
     pub max_finger_penetration_m: f64,
-    /// Trials of motions under errors.
+    /// Trials of accepted motions under sampled errors.
     #[option(default, table)]
     pub robustness: RobustnessConfig,
+    /// Number of motions per object, accepted or not, that are tried with the object off its estimated pose by errors
+    /// of several sizes (0, 8 in `cgf.toml`), evenly among the candidates.
+    #[option(default = 0, range = 0..=MAX_TRIED, why = "each is simulated once for each size")]
+    pub pose_errors_per_object: usize,
     /// The physical scene.
     #[option(table)]
     pub scene: SceneConfig,
@@ -65,13 +69,12 @@ pub struct ScreenConfig {
     pub protocol: Protocol,
 }
 
-/// Trials of motions under errors.
+/// Trials of accepted motions under sampled errors.
 #[options]
 #[derive(Copy, PartialEq)]
 #[schemars(inline)]
 pub struct RobustnessConfig {
-    /// Number of trials of each motion (16), 0 for none, also of no other kind: its share of them is uncertain by an
-    /// eighth.
+    /// Number of trials of each motion (16), 0 for none: its share of them is uncertain by an eighth.
     #[option(
         default = 16, range = 0..=MAX_TRIALS,
         why = "each simulates every tried motion once more"
@@ -84,27 +87,9 @@ pub struct RobustnessConfig {
         why = "each is simulated `robustness.trials` times"
     )]
     pub per_object: usize,
-    /// Number of motions per object, accepted or not, that are tried with the object off its estimated pose by errors
-    /// of several sizes (8), evenly among the candidates.
-    #[option(
-        default = 8, range = 0..=MAX_TRIED,
-        why = "each is simulated once for each size"
-    )]
-    pub pose_errors: usize,
     /// Bounds of the sampled errors.
     #[option(default)]
     pub errors: SceneRandomization,
-}
-
-impl RobustnessConfig {
-    /// Returns the number of motions per object that are tried with the object off its estimated pose.
-    pub(crate) fn pose_error_motions(&self) -> usize {
-        if self.trials == 0 {
-            0
-        } else {
-            self.pose_errors
-        }
-    }
 }
 
 impl ScreenConfig {

@@ -15,15 +15,19 @@ use crate::{
     screening_inputs::{ScreeningInputs, units},
 };
 
-/// Sizes of the errors, from none to both: distance on the table, in millimeters, and yaw, in degrees.
-const SIZES: [(f64, f64); 7] = [
-    (0.0, 0.0),
+/// Size of an error: distance on the table, in millimeters, and yaw, in degrees.
+type Size = (f64, f64);
+const NONE: Size = (0.0, 0.0);
+/// The size of which the stage's line tells.
+pub(crate) const BOTH: Size = (5.0, 5.0);
+const SIZES: [Size; 7] = [
+    NONE,
     (2.0, 0.0),
     (5.0, 0.0),
     (10.0, 0.0),
     (0.0, 5.0),
     (0.0, 10.0),
-    (5.0, 5.0),
+    BOTH,
 ];
 
 /// The output `pose_errors`: whether motions hold where the object lies off its estimated pose.
@@ -36,7 +40,7 @@ dataflow::metrics! {
         motions_n: Sum,
         /// Number of these that hold without an error.
         held_n: Sum,
-        /// Number of those that hold with the object 5 mm and 5 degrees off.
+        /// Number of those that hold with the object off by both distance and yaw.
         off_held_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,
@@ -54,6 +58,8 @@ impl Output for PoseErrorTrials {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&[
         "recorded_per_object",
         "recorded_failures_per_object",
+        "robustness",
+        "pose_noise",
         "pose_error",
     ]);
 
@@ -71,20 +77,21 @@ impl Output for PoseErrorTrials {
         };
         let config = &config.resolved();
         let candidates = &screened.candidates.candidates;
-        let motions = evenly(candidates.len(), config.robustness.pose_error_motions());
+        let motions = evenly(candidates.len(), config.pose_errors_per_object);
         let screening = screened.screening(config, cx.seed());
-        let scenes = match screening.scenes(&config.scene, &motions) {
+        let scenes = match screening.build_scenes() {
             Ok(scenes) => scenes,
             Err(err) => return screened.skip_or_fail(err),
         };
         let mut rows = PoseErrors::new();
-        for (nth, &(position_mm, yaw_deg)) in SIZES.iter().enumerate() {
-            let (position_m, yaw_rad) = (position_mm / 1000.0, f64::to_radians(yaw_deg));
+        for (nth, &size) in SIZES.iter().enumerate() {
+            let (position_m, yaw_rad) = in_si(size);
             let config = ScreenConfig {
                 pose_error: PoseError {
                     position_m,
                     yaw_rad,
                 },
+                pose_noise: 0.0,
                 ..config.clone()
             };
             let screening = screened.screening(&config, cx.seed());
@@ -111,23 +118,29 @@ impl Output for PoseErrorTrials {
     }
 }
 
-/// Returns at most `most` of `n` indices, evenly spaced from the first.
+/// Returns a size in meters and radians.
+fn in_si((position_mm, yaw_deg): Size) -> (f64, f64) {
+    (position_mm / 1000.0, yaw_deg.to_radians())
+}
+
+/// Returns `most` of `n` indices, or all, evenly spaced from the first.
 fn evenly(n: usize, most: usize) -> Vec<usize> {
-    let every = n.div_ceil(most.max(1)).max(1);
-    (0..n).step_by(every).take(most).collect()
+    let chosen_n = most.min(n);
+    (0..chosen_n).map(|idx| idx * n / chosen_n).collect()
 }
 
 impl PoseErrorMetrics {
     fn of(rows: &[PoseErrorTrial], motions_n: usize) -> Self {
-        // One size after the other.
-        let mut held = rows.chunks(motions_n.max(1)).map(|of_size| {
-            let held = of_size.iter().filter(|row| row.verdict == Verdict::Held);
+        let held = |size: Size| {
+            let held = rows.iter().filter(|row| {
+                row.verdict == Verdict::Held && (row.position_m, row.yaw_rad) == in_si(size)
+            });
             held.count() as f64
-        });
+        };
         Self {
             motions_n: motions_n as f64,
-            held_n: held.next().unwrap_or_default(),
-            off_held_n: held.last().unwrap_or_default(),
+            held_n: held(NONE),
+            off_held_n: held(BOTH),
             control_steps_n: rows.iter().map(|row| row.control_steps_n as f64).sum(),
         }
     }
@@ -140,9 +153,10 @@ mod tests {
     #[test]
     fn motions_are_spread_over_the_candidates() {
         assert_eq!(evenly(64, 8), [0, 8, 16, 24, 32, 40, 48, 56]);
-        assert_eq!(evenly(65, 8), [0, 9, 18, 27, 36, 45, 54, 63]);
+        assert_eq!(evenly(65, 8), [0, 8, 16, 24, 32, 40, 48, 56]);
         assert_eq!(evenly(3, 8), [0, 1, 2]);
-        assert_eq!(evenly(9, 8), [0, 2, 4, 6, 8]);
+        assert_eq!(evenly(9, 4), [0, 2, 4, 6]);
+        assert_eq!(evenly(9, 8), [0, 1, 2, 3, 4, 5, 6, 7]);
         assert!(evenly(0, 8).is_empty() && evenly(5, 0).is_empty());
     }
 }

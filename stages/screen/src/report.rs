@@ -8,7 +8,7 @@ mod success;
 
 use dataflow::{Lines, Outputs, Report, counted};
 
-use crate::{PoseErrorTrials, RobustnessTrials, Screen};
+use crate::{PoseErrorTrials, RobustnessTrials, Screen, pose_errors::BOTH};
 
 pub use rates::{RatesMetrics, RatesReport};
 pub use success::{SuccessMetrics, SuccessReport};
@@ -47,8 +47,9 @@ impl Report for ScreenReport {
             if all.motions_n == 0.0 {
                 return "no motion tried with the object off its pose".to_owned();
             }
+            let (position_mm, yaw_deg) = BOTH;
             format!(
-                "{}: {:.0} % succeed, {:.0} % with the object 5 mm and 5° off",
+                "{}: {:.0} % succeed, {:.0} % with the object {position_mm} mm and {yaw_deg}° off",
                 counted(all.motions_n, "motion"),
                 100.0 * all.held_n / all.motions_n,
                 100.0 * all.off_held_n / all.motions_n

@@ -43,8 +43,11 @@ impl Output for RobustnessTrials {
     const ARTIFACT: &'static str = RobustnessTable::NAME;
     const SCHEMA: &'static str = RobustnessTable::VERSION;
     const PARTITION: &'static str = RobustnessTable::PARTITION;
-    const OPTIONS: OptionsUsed =
-        OptionsUsed::Except(&["recorded_per_object", "recorded_failures_per_object"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&[
+        "recorded_per_object",
+        "recorded_failures_per_object",
+        "pose_errors_per_object",
+    ]);
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let rollouts = scope.partitions(Rollouts::NAME);
@@ -70,7 +73,6 @@ impl Output for RobustnessTrials {
             trials,
             per_object,
             errors,
-            ..
         } = &config.robustness;
         let motions = tried(&rollouts, &screened, *per_object)?;
         let rows = if motions.is_empty() || *trials == 0 {

@@ -82,7 +82,7 @@ impl Output for Screen {
     const SCHEMA: &'static str = Rollouts::VERSION;
     const PARTITION: &'static str = Rollouts::PARTITION;
 
-    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["robustness"]);
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["robustness", "pose_errors_per_object"]);
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
         let candidates = scope.some(Candidates::NAME, "to screen")?;

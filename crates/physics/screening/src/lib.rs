@@ -61,8 +61,8 @@
 //! A [`Screening`] is a hand, an object and motions of that hand. The simulated hand executes each motion on the
 //! object in the motion's resting pose: reach, close, squeeze, lift, hold. [`Screening::judge`] says of each how it
 //! ended, what was measured and how smooth it was; [`Screening::trials`] repeats some under drawn errors of the
-//! object's pose, of friction, of its mass and of the fingers' delay; [`Screening::rollout`] repeats one with its
-//! trace.
+//! object's pose, of friction, of its mass and of the fingers' delay; [`Screening::verdicts`] judges some
+//! motions alone; [`Screening::rollout`] repeats one with its trace.
 //!
 //! - Motions are independent: they run on all threads and keep their order, and one alone gives the same rollout.
 //! - Equal arguments give equal results. Each motion and each trial draws from a stream of its own.

@@ -1,4 +1,4 @@
-//! Errors of an object's estimated pose, for studies: noise, and errors of a given size.
+//! Errors of an object's estimated pose: noise, and errors of a given size.
 
 use std::f64::consts::TAU;
 

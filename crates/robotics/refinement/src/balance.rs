@@ -5,10 +5,10 @@ use posture::{Environment, Posed, Residual};
 
 /// Distance over which a surface's normal is averaged, and differences of it are taken, in meters.
 const NEAR_M: f64 = 0.003;
-/// Both ways along an axis.
+/// Offsets to both sides along an axis, in meters.
 const SIDES_M: [f64; 2] = [-NEAR_M, NEAR_M];
 /// Least length of a sum of gradients that has a direction.
-const LEAST_SUM: f64 = 1e-6;
+const MIN_GRADIENT_SUM: f64 = 1e-6;
 /// Edges of the linearized friction cone.
 const EDGES: usize = 6;
 /// Sweeps of coordinate descent over all edge forces.
@@ -223,7 +223,8 @@ impl<'a> ForceBalance<'a> {
         }
         let mut curvature = Matrix3::zeros();
         for (axis, [before, after]) in beside.iter().enumerate() {
-            let change = after.try_normalize(LEAST_SUM)? - before.try_normalize(LEAST_SUM)?;
+            let change =
+                after.try_normalize(MIN_GRADIENT_SUM)? - before.try_normalize(MIN_GRADIENT_SUM)?;
             curvature.set_column(axis, &(change / (2.0 * NEAR_M)));
         }
         let normal = self.normal(at)?;
@@ -242,7 +243,7 @@ impl<'a> ForceBalance<'a> {
                 sum += self.gradient(at, &[(axis, side)]);
             }
         }
-        sum.try_normalize(LEAST_SUM)
+        sum.try_normalize(MIN_GRADIENT_SUM)
     }
 
     /// Returns the gradient of the object's distance at a point moved along axes.

@@ -79,6 +79,12 @@ fn work(gathered: &PageData) -> BTreeMap<&'static str, String> {
             let errors = count(gathered.robustness_steps_n);
             text.push_str(&format!("; {errors} under sampled errors"));
         }
+        let pose_errors = gathered.pose_errors.values().flatten();
+        let pose_errors_n: i64 = pose_errors.map(|trial| trial.control_steps_n).sum();
+        if pose_errors_n > 0 {
+            let off = count(pose_errors_n);
+            text.push_str(&format!("; {off} with the object off its pose"));
+        }
         work.insert("screen", text);
     }
     let executed_s: f64 = gathered

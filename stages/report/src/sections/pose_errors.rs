@@ -3,7 +3,11 @@
 use std::collections::BTreeMap;
 
 use charts::{Captions, Estimate, Estimates, intervals};
-use schemas::{pose_errors::PoseErrorTrial, rollouts::Verdict};
+use schemas::{
+    Table,
+    pose_errors::{PoseErrorTrial, PoseErrors},
+    rollouts::Verdict,
+};
 use statistics::{MeanInterval, bootstrap_mean};
 
 use crate::{
@@ -71,14 +75,19 @@ fn by_size(all: &BTreeMap<String, Vec<PoseErrorTrial>>) -> Vec<OfSize> {
 pub(crate) fn section(gathered: &PageData) -> Section {
     let mut section = Section::new("pose_errors", "Errors of the object's pose");
     let sizes = by_size(&gathered.pose_errors);
+    if !gathered.facts.run.wired.contains_key(PoseErrors::NAME) {
+        section.say("No trials with the object off its estimated pose are wired to this report.");
+        return section;
+    }
     if sizes.is_empty() {
         section.say("No motion was tried with the object off its estimated pose in this run.");
         return section;
     }
     section.say(
-        "Motions are executed as if the object lay where it was estimated; it lies so far off on the table, in a \
-         direction drawn for each motion, and is turned so far one way or the other. Motions that the screen accepted \
-         and others count alike. The rate is the mean over the objects, its interval is by resampling objects.",
+        "Motions are executed as if the object lay in its estimated pose. It lies off that by the given distance, in \
+         a direction on the table that is drawn for each motion, and is turned by the given angle, one way or the \
+         other. Motions count whether the screen accepted them or not. The rate is the mean over the objects; its \
+         interval is by resampling objects.",
     );
     let names: Vec<String> = sizes.iter().map(OfSize::name).collect();
     let estimate = |size: &OfSize| {
@@ -132,7 +141,10 @@ pub(crate) fn section(gathered: &PageData) -> Section {
 
 #[cfg(test)]
 mod tests {
+    use dataflow::RunFacts;
+
     use super::*;
+    use crate::Facts;
 
     #[test]
     fn objects_count_alike_and_each_size_has_a_name() {
@@ -163,6 +175,13 @@ mod tests {
             ]
             .map(|(object, trials)| (object.to_owned(), trials))
             .into(),
+            facts: Facts {
+                run: RunFacts {
+                    wired: [("pose_errors".to_owned(), "screen.pose_errors".to_owned())].into(),
+                    ..RunFacts::default()
+                },
+                ..Facts::default()
+            },
             ..PageData::default()
         };
         let sizes = by_size(&gathered.pose_errors);
