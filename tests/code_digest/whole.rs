@@ -161,7 +161,10 @@ fn a_number_changes_the_stages_that_link_it_and_no_others() {
         ),
         ("stages/screen/src/report/rates.rs", &["report-screen"]),
         ("stages/ingest/src/report.rs", &["report-ingest"]),
-        ("crates/tools/statistics/src/lib.rs", &["report-screen"]),
+        (
+            "crates/tools/statistics/src/lib.rs",
+            &["report-screen", "stage-report"],
+        ),
         ("crates/tools/glb/src/motion.rs", &["stage-report"]),
         ("crates/tools/demonstrator/src/hand.rs", &[]),
         (

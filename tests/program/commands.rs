@@ -263,13 +263,13 @@ fn drawings_name_every_output_once_and_only_connect_what_they_name() {
         }
     }
     assert!(nodes.contains("screen-2.rollouts"), "{dot}");
-    assert_eq!((nodes.len(), n_edges), (23, 91), "{dot}");
+    assert_eq!((nodes.len(), n_edges), (24, 99), "{dot}");
 
     let mermaid = draw("mermaid");
     assert!(mermaid.starts_with("flowchart LR\n"), "{mermaid}");
     let count = |what: &str| mermaid.lines().filter(|line| line.contains(what)).count();
     assert_eq!(count("subgraph"), count("end"), "{mermaid}");
-    assert_eq!((count("<br/>"), count("-->")), (23, 91), "{mermaid}");
+    assert_eq!((count("<br/>"), count("-->")), (24, 99), "{mermaid}");
     for edge in mermaid.lines().filter(|line| line.contains("-->")) {
         for end in edge.trim().split(" --> ") {
             assert!(mermaid.contains(&format!("{end}[\"")), "{edge}");
