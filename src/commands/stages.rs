@@ -33,8 +33,8 @@ pub(crate) fn stages(program: &Program, args: &StagesArgs) -> Result<CommandOutc
     Ok(CommandOutcome::Done)
 }
 
-/// Inputs in a line of the overview: as many as fit a narrow terminal.
-const INPUTS_IN_A_LINE: usize = 4;
+/// Inputs or outputs in a line of the overview: as many as fit a narrow terminal.
+const NAMES_IN_A_LINE: usize = 4;
 
 fn overview(kinds: &[Kind]) -> String {
     let mut rows = Vec::new();
@@ -46,14 +46,11 @@ fn overview(kinds: &[Kind]) -> String {
             rows.push(vec![String::new(), "reads  any".to_owned()]);
             makes = vec!["any"];
         }
-        let inputs = kind.all_inputs();
-        if !inputs.is_empty() {
-            for inputs in inputs.chunks(INPUTS_IN_A_LINE) {
-                let reads = format!("reads  {}", inputs.join(", "));
-                rows.push(vec![String::new(), reads]);
+        for (verb, names) in [("reads", kind.all_inputs()), ("makes", makes)] {
+            for names in names.chunks(NAMES_IN_A_LINE) {
+                rows.push(vec![String::new(), format!("{verb}  {}", names.join(", "))]);
             }
         }
-        rows.push(vec![String::new(), format!("makes  {}", makes.join(", "))]);
     }
     format!(
         "{}\n`pipeline stages KIND` lists a kind's options.\n",
