@@ -43,17 +43,17 @@ impl OfSize {
 
 /// Returns the motions of all objects by the size of the error, in the order of their trials.
 fn by_size(all: &BTreeMap<String, Vec<PoseErrorTrial>>) -> Vec<OfSize> {
-    let mut sizes: Vec<[f64; 2]> = Vec::new();
+    let mut sizes: Vec<(f64, f64)> = Vec::new();
     for trial in all.values().flatten() {
-        let size = [trial.position_m, trial.yaw_rad];
+        let size = (trial.position_m, trial.yaw_rad);
         if !sizes.contains(&size) {
             sizes.push(size);
         }
     }
-    let of_size = |size: [f64; 2]| {
+    let of_size = |size: (f64, f64)| {
         let counts = all.values().map(|trials| {
             let trials = trials.iter();
-            let trials = trials.filter(|trial| [trial.position_m, trial.yaw_rad] == size);
+            let trials = trials.filter(|trial| (trial.position_m, trial.yaw_rad) == size);
             let held = trials
                 .clone()
                 .filter(|trial| trial.verdict == Verdict::Held);
@@ -62,8 +62,8 @@ fn by_size(all: &BTreeMap<String, Vec<PoseErrorTrial>>) -> Vec<OfSize> {
         let counts: Vec<(i64, i64)> = counts.filter(|(trials_n, _)| *trials_n > 0).collect();
         let shares = counts.iter().map(|(n, held_n)| *held_n as f64 / *n as f64);
         OfSize {
-            position_mm: 1000.0 * size[0],
-            yaw_deg: size[1].to_degrees(),
+            position_mm: 1000.0 * size.0,
+            yaw_deg: size.1.to_degrees(),
             trials_n: counts.iter().map(|(n, _)| n).sum(),
             held_n: counts.iter().map(|(_, held_n)| held_n).sum(),
             mean: bootstrap_mean(&shares.collect::<Vec<f64>>()),
