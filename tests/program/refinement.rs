@@ -38,6 +38,7 @@ fn run(bench: &Bench) -> Output {
         "refine.clearance_m=0.008",
         "refine.object_weight=3.0",
         "refine.table_weight=3.0",
+        "refine.self_collision_weight=1.0",
     ] {
         program.args(["--set", value]);
     }
