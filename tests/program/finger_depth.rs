@@ -11,10 +11,11 @@ use crate::program::{
 
 const CHECK: &str = "stages/program/examples/finger_depth.py";
 const MODULES: [&str; 4] = ["mujoco", "numpy", "pyarrow", "rosbags"];
-const ALL_RECORDED: [&str; 3] = [
+const ALL_RECORDED: [&str; 4] = [
     "screen.recorded_per_object=10000",
     "screen.recorded_failures_per_object=0",
     "screen.robustness.trials=0",
+    "screen.pose_errors_per_object=0",
 ];
 /// Motions whose fingers refinement does not keep apart, and whose depth the screen does not judge.
 const DEEP: [&str; 2] = [

@@ -78,6 +78,11 @@ impl Output for PoseErrorTrials {
         let config = &config.resolved();
         let candidates = &screened.candidates.candidates;
         let motions = evenly(candidates.len(), config.pose_errors_per_object);
+        if motions.is_empty() {
+            // No scene has to settle.
+            cx.write(&PoseErrors::new())?;
+            return Ok(Outcome::Made(PoseErrorMetrics::of(&[], 0)));
+        }
         let screening = screened.screening(config, cx.seed());
         let scenes = match screening.build_scenes() {
             Ok(scenes) => scenes,

@@ -317,13 +317,23 @@ fn motions_are_tried_with_the_object_off_its_pose_accepted_or_not() {
         made(run(&screened, &can(0.35), &three(), folder.path()).unwrap());
         let expected: Vec<_> = rows(folder.path())
             .into_iter()
-            .map(|row| (row.candidate_id, row.verdict))
+            .map(|row| {
+                let steps_n = i64::from(row.measures.control_steps_n);
+                (row.candidate_id, row.verdict, steps_n)
+            })
             .collect();
         let of_size = trials
             .iter()
             .filter(|trial| sizes(trial) == (position_m, yaw_rad));
         let found: Vec<_> = of_size
-            .map(|trial| (trial.candidate_id.clone(), trial.verdict))
+            .map(|trial| {
+                let PoseErrorTrial {
+                    verdict,
+                    control_steps_n,
+                    ..
+                } = *trial;
+                (trial.candidate_id.clone(), verdict, control_steps_n)
+            })
             .collect();
         assert_eq!(found, expected, "{position_m} {yaw_rad}");
     }
