@@ -14,7 +14,7 @@ use spatial::{Pose, Table};
 
 use crate::{
     config::{SceneConfig, Support},
-    units::{EngineFrame, LENGTH_UNITS_PER_M, length, lengths, meters, pose_from_engine, real},
+    units::{EngineFrame, length, lengths, meters, pose_from_engine, real},
 };
 
 /// Gravity in meters per second squared, rounded as MuJoCo's default is.
@@ -25,6 +25,12 @@ const CONTACT_DAMPING_RATIO: f32 = 1.0;
 /// Natural frequency of contacts in hertz, twice that with a table at rest, as in the engine: with its 30 Hz, one
 /// in ten motions that hold has a finger deeper than 5 mm in the object.
 const CONTACT_HZ: f32 = 60.0;
+/// Displacement in meters within which a shape keeps its place in the broad phase; it sets the engine's unit of length.
+/// Shapes nearer than twice that are pairs, and each pair is looked at in every step: with the engine's default, 40 mm,
+/// every link of a hand is paired with every other and with all of the object.
+const BROAD_PHASE_MARGIN_M: f64 = 0.001;
+/// The engine's broad-phase margin, in its units of length (`BroadPhaseBvh::CHANGE_DETECTION_FACTOR`).
+const BROAD_PHASE_MARGIN: f64 = 0.04;
 /// Half the edge of the table in meters: no object that can still be grasped leaves it.
 const TABLE_HALF_EDGE_M: f64 = 1.0;
 /// Half the thickness of the table in meters.
@@ -161,11 +167,23 @@ impl World {
     /// Returns an empty world.
     pub(crate) fn empty(scene: &SceneConfig) -> Self {
         let softness = |hz| SpringCoefficients::new(hz, CONTACT_DAMPING_RATIO);
+        let unit_m = BROAD_PHASE_MARGIN_M / BROAD_PHASE_MARGIN;
+        let in_units = |length_m: f64| real(length_m / unit_m);
+        let defaults = IntegrationParameters::default();
         let parameters = IntegrationParameters {
             contact_softness: softness(CONTACT_HZ),
             static_contact_softness: softness(2.0 * CONTACT_HZ),
             dt: real(scene.time_step_s),
-            length_unit: real(LENGTH_UNITS_PER_M),
+            length_unit: length(unit_m),
+            normalized_allowed_linear_error: in_units(f64::from(
+                defaults.normalized_allowed_linear_error,
+            )),
+            normalized_max_corrective_velocity: in_units(f64::from(
+                defaults.normalized_max_corrective_velocity,
+            )),
+            normalized_max_linear_velocity: in_units(f64::from(
+                defaults.normalized_max_linear_velocity,
+            )),
             num_solver_iterations: scene.substeps as usize,
             // Nothing here is fast enough to pass through anything.
             max_ccd_substeps: 0,
@@ -174,9 +192,9 @@ impl World {
             // By default friction acts only after bodies that overlap have been pushed apart: dragged
             // bodies then slide as if they were smooth.
             friction_in_bias_pass: true,
-            normalized_prediction_distance: real(scene.prediction_m),
-            normalized_contact_recycle_distance: real(scene.contact_recycle_m),
-            ..IntegrationParameters::default()
+            normalized_prediction_distance: in_units(scene.prediction_m),
+            normalized_contact_recycle_distance: in_units(scene.contact_recycle_m),
+            ..defaults
         };
         Self {
             bodies: RigidBodySet::new(),
