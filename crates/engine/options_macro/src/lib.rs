@@ -48,8 +48,8 @@ impl Parse for Settings {
 /// The parts of a declaration, gathered over its fields.
 #[derive(Default)]
 struct Declared {
-    /// Functions that return defaults.
-    defaults: Vec<Tokens>,
+    /// Functions that return defaults, or describe ranges in the schema.
+    functions: Vec<Tokens>,
     /// `field: default` of each field that has one.
     values: Vec<Tokens>,
     /// Checks of ranges and tables.
@@ -77,7 +77,7 @@ fn expand(arguments: Settings, mut item: DeriveInput) -> Result<Tokens> {
     }
     let is_optional = declared.values.len() == fields.named.len();
     let Declared {
-        defaults,
+        functions,
         values,
         checks,
     } = declared;
@@ -97,7 +97,7 @@ fn expand(arguments: Settings, mut item: DeriveInput) -> Result<Tokens> {
         #item
 
         impl #ident {
-            #(#defaults)*
+            #(#functions)*
         }
 
         #default
@@ -146,7 +146,7 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
                     .push(syn::parse_quote!(#[serde(default = #path)]));
                 declared.values.push(quote!(#ident: Self::#function()));
                 declared
-                    .defaults
+                    .functions
                     .push(quote!(fn #function() -> #ty { #value }));
             }
             ("flatten", None) => {
@@ -172,12 +172,16 @@ fn declare(owner: &Ident, field: &mut Field, declared: &mut Declared) -> Result<
         (Some((_, range)), Some(why)) => {
             let check = quote!(faults.within(#key, *value, #range, #why););
             declared.checks.push(checked(field, &check));
-            let describe = quote!(|schema: &mut ::schemars::Schema| {
-                ::options::describe(schema, &(#range), #why);
+            // A path, for a closure is refused where schemars is built without the full grammar of expressions.
+            let function = format_ident!("describe_{key}");
+            declared.functions.push(quote! {
+                fn #function(schema: &mut ::schemars::Schema) {
+                    ::options::describe(schema, &(#range), #why);
+                }
             });
             field
                 .attrs
-                .push(syn::parse_quote!(#[schemars(transform = #describe)]));
+                .push(syn::parse_quote!(#[schemars(transform = Self::#function)]));
             Ok(())
         }
         (Some((name, _)), None) => Err(Error::new(name.span(), "a range has a reason: `why = …`")),
