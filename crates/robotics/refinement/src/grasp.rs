@@ -22,8 +22,13 @@ const APPROACH_STEPS: usize = 16;
 /// it would be pushed out on whichever side is nearest.
 const SOFT_FACTOR: f64 = 0.1;
 /// Residual above which a grasp is rotated and searched again, in m²: with the default weights, a residual wrench of
-/// 0.14 times the thumb's force, or a tip 5 mm off.
-const RESTART_RESIDUAL_M2: f64 = 2e-4;
+/// 0.07 times the thumb's force, or a tip 2.4 mm off.
+const RESTART_RESIDUAL_M2: f64 = 5e-5;
+/// Part of a step's iterations, as a divisor, after which a rotated grasp is given up, unless it costs at most
+/// `PROMISING_COST` times the best one.
+const TRIAL_DIVISOR: usize = 2;
+/// Cost relative to the best grasp's up to which a rotated one is searched to its end.
+const PROMISING_COST: f64 = 1.5;
 /// Standard gravity, in m/s².
 const GRAVITY_M_PER_S2: f64 = 9.806_65;
 /// Landmark of the thumb's tip.
@@ -56,14 +61,16 @@ impl Refiner<'_> {
         terms.balance = self.balance(environment, &contacts, grasp);
         let mut best = (grasp.clone(), f64::INFINITY);
         for start in starts {
-            self.improve(&mut best, grasp, start, &mut terms)?;
+            let most = GRASP_ITERATIONS * self.config.max_iterations;
+            let found = self.search(grasp, None, start, most, &mut terms)?;
+            keep_cheaper(&mut best, found);
         }
         let found = best.0.clone();
         for start in restarts(&found, &contacts, self.config.restart_angle_rad) {
             if self.residual_m2(&best.0, &mut terms)? < RESTART_RESIDUAL_M2 {
                 break;
             }
-            self.improve(&mut best, grasp, start, &mut terms)?;
+            self.try_restart(&mut best, grasp, start, &mut terms)?;
         }
         let (placed, _) = best;
         let residual_m2 = self.residual_m2(&placed, &mut terms)?;
@@ -76,19 +83,23 @@ impl Refiner<'_> {
         })
     }
 
-    /// Searches the grasp from a start; replaces `best` and its cost by what costs less.
-    fn improve(
+    /// Searches the grasp from a rotated start, to its end only where that is promising; replaces `best` and its cost by
+    /// what costs less.
+    fn try_restart(
         &mut self,
         best: &mut (PosedHand, f64),
         drawn: &PosedHand,
         start: Posture,
         terms: &mut StepTerms<'_>,
     ) -> Result<(), RefinementError> {
-        let most = GRASP_ITERATIONS * self.config.max_iterations;
-        let found = self.search(drawn, None, start, most, terms)?;
-        if found.1 < best.1 {
-            *best = found;
+        let most = self.config.max_iterations;
+        let trial = most.div_ceil(TRIAL_DIVISOR);
+        let mut found = self.search(drawn, None, start, trial, terms)?;
+        if found.1 < PROMISING_COST * best.1 {
+            let (start, rest) = (found.0.posture, GRASP_ITERATIONS * most - trial);
+            found = self.search(drawn, None, start, rest, terms)?;
         }
+        keep_cheaper(best, found);
         Ok(())
     }
 
@@ -247,6 +258,13 @@ impl Refiner<'_> {
             self.config.balance_friction,
             self.config.balance_weight,
         )
+    }
+}
+
+/// Replaces the best grasp and its cost by what costs less.
+fn keep_cheaper(best: &mut (PosedHand, f64), found: (PosedHand, f64)) {
+    if found.1 < best.1 {
+        *best = found;
     }
 }
 
