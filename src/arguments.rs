@@ -705,10 +705,10 @@ pub(crate) struct UnitArgs {
     /// Make it even if its result is in the lake
     #[arg(long)]
     pub(crate) fresh: bool,
-    /// Make what a run has ordered, and write events to stdout
+    /// Make the work items that a run sends, and write events to stdout
     ///
-    /// `-` reads one order from stdin, and stops when stdin closes; any other name is that of a job
-    /// in the depot, whose orders are made one after the other.
+    /// `-` reads work items from stdin, and stops when stdin closes; any other name is that of a job
+    /// in the depot, whose work items are made one after the other.
     #[arg(long, value_name = "NAME", conflicts_with_all = ["file", "fresh"])]
     pub(crate) order: Option<String>,
     /// Use a lake of its own in this folder, which is removed at the end [default: that of `--lake`]

@@ -1,7 +1,7 @@
 //! Units made by the jobs of a scheduler, as Slurm.
 //!
-//! Orders go out as arrays of jobs, and come back as files in the depot: the outcome of each unit, beside its
-//! record. The scheduler's answer about a job is a hint: a job that is over and has left nothing is lost.
+//! Work items go out as arrays of jobs, and come back as files in the depot: the outcome of each unit, beside
+//! its record. The scheduler's answer about a job is a hint: a job that is over and has left nothing is lost.
 //! An array is known by a name that is never given twice, since schedulers that have lost their state
 //! give numbers again. The list of arrays that are out is in the depot too, so that a run whose process was killed
 //! goes on with the jobs that it left.
@@ -9,8 +9,8 @@
 mod adopt;
 mod drivers;
 pub(crate) mod queue;
+mod scheduler;
 mod submit;
-mod table;
 mod watch;
 
 use std::{
@@ -25,14 +25,14 @@ use dataflow::{Digest, Events, Executor, Failure, OnOutcome, Resources, UnitOutc
 use lake::{Lake, LakeError};
 use serde::{Deserialize, Serialize};
 
-pub(crate) use self::table::{Table, yes};
+pub(crate) use self::scheduler::{Scheduler, default_true};
 use self::{
     queue::{Queue, SchedulerCall},
+    scheduler::Values,
     submit::{described, limit_s},
-    table::Values,
 };
 use crate::{
-    jobs::{JobOrders, here_key, orders_key},
+    jobs::{Job, here_key, job_key},
     label::Label,
     report, sharing,
 };
@@ -61,7 +61,7 @@ pub(crate) struct Batch<'a> {
     /// The name of its configuration.
     pub(crate) name: String,
     /// Its commands and the format of its answers.
-    pub(crate) table: Table,
+    pub(crate) scheduler: Scheduler,
     /// The lake, with a depot.
     pub(crate) lake: &'a Lake,
     /// The depot, as workers name it.
@@ -97,14 +97,14 @@ impl Executor for Batch<'_> {
     }
 
     fn keeps_going(&self) -> bool {
-        self.table.keep_going
+        self.scheduler.keep_going
     }
 
     fn execute(&self, wave: &Wave, events: &Events, on_outcome: &OnOutcome) -> Result<(), Failure> {
         let mut open = HashMap::with_capacity(wave.len());
         for idx in 0..wave.len() {
             let item = wave.work_item(idx)?;
-            match sharing::offer(self.lake, &item) {
+            match sharing::upload_inputs(self.lake, &item) {
                 Some(UnitOutcome::Failed(err)) => return Err(err),
                 Some(end) => on_outcome(idx, end),
                 None => {
@@ -132,7 +132,7 @@ fn out<R>(change: impl FnOnce(&mut BTreeMap<String, Vec<String>>) -> R) -> R {
     change(&mut OUT.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Returns the values of the names in a table, for an array.
+/// Returns the values of the names in a scheduler's commands, for an array.
 fn values_of(array: &Array) -> Values {
     let values = Values::default().with("name", &array.name);
     values.with_some("id", array.id.as_ref().map(|id| id as _))
@@ -239,14 +239,14 @@ impl Batch<'_> {
             jobs: vec![Vec::new()],
         };
         let job = format!("{}/0", array.name);
-        let nothing = JobOrders {
+        let nothing = Job {
             folder: env::current_dir().map_err(refused)?,
             heartbeat_s: None,
             limit_s: None,
-            orders: Vec::new(),
+            items: Vec::new(),
         };
-        self.leave(&orders_key(&job), &nothing)?;
-        self.make_logs(|| self.leave(&orders_key(&job), &nothing))?;
+        self.leave(&job_key(&job), &nothing)?;
+        self.make_logs(|| self.leave(&job_key(&job), &nothing))?;
         let mut answer = None;
         let submitted = self.submit_array(&array, &Resources::default(), 1);
         let mut n_looks = if submitted.is_ok() { TRIAL_LOOKS } else { 0 };
@@ -258,7 +258,7 @@ impl Batch<'_> {
         if answer.is_none() {
             let _gone = (self.ask)(&self.cancellation(&array), "");
         }
-        for key in [orders_key(&job), here_key(&job)] {
+        for key in [job_key(&job), here_key(&job)] {
             self.lake.remove_message(&key).map_err(failed)?;
         }
         submitted?;
@@ -285,7 +285,7 @@ impl Batch<'_> {
     }
 
     fn cancellation(&self, array: &Array) -> Vec<String> {
-        values_of(array).words(&self.table.cancel)
+        values_of(array).words(&self.scheduler.cancel)
     }
 
     /// Asks for the states of all jobs of these arrays.
@@ -299,8 +299,8 @@ impl Batch<'_> {
             .with("names", &names.join(","))
             .with("ids", &ids.join(" "));
         Ok(queue::read(
-            &self.table,
-            &(self.ask)(&values.words(&self.table.query), "")?,
+            &self.scheduler,
+            &(self.ask)(&values.words(&self.scheduler.query), "")?,
         ))
     }
 
@@ -327,15 +327,17 @@ impl Batch<'_> {
 
     /// Number of jobs that one array may have.
     fn limit(&self) -> usize {
-        let said = (self.ask)(&self.table.limit, "").ok();
-        let limit = said.and_then(|said| self.table.limit_in(&said));
+        let said = (self.ask)(&self.scheduler.limit, "").ok();
+        let limit = said.and_then(|said| self.scheduler.limit_in(&said));
         // The number is that of the first index that is too large.
         limit.map_or(DEFAULT_ARRAY_JOBS, |limit| limit.max(1))
     }
 
     fn log(&self, array: &Array, job: usize) -> String {
         let values = values_of(array).with("index", &job);
-        let name = values.words(std::slice::from_ref(&self.table.log)).concat();
+        let name = values
+            .words(std::slice::from_ref(&self.scheduler.log))
+            .concat();
         self.logs.join(name).display().to_string()
     }
 

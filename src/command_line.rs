@@ -89,12 +89,12 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
         Command::Unit(args) => commands::unit(&program, args),
         Command::Completions(args) => commands::completions(args),
     });
-    let code = result.map_or_else(|trouble| report::trouble(&trouble), CommandOutcome::code);
+    let code = result.map_or_else(|err| report::print_error(&err), CommandOutcome::code);
     let left = cli
         .detached_in
         .map(|folder| commands::leave_code(&folder, code));
     ExitCode::from(match left {
-        Some(Err(trouble)) => report::trouble(&trouble),
+        Some(Err(err)) => report::print_error(&err),
         _ => code,
     })
 }

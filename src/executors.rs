@@ -8,7 +8,7 @@ use serde::Deserialize;
 use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
-    batch::{Batch, Table, for_shell, queue, yes},
+    batch::{Batch, Scheduler, default_true, for_shell, queue},
     outcome::CommandError,
     processes::{Idle, Processes, Reach},
     sharing::{self, DepotName},
@@ -30,24 +30,24 @@ struct Launcher {
     /// The program there [default: this one].
     program: Option<String>,
     /// Folder there for the lake of a worker.
-    #[serde(default = "tmp")]
+    #[serde(default = "default_scratch")]
     scratch: String,
     /// Units at once.
-    #[serde(default = "one")]
+    #[serde(default = "default_at_once")]
     at_once: usize,
     /// Whether the other units of an output are made when one fails.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     keep_going: bool,
     /// Longest wait for the depot in minutes; read by [`depot_patience_min`].
     #[serde(default, rename = "depot_patience_min")]
     _depot_patience_min: Option<f64>,
 }
 
-fn tmp() -> String {
+fn default_scratch() -> String {
     "/tmp".to_owned()
 }
 
-fn one() -> usize {
+fn default_at_once() -> usize {
     1
 }
 
@@ -111,7 +111,7 @@ impl RemoteExecutor<'_> {
 impl<'a> RemoteExecutor<'a> {
     /// Finds the executor of this name.
     pub(crate) fn named(name: &str, lake: &'a Lake) -> Result<Self, CommandError> {
-        let depot = sharing::named()?.ok_or_else(|| {
+        let depot = sharing::depot_name()?.ok_or_else(|| {
             CommandError::usage(
                 "other machines need a depot, to get their inputs and to leave their results",
                 format!(
@@ -135,8 +135,8 @@ impl<'a> RemoteExecutor<'a> {
             let launcher: Launcher = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
             return Ok(Self::Launch(launcher.processes(lake, &depot)?));
         }
-        let table: Table = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
-        let logs = match (table.logs.as_ref(), &depot) {
+        let scheduler: Scheduler = toml_edit::de::from_str(&text.to_string()).map_err(wrong)?;
+        let logs = match (scheduler.logs.as_ref(), &depot) {
             (Some(logs), _) => {
                 fs::create_dir_all(logs).map_err(|err| {
                     let message = format!("cannot make the folder of logs `{logs}`");
@@ -155,7 +155,7 @@ impl<'a> RemoteExecutor<'a> {
         };
         Ok(Self::Batch(Box::new(Batch {
             name: name.to_owned(),
-            table,
+            scheduler,
             lake,
             depot: depot.to_string(),
             logs,

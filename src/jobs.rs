@@ -5,9 +5,9 @@ use std::path::PathBuf;
 use dataflow::{Digest, WorkItem};
 use serde::{Deserialize, Serialize};
 
-/// The work items of one job.
+/// A job: the work items that one process of a scheduler makes.
 #[derive(Serialize, Deserialize)]
-pub(crate) struct JobOrders {
+pub(crate) struct Job {
     /// The folder of the run, from which relative paths lead.
     pub(crate) folder: PathBuf,
     /// Time in seconds between the heartbeats that its worker leaves in the depot.
@@ -16,11 +16,12 @@ pub(crate) struct JobOrders {
     #[serde(default)]
     pub(crate) limit_s: Option<u64>,
     /// The work items, made one after the other.
-    pub(crate) orders: Vec<WorkItem>,
+    #[serde(rename = "orders")]
+    pub(crate) items: Vec<WorkItem>,
 }
 
 /// Key of the work items of a job, e.g. `NAME/0`.
-pub(crate) fn orders_key(job: &str) -> String {
+pub(crate) fn job_key(job: &str) -> String {
     format!("orders/{job}")
 }
 
@@ -29,7 +30,7 @@ pub(crate) fn here_key(job: &str) -> String {
     format!("here/{job}")
 }
 
-/// Key of the end of an order of a job.
+/// Key of the end of a work item of a job.
 pub(crate) fn end_key(job: &str, fingerprint: &Digest) -> String {
     let wave = job.rsplit_once('/').map_or(job, |(wave, _)| wave);
     format!("ends/{wave}/{fingerprint}")

@@ -22,7 +22,7 @@ use stage_transfer::Transfer;
 use crate::sample;
 
 /// A kind of which these options may be left out: they are in the file of its hand.
-fn of_hand(kind: Kind, options: &'static [&'static str]) -> Kind {
+fn with_hand_file(kind: Kind, options: &'static [&'static str]) -> Kind {
     kind.completed(options, "hand", hand_files::complete)
 }
 
@@ -33,48 +33,48 @@ pub fn kinds() -> Vec<Kind> {
             [code!("stage-ingest"), code!("report-ingest")],
             sample::generate,
         ),
-        of_hand(
+        with_hand_file(
             Kind::reported::<RetargetReport>([code!("stage-retarget"), code!("report-retarget")]),
             &["hand_table"],
         ),
         Kind::of::<Replay>(code!("stage-replay")),
         Kind::of::<Transfer>(code!("stage-transfer")),
-        of_hand(
+        with_hand_file(
             Kind::reported::<TrainReport>([code!("stage-train"), code!("report-train")]),
             &["training.tips", "training.tip_radius_m"],
         ),
-        of_hand(
+        with_hand_file(
             Kind::reported::<SampleReport>([code!("stage-sample"), code!("report-sample")]),
             &[],
         ),
         Kind::of::<Interpolate>(code!("stage-interpolate")),
-        of_hand(
+        with_hand_file(
             Kind::of::<Eigengrasp>(code!("stage-eigengrasp")),
             &["flexion_joints"],
         ),
-        of_hand(
+        with_hand_file(
             Kind::of::<ForceClosure>(code!("stage-force_closure")),
             &["hand_table", "flexion_joints"],
         ),
-        of_hand(
+        with_hand_file(
             Kind::of::<GraspTta>(code!("stage-grasp_tta")),
             &["flexion_joints"],
         ),
-        of_hand(Kind::of::<Refine>(code!("stage-refine")), &["hand_table"]),
-        of_hand(Kind::of::<Rrt>(code!("stage-rrt")), &["hand_table"]),
-        of_hand(
+        with_hand_file(Kind::of::<Refine>(code!("stage-refine")), &["hand_table"]),
+        with_hand_file(Kind::of::<Rrt>(code!("stage-rrt")), &["hand_table"]),
+        with_hand_file(
             Kind::of::<CemMpc>(code!("stage-cem_mpc")),
             &["hand_table", "scene.drive", "protocol.flexion_joints"],
         ),
-        of_hand(
+        with_hand_file(
             Kind::reported::<ScreenReport>([code!("stage-screen"), code!("report-screen")]),
             &["scene.drive", "protocol.flexion_joints"],
         ),
-        of_hand(
+        with_hand_file(
             Kind::reported::<DispatchReport>([code!("stage-dispatch"), code!("report-dispatch")]),
             &["simulated.scene.drive", "protocol.flexion_joints"],
         ),
-        of_hand(Kind::of::<Report>(code!("stage-report")), &[]),
+        with_hand_file(Kind::of::<Report>(code!("stage-report")), &[]),
         Kind::of::<Program<ProjectArtifacts>>(code!("stage-program")),
     ]
 }

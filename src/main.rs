@@ -24,17 +24,17 @@ struct Allocator;
 unsafe impl GlobalAlloc for Allocator {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as of the caller.
-        had(unsafe { MiMalloc.alloc(layout) }, layout.size())
+        checked(unsafe { MiMalloc.alloc(layout) }, layout.size())
     }
 
     unsafe fn alloc_zeroed(&self, layout: Layout) -> *mut u8 {
         // SAFETY: as of the caller.
-        had(unsafe { MiMalloc.alloc_zeroed(layout) }, layout.size())
+        checked(unsafe { MiMalloc.alloc_zeroed(layout) }, layout.size())
     }
 
     unsafe fn realloc(&self, block: *mut u8, layout: Layout, size: usize) -> *mut u8 {
         // SAFETY: as of the caller.
-        had(unsafe { MiMalloc.realloc(block, layout, size) }, size)
+        checked(unsafe { MiMalloc.realloc(block, layout, size) }, size)
     }
 
     unsafe fn dealloc(&self, block: *mut u8, layout: Layout) {
@@ -45,7 +45,7 @@ unsafe impl GlobalAlloc for Allocator {
 
 /// Passes a block on, if there is one.
 #[inline]
-fn had(block: *mut u8, bytes: usize) -> *mut u8 {
+fn checked(block: *mut u8, bytes: usize) -> *mut u8 {
     if block.is_null() {
         pipeline::out_of_memory(bytes);
     }

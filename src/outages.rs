@@ -29,7 +29,7 @@ pub(crate) enum DepotDown {
 }
 
 /// Returns how a run uses its depot.
-pub(crate) fn sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> Sharing {
+pub(crate) fn run_sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> Sharing {
     let patience = minutes(patience_min);
     let (patience, outage_policy) = match when_down {
         DepotDown::Wait => (patience, OutagePolicy::Fail),
@@ -47,7 +47,7 @@ pub(crate) fn sharing(when_down: DepotDown, patience_min: f64, quiet: Quiet) -> 
 }
 
 /// Returns how a command uses a depot without which it makes no sense.
-pub(crate) fn needed(quiet: Quiet) -> Sharing {
+pub(crate) fn required_sharing(quiet: Quiet) -> Sharing {
     Sharing {
         patience: SHORT,
         outage_policy: OutagePolicy::Fail,
@@ -56,7 +56,7 @@ pub(crate) fn needed(quiet: Quiet) -> Sharing {
 }
 
 /// Returns how a worker uses its depot: until the time of its job ends.
-pub(crate) fn of_worker(patience: Duration) -> Sharing {
+pub(crate) fn worker_sharing(patience: Duration) -> Sharing {
     Sharing {
         patience,
         outage_policy: OutagePolicy::Fail,

@@ -13,7 +13,7 @@ use std::{
 use dataflow::{Events, Executor, Failure, OnOutcome, Relay, UnitOutcome, Wave, WorkItem};
 use lake::Lake;
 
-use crate::{jobs::JobOrders, outcome::CommandError, sharing};
+use crate::{jobs::Job, outcome::CommandError, sharing};
 
 /// Makes units in processes that read work items from stdin and write events to stdout, a line each.
 pub(crate) struct Processes<'a> {
@@ -72,7 +72,7 @@ impl Executor for Processes<'_> {
 
 impl<'a> Processes<'a> {
     /// Makes units in processes of this machine, in the run's own lake.
-    pub(crate) fn here(lake: &'a Lake, jobs: Option<u16>) -> Result<Self, CommandError> {
+    pub(crate) fn local(lake: &'a Lake, jobs: Option<u16>) -> Result<Self, CommandError> {
         let program = env::current_exe().map_err(|err| CommandError::failed(err, None))?;
         let worker = ["unit", "--lake"].map(OsString::from);
         let mut worker = [[program.into()].as_slice(), &worker].concat();
@@ -90,12 +90,12 @@ impl<'a> Processes<'a> {
 
     fn make(&self, item: &WorkItem, events: &Events) -> UnitOutcome {
         if self.reach == Reach::DepotAlone
-            && let Some(end) = sharing::offer(self.lake, item)
+            && let Some(end) = sharing::upload_inputs(self.lake, item)
         {
             return end;
         }
         let mut relay = Relay::new(item, events);
-        match self.tell(item, &mut relay) {
+        match self.run_item(item, &mut relay) {
             Err(end) => end,
             Ok(status) => relay.end().unwrap_or_else(|| {
                 let how = status.map_or_else(String::new, described);
@@ -110,11 +110,11 @@ impl<'a> Processes<'a> {
             message: format!("no worker comes up: {why}"),
             hint: Some("see what it says above, and whether the program is there".to_owned()),
         };
-        let nothing = JobOrders {
+        let nothing = Job {
             folder: env::current_dir().map_err(|err| failed(err.to_string()))?,
             heartbeat_s: None,
             limit_s: None,
-            orders: Vec::new(),
+            items: Vec::new(),
         };
         let nothing = serde_json::to_string(&nothing).map_err(|err| failed(err.to_string()))?;
         let tried = || {
@@ -133,13 +133,17 @@ impl<'a> Processes<'a> {
     }
 
     /// Has a process make a unit, and passes its events on; returns how it ended, if it has.
-    fn tell(&self, item: &WorkItem, relay: &mut Relay) -> Result<Option<ExitStatus>, UnitOutcome> {
+    fn run_item(
+        &self,
+        item: &WorkItem,
+        relay: &mut Relay,
+    ) -> Result<Option<ExitStatus>, UnitOutcome> {
         let lost = |err: io::Error| UnitOutcome::lost(format!("its process cannot be run: {err}"));
-        let job = JobOrders {
+        let job = Job {
             folder: env::current_dir().map_err(lost)?,
             heartbeat_s: None,
             limit_s: None,
-            orders: vec![item.clone()],
+            items: vec![item.clone()],
         };
         let item = serde_json::to_string(&job).map_err(|err| lost(err.into()))?;
         let idle = clock::lock(&self.idle).pop();

@@ -38,7 +38,7 @@ struct State {
     /// The output whose units are being made.
     output: Option<NodeName>,
     /// What was said last of where its units wait.
-    queued: Option<SaidQueue>,
+    queued: Option<QueueNotice>,
     /// When its units were begun, their number, and how many were made since.
     started: Option<Instant>,
     n_units: usize,
@@ -56,7 +56,7 @@ const QUEUE_PERIOD: Duration = Duration::from_secs(5);
 const LONGEST_QUEUE_PERIOD: Duration = Duration::from_mins(5);
 
 /// A line about units that wait.
-struct SaidQueue {
+struct QueueNotice {
     output: NodeName,
     reasons: String,
     at: Instant,
@@ -64,7 +64,7 @@ struct SaidQueue {
     pause: Duration,
 }
 
-impl SaidQueue {
+impl QueueNotice {
     /// Whether nothing has changed that is worth another line.
     fn is_recent(&self, output: &NodeName, reasons: &str) -> bool {
         let is_same = self.output == *output && (self.reasons == reasons || reasons.is_empty());
@@ -193,16 +193,16 @@ impl State {
             _ if self
                 .queued
                 .as_ref()
-                .is_some_and(|said| said.is_recent(output, &reasons)) => {}
+                .is_some_and(|notice| notice.is_recent(output, &reasons)) => {}
             _ => {
                 let done = match self.n_units_done {
                     0 => String::new(),
                     n => format!("{n} of {} units made, ", self.n_units),
                 };
                 report::line(Label::Queue, format!("{output} on {on}: {done}{places}"));
-                let before = self.queued.take().filter(|said| said.output == *output);
-                let pause = before.map_or(QUEUE_PERIOD, |said| said.pause * 2);
-                self.queued = Some(SaidQueue {
+                let before = self.queued.take().filter(|notice| notice.output == *output);
+                let pause = before.map_or(QUEUE_PERIOD, |notice| notice.pause * 2);
+                self.queued = Some(QueueNotice {
                     output: output.clone(),
                     reasons,
                     at: clock::now(),

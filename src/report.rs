@@ -231,13 +231,13 @@ pub(crate) fn arguments(said: &clap::Error) -> u8 {
     }
     match checked(written) {
         Ok(()) => 0,
-        Err(failed) => trouble(&failed),
+        Err(err) => print_error(&err),
     }
 }
 
 /// Reports why a command failed, and returns its exit code.
-pub(crate) fn trouble(trouble: &CommandError) -> u8 {
-    match trouble {
+pub(crate) fn print_error(err: &CommandError) -> u8 {
+    match err {
         CommandError::File(err) => {
             for problem in &err.problems {
                 line(Label::Error, &problem.message);

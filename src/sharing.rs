@@ -47,7 +47,7 @@ impl Program<'_> {
                 format!("name one, e.g. `export {VARIABLE}=/mnt/lab/depot`"),
             )
         })?;
-        Ok(Lake::open(&self.lake).with_depot(&depot, &outages::needed(self.quiet)))
+        Ok(Lake::open(&self.lake).with_depot(&depot, &outages::required_sharing(self.quiet)))
     }
 
     /// Sends the remaining results, for a while, and reports the shared ones.
@@ -122,30 +122,30 @@ pub(crate) fn say_unlocked(lake: &Lake) {
             format!(
                 "the lake is on `{kind}`, whose locks hold on this machine only: no other may write to it"
             ),
-            Some(&instead()),
+            Some(&local_lake_advice()),
         );
     }
 }
 
 /// Returns the alternative to a lake on a folder that machines share.
-pub(crate) fn instead() -> String {
+pub(crate) fn local_lake_advice() -> String {
     format!(
         "keep the lake on a disk of this machine with `--lake DIR`, and share results in a folder by \
          `export {VARIABLE}=DIR`"
     )
 }
 
-/// Uploads the inputs of an order to the depot; returns the order's outcome if that fails.
-pub(crate) fn offer(lake: &Lake, item: &WorkItem) -> Option<UnitOutcome> {
-    let mut lacks = Vec::new();
+/// Uploads the inputs of a work item to the depot; returns the item's outcome if that fails.
+pub(crate) fn upload_inputs(lake: &Lake, item: &WorkItem) -> Option<UnitOutcome> {
+    let mut missing = Vec::new();
     for (unit, file) in item.reads() {
         match lake.offer(file) {
             Ok(true) => {}
-            Ok(false) => lacks.push(unit),
+            Ok(false) => missing.push(unit),
             Err(err) => return Some(UnitOutcome::Failed(Failure::Store(err.into()))),
         }
     }
-    (!lacks.is_empty()).then(|| UnitOutcome::missing_artifacts(lacks))
+    (!missing.is_empty()).then(|| UnitOutcome::missing_artifacts(missing))
 }
 
 /// A depot, as it is named.
@@ -167,7 +167,7 @@ impl fmt::Display for DepotName {
 
 /// Returns the depot that the environment names.
 pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
-    Ok(match named()? {
+    Ok(match depot_name()? {
         None => None,
         Some(DepotName::Folder(folder)) => Some(Arc::new(FolderDepot::new(&folder))),
         Some(DepotName::Store(url)) => {
@@ -182,7 +182,7 @@ pub(crate) fn depot() -> Result<Option<Arc<dyn Depot>>, CommandError> {
 }
 
 /// Returns the name of the depot that the environment names.
-pub(crate) fn named() -> Result<Option<DepotName>, CommandError> {
+pub(crate) fn depot_name() -> Result<Option<DepotName>, CommandError> {
     let Some(named) = env::var_os(VARIABLE).filter(|named| !named.is_empty()) else {
         return Ok(None);
     };

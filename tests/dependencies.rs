@@ -75,7 +75,7 @@ fn denied_dependencies_have_no_users_but_their_wrappers() {
 }
 
 #[test]
-fn computations_have_never_heard_of_cells_nor_of_files() {
+fn computations_depend_on_neither_cells_nor_files() {
     let dependencies = dependencies();
     for stranger in [
         "cell",
@@ -102,7 +102,7 @@ fn computations_have_never_heard_of_cells_nor_of_files() {
 }
 
 #[test]
-fn engine_and_charts_have_never_heard_of_hands() {
+fn engine_and_charts_are_independent_of_hands() {
     let dependencies = dependencies();
     assert!(dependencies["charts"].is_empty());
     for stranger in [

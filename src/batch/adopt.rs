@@ -23,7 +23,7 @@ impl Batch<'_> {
         open: &mut HashMap<Digest, usize>,
         on_outcome: &OnOutcome,
     ) -> Result<Vec<Array>, Failure> {
-        let mut arrays = self.left(wave, open)?;
+        let mut arrays = self.arrays_in_depot(wave, open)?;
         while self.wait_for_drivers(wave, &arrays)? {
             for digest in open.keys().copied().collect::<Vec<_>>() {
                 let made = self.lake.arrived(&digest).map_err(Failure::Store)?;
@@ -33,7 +33,7 @@ impl Batch<'_> {
                     on_outcome(idx, UnitOutcome::Done { made_now: false });
                 }
             }
-            arrays = self.left(wave, open)?;
+            arrays = self.arrays_in_depot(wave, open)?;
         }
         if arrays.is_empty() {
             return Ok(arrays);
@@ -121,7 +121,7 @@ impl Batch<'_> {
         };
         let key = key(wave, &claim.name);
         self.leave(&key, &claim)?;
-        let all = self.left(wave, rest)?;
+        let all = self.arrays_in_depot(wave, rest)?;
         if all.iter().all(|array| array.driver == driver) {
             return Ok(Some(key));
         }
@@ -142,7 +142,11 @@ impl Batch<'_> {
     }
 
     /// Lists the arrays in the depot that make units of this output.
-    fn left(&self, wave: &Wave, open: &HashMap<Digest, usize>) -> Result<Vec<Array>, Failure> {
+    fn arrays_in_depot(
+        &self,
+        wave: &Wave,
+        open: &HashMap<Digest, usize>,
+    ) -> Result<Vec<Array>, Failure> {
         let below = format!("waves/{}/{}", wave.pipeline(), wave.output());
         let mut arrays = Vec::new();
         for key in self.lake.messages(&below).map_err(failed)? {

@@ -8,7 +8,7 @@ use std::{
     time::{Duration, Instant},
 };
 
-use super::table::Table;
+use super::scheduler::Scheduler;
 
 /// Time after which a command of a scheduler counts as failed.
 const COMMAND_TIMEOUT: Duration = Duration::from_secs(30);
@@ -35,10 +35,10 @@ pub(crate) enum JobState {
 pub(crate) type Queue = HashMap<(String, usize), JobState>;
 
 /// Reads an answer to the query for all jobs.
-pub(crate) fn read(table: &Table, said: &str) -> Queue {
+pub(crate) fn read(scheduler: &Scheduler, said: &str) -> Queue {
     let lines = said.lines().filter_map(|line| {
-        let words = line.split(&table.separator).map(str::trim);
-        let columns: HashMap<&str, &str> = table
+        let words = line.split(&scheduler.separator).map(str::trim);
+        let columns: HashMap<&str, &str> = scheduler
             .columns
             .iter()
             .map(String::as_str)
@@ -49,13 +49,13 @@ pub(crate) fn read(table: &Table, said: &str) -> Queue {
         let state = column("state");
         let is_one_of = |names: &[String], word: &str| names.iter().any(|name| name == word);
         let reason = column("reason");
-        let state = if is_one_of(&table.running, state) {
+        let state = if is_one_of(&scheduler.running, state) {
             JobState::Running(column("host").to_owned())
-        } else if !is_one_of(&table.waiting, state) {
+        } else if !is_one_of(&scheduler.waiting, state) {
             JobState::Over(state.to_owned())
-        } else if is_one_of(&table.stuck, reason) {
+        } else if is_one_of(&scheduler.stuck, reason) {
             JobState::Stuck(reason.to_owned())
-        } else if is_one_of(&table.impossible, reason) {
+        } else if is_one_of(&scheduler.impossible, reason) {
             JobState::Impossible(reason.to_owned())
         } else {
             JobState::Waiting(reason.to_owned())
@@ -151,10 +151,10 @@ mod tests {
 
     #[test]
     fn an_answer_of_slurm_is_read_line_by_line() {
-        let table = toml_edit::de::from_str(include_str!("../executors/slurm.toml")).unwrap();
+        let scheduler = toml_edit::de::from_str(include_str!("../executors/slurm.toml")).unwrap();
         let said = "pl1|0|RUNNING|n1|None\npl1|1|PENDING||Resources\npl1|2|COMPLETED|n2|None\n\
                     pl2|0|PENDING||launch failed requeued held\npl2|N/A|PENDING||x\n\n";
-        let queue = read(&table, said);
+        let queue = read(&scheduler, said);
         let of = |name: &str, index| queue.get(&(name.to_owned(), index)).cloned();
         assert_eq!(of("pl1", 0), Some(JobState::Running("n1".to_owned())));
         assert_eq!(

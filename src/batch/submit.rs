@@ -4,8 +4,10 @@ use std::{env, fs, io, slice};
 
 use dataflow::{Failure, Resources, Wave, WorkItem};
 
-use super::{Array, Batch, POLL_PERIOD, key, out, quoted, table::Values, unique_name, values_of};
-use crate::jobs::{JobOrders, orders_key};
+use super::{
+    Array, Batch, POLL_PERIOD, key, out, quoted, scheduler::Values, unique_name, values_of,
+};
+use crate::jobs::{Job, job_key};
 
 /// Times that an array is submitted before it counts as refused: a scheduler's message does not distinguish a
 /// refusal from a shutdown, and a loaded controller loses several in a row.
@@ -52,28 +54,28 @@ impl Batch<'_> {
                 driver: driver.to_owned(),
                 jobs: Vec::with_capacity(jobs.len()),
             };
-            let mut all_orders = Vec::with_capacity(jobs.len());
+            let mut all_items = Vec::with_capacity(jobs.len());
             for job in jobs {
-                let orders = job.iter().map(|idx| wave.work_item(*idx));
-                let orders: Vec<WorkItem> = orders.collect::<Result<_, _>>()?;
+                let items = job.iter().map(|idx| wave.work_item(*idx));
+                let items: Vec<WorkItem> = items.collect::<Result<_, _>>()?;
                 array
                     .jobs
-                    .push(orders.iter().map(|item| item.fingerprint).collect());
-                all_orders.push(orders);
+                    .push(items.iter().map(|item| item.fingerprint).collect());
+                all_items.push(items);
             }
             // First, so that whoever comes after a killed run finds what it left.
             let wave_key = key(wave, &array.name);
             self.leave(&wave_key, &array)?;
-            for (idx, orders) in all_orders.into_iter().enumerate() {
+            for (idx, items) in all_items.into_iter().enumerate() {
                 let folder = env::current_dir().map_err(|err| self.refused(&err))?;
-                let key = orders_key(&format!("{}/{idx}", array.name));
+                let key = job_key(&format!("{}/{idx}", array.name));
                 // Several come in the time in which one must.
-                let heartbeat_s = Some((self.table.heartbeat_timeout_s / 5).max(1));
-                let job = JobOrders {
+                let heartbeat_s = Some((self.scheduler.heartbeat_timeout_s / 5).max(1));
+                let job = Job {
                     folder,
                     heartbeat_s,
                     limit_s: limit_s(wave.resources(), n_in_job),
-                    orders,
+                    items,
                 };
                 self.leave(&key, &job)?;
             }
@@ -108,7 +110,7 @@ impl Batch<'_> {
         Ok(())
     }
 
-    /// Returns the values of the names in the table's words and script, for an array.
+    /// Returns the values of the names in the scheduler's words and script, for an array.
     fn values<'r>(
         &self,
         array: &Array,
@@ -116,7 +118,7 @@ impl Batch<'_> {
         n_in_job: usize,
     ) -> Result<Values, Failure> {
         let cores = resources.cores.unwrap_or(1);
-        let program = match &self.table.program {
+        let program = match &self.scheduler.program {
             Some(program) => program.clone(),
             None => env::current_exe()
                 .map_err(|err| self.refused(&err))?
@@ -150,7 +152,7 @@ impl Batch<'_> {
 
     /// Asks whether jobs with these resources could be submitted, if the scheduler answers such a question.
     pub(crate) fn test(&self, resources: &Resources) -> Result<(), Failure> {
-        if self.table.test.is_empty() {
+        if self.scheduler.test.is_empty() {
             return Ok(());
         }
         let array = Array {
@@ -161,9 +163,9 @@ impl Batch<'_> {
             jobs: vec![Vec::new()],
         };
         let values = self.values(&array, resources, 1)?;
-        let mut words = self.table.submission(&values);
-        words.splice(1..1, self.table.test.iter().cloned());
-        let asked = (self.ask)(&words, &values.lines(&self.table.script));
+        let mut words = self.scheduler.submission(&values);
+        words.splice(1..1, self.scheduler.test.iter().cloned());
+        let asked = (self.ask)(&words, &values.lines(&self.scheduler.script));
         asked.map(drop).map_err(|err| Failure::Executor {
             message: format!(
                 "`{}` refuses jobs with {}: {err}",
@@ -186,13 +188,13 @@ impl Batch<'_> {
     ) -> Result<Option<String>, Failure> {
         let values = self.values(array, resources, n_in_job)?;
         let (words, script) = (
-            self.table.submission(&values),
-            values.lines(&self.table.script),
+            self.scheduler.submission(&values),
+            values.lines(&self.scheduler.script),
         );
         let mut n_failed = 0;
         loop {
             let err = match (self.ask)(&words, &script) {
-                Ok(said) => return Ok(self.table.id_in(&said)),
+                Ok(said) => return Ok(self.scheduler.id_in(&said)),
                 Err(err) => err,
             };
             let said = err.to_string();
@@ -216,7 +218,7 @@ impl Batch<'_> {
 
     /// Whether a submission that was answered so would be refused again.
     fn refuses(&self, said: &str) -> bool {
-        let mut words = self.table.refused.iter();
+        let mut words = self.scheduler.refused.iter();
         words.any(|words| said.contains(words))
     }
 }

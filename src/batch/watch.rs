@@ -106,7 +106,7 @@ impl Batch<'_> {
             // follows.
             let queue = self.look(arrays);
             let has_failed = self.collect(wave, arrays, open, on_outcome)?;
-            if has_failed && !self.table.keep_going || open.is_empty() {
+            if has_failed && !self.scheduler.keep_going || open.is_empty() {
                 return Ok(is_stuck);
             }
             match queue {
@@ -202,9 +202,9 @@ impl Batch<'_> {
                         hint: Some(hint),
                         left_out: None,
                     }),
-                    None if displaced(&self.table.displaced)
-                        || displaced(&self.table.out_of_time)
-                        || displaced(&self.table.out_of_memory) =>
+                    None if displaced(&self.scheduler.displaced)
+                        || displaced(&self.scheduler.out_of_time)
+                        || displaced(&self.scheduler.out_of_memory) =>
                     {
                         UnitOutcome::preempted(&why)
                     }
@@ -229,13 +229,13 @@ impl Batch<'_> {
         };
         let resources = wave.resources();
         let n_in_job = array.jobs.iter().map(Vec::len).max().unwrap_or(1);
-        let (needed, key) = if self.table.out_of_time.contains(state) {
+        let (needed, key) = if self.scheduler.out_of_time.contains(state) {
             let limit = limit_s(resources, n_in_job);
             let limit = limit.map(|limit_s| report::duration(limit_s as f64));
             let limit = limit.unwrap_or_else(|| "the time that a job gets by default".to_owned());
             (format!("needed more than {limit}"), "time_min")
-        } else if self.table.out_of_memory.contains(state)
-            || log.says_one_of(&self.table.out_of_memory_logs)
+        } else if self.scheduler.out_of_memory.contains(state)
+            || log.says_one_of(&self.scheduler.out_of_memory_logs)
         {
             let limit = resources.memory_gb.map(|limit| format!("{limit} GB"));
             let limit = limit.unwrap_or_else(|| "the memory that a job gets by default".to_owned());
@@ -296,7 +296,7 @@ impl Batch<'_> {
         job: &(String, usize),
         seen: &mut JobObservations,
     ) -> Result<Option<String>, Failure> {
-        let (begin_s, timeout_s) = (self.table.begin_s, self.table.heartbeat_timeout_s);
+        let (begin_s, timeout_s) = (self.scheduler.begin_s, self.scheduler.heartbeat_timeout_s);
         let now = clock::now();
         let last = seen.workers.entry(job.clone()).or_insert(WorkerHeartbeat {
             heartbeat: None,

@@ -11,7 +11,7 @@ use crate::{
     commands::{
         pipeline_file,
         query::page::Page,
-        sweep::{self, Done},
+        sweep::{self, VariantResult},
     },
     label::Label,
     outcome::{CommandError, CommandOutcome},
@@ -51,7 +51,7 @@ fn plan_variant(
     args: &PlanArgs,
     label: Option<&str>,
     several: &RefCell<Vec<Variant>>,
-) -> Result<Done, CommandError> {
+) -> Result<VariantResult, CommandError> {
     let pipeline = pipeline_file::read(program.kinds, &args.pipeline)?;
     let options = pipeline_file::options(&args.pipeline, None);
     let lake = program.open_lake()?;
@@ -65,7 +65,7 @@ fn plan_variant(
             plan,
         }),
     }
-    Ok(Done::without_words(CommandOutcome::Done))
+    Ok(VariantResult::without_words(CommandOutcome::Done))
 }
 
 /// One line per output and cause, cut to a width if there is one.
@@ -138,7 +138,7 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(Label, String), Vec<&str>> {
         let key = match &unit.state {
             UnitState::Cached | UnitState::Depot { .. } => continue,
             UnitState::Run { causes, upstream } => {
-                let mut reasons = said(causes);
+                let mut reasons = describe_causes(causes);
                 if !upstream.is_empty() {
                     reasons.push(needs(upstream));
                 }
@@ -146,7 +146,7 @@ fn by_cause(units: &[PlannedUnit]) -> BTreeMap<(Label, String), Vec<&str>> {
             }
             UnitState::Pending { upstream, causes } => {
                 let mut reasons = vec![needs(upstream)];
-                reasons.extend(said(causes));
+                reasons.extend(describe_causes(causes));
                 (Label::Pending, reasons.join("; "))
             }
         };
@@ -163,20 +163,20 @@ fn needs(upstream: &[NodeName]) -> String {
 
 /// Describes the causes. Of many files, names the first ones and counts the rest, or only mentions
 /// them if a fact gives the reason: then units with the same cause share a line.
-fn said(causes: &[Cause]) -> Vec<String> {
+fn describe_causes(causes: &[Cause]) -> Vec<String> {
     let is_file = |cause: &&Cause| matches!(cause, Cause::File { .. });
     let (files, others): (Vec<&Cause>, Vec<&Cause>) = causes.iter().partition(is_file);
-    let mut said: Vec<String> = others.iter().map(ToString::to_string).collect();
+    let mut texts: Vec<String> = others.iter().map(ToString::to_string).collect();
     let is_fact = |cause: &&Cause| matches!(cause, Cause::Fact { .. });
     if files.len() > NAMED && others.iter().any(is_fact) {
-        said.push("other files".to_owned());
-        return said;
+        texts.push("other files".to_owned());
+        return texts;
     }
-    said.extend(files.iter().take(NAMED).map(ToString::to_string));
+    texts.extend(files.iter().take(NAMED).map(ToString::to_string));
     if files.len() > NAMED {
-        said.push(format!("{} more files", files.len() - NAMED));
+        texts.push(format!("{} more files", files.len() - NAMED));
     }
-    said
+    texts
 }
 
 /// Names the first partitions before their cause, as many as fit.
@@ -236,8 +236,8 @@ mod tests {
     #[test]
     fn many_files_are_counted_after_the_facts_of_the_listing() {
         let files: Vec<Cause> = (0..50).map(file).collect();
-        assert_eq!(said(&files[..3]).len(), 3);
-        let many = said(&files);
+        assert_eq!(describe_causes(&files[..3]).len(), 3);
+        let many = describe_causes(&files);
         assert_eq!(many.len(), 4);
         assert!(many[0].starts_with("file `f0` added"), "{many:?}");
         assert_eq!(many[3], "47 more files");
@@ -247,6 +247,6 @@ mod tests {
             new: None,
         };
         let all: Vec<Cause> = files.into_iter().chain([fact]).collect();
-        assert_eq!(said(&all), ["no longer left out", "other files"]);
+        assert_eq!(describe_causes(&all), ["no longer left out", "other files"]);
     }
 }

@@ -3,7 +3,6 @@
 mod answer;
 mod arithmetic;
 mod artifacts;
-mod cells;
 mod engine;
 mod faults;
 mod files;
@@ -21,6 +20,7 @@ mod tables;
 mod texts;
 mod truths;
 mod unknown;
+mod value_text;
 mod values;
 
 use std::{

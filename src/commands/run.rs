@@ -14,7 +14,7 @@ use crate::{
     commands::{
         detach, physics, pipeline_file, plan,
         query::page::Page,
-        sweep::{self, Done},
+        sweep::{self, VariantResult},
     },
     executors::{self, RemoteExecutor},
     interrupt,
@@ -42,7 +42,7 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
         let of_executor = of_executor.transpose()?.flatten();
         let patience_min = args.depot_patience_min.or(of_executor);
         let patience_min = patience_min.unwrap_or(outages::PATIENCE_MIN);
-        program.open_lake_with(&outages::sharing(
+        program.open_lake_with(&outages::run_sharing(
             args.depot_down,
             patience_min,
             program.quiet,
@@ -68,7 +68,11 @@ pub(crate) fn run(program: &Program, args: &RunArgs) -> Result<CommandOutcome, C
     outcome.and_then(|outcome| shared.map(|()| outcome))
 }
 
-fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, CommandError> {
+fn run_variant(
+    program: &Program,
+    store: &Lake,
+    args: &RunArgs,
+) -> Result<VariantResult, CommandError> {
     let pipeline = if args.execute {
         pipeline_file::read_to_execute(program.kinds, &args.pipeline)?
     } else {
@@ -78,7 +82,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
         report::lines(&plan::lines(&plan, Page::of_stdout().width))?;
-        return Ok(Done::without_words(CommandOutcome::Done));
+        return Ok(VariantResult::without_words(CommandOutcome::Done));
     }
     let foreign = physics::foreign_drives(&pipeline);
     for difference in physics::differences(&pipeline).iter().chain(&foreign) {
@@ -88,7 +92,7 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     let screen = Screen::new(program.quiet);
     let processes = args
         .processes
-        .then(|| Processes::here(store, args.jobs))
+        .then(|| Processes::local(store, args.jobs))
         .transpose()?;
     let on = args.on.as_deref();
     let remote = on
@@ -106,9 +110,9 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
     // A page shows what the other outputs say.
     let is_page = |node: &&NodeReport| node.record.node.artifact == *PAGE;
     let last = ran.nodes.iter().rev().find(|node| !is_page(node));
-    let said = last.map_or_else(String::new, |node| node.record.description.clone());
+    let summary = last.map_or_else(String::new, |node| node.record.description.clone());
     if program.quiet == Quiet::No {
-        say_done(&pipeline, &ran, &said);
+        say_done(&pipeline, &ran, &summary);
     }
     let outcome = if ran.skipped_count() > 0 {
         report_skipped(store, &ran);
@@ -135,11 +139,11 @@ fn run_variant(program: &Program, store: &Lake, args: &RunArgs) -> Result<Done, 
             .unwrap_or(folder);
         report::line(Label::Report, format!("`{}`", page.display()));
     }
-    Ok(Done { outcome, said })
+    Ok(VariantResult { outcome, summary })
 }
 
 /// Reports the end of a run, and what its last output is in words, in lines that are short enough.
-fn say_done(pipeline: &Pipeline, ran: &RunReport, said: &str) {
+fn say_done(pipeline: &Pipeline, ran: &RunReport, summary: &str) {
     let line = if ran.made_now_count() == 0 {
         let stages = pipeline.stages.iter();
         let ran_stages = stages.filter(|stage| {
@@ -151,15 +155,15 @@ fn say_done(pipeline: &Pipeline, ran: &RunReport, said: &str) {
             Label::Done,
             format!("{n_stages} stages cached, nothing to run"),
         );
-        Line::plain(format!("       {said}"))
+        Line::plain(format!("       {summary}"))
     } else {
         let took = format!("in {}", report::duration(ran.seconds));
-        let line = Line::labeled(Label::Done, format_args!("{said} {took}"));
+        let line = Line::labeled(Label::Done, format_args!("{summary} {took}"));
         if line.len() <= report::LINE_WIDTH {
             line
         } else {
             report::short_line(Label::Done, took);
-            Line::plain(format!("       {said}"))
+            Line::plain(format!("       {summary}"))
         }
     };
     report::short(line);

@@ -13,18 +13,18 @@ use crate::{
 };
 
 /// The result of a command for one variant.
-pub(crate) struct Done {
+pub(crate) struct VariantResult {
     pub(crate) outcome: CommandOutcome,
     /// The last stage's summary; empty if none has run.
-    pub(crate) said: String,
+    pub(crate) summary: String,
 }
 
-impl Done {
+impl VariantResult {
     /// Returns the result of a command that ran no stage.
     pub(crate) fn without_words(outcome: CommandOutcome) -> Self {
         Self {
             outcome,
-            said: String::new(),
+            summary: String::new(),
         }
     }
 }
@@ -36,7 +36,7 @@ impl Done {
 pub(crate) fn each(
     program: &Program,
     args: &PipelineArgs,
-    command: impl Fn(Option<&str>, PipelineArgs) -> Result<Done, CommandError>,
+    command: impl Fn(Option<&str>, PipelineArgs) -> Result<VariantResult, CommandError>,
 ) -> Result<CommandOutcome, CommandError> {
     let mut variants: Vec<(String, PipelineArgs)> = Sweep::variants(&pipeline_file::sweeps(args)?)
         .into_iter()
@@ -55,7 +55,7 @@ pub(crate) fn each(
     if variants.len() == 1
         && let Some((_, only)) = variants.pop()
     {
-        return command(None, only).map(|done| done.outcome);
+        return command(None, only).map(|result| result.outcome);
     }
     // An invalid value is reported before the first variant runs.
     for (_, args) in &variants {
@@ -69,22 +69,22 @@ pub(crate) fn each(
     for (idx, (label, args)) in variants.into_iter().enumerate() {
         program.say_plain(&format!("variant {} of {n_variants}: {label}", idx + 1));
         let started = Instant::now();
-        let said = match command(Some(&label), args) {
-            Ok(done) => {
-                if done.outcome == CommandOutcome::SkippedItems {
+        let summary = match command(Some(&label), args) {
+            Ok(result) => {
+                if result.outcome == CommandOutcome::SkippedItems {
                     outcome = CommandOutcome::SkippedItems;
                 }
-                has_run |= !done.said.is_empty();
-                done.said
+                has_run |= !result.summary.is_empty();
+                result.summary
             }
-            Err(trouble) => {
-                report::trouble(&trouble);
+            Err(err) => {
+                report::print_error(&err);
                 n_failed += 1;
                 "failed".to_owned()
             }
         };
         let time = report::duration(started.elapsed().as_secs_f64());
-        rows.push(vec![label, said, time]);
+        rows.push(vec![label, summary, time]);
     }
     if has_run {
         program.say_plain(report::columns(&rows, &[2]).trim_end());

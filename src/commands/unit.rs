@@ -14,7 +14,7 @@ use crate::{
     report,
 };
 
-/// Makes one unit whose inputs are in the lake, or what a run has ordered.
+/// Makes one unit whose inputs are in the lake, or the work items that a run sends.
 pub(crate) fn unit(program: &Program, args: &UnitArgs) -> Result<CommandOutcome, CommandError> {
     match (&args.order, &args.file, &args.artifact, &args.partition) {
         (Some(order), ..) => worker::work(program, args, order),

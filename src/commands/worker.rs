@@ -1,4 +1,4 @@
-//! A worker: makes what a run has ordered, and tells it on stdout or in the depot.
+//! A worker: makes the work items that a run sends, and reports their ends on stdout or in the depot.
 
 use std::{
     env, fs,
@@ -18,7 +18,7 @@ use crate::{
     batch::for_shell,
     command_line::Program,
     heartbeats, interrupt,
-    jobs::{self, JobOrders},
+    jobs::{self, Job},
     label::Label,
     outages,
     outcome::{CommandError, CommandOutcome},
@@ -42,7 +42,7 @@ static SCRATCH: OnceLock<PathBuf> = OnceLock::new();
 pub(crate) fn work(
     program: &Program,
     args: &UnitArgs,
-    order: &str,
+    job: &str,
 ) -> Result<CommandOutcome, CommandError> {
     let own = args.scratch.as_deref().map(scratch).transpose()?;
     // Relative to the folder in which it was started, not to that of the run.
@@ -52,7 +52,7 @@ pub(crate) fn work(
     let lake = Lake::open(&root);
     let lake = Arc::new(match (sharing::depot()?, &own) {
         (Some(depot), Some(_)) => {
-            lake.with_depot(&depot, &outages::of_worker(time_left().unwrap_or(DAY)))
+            lake.with_depot(&depot, &outages::worker_sharing(time_left().unwrap_or(DAY)))
         }
         // The run has looked up what it asks for.
         (Some(depot), None) => lake.with_depot(&depot, &Sharing::default()),
@@ -65,17 +65,17 @@ pub(crate) fn work(
     let lines = Lines::default();
     let jobs = args.jobs.map_or(0, usize::from);
     let worker = Worker {
-        maker: WorkItemRunner::new(program.kinds, lake.as_ref(), jobs),
+        runner: WorkItemRunner::new(program.kinds, lake.as_ref(), jobs),
         lake: &lake,
         events: &|event: &Event| lines.write(event),
         sends: SCRATCH.get().is_some(),
         began,
         limit: OnceLock::new(),
     };
-    let outcome = if order == "-" {
+    let outcome = if job == "-" {
         worker.stdin_job()
     } else {
-        worker.job(order)
+        worker.job(job)
     };
     lake.leave();
     leave_scratch(&lake);
@@ -117,7 +117,7 @@ fn time_left() -> Option<Duration> {
 
 /// What makes work items.
 pub(crate) struct Worker<'a> {
-    pub(crate) maker: WorkItemRunner<'a>,
+    pub(crate) runner: WorkItemRunner<'a>,
     pub(crate) lake: &'a Arc<Lake>,
     /// Receives events.
     pub(crate) events: &'a Events<'a>,
@@ -129,7 +129,7 @@ pub(crate) struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Makes the work items that are lines on stdin, and ends when stdin closes: at once, since whoever ordered has ended,
+    /// Makes the work items that are lines on stdin, and ends when stdin closes: at once, since the run has ended,
     /// where it closes meanwhile.
     fn stdin_job(&self) -> Result<(), CommandError> {
         let (sender, lines) = mpsc::channel();
@@ -148,10 +148,10 @@ impl Worker<'_> {
         });
         for line in lines {
             let line = line.map_err(|err| CommandError::failed(err, None))?;
-            let job: JobOrders = serde_json::from_str(&line).map_err(unreadable)?;
-            // Whoever ordered may close stdin as soon as the end is told.
+            let job: Job = serde_json::from_str(&line).map_err(unreadable)?;
+            // The run may close stdin as soon as the end is told.
             let be_idle = || *clock::lock(&is_busy) = false;
-            if job.orders.is_empty() {
+            if job.items.is_empty() {
                 be_idle();
                 report::data(format!("{}\n", lake::host()).as_bytes())?;
             }
@@ -165,11 +165,11 @@ impl Worker<'_> {
 
     /// Makes the work items of a job in the depot, one after the other, and leaves the end of each there.
     pub(crate) fn job(&self, name: &str) -> Result<(), CommandError> {
-        let bytes = self.lake.message(&jobs::orders_key(name))?;
+        let bytes = self.lake.message(&jobs::job_key(name))?;
         let bytes = bytes.ok_or_else(|| {
             CommandError::failed(anyhow::anyhow!("no job `{name}` is in the depot"), None)
         })?;
-        let job: JobOrders = serde_json::from_slice(&bytes).map_err(unreadable)?;
+        let job: Job = serde_json::from_slice(&bytes).map_err(unreadable)?;
         let limit = job.limit_s.map(Duration::from_secs);
         limit.map(|limit| self.limit.set(limit));
         let here = jobs::here_key(name);
@@ -198,12 +198,12 @@ impl Worker<'_> {
     /// Makes work items one after the other, and tells how each ended.
     fn each(
         &self,
-        job: &JobOrders,
+        job: &Job,
         tell: impl Fn(&WorkItem, &Event) -> Result<(), CommandError>,
     ) -> Result<(), CommandError> {
         // Relative paths lead from the folder of the run, where this machine has it.
         let _stays = env::set_current_dir(&job.folder);
-        for item in &job.orders {
+        for item in &job.items {
             let end = self.make(item)?;
             tell(item, &end)?;
             (self.events)(&end);
@@ -220,11 +220,11 @@ impl Worker<'_> {
             made_now,
             skipped: None,
         };
-        // Another machine may have made it since it was ordered.
+        // Another machine may have made it since the run sent it.
         if self.sends && !item.is_forced() && self.lake.announce(&item.fingerprint) {
             return Ok(done(false));
         }
-        let made = self.maker.make(item, self.events);
+        let made = self.runner.make(item, self.events);
         Ok(match made {
             Ok(UnitOutcome::Done { made_now }) => {
                 if self.sends {
@@ -232,7 +232,10 @@ impl Worker<'_> {
                 }
                 done(made_now)
             }
-            Ok(UnitOutcome::Lost { lacks, .. }) => Event::UnitLacking { unit, lacks },
+            Ok(UnitOutcome::Lost { missing, .. }) => Event::UnitLacking {
+                unit,
+                lacks: missing,
+            },
             Ok(UnitOutcome::Failed(err)) | Err(err) => self.failed(item, err),
         })
     }
@@ -254,8 +257,8 @@ impl Worker<'_> {
     /// Time in which results can be sent: that of the job, but for a last part in which it says where they lie.
     fn sending_time(&self) -> Duration {
         let limit = self.limit.get();
-        let of_orders = limit.map(|limit| limit.saturating_sub(clock::since(self.began)));
-        let Some(left) = time_left().into_iter().chain(of_orders).min() else {
+        let of_job = limit.map(|limit| limit.saturating_sub(clock::since(self.began)));
+        let Some(left) = time_left().into_iter().chain(of_job).min() else {
             return DAY;
         };
         left.saturating_sub((left / LAST).min(LONGEST_LAST))

@@ -39,7 +39,7 @@ use self::{
     slurm::Slurm,
 };
 use crate::{
-    batch::{Batch, Table},
+    batch::{Batch, Scheduler},
     outages,
     progress::Quiet,
     report,
@@ -220,10 +220,11 @@ impl History {
             );
             let pipeline = Pipeline::parse(&file, &text, &stages::kinds(), None, &[]).unwrap();
             let ask = |words: &[String], stdin: &str| slurm.ask(words, stdin);
-            let table: Table = toml_edit::de::from_str(include_str!("../../src/executors/slurm.toml")).unwrap();
+            let commands = include_str!("../../src/executors/slurm.toml");
+            let scheduler: Scheduler = toml_edit::de::from_str(commands).unwrap();
             let batch = Batch {
                 name: "slurm".to_owned(),
-                table,
+                scheduler,
                 lake: &lake,
                 depot: "simulated".to_owned(),
                 logs: std::env::temp_dir(),
@@ -251,7 +252,8 @@ impl History {
             let depot: Arc<dyn Depot> = Arc::clone(&self.depot) as _;
             let seen = Arc::clone(&self.seen);
             let push = world.start("push", move || {
-                let lake = Lake::open(&folder).with_depot(&depot, &outages::needed(Quiet::Yes));
+                let lake =
+                    Lake::open(&folder).with_depot(&depot, &outages::required_sharing(Quiet::Yes));
                 lake.send_all(seconds(600)).unwrap();
                 let shared = lake.sharing().unwrap().unwrap();
                 if shared.n_units_waiting > 0 {

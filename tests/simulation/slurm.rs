@@ -189,11 +189,11 @@ impl Slurm {
         let (job, outcome) = (job.to_owned(), Arc::clone(outcome));
         let seen = Arc::clone(&self.seen);
         world.start(&format!("node{node}"), move || {
-            let lake = Lake::open(&folder).with_depot(&depot, &outages::of_worker(DAY));
+            let lake = Lake::open(&folder).with_depot(&depot, &outages::worker_sharing(DAY));
             let lake = Arc::new(lake);
             let kinds = stages::kinds();
             let worker = Worker {
-                maker: WorkItemRunner::new(&kinds, lake.as_ref(), 1),
+                runner: WorkItemRunner::new(&kinds, lake.as_ref(), 1),
                 lake: &lake,
                 events: &|_: &Event| {},
                 sends: true,

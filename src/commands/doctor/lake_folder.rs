@@ -40,7 +40,7 @@ pub(super) fn check(lake: &Path) -> Vec<Check> {
         (Ok(()), Some(kind)) => {
             let finding =
                 format!("`{kind}` keeps them on this machine: no other may write to the lake");
-            Check::new(State::Unset, "locks", finding).with_hint(sharing::instead())
+            Check::new(State::Unset, "locks", finding).with_hint(sharing::local_lake_advice())
         }
         (Err(err), _) => Check::new(State::Missing, "locks", err.to_string())
             .with_hint("choose a lake on a file system with locks with `--lake DIR`".to_owned()),

@@ -56,12 +56,12 @@ pub(super) fn explain(
             }
             cannot("a part of it is not supported")
         }
-        DataFusionError::SchemaError(fault, _) => of_columns(fault, tables),
-        DataFusionError::ArrowError(fault, _) => of_values(fault),
+        DataFusionError::SchemaError(fault, _) => column_error(fault, tables),
+        DataFusionError::ArrowError(fault, _) => value_error(fault),
         DataFusionError::ResourcesExhausted(_) => cannot("it takes too much memory"),
         DataFusionError::Plan(text)
         | DataFusionError::NotImplemented(text)
-        | DataFusionError::Execution(text) => of_text(text, source),
+        | DataFusionError::Execution(text) => text_error(text, source),
         _ => cannot("a part of it is not supported"),
     }
 }
@@ -76,7 +76,7 @@ fn cannot(reason: &str) -> CommandError {
 }
 
 /// A column that is not there, or is in two tables.
-fn of_columns(fault: &SchemaError, tables: &[SchemaRef]) -> CommandError {
+fn column_error(fault: &SchemaError, tables: &[SchemaRef]) -> CommandError {
     match fault {
         SchemaError::FieldNotFound {
             field,
@@ -129,7 +129,7 @@ fn twice(column: &str) -> CommandError {
 }
 
 /// Values that cannot be computed.
-fn of_values(fault: &ArrowError) -> CommandError {
+fn value_error(fault: &ArrowError) -> CommandError {
     match fault {
         ArrowError::ArithmeticOverflow(_) => overflow(),
         ArrowError::DivideByZero => CommandError::usage(
@@ -223,7 +223,7 @@ const REFUSALS: [(&[&str], &str, &str); 7] = [
 ];
 
 /// What the engine says in words.
-fn of_text(text: &str, source: &mut Source) -> CommandError {
+fn text_error(text: &str, source: &mut Source) -> CommandError {
     let text = text.lines().next().unwrap_or_default();
     if let Some(table) = between(text, "table '", "' not found") {
         return no_table(table.rsplit('.').next().unwrap_or(table), source);
@@ -257,7 +257,7 @@ fn of_text(text: &str, source: &mut Source) -> CommandError {
         return overflow();
     }
     if text.contains("Divide by zero") || text.contains("DivideByZero") {
-        return of_values(&ArrowError::DivideByZero);
+        return value_error(&ArrowError::DivideByZero);
     }
     if let Some(function) = between(text, "table function '", "' not found") {
         return CommandError::usage(

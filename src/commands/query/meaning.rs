@@ -57,12 +57,12 @@ impl AnalyzerRule for Meaning {
     }
 
     fn analyze(&self, plan: LogicalPlan, _config: &ConfigOptions) -> Result<LogicalPlan> {
-        Ok(plan.transform_up_with_subqueries(of_step)?.data)
+        Ok(plan.transform_up_with_subqueries(rewrite_step)?.data)
     }
 }
 
 /// Rewrites the expressions of one step, whose inputs are rewritten already.
-fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
+fn rewrite_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     let inputs = plan.inputs();
     let mut schema = merge_schema(&inputs);
     if inputs.is_empty() {
@@ -78,7 +78,7 @@ fn of_step(plan: LogicalPlan) -> Result<Transformed<LogicalPlan>> {
     let names = NamePreserver::new(&plan);
     let plan = plan.map_expressions(|expr| {
         let name = names.save(&expr);
-        let rewritten = expr.transform_up(|expr| of_expression(expr, &schema))?;
+        let rewritten = expr.transform_up(|expr| rewrite_expression(expr, &schema))?;
         Ok(rewritten.update_data(|expr| name.restore(expr)))
     })?;
     let plan = match plan.data {
@@ -142,9 +142,11 @@ fn normalize_outputs(plan: LogicalPlan, before: &DFSchema) -> Result<LogicalPlan
 /// In which sums of whole numbers are added.
 const SUM: DataType = DataType::Decimal128(38, 0);
 
-fn of_expression(expr: Expr, schema: &DFSchema) -> Result<Transformed<Expr>> {
+fn rewrite_expression(expr: Expr, schema: &DFSchema) -> Result<Transformed<Expr>> {
     let rewritten = match expr {
-        Expr::BinaryExpr(BinaryExpr { left, op, right }) => of_operator(*left, op, *right, schema)?,
+        Expr::BinaryExpr(BinaryExpr { left, op, right }) => {
+            rewrite_operator(*left, op, *right, schema)?
+        }
         Expr::Negative(inner) if inner.get_type(schema)?.is_numeric() => {
             let negated = arithmetic::negated((*inner).clone());
             negated.unwrap_or(Expr::Negative(inner))
@@ -153,21 +155,21 @@ fn of_expression(expr: Expr, schema: &DFSchema) -> Result<Transformed<Expr>> {
             Expr::Literal(ScalarValue::Float64(Some(value + 0.0)), note)
         }
         Expr::Between(_) | Expr::InList(_) | Expr::InSubquery(_) | Expr::Case(_) => {
-            of_comparison(expr, schema)?
+            rewrite_comparison(expr, schema)?
         }
-        Expr::Cast(_) | Expr::TryCast(_) => of_conversion(expr, schema)?,
+        Expr::Cast(_) | Expr::TryCast(_) => rewrite_cast(expr, schema)?,
         Expr::AggregateFunction(mut aggregate) => {
-            of_aggregate(aggregate.func.name(), &mut aggregate.params.args, schema)?;
+            rewrite_aggregate_arguments(aggregate.func.name(), &mut aggregate.params.args, schema)?;
             Expr::AggregateFunction(aggregate)
         }
         Expr::WindowFunction(mut window) => {
             if let WindowFunctionDefinition::AggregateUDF(function) = &window.fun {
                 check_frame(function.name(), &window.params.window_frame)?;
-                of_aggregate(function.name(), &mut window.params.args, schema)?;
+                rewrite_aggregate_arguments(function.name(), &mut window.params.args, schema)?;
             }
             Expr::WindowFunction(window)
         }
-        Expr::ScalarFunction(function) => of_function(function, schema)?,
+        Expr::ScalarFunction(function) => rewrite_function(function, schema)?,
         other => return Ok(Transformed::no(other)),
     };
     Ok(Transformed::yes(rewritten))
@@ -189,7 +191,7 @@ fn check_frame(name: &str, frame: &WindowFrame) -> Result<()> {
 }
 
 /// What is compared is of one kind.
-fn of_comparison(expr: Expr, schema: &DFSchema) -> Result<Expr> {
+fn rewrite_comparison(expr: Expr, schema: &DFSchema) -> Result<Expr> {
     Ok(match expr {
         Expr::Between(Between {
             expr,
@@ -234,7 +236,7 @@ fn of_comparison(expr: Expr, schema: &DFSchema) -> Result<Expr> {
 }
 
 /// Decimals become whole numbers only where they are.
-fn of_conversion(expr: Expr, schema: &DFSchema) -> Result<Expr> {
+fn rewrite_cast(expr: Expr, schema: &DFSchema) -> Result<Expr> {
     let (inner, to) = match &expr {
         Expr::Cast(cast) => (&cast.expr, cast.field.data_type()),
         Expr::TryCast(cast) => (&cast.expr, cast.field.data_type()),
@@ -256,7 +258,7 @@ fn of_conversion(expr: Expr, schema: &DFSchema) -> Result<Expr> {
 }
 
 /// Decimals that functions give have one zero.
-fn of_function(mut function: ScalarFunction, schema: &DFSchema) -> Result<Expr> {
+fn rewrite_function(mut function: ScalarFunction, schema: &DFSchema) -> Result<Expr> {
     let called = Arc::clone(&function.func);
     let name = called.name();
     match name {
@@ -284,7 +286,7 @@ fn of_function(mut function: ScalarFunction, schema: &DFSchema) -> Result<Expr> 
 }
 
 /// Arithmetic is checked, and what is compared is of one kind.
-fn of_operator(left: Expr, op: Operator, right: Expr, schema: &DFSchema) -> Result<Expr> {
+fn rewrite_operator(left: Expr, op: Operator, right: Expr, schema: &DFSchema) -> Result<Expr> {
     let (one, other) = (left.get_type(schema)?, right.get_type(schema)?);
     let is_number = |kind: &DataType| kind.is_numeric() || kind.is_null();
     if is_number(&one)
@@ -329,7 +331,11 @@ fn is_comparison(op: Operator) -> bool {
 }
 
 /// Sums of whole numbers and of yes and no have room, and what lies between whole numbers is a decimal.
-fn of_aggregate(name: &str, arguments: &mut [Expr], schema: &DFSchema) -> Result<()> {
+fn rewrite_aggregate_arguments(
+    name: &str,
+    arguments: &mut [Expr],
+    schema: &DFSchema,
+) -> Result<()> {
     let Some(argument) = arguments.first_mut() else {
         return Ok(());
     };

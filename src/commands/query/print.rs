@@ -5,8 +5,8 @@ use std::fs;
 use datafusion::arrow::array::{Array, ArrayRef, RecordBatch};
 
 use super::{
-    cells,
     page::{ColumnWidth, Page, fit},
+    value_text,
 };
 use crate::report::{self, LEFT_OUT, cut};
 
@@ -32,7 +32,7 @@ pub(super) fn table(answer: &RecordBatch, page: Page) -> Printed {
         .map(|(name, column)| {
             let shown = (0..first).chain(n_rows - last..n_rows);
             let mut cells: Vec<String> = shown
-                .map(|row| cells::cell(column, row, page.elements()))
+                .map(|row| value_text::cell(column, row, page.elements()))
                 .collect();
             if n_hidden > 0 {
                 cells.insert(first, LEFT_OUT.to_owned());
@@ -128,7 +128,7 @@ pub(super) fn csv(answer: &RecordBatch) -> anyhow::Result<Vec<u8>> {
     writer.write_record(named(answer).map(|(name, _)| name))?;
     for row in 0..answer.num_rows() {
         for column in answer.columns() {
-            writer.write_field(cells::text(column, row))?;
+            writer.write_field(value_text::text(column, row))?;
         }
         writer.write_record(None::<&[u8]>)?;
     }
@@ -145,7 +145,7 @@ pub(super) fn json_lines(answer: &RecordBatch) -> anyhow::Result<Vec<u8>> {
             separator = b',';
             serde_json::to_writer(&mut bytes, name)?;
             bytes.push(b':');
-            serde_json::to_writer(&mut bytes, &cells::json(column, row))?;
+            serde_json::to_writer(&mut bytes, &value_text::json(column, row))?;
         }
         bytes.extend_from_slice(b"}\n");
     }

@@ -58,7 +58,7 @@ pub struct DispatchConfig {
     /// errors that succeed, and different grasps first (the default), or `accepted`, as they were
     /// screened.
     #[option(default)]
-    pub order: Order,
+    pub order: SendOrder,
     /// Number of this attempt: increase it to execute motions again at a cell that knows them.
     #[option(default = 1)]
     pub attempt: u32,
@@ -119,7 +119,7 @@ pub struct DispatchConfig {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 #[schemars(inline)]
-pub enum Order {
+pub enum SendOrder {
     /// The most robust first, and of about equally robust ones the one whose grasp differs most from
     /// those before it.
     #[default]

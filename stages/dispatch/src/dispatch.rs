@@ -21,16 +21,16 @@ use schemas::{
 
 use crate::{
     DispatchConfig, DispatchError,
-    cells::{self, ConnectedCell},
     config::SIMULATED,
+    connect::{self, ConnectedCell},
     goals::goal,
     ledger::{CellFacts, Ledger, OpenGoal, signing_key},
     names::JointNames,
-    order::Queue,
     recording::{Setting, record},
     refusal::Refusal,
     robots::Robots,
     rows,
+    send_queue::SendQueue,
     sender::{ExecutedDuring, Sender, SentGoal, unknown},
 };
 
@@ -157,7 +157,7 @@ impl Output for Dispatch {
         let candidates: Candidates = inputs.one()?;
         let object: Object = inputs.one()?;
         let robustness: RobustnessTable = inputs.one()?;
-        let motions = Queue::new(config.order, &rollouts, &robustness, &candidates)?;
+        let motions = SendQueue::new(config.order, &rollouts, &robustness, &candidates)?;
         let sent = if motions.is_empty() {
             ObjectExecutions::default()
         } else {
@@ -223,7 +223,7 @@ fn send(
     robots: &Robots,
     object: &Object,
     candidates: &Candidates,
-    motions: Queue<'_>,
+    motions: SendQueue<'_>,
     cx: &Context,
 ) -> Result<ObjectExecutions, BoxedDiagnostic> {
     let names = JointNames::new(&config.joint_names, robots.whole())?;
@@ -277,7 +277,7 @@ fn send(
             }
         };
         done.known_n += usize::from(during == ExecutedDuring::Before);
-        names.of_hand(&mut report.joints);
+        names.to_urdf(&mut report.joints);
         let setting = Setting {
             robots,
             hand_path: &config.hand,
@@ -312,7 +312,7 @@ fn planned<'a>(
     robots: &Robots,
     names: &JointNames,
     candidates: &Candidates,
-    mut motions: Queue<'a>,
+    mut motions: SendQueue<'a>,
 ) -> Result<Vec<PlannedGoal<'a>>, DispatchError> {
     let planner = robots.planner(config)?;
     let mut goals: Vec<PlannedGoal<'_>> = Vec::new();
@@ -343,7 +343,7 @@ fn connect(
         SIMULATED => None,
         _ => Some(signing_key(cx.effects_folder())?),
     };
-    cells::connect(config, robots, object, first, key).map_err(|err| {
+    connect::connect(config, robots, object, first, key).map_err(|err| {
         let open = ledger.open_goals().unwrap_or_default();
         // A higher `attempt` says that a person has looked.
         let is_now = |open: &OpenGoal| {

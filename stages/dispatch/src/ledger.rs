@@ -35,7 +35,7 @@ use dataflow::BoxedDiagnostic;
 use lake::LakeError;
 use serde::{Deserialize, Serialize};
 
-use crate::earlier::{EarlierGoal, take_over};
+use crate::protocol_4::{EarlierGoal, take_over};
 
 /// Folder of the cells' ledgers.
 const CELLS: &str = "cells";
@@ -245,7 +245,7 @@ impl Ledger {
     }
 
     /// Records that a run ends because the outcome of a goal is unknown.
-    pub(crate) fn tell(&self, goal_id: &str) -> Result<(), LakeError> {
+    pub(crate) fn mark_unknown(&self, goal_id: &str) -> Result<(), LakeError> {
         self.write(goal_id, TOLD, b"")
     }
 

@@ -18,25 +18,25 @@
 //! next run queries its outcome before it sends another, and never sends the motion under another
 //! goal id. Motions stopped by a person are counted separately and sent again only on request.
 
-mod cells;
 mod config;
+mod connect;
 mod dispatch;
-mod earlier;
 mod error;
 mod goals;
 mod in_flight;
 mod ledger;
 mod names;
-mod order;
+mod protocol_4;
 mod recording;
 mod refusal;
 pub mod report;
 mod robots;
 mod rows;
+mod send_queue;
 mod sender;
 
-pub use cells::simulated_cell;
-pub use config::{AfterUnknown, DispatchConfig, Order, SIMULATED, SimulatedConfig};
+pub use config::{AfterUnknown, DispatchConfig, SIMULATED, SendOrder, SimulatedConfig};
+pub use connect::simulated_cell;
 pub use dispatch::{Dispatch, DispatchMetrics};
 pub use error::{ControllerMismatch, DispatchError};
 pub use in_flight::{Cancellation, MotionInFlight, stop_sending};

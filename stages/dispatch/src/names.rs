@@ -14,7 +14,7 @@ pub(crate) struct JointNames {
     /// By the URDF's names.
     on_wire: BTreeMap<String, String>,
     /// By the names on the wire.
-    of_hand: BTreeMap<String, String>,
+    in_urdf: BTreeMap<String, String>,
 }
 
 impl JointNames {
@@ -41,7 +41,7 @@ impl JointNames {
             .map(|(joint, name)| (name.clone(), joint.clone()));
         Ok(Self {
             on_wire: named.clone(),
-            of_hand: swapped.collect(),
+            in_urdf: swapped.collect(),
         })
     }
 
@@ -55,8 +55,8 @@ impl JointNames {
     }
 
     /// Renames joints to their names in the robot's URDF.
-    pub(crate) fn of_hand(&self, joints: &mut [String]) {
-        rename(&self.of_hand, joints);
+    pub(crate) fn to_urdf(&self, joints: &mut [String]) {
+        rename(&self.in_urdf, joints);
     }
 
     /// Returns a robot's joints under their names on the wire.
@@ -104,7 +104,7 @@ mod tests {
         // Even with two names exchanged.
         let names = names(&[("ja", "jb"), ("jb", "ja"), ("jc", "ah_joint02")]).unwrap();
         let mut joints = ["ah_joint02", "ja", "jb"].map(str::to_owned);
-        names.of_hand(&mut joints);
+        names.to_urdf(&mut joints);
         assert_eq!(joints, ["jc", "jb", "ja"]);
         let robot = RobotModel::from_urdf(HAND).unwrap();
         let out = names.joints_on_wire(&robot);

@@ -197,7 +197,9 @@ impl Sender<'_> {
                 return Ok(Err(Refusal::Long { bytes, most }));
             }
             GoalResult::Unknown(message) => {
-                return Err(self.tell(&goal.candidate_id, &id, message)?.into());
+                return Err(self
+                    .record_unknown(&goal.candidate_id, &id, message)?
+                    .into());
             }
         };
         let (report, during) = done;
@@ -231,7 +233,7 @@ impl Sender<'_> {
                  looked at the robot, remove it",
                 self.cell()
             );
-            return Err(self.tell("?", id, message)?.into());
+            return Err(self.record_unknown("?", id, message)?.into());
         };
         let here = &self.terms.capabilities().journal;
         // Another cell's `never_taken` says nothing about the cell that received the goal.
@@ -239,7 +241,7 @@ impl Sender<'_> {
             let message = format!(
                 "it was sent to the cell with journal `{to}`, the one that answers has `{here}`"
             );
-            return Err(self.tell(&goal.candidate_id, id, message)?.into());
+            return Err(self.record_unknown(&goal.candidate_id, id, message)?.into());
         }
         match self.client.recover(id, goal, self.joints, self.patience()) {
             RecoveryResult::Report(report) => {
@@ -254,9 +256,9 @@ impl Sender<'_> {
                 self.ledger.conclude(&report)?;
                 Ok(Some(report))
             }
-            RecoveryResult::Untrusted(report) => {
-                Err(self.tell(&goal.candidate_id, id, report.message)?.into())
-            }
+            RecoveryResult::Untrusted(report) => Err(self
+                .record_unknown(&goal.candidate_id, id, report.message)?
+                .into()),
             RecoveryResult::NeverTaken if !open.accepted => {
                 let asked_ms = self.terms.capabilities().clock_unix_ms;
                 // Until it expires it may still be under way to this journal.
@@ -272,10 +274,10 @@ impl Sender<'_> {
                     ),
                     None => "the cell accepted it and now denies it".to_owned(),
                 };
-                Err(self.tell(&goal.candidate_id, id, message)?.into())
+                Err(self.record_unknown(&goal.candidate_id, id, message)?.into())
             }
             RecoveryResult::NoAnswer(message) => {
-                Err(self.tell(&goal.candidate_id, id, message)?.into())
+                Err(self.record_unknown(&goal.candidate_id, id, message)?.into())
             }
         }
     }
@@ -287,7 +289,7 @@ impl Sender<'_> {
         if report.outcome == Outcome::Unknown && !goes_on {
             let message = format!("the cell says so: {}", report.message);
             return Err(self
-                .tell(&goal.candidate_id, &report.goal_id, message)?
+                .record_unknown(&goal.candidate_id, &report.goal_id, message)?
                 .into());
         }
         Ok(self.ledger.conclude(report)?)
@@ -301,13 +303,13 @@ impl Sender<'_> {
     }
 
     /// Records that this run ends because an outcome is unknown, and returns the error.
-    fn tell(
+    fn record_unknown(
         &self,
         candidate_id: &str,
         goal_id: &str,
         message: String,
     ) -> Result<DispatchError, BoxedDiagnostic> {
-        self.ledger.tell(goal_id)?;
+        self.ledger.mark_unknown(goal_id)?;
         Ok(unknown(
             self.cell(),
             candidate_id,

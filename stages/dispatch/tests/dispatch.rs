@@ -26,7 +26,7 @@ use schemas::{
 };
 use spatial::{Pose, RestingPose};
 use stage_dispatch::report::DispatchReport;
-use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics, Order};
+use stage_dispatch::{Dispatch, DispatchConfig, DispatchError, DispatchMetrics, SendOrder};
 
 const OBJECT: &str = "cube";
 const HALF_EDGE_M: f64 = 0.02;
@@ -300,13 +300,13 @@ fn most_robust_motions_are_sent_first_or_as_they_were_accepted() {
             control_steps_n: 1600,
         }
     });
-    let sent = |order: Order| -> Vec<String> {
+    let sent = |order: SendOrder| -> Vec<String> {
         let ran = run_given(|c| c.order = order, Verdict::Held, &tried.to_vec()).unwrap();
         let sent = ran.executions.iter();
         sent.map(|row| row.candidate_id.clone()).collect()
     };
-    assert_eq!(sent(Order::Robust), ["cube-2", "cube-3"]);
-    assert_eq!(sent(Order::Accepted), ["cube-1", "cube-2"]);
+    assert_eq!(sent(SendOrder::Robust), ["cube-2", "cube-3"]);
+    assert_eq!(sent(SendOrder::Accepted), ["cube-1", "cube-2"]);
 }
 
 #[test]

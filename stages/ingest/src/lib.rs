@@ -42,7 +42,7 @@ mod recording;
 pub mod report;
 mod rests;
 mod selection;
-mod table;
+mod table_pose;
 mod terms;
 mod tracks;
 mod yaml;

@@ -156,7 +156,7 @@ mod tests {
         fixture,
         ingest::Agreement,
         recording::{Observation, TableSource, Tag},
-        table,
+        table_pose,
     };
 
     /// A hand that moves 1 cm per image along x, seen from image 2 on; the object leaves after
@@ -195,7 +195,7 @@ mod tests {
             ..fixture::config()
         };
         let departure = departure(recording, &config)?;
-        let rest = table::on_tag(&world_from_tag(), &departure.world_from_object);
+        let rest = table_pose::on_tag(&world_from_tag(), &departure.world_from_object);
         reach("a-b", recording, &departure, rest, &config)
     }
 

@@ -9,8 +9,8 @@
 //! process of it outlives its unit, nor the process that started it.
 
 mod artifacts;
-mod cells;
 mod code;
+mod columns;
 mod config;
 mod error;
 mod folder;

@@ -14,7 +14,7 @@ use schemas::{
 
 use crate::{
     artifacts::KnownTable,
-    cells::conformed,
+    columns::conformed,
     config::ProgramConfig,
     error::{ProgramError, TableFault},
     own_table, process,

@@ -8,7 +8,7 @@ use dataflow::{
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{Beside, LakeError, ReadArtifact, ReadInputs, WriteArtifact};
+use lake::{LakeError, ReadArtifact, ReadInputs, SiblingTable, WriteArtifact};
 use motion::MotionError;
 use posture::{Environment, Hand};
 use rayon::prelude::*;
@@ -78,7 +78,7 @@ impl Stage for Refine {
     const KIND: &'static str = "refine";
     const ABOUT: &'static str = "Refines candidate motions against object and table before physics";
     const INPUTS: &'static [&'static str] = RefineInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table.
     fn prepare(config: &RefineConfig) -> Result<(), BoxedDiagnostic> {

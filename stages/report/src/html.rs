@@ -27,7 +27,7 @@ pub(crate) fn page(
 ) -> Result<String, ReportError> {
     let mut body = String::new();
     for (idx, section) in sections.iter().enumerate() {
-        body.push_str(&of_section(section));
+        body.push_str(&section_html(section));
         // Motions stand after the result.
         if idx == 0 {
             body.push_str(&motions(gathered));
@@ -65,7 +65,7 @@ pub(crate) fn page(
     ))
 }
 
-fn of_section(section: &Section) -> String {
+fn section_html(section: &Section) -> String {
     let id = section.id;
     let mut text = format!(
         "<section id=\"{id}\" aria-labelledby=\"{id}-title\">\n<h2 id=\"{id}-title\">{}</h2>\n",
@@ -86,13 +86,13 @@ fn of_section(section: &Section) -> String {
         ));
     }
     for table in &section.tables {
-        text.push_str(&of_table(table));
+        text.push_str(&table_html(table));
     }
     text.push_str("</section>\n");
     text
 }
 
-fn of_table(table: &DataTable) -> String {
+fn table_html(table: &DataTable) -> String {
     let id = table.id;
     let caption = escaped(&table.caption);
     let mut text = format!(
@@ -118,7 +118,7 @@ fn of_table(table: &DataTable) -> String {
     for row in &table.rows {
         text.push_str("<tr>");
         for (idx, cell) in row.iter().enumerate() {
-            let shown = of_cell(cell);
+            let shown = cell_html(cell);
             if idx == 0 {
                 text.push_str(&format!("<th scope=\"row\">{shown}</th>"));
             } else if cell.is_number() || has_numbers(idx) {
@@ -133,7 +133,7 @@ fn of_table(table: &DataTable) -> String {
     text
 }
 
-fn of_cell(cell: &Cell) -> String {
+fn cell_html(cell: &Cell) -> String {
     let shown = with_code(cell.shown());
     match cell {
         Cell::Link { filter, value, .. } => format!(

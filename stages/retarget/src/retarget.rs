@@ -94,7 +94,7 @@ impl Output for Trajectories {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["field_spacing_m"]);
 
     fn units(config: &RetargetConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let demonstrations = scope.some(Demonstration::NAME, "to retarget")?;
+        let demonstrations = scope.non_empty(Demonstration::NAME, "to retarget")?;
         let (objects, fields) = (
             scope.partitions(Object::NAME),
             scope.partitions(FieldInfo::NAME),

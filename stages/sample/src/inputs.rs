@@ -15,7 +15,11 @@ pub fn hand_file(config: &SampleConfig) -> SourceFile {
 /// # Errors
 ///
 /// Fails if they are not the hand's joints.
-pub fn order(model: &RobotModel, joints: &[String], what: &str) -> Result<JointOrder, SampleError> {
+pub fn joint_order(
+    model: &RobotModel,
+    joints: &[String],
+    what: &str,
+) -> Result<JointOrder, SampleError> {
     JointOrder::new(joints, &model.joint_names()).map_err(|source| SampleError::HandMismatch {
         what: what.to_owned(),
         source,

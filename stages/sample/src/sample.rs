@@ -5,7 +5,7 @@ mod candidates;
 use dataflow::{
     BoxedDiagnostic, Context, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::Beside;
+use lake::SiblingTable;
 use schemas::{
     Table, candidates::Candidates, checkpoint, distance_fields::FieldInfo, draws::Draws,
     objects::Object, trajectories::Trajectory,
@@ -38,7 +38,7 @@ impl Stage for Sample {
         FieldInfo::NAME,
         Trajectory::NAME,
     ];
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 
     /// Checks the hand's URDF.
     fn prepare(config: &SampleConfig) -> Result<(), BoxedDiagnostic> {

@@ -24,7 +24,7 @@ impl Aggregate for ByVerdict {
         Verdict::ALL.into_iter().map(count).collect()
     }
 
-    fn gather<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
+    fn aggregate<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
         partitions.flat_map(Tally::iter).collect()
     }
 }

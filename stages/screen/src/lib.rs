@@ -12,21 +12,21 @@
 //!
 //! Its [`report`] has success rates, failure reasons and the diversity of grasps.
 
-mod alone;
 mod by_verdict;
 mod config;
 mod error;
 mod pose_errors;
+mod record_alone;
 mod recording;
 pub mod report;
 mod robustness;
 mod screen;
 mod screening_inputs;
 
-pub use alone::record_alone;
 pub use by_verdict::ByVerdict;
 pub use config::{RobustnessConfig, ScreenConfig};
 pub use error::ScreenError;
 pub use pose_errors::{PoseErrorMetrics, PoseErrorTrials};
+pub use record_alone::record_alone;
 pub use robustness::{RobustnessMetrics, RobustnessTrials};
 pub use screen::{Screen, ScreenMetrics};

@@ -6,7 +6,7 @@ use dataflow::{
     BoxedDiagnostic, Context, Inputs, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum,
     Unit,
 };
-use lake::{Beside, WriteArtifact};
+use lake::{SiblingTable, WriteArtifact};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates},
@@ -35,7 +35,7 @@ dataflow::metrics! {
     pub struct ScreenMetrics {
         /// Number of candidates.
         candidates_n: Sum,
-        /// Number of those that hold.
+        /// Number of those that succeed.
         accepted_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,
@@ -54,7 +54,7 @@ impl Stage for Screen {
     const INPUTS: &'static [&'static str] = &[Candidates::NAME, Object::NAME];
     const OUTPUTS: Outputs<Self> = &[
         &Self,
-        &Beside::<Self, SmoothnessTable>::OUTPUT,
+        &SiblingTable::<Self, SmoothnessTable>::OUTPUT,
         &RobustnessTrials,
         &PoseErrorTrials,
     ];
@@ -85,7 +85,7 @@ impl Output for Screen {
     const OPTIONS: OptionsUsed = OptionsUsed::Except(&["robustness", "pose_errors_per_object"]);
 
     fn units(config: &ScreenConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let candidates = scope.some(Candidates::NAME, "to screen")?;
+        let candidates = scope.non_empty(Candidates::NAME, "to screen")?;
         units(config, scope, candidates)
     }
 
@@ -180,7 +180,7 @@ impl ScreenMetrics {
     }
 }
 
-/// Returns the numbers of the rollouts that hold.
+/// Returns the numbers of the rollouts that succeed.
 fn accepted(verdicts: &[Verdict]) -> impl Iterator<Item = usize> {
     (0..verdicts.len()).filter(|&idx| verdicts[idx] == Verdict::Held)
 }

@@ -14,7 +14,7 @@ use schemas::{
 
 use spatial::{Pose, RestingPose};
 
-use crate::{TrainError, set::track};
+use crate::{TrainError, training_set::track};
 
 /// Returns the partitions of candidates and rollouts that are learned from; none if neither is wired.
 ///

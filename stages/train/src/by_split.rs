@@ -39,10 +39,10 @@ impl<F: ScalarAggregate> Aggregate for BySplit<F> {
         Ok(BySplit::of(figure))
     }
 
-    fn gather<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
+    fn aggregate<'a>(partitions: impl Iterator<Item = &'a Self::Value>) -> Self::Value {
         let partitions: Vec<&Self::Value> = partitions.collect();
         BySplit::of(|split| {
-            <Option<F> as Aggregate>::gather(partitions.iter().map(|values| &values[split]))
+            <Option<F> as Aggregate>::aggregate(partitions.iter().map(|values| &values[split]))
         })
     }
 }

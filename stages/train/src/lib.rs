@@ -11,8 +11,8 @@ mod config;
 mod error;
 pub mod report;
 mod resume;
-pub mod set;
 mod train;
+pub mod training_set;
 mod unseen;
 
 pub use by_split::BySplit;

@@ -16,9 +16,9 @@ use crate::TrainError;
 const STATE: &str = "state.safetensors";
 /// The epochs that are done, one JSON object per line, beside it.
 const CURVE: &str = "curve.jsonl";
-/// States are not saved more often than this,
+/// Least time between two saved states.
 const MIN_INTERVAL: Duration = Duration::from_secs(1);
-/// nor so often that saving takes more than one part in so many of the time.
+/// Saving takes at most one part in this many of the time.
 const SHARE: u32 = 50;
 
 /// Saves the states of a training now and then.

@@ -17,7 +17,7 @@ use schemas::{
 use crate::{
     BySplit, TrainConfig, TrainError, accepted,
     resume::{self, SavedTraining, Saver},
-    set,
+    training_set,
     unseen::unseen,
 };
 
@@ -161,8 +161,8 @@ impl Output for Train {
         cx: &Context,
     ) -> Result<Outcome<TrainMetrics>, BoxedDiagnostic> {
         let hand = Arc::new(hand(inputs)?);
-        let mut set = set::read(inputs, &hand.joint_names())?;
-        set::split(&mut set, config, cx.seed());
+        let mut set = training_set::read(inputs, &hand.joint_names())?;
+        training_set::split(&mut set, config, cx.seed());
         let accepted = accepted::read(
             inputs,
             &set,

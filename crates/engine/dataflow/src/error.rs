@@ -186,7 +186,7 @@ pub enum Failure {
         /// Their failures, at least two.
         failures: Vec<Self>,
     },
-    /// A worker is built of other code than the run that sent it an order.
+    /// A worker is built of other code than the run that sent it a work item.
     #[error(
         "`{}` partition `{}` is not made by this build, whose code differs in: {}",
         unit.node,
@@ -199,7 +199,7 @@ pub enum Failure {
         /// The crates whose sources differ.
         parts: Vec<String>,
     },
-    /// A file outside the store is not the one that the order names.
+    /// A file outside the store is not the one that the work item names.
     #[error("`{}` for `{}` partition `{}` is missing here, or is another", path.display(), unit.node, unit.partition)]
     OtherFile {
         /// The unit.
@@ -293,7 +293,7 @@ pub enum Failure {
     },
     /// Two units of an output have the same key, or two files of a unit the same name.
     #[error("stage `{stage}` names `{name}` twice among {what}")]
-    Twice {
+    DuplicateName {
         /// The stage's name.
         stage: StageName,
         /// The key or name.
@@ -573,7 +573,7 @@ impl Diagnostic for Failure {
             Self::ChangedMeanwhile { .. } => {
                 Some("run the same command again when nobody writes to it any more".to_owned())
             }
-            Self::Twice { .. } | Self::Labels { .. } => Some(
+            Self::DuplicateName { .. } | Self::Labels { .. } | Self::NotAKey { .. } => Some(
                 "this is a fault of the stage: please report it with the command and the file"
                     .to_owned(),
             ),
@@ -598,12 +598,9 @@ impl Diagnostic for Failure {
                     .to_owned(),
             ),
             Self::Files(err) => err.problems.iter().find_map(|it| it.hint.clone()),
-            Self::Lost { .. }
-            | Self::Physical { .. }
-            | Self::NotAKey { .. }
-            | Self::MissingInput { .. }
-            | Self::SourceFile { .. }
-            | Self::Threads(_) => None,
+            Self::Physical { .. } => Some("run without `--on` or `--processes`".to_owned()),
+            Self::Threads(_) => Some("use fewer with `--jobs 1`".to_owned()),
+            Self::Lost { .. } | Self::MissingInput { .. } | Self::SourceFile { .. } => None,
         }
     }
 }

@@ -62,7 +62,7 @@ pub enum UnitOutcome {
         /// Why, as a sentence without a final period.
         why: String,
         /// Units whose artifacts it reads and could not get.
-        lacks: Vec<UnitName>,
+        missing: Vec<UnitName>,
         /// Whether it counts as a try: not where it was preempted, or its machine was lost.
         counts: bool,
     },
@@ -73,7 +73,7 @@ impl UnitOutcome {
     pub fn lost(why: impl Into<String>) -> Self {
         Self::Lost {
             why: why.into(),
-            lacks: Vec::new(),
+            missing: Vec::new(),
             counts: true,
         }
     }
@@ -82,16 +82,16 @@ impl UnitOutcome {
     pub fn preempted(why: impl Into<String>) -> Self {
         Self::Lost {
             why: why.into(),
-            lacks: Vec::new(),
+            missing: Vec::new(),
             counts: false,
         }
     }
 
     /// Returns the outcome of a unit that could not read the artifacts of others.
-    pub fn missing_artifacts(lacks: Vec<UnitName>) -> Self {
+    pub fn missing_artifacts(missing: Vec<UnitName>) -> Self {
         Self::Lost {
             why: "an artifact that it reads is damaged or missing".to_owned(),
-            lacks,
+            missing,
             counts: true,
         }
     }
@@ -260,7 +260,7 @@ impl From<WorkItemOutcome> for UnitOutcome {
     fn from(outcome: WorkItemOutcome) -> Self {
         match outcome {
             WorkItemOutcome::Made { made_now } => Self::Done { made_now },
-            WorkItemOutcome::Lacks(units) => Self::missing_artifacts(units),
+            WorkItemOutcome::InputsMissing(units) => Self::missing_artifacts(units),
         }
     }
 }

@@ -25,7 +25,7 @@ pub trait Metrics: Sized + 'static {
     fn read(values: &MetricValues) -> Result<Self, MissingMetric>;
 
     /// Aggregates the metrics of partitions, in their order.
-    fn gather(partitions: &[Self]) -> Self;
+    fn aggregate(partitions: &[Self]) -> Self;
 
     /// Returns every metric by name.
     fn metric_values(&self) -> MetricValues {
@@ -37,13 +37,13 @@ pub trait Metrics: Sized + 'static {
 
 /// An output without metrics.
 impl Metrics for () {
-    fn write(&self, _figures: &mut MetricValues) {}
+    fn write(&self, _values: &mut MetricValues) {}
 
-    fn read(_figures: &MetricValues) -> Result<Self, MissingMetric> {
+    fn read(_values: &MetricValues) -> Result<Self, MissingMetric> {
         Ok(())
     }
 
-    fn gather(_partitions: &[Self]) -> Self {}
+    fn aggregate(_partitions: &[Self]) -> Self {}
 }
 
 /// The type of a field of [`metrics!`](crate::metrics!), and its aggregation over partitions.
@@ -62,7 +62,7 @@ pub trait Aggregate {
     fn read(field: &str, values: &MetricValues) -> Result<Self::Value, MissingMetric>;
 
     /// Aggregates the values of partitions, in their order.
-    fn gather<'a>(values: impl Iterator<Item = &'a Self::Value>) -> Self::Value
+    fn aggregate<'a>(values: impl Iterator<Item = &'a Self::Value>) -> Self::Value
     where
         Self::Value: 'a;
 }
@@ -118,7 +118,7 @@ impl<F: ScalarAggregate> Aggregate for F {
         found.ok_or_else(|| MissingMetric(field.to_owned()))
     }
 
-    fn gather<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
+    fn aggregate<'a>(values: impl Iterator<Item = &'a f64>) -> f64 {
         F::of(values.copied())
     }
 }
@@ -135,7 +135,7 @@ impl<F: ScalarAggregate> Aggregate for Option<F> {
         Ok(values.get(field).copied())
     }
 
-    fn gather<'a>(values: impl Iterator<Item = &'a Option<f64>>) -> Option<f64> {
+    fn aggregate<'a>(values: impl Iterator<Item = &'a Option<f64>>) -> Option<f64> {
         let mut known = values.copied().flatten().peekable();
         known.peek().is_some().then_some(())?;
         Some(F::of(known))
@@ -156,8 +156,8 @@ impl<M: Metrics + Clone> Aggregate for With<M> {
         M::read(values)
     }
 
-    fn gather<'a>(values: impl Iterator<Item = &'a M>) -> M {
-        M::gather(&values.cloned().collect::<Vec<M>>())
+    fn aggregate<'a>(values: impl Iterator<Item = &'a M>) -> M {
+        M::aggregate(&values.cloned().collect::<Vec<M>>())
     }
 }
 
@@ -191,7 +191,7 @@ impl<M: Metrics + Clone> Aggregate for With<M> {
 /// }
 ///
 /// let motions = |motions_n, held_n| Motions { motions_n, held_n, duration_s: 2.0, slip_m: None };
-/// let all = Motions::gather(&[motions(1.0, 1.0), motions(3.0, 0.0)]);
+/// let all = Motions::aggregate(&[motions(1.0, 1.0), motions(3.0, 0.0)]);
 /// assert_eq!(all.metric_values()["rate"], 0.25);
 /// assert_eq!(Motions::read(&all.metric_values()), Ok(all));
 /// ```
@@ -200,7 +200,7 @@ macro_rules! metrics {
     (
         $(#[$about:meta])*
         $vis:vis struct $name:ident {
-            $($(#[$field_about:meta])* $field:ident: $gather:ty,)*
+            $($(#[$field_about:meta])* $field:ident: $aggregate:ty,)*
         }
         $(derived {
             $($derived:ident: $value:expr,)*
@@ -209,12 +209,16 @@ macro_rules! metrics {
         $(#[$about])*
         #[derive(Debug, Clone, PartialEq)]
         $vis struct $name {
-            $($(#[$field_about])* pub $field: <$gather as $crate::Aggregate>::Value,)*
+            $($(#[$field_about])* pub $field: <$aggregate as $crate::Aggregate>::Value,)*
         }
 
         impl $crate::Metrics for $name {
             fn write(&self, values: &mut $crate::MetricValues) {
-                $(<$gather as $crate::Aggregate>::write(stringify!($field), &self.$field, values);)*
+                $(<$aggregate as $crate::Aggregate>::write(
+                    stringify!($field),
+                    &self.$field,
+                    values,
+                );)*
                 $($(
                     let derived: fn(&Self) -> f64 = $value;
                     values.insert(stringify!($derived).to_owned(), derived(self));
@@ -223,13 +227,16 @@ macro_rules! metrics {
 
             fn read(values: &$crate::MetricValues) -> Result<Self, $crate::MissingMetric> {
                 Ok(Self {
-                    $($field: <$gather as $crate::Aggregate>::read(stringify!($field), values)?,)*
+                    $($field: <$aggregate as $crate::Aggregate>::read(
+                        stringify!($field),
+                        values,
+                    )?,)*
                 })
             }
 
-            fn gather(partitions: &[Self]) -> Self {
+            fn aggregate(partitions: &[Self]) -> Self {
                 Self {
-                    $($field: <$gather as $crate::Aggregate>::gather(
+                    $($field: <$aggregate as $crate::Aggregate>::aggregate(
                         partitions.iter().map(|partition| &partition.$field),
                     ),)*
                 }
@@ -265,17 +272,17 @@ mod tests {
     }
 
     #[test]
-    fn each_figure_gathers_as_it_is_declared() {
+    fn each_metric_aggregates_as_declared() {
         let all = [
             fixture(1.0, 0.25, 0.3, None),
             fixture(3.0, 0.5, 0.1, Some(0.5)),
             fixture(0.0, 0.75, 0.2, Some(1.5)),
         ];
-        let gathered = Fixture::gather(&all);
-        assert_eq!(gathered, fixture(4.0, 0.5, 0.3, Some(1.0)));
-        assert_eq!(gathered.metric_values()["share"], 0.125);
-        assert_eq!(Fixture::gather(&all[..1]).slip_m, None);
-        let none = Fixture::gather(&[]);
+        let aggregated = Fixture::aggregate(&all);
+        assert_eq!(aggregated, fixture(4.0, 0.5, 0.3, Some(1.0)));
+        assert_eq!(aggregated.metric_values()["share"], 0.125);
+        assert_eq!(Fixture::aggregate(&all[..1]).slip_m, None);
+        let none = Fixture::aggregate(&[]);
         assert_eq!(none, fixture(0.0, 0.0, 0.0, None));
         assert!(none.n.is_sign_positive());
     }

@@ -30,7 +30,7 @@ impl OptionsUsed {
     pub const NONE: Self = Self::Only(&[]);
 
     /// Whether an option is among them.
-    pub(crate) fn contain(self, option: &str) -> bool {
+    pub(crate) fn includes(self, option: &str) -> bool {
         match self {
             Self::All => true,
             Self::Only(names) => names.contains(&option),

@@ -120,7 +120,7 @@ impl StageEntry {
     pub(crate) fn config_of(&self, options: OptionsUsed) -> serde_json::Value {
         let mut config = self.config();
         if let serde_json::Value::Object(known) = &mut config {
-            known.retain(|option, _| options.contain(option));
+            known.retain(|option, _| options.includes(option));
         }
         config
     }

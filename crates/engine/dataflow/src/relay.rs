@@ -192,7 +192,9 @@ mod tests {
             Ok(Some(UnitOutcome::Done { made_now: true }))
         ));
         let (_, end) = relayed(&[line(&lacking)]);
-        assert!(matches!(end, Ok(Some(UnitOutcome::Lost { lacks, .. })) if lacks == [unit("a")]));
+        assert!(
+            matches!(end, Ok(Some(UnitOutcome::Lost { missing, .. })) if missing == [unit("a")])
+        );
         assert!(matches!(relayed(&[line(&progress("b"))]).1, Ok(None)));
     }
 

@@ -79,7 +79,7 @@ struct WaveOutcomes {
     /// Positions of those that were lost, with the reasons, and whether that counts as a try.
     lost: Vec<(usize, String, bool)>,
     /// Units whose artifacts could not be read.
-    lacking: BTreeSet<UnitName>,
+    missing: BTreeSet<UnitName>,
     /// Whether the executor can make no more of them.
     is_over: bool,
 }
@@ -153,8 +153,8 @@ impl<'a> RetryScheduler<'a> {
                 settled.push(Err(Failure::LostOften { unit, n_tries, why }));
             }
             if !again.is_empty() {
-                for lacking in &ends.lacking {
-                    if let Err(err) = self.repair(state, lacking) {
+                for missing in &ends.missing {
+                    if let Err(err) = self.repair(state, missing) {
                         settled.push(Err(err));
                         return settled;
                     }
@@ -187,13 +187,13 @@ impl<'a> RetryScheduler<'a> {
             let mut ends = ends.lock().unwrap_or_else(PoisonError::into_inner);
             match end {
                 Ok(Ok(report)) => ends.settled.push(Ok(report)),
-                Ok(Err((why, lacks, counts))) => {
+                Ok(Err((why, missing, counts))) => {
                     let unit = UnitName::new(&wave.node.name, &wave.units[idx].partition);
-                    if lacks.is_empty() {
+                    if missing.is_empty() {
                         let why = why.clone();
                         (self.events)(&Event::UnitLost { unit, why });
                     }
-                    ends.lacking.extend(lacks);
+                    ends.missing.extend(missing);
                     ends.lost.push((idx, why, counts));
                 }
                 Err(err) => {
@@ -221,7 +221,11 @@ impl<'a> RetryScheduler<'a> {
         let made_now = match end {
             UnitOutcome::Done { made_now } => made_now,
             UnitOutcome::Failed(err) => return Err(err),
-            UnitOutcome::Lost { why, lacks, counts } => return Ok(Err((why, lacks, counts))),
+            UnitOutcome::Lost {
+                why,
+                missing,
+                counts,
+            } => return Ok(Err((why, missing, counts))),
         };
         let unit = wave.units[idx];
         let found = wave.state.fingerprint(wave.node, unit)?;

@@ -98,14 +98,14 @@ impl Scope {
     /// # Errors
     ///
     /// Fails if there is none.
-    pub fn some(
+    pub fn non_empty(
         &self,
         input: &'static str,
         to_do: &'static str,
     ) -> Result<&[Partition], InputError> {
         match self.partitions(input) {
             [] => Err(InputError::Empty { input, to_do }),
-            some => Ok(some),
+            partitions => Ok(partitions),
         }
     }
 

@@ -1,4 +1,4 @@
-//! Making one unit by its name, or by its order.
+//! Making one unit by its name, or by its work item.
 
 use std::collections::BTreeMap;
 

@@ -321,7 +321,7 @@ impl<'a> State<'a> {
             _ => None,
         });
         if let Some(key) = twice {
-            return Err(Failure::Twice {
+            return Err(Failure::DuplicateName {
                 stage: stage.name.clone(),
                 name: key.to_string(),
                 what: NamedItems::Partitions(node.name.artifact.clone()),
@@ -446,7 +446,7 @@ impl<'a> State<'a> {
         for file in &unit.files {
             let digest = self.source_digest(file, unit.forms.get(&file.name).copied())?;
             if files.insert(file.name.clone(), digest).is_some() {
-                return Err(Failure::Twice {
+                return Err(Failure::DuplicateName {
                     stage: stage.name.clone(),
                     name: file.name.clone(),
                     what: NamedItems::Files(unit.partition.clone()),

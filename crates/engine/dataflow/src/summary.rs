@@ -34,7 +34,7 @@ impl<M: Metrics> Summary<M> {
             n_made: partitions.len(),
             n_skipped: 0,
             n_filtered: 0,
-            metrics: M::gather(partitions),
+            metrics: M::aggregate(partitions),
         }
     }
 

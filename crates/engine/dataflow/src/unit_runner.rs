@@ -33,7 +33,7 @@ pub(crate) enum WorkItemOutcome {
     /// The result is in the store; `made_now` if it was not there before.
     Made { made_now: bool },
     /// The artifacts of these units, which it reads, are missing or damaged.
-    Lacks(Vec<UnitName>),
+    InputsMissing(Vec<UnitName>),
 }
 
 /// Makes units in this process.
@@ -95,7 +95,7 @@ impl<'a> UnitRunner<'a> {
         }
         let inputs = match self.inputs(item)? {
             Ok(inputs) => inputs,
-            Err(lacking) => return Ok(WorkItemOutcome::Lacks(lacking)),
+            Err(missing) => return Ok(WorkItemOutcome::InputsMissing(missing)),
         };
         let output = stage.kind.outputs.get(output_idx);
         if output.is_some_and(|output| output.execution == Execution::Physical) {
@@ -170,7 +170,7 @@ impl<'a> UnitRunner<'a> {
     /// Opens the inputs of a unit; of damaged ones, names the units.
     fn inputs(&self, item: &WorkItem) -> Result<Result<Inputs, Vec<UnitName>>, Failure> {
         let mut artifacts = BTreeMap::new();
-        let mut lacking = Vec::new();
+        let mut missing = Vec::new();
         for (input, read) in &item.inputs {
             let mut opened = Vec::with_capacity(read.len());
             for partition in read {
@@ -181,14 +181,14 @@ impl<'a> UnitRunner<'a> {
                         files,
                     }),
                     (None, node) => {
-                        lacking.extend(node.map(|node| UnitName::new(node, &partition.key)));
+                        missing.extend(node.map(|node| UnitName::new(node, &partition.key)));
                     }
                 }
             }
             artifacts.insert(input.to_string(), opened);
         }
-        if !lacking.is_empty() {
-            return Ok(Err(lacking));
+        if !missing.is_empty() {
+            return Ok(Err(missing));
         }
         let files = item.files.iter();
         let files = files.map(|file| SourceFile::new(file.name.clone(), file.path.clone()));

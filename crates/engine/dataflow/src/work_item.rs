@@ -83,7 +83,7 @@ pub(crate) struct WorkItemFile {
 }
 
 impl WorkItem {
-    /// Work items a unit whose inputs are all made.
+    /// Returns the work item of a unit whose inputs are all made.
     pub(crate) fn new(
         state: &State,
         node: &Node,

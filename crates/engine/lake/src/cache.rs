@@ -82,10 +82,10 @@ impl Cache {
         let mut there = Newest::read(&path)?;
         blobs.stamps.recall(std::mem::take(&mut there.stamps));
         records.stamps.recall(std::mem::take(&mut there.records));
-        there.take_over_published(newest);
+        there.merge_published(newest);
         *newest = there;
         if let Some(units) = units {
-            newest.take_over(units);
+            newest.merge_run(units);
         }
         for published in newest.published.values_mut() {
             for (path, file) in published.iter_mut() {

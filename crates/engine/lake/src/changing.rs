@@ -42,13 +42,13 @@ impl ChangingMarks {
         }
     }
 
-    /// Begins a run of a pipeline.
-    pub(crate) fn enter(&self, pipeline: &str) {
+    /// Begins a run of a pipeline: nothing of it is published yet.
+    pub(crate) fn reset_progress(&self, pipeline: &str) {
         lock(&self.known).insert(pipeline.to_owned(), Progress::default());
     }
 
-    /// Notes whether a publication succeeded.
-    pub(crate) fn note<T>(
+    /// Records whether a publication succeeded.
+    pub(crate) fn record_result<T>(
         &self,
         pipeline: &str,
         node: Option<&NodeName>,
@@ -61,8 +61,12 @@ impl ChangingMarks {
         result
     }
 
-    /// Notes that a pipeline has these nodes and no others.
-    pub(crate) fn has<'n>(&self, pipeline: &str, mut nodes: impl Iterator<Item = &'n NodeName>) {
+    /// Sets the nodes of a pipeline: it has these and no others.
+    pub(crate) fn set_nodes<'n>(
+        &self,
+        pipeline: &str,
+        mut nodes: impl Iterator<Item = &'n NodeName>,
+    ) {
         let mut known = lock(&self.known);
         let progress = known.entry(pipeline.to_owned()).or_default();
         progress.whole = !progress.failed && nodes.all(|node| progress.published.contains(node));
@@ -135,7 +139,7 @@ mod tests {
         }
         marks.mark("cgf").unwrap();
         assert_eq!(marks.marks().unwrap().len(), 4);
-        marks.has("cgf", [].into_iter());
+        marks.set_nodes("cgf", [].into_iter());
         marks.unmark("cgf", &locks).unwrap();
         let left: BTreeSet<String> = marks.marks().unwrap().into_iter().collect();
         assert_eq!(left, ["cgf.alive", "other.dead"].map(str::to_owned).into());

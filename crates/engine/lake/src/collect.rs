@@ -267,7 +267,7 @@ impl Lake {
         collected: &mut GcReport,
     ) -> Result<(), LakeError> {
         collected.n_leftovers += self.collect_staging(collecting)?;
-        for name in self.locks.left()? {
+        for name in self.locks.stale_locks()? {
             collected.n_leftovers += 1;
             if collecting == GcMode::Remove {
                 // Releasing a lock removes it.

@@ -379,14 +379,17 @@ impl Diagnostic for LakeError {
             Self::Compression { .. } => {
                 Some("write it with the compression `zstd` or `snappy`, or without one".to_owned())
             }
-            Self::Parquet { .. }
-            | Self::Mcap { .. }
-            | Self::Json { .. }
-            | Self::Rows { .. }
-            | Self::MissingInput { .. }
-            | Self::SeveralInputs { .. }
-            | Self::Name(_)
-            | Self::Metric { .. } => None,
+            Self::Parquet { action: "read", .. }
+            | Self::Mcap { action: "read", .. }
+            | Self::Json { .. } => Some(
+                "`pipeline verify` says whether the file is damaged or of another version"
+                    .to_owned(),
+            ),
+            Self::SeveralInputs { .. } | Self::MissingInput { .. } | Self::Metric { .. } => Some(
+                "this is a fault of the stage: please report it with the command and the file"
+                    .to_owned(),
+            ),
+            Self::Parquet { .. } | Self::Mcap { .. } | Self::Rows { .. } | Self::Name(_) => None,
         }
     }
 }

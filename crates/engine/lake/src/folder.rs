@@ -46,7 +46,7 @@ const FINGERPRINT: &str = "fingerprint=";
 /// | `settings`  | value of a stage in a run       | `run`, `stage`, `key` (dotted), `value` (JSON), `number` (null if it is none) |
 /// | `units`     | unit of a run                   | `run`, `pipeline`, `stage`, `artifact`, `partition`, `fingerprint`, `result`, `reason`, `made_now` |
 /// | `artifacts` | file of an artifact of a run    | `run`, `stage`, `artifact`, `partition`, `file`, `digest`, `bytes` |
-/// | `metrics`   | figure of an artifact of a run  | `run`, `stage`, `artifact`, `partition`, `metric`, `value` |
+/// | `metrics`   | metric of an artifact of a run  | `run`, `stage`, `artifact`, `partition`, `metric`, `value` |
 pub(crate) const HISTORY: [&str; 5] = ["runs", "settings", "units", "artifacts", "metrics"];
 
 /// The folder of a lake.

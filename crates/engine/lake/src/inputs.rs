@@ -228,7 +228,7 @@ pub fn each<T: Table>(
     to_do: Option<&'static str>,
 ) -> Result<Vec<Unit>, InputError> {
     if let Some(to_do) = to_do {
-        scope.some(T::NAME, to_do)?;
+        scope.non_empty(T::NAME, to_do)?;
     }
     let chosen = scope.chosen(T::NAME, T::PARTITION, names)?.into_iter();
     let unit = |partition: &dataflow::Partition| {
@@ -248,7 +248,7 @@ pub fn grouped<T: Table>(
     to_do: Option<&'static str>,
 ) -> Result<Vec<Unit>, InputError> {
     if let Some(to_do) = to_do {
-        scope.some(T::NAME, to_do)?;
+        scope.non_empty(T::NAME, to_do)?;
     }
     let groups = scope.chosen_by_label(T::NAME, label, names)?.into_iter();
     let unit = |(value, keys): (&str, Vec<&PartitionKey>)| {

@@ -73,7 +73,7 @@ const COLLECTING: &str = "collecting";
 /// Name of the machine for which the lake is reserved.
 const MACHINE: &str = "machine";
 
-/// Prefix, before a process's name, of the lock that it holds while it is alive.
+/// Filename prefix of process liveness locks.
 const PROCESS: &str = "process-";
 
 /// Callback with the lock's holder for a process that waits.
@@ -176,7 +176,7 @@ impl Locks {
     }
 
     /// Names of the stale locks of dead processes.
-    pub(crate) fn left(&self) -> Result<Vec<String>, LakeError> {
+    pub(crate) fn stale_locks(&self) -> Result<Vec<String>, LakeError> {
         let mut names = names_in(&self.folder)?;
         names.retain(|name| ![COLLECTING, MACHINE].contains(&&**name) && !self.is_held(name));
         Ok(names)

@@ -90,7 +90,7 @@ impl Newest {
     }
 
     /// Sets the published files of a node.
-    pub(crate) fn show(&mut self, node: &NodeName, published: PublishedFiles) {
+    pub(crate) fn set_published(&mut self, node: &NodeName, published: PublishedFiles) {
         self.published_now.insert(node.clone());
         self.published.insert(node.clone(), published);
     }
@@ -114,7 +114,7 @@ impl Newest {
     }
 
     /// Merges the units that a run found or made in the nodes that it visited.
-    pub(crate) fn take_over(&mut self, units: &[(UnitRef, Arc<RecordOutcome>)]) {
+    pub(crate) fn merge_run(&mut self, units: &[(UnitRef, Arc<RecordOutcome>)]) {
         let nodes: BTreeSet<_> = units.iter().map(|(unit, _)| &unit.node).collect();
         for node in nodes {
             for unit in self.units.entry(node.clone()).or_default().values_mut() {
@@ -151,7 +151,7 @@ impl Newest {
     }
 
     /// Merges what this process has published and retired since it read the state.
-    pub(crate) fn take_over_published(&mut self, mine: &mut Self) {
+    pub(crate) fn merge_published(&mut self, mine: &mut Self) {
         self.retire(|node| !mine.retired.contains(node));
         self.retired.clear();
         for node in &mine.published_now {

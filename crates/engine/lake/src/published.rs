@@ -41,7 +41,7 @@ pub(crate) fn publish(
     made: &[PublishedUnit],
     before: Option<&PublishedFiles>,
 ) -> Result<Option<PublishedFiles>, LakeError> {
-    let wanted = wanted(lake, pipeline, node, made);
+    let wanted = files_to_publish(lake, pipeline, node, made);
     let folders = PublishedFolders::of(pipeline, &node.name).all();
     if let Some(before) = before
         && is_published(lake, before, &wanted)
@@ -91,7 +91,7 @@ fn version_table(lake: &Lake, node: &Node, file: &FileToPublish) -> Option<PathB
 
 /// Lists the files to publish. Those that were left in the depot are published once something has
 /// asked for them.
-fn wanted<'a>(
+fn files_to_publish<'a>(
     lake: &Lake,
     pipeline: &str,
     node: &Node,

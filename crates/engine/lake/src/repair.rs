@@ -16,9 +16,9 @@ use crate::{
     LakeError, atomic,
     digests::digest_file,
     folder::{files_below, run_of, unit_of},
-    history, irreplaceable,
+    history,
     lake::Lake,
-    published, replicas,
+    published, replicas, replicated_files,
     snapshot::Snapshot,
     table, views,
 };
@@ -48,9 +48,9 @@ pub(crate) fn repair(lake: &Lake) -> Result<(), LakeError> {
         unrepaired: BTreeSet::new(),
         blobs: BTreeSet::new(),
     };
-    repair.replicated()?;
-    repair.history()?;
-    repair.versions()?;
+    repair.repair_replicated()?;
+    repair.repair_run_tables()?;
+    repair.repair_version_tables()?;
     views::write(lake)?;
     let now = Snapshot::take(folder, &repair.blobs, &repair.unrepaired)?;
     if now == repair.before {
@@ -80,10 +80,10 @@ impl Repair<'_> {
         self.is_known(path) || digest_file(path).is_ok_and(|there| there == *digest)
     }
 
-    /// Files with replicas.
-    fn replicated(&mut self) -> Result<(), LakeError> {
+    /// Repairs the files with replicas.
+    fn repair_replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
-        for (path, check) in irreplaceable::all(lake)? {
+        for (path, check) in replicated_files::all(lake)? {
             let copy = lake.folder.copy_of(&path);
             if self.is_known(&path) && self.is_known(&copy) {
                 continue;
@@ -96,8 +96,8 @@ impl Repair<'_> {
         Ok(())
     }
 
-    /// Tables of runs: stored as a blob and as a copy, and rebuilt if both are lost.
-    fn history(&mut self) -> Result<(), LakeError> {
+    /// Repairs the tables of runs: stored as a blob and as a copy, and rebuilt if both are lost.
+    fn repair_run_tables(&mut self) -> Result<(), LakeError> {
         let folder = &self.lake.folder;
         let there = folder.run_tables()?;
         let mut published = BTreeSet::new();
@@ -114,7 +114,7 @@ impl Repair<'_> {
             let mut is_lost = false;
             for (name, file) in &run.history {
                 let path = folder.run_table(name, number);
-                is_lost |= !self.of_run(&path, file)?;
+                is_lost |= !self.restore_run_table(&path, file)?;
                 self.blobs.insert(self.lake.file(file));
                 published.insert(path);
             }
@@ -136,7 +136,7 @@ impl Repair<'_> {
 
     /// Restores the table of a run from its blob, or the blob from the table. Returns whether one
     /// of them was intact.
-    fn of_run(&mut self, path: &Path, file: &FileRef) -> Result<bool, LakeError> {
+    fn restore_run_table(&mut self, path: &Path, file: &FileRef) -> Result<bool, LakeError> {
         let blob = self.lake.file(file);
         match (
             self.holds(path, &file.digest),
@@ -150,13 +150,13 @@ impl Repair<'_> {
         Ok(true)
     }
 
-    /// Tables of all units that runs refer to.
-    fn versions(&mut self) -> Result<(), LakeError> {
+    /// Repairs the tables of all units that runs refer to.
+    fn repair_version_tables(&mut self) -> Result<(), LakeError> {
         let there = files_below(&self.lake.folder.versions())?;
         let expected = self.lake.promised_versions()?;
         for (path, unit) in &expected {
             if !self.is_known(path) {
-                self.of_unit(path, unit)?;
+                self.restore_unit_table(path, unit)?;
             }
         }
         for path in there {
@@ -168,7 +168,7 @@ impl Repair<'_> {
     }
 
     /// Publishes the table of a unit at its path, if the unit was not collected.
-    fn of_unit(&mut self, path: &Path, unit: &Digest) -> Result<(), LakeError> {
+    fn restore_unit_table(&mut self, path: &Path, unit: &Digest) -> Result<(), LakeError> {
         let Some(stored) = self.lake.records.read(unit)? else {
             return Ok(());
         };

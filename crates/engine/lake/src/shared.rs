@@ -14,7 +14,7 @@ mod marks;
 mod messages;
 mod remote;
 mod send;
-mod taking_turns;
+mod turn_requests;
 mod turns;
 
 use std::{

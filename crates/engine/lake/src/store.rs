@@ -15,7 +15,7 @@ use dataflow::{
 
 use crate::{
     GcMode, LakeError, folder::is_published, history, lake::Lake, newest::Newest, published,
-    repair, repeats::RepeatedRun, shared::Shared, staging::UnitInProgress,
+    repair, repeated_runs::RepeatedRun, shared::Shared, staging::UnitInProgress,
 };
 
 impl Lake {
@@ -139,7 +139,7 @@ impl Store for Lake {
         self.records.invalidate();
         self.cache
             .enter(pipeline, &self.records.stamps, &self.blobs.stamps)?;
-        self.changing.enter(pipeline);
+        self.changing.reset_progress(pipeline);
         Ok(())
     }
 
@@ -309,10 +309,13 @@ impl Store for Lake {
         let published_of = |newest: &mut Newest| newest.published.get(&node.name).cloned();
         let before = self.cache.with(pipeline, published_of);
         let published = published::publish(self, pipeline, node, made, before.as_ref());
-        let published = self.changing.note(pipeline, Some(&node.name), published)?;
+        let published = self
+            .changing
+            .record_result(pipeline, Some(&node.name), published)?;
         if let Some(published) = published {
-            self.cache
-                .with(pipeline, |newest| newest.show(&node.name, published));
+            self.cache.with(pipeline, |newest| {
+                newest.set_published(&node.name, published)
+            });
         }
         Ok(())
     }
@@ -324,9 +327,9 @@ impl Store for Lake {
             .cache
             .with(pipeline, |newest| newest.published_by_others(is_kept));
         let retired = published::retire(self, pipeline, &is_kept, &old);
-        self.changing.note(pipeline, None, retired)?;
+        self.changing.record_result(pipeline, None, retired)?;
         let names = kept.iter().map(|node| &node.name);
-        self.changing.has(pipeline, names);
+        self.changing.set_nodes(pipeline, names);
         self.cache.with(pipeline, |newest| newest.retire(is_kept));
         Ok(())
     }

@@ -17,11 +17,10 @@ use crate::{
     atomic::{self, io_error},
     digests::{OnBytes, check_digests},
     folder::{files_below, names_in},
-    irreplaceable,
     lake::Lake,
     newest::Newest,
     records::Stored,
-    repair, sealed, snapshot,
+    repair, replicated_files, sealed, snapshot,
 };
 
 /// What is said of a pipe, a folder or a broken link.
@@ -75,11 +74,11 @@ impl Lake {
                 .filter_map(|name| name.parse().ok())
                 .collect(),
         };
-        verifier.blobs(on_bytes)?;
-        verifier.records()?;
-        verifier.replicated()?;
-        verifier.newest()?;
-        verifier.sealed(&self.folder.sources());
+        verifier.check_blobs(on_bytes)?;
+        verifier.check_records()?;
+        verifier.check_replicated()?;
+        verifier.check_newest()?;
+        verifier.check_sealed(&self.folder.sources());
         verifier.check_published()?;
         verifier.verified.faults.sort();
         Ok(verifier.verified)
@@ -180,7 +179,7 @@ impl Verifier<'_> {
         });
     }
 
-    fn blobs(&mut self, on_bytes: &OnBytes) -> Result<(), LakeError> {
+    fn check_blobs(&mut self, on_bytes: &OnBytes) -> Result<(), LakeError> {
         let mut files = Vec::new();
         for path in files_below(&self.lake.folder.blobs())? {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
@@ -207,7 +206,7 @@ impl Verifier<'_> {
         Ok(())
     }
 
-    fn records(&mut self) -> Result<(), LakeError> {
+    fn check_records(&mut self) -> Result<(), LakeError> {
         let records = &self.lake.records;
         for path in files_below(&self.lake.folder.units())? {
             let Some(stored) = self.sealed_as::<Stored>(&path) else {
@@ -251,10 +250,10 @@ impl Verifier<'_> {
     }
 
     /// Checks the files with backup copies, and the copies.
-    fn replicated(&mut self) -> Result<(), LakeError> {
+    fn check_replicated(&mut self) -> Result<(), LakeError> {
         let lake = self.lake;
         let runs = lake.folder.runs();
-        for (path, check) in irreplaceable::all(lake)? {
+        for (path, check) in replicated_files::all(lake)? {
             let is_run = path.starts_with(&runs);
             self.replicas_of(&path, &|path, bytes| {
                 check(lake, path, bytes)?;
@@ -284,7 +283,7 @@ impl Verifier<'_> {
             };
             self.verified.n_files += 1;
             self.verified.n_bytes += bytes.len() as u64;
-            self.expect(path, check(path, &bytes));
+            self.report_unless_ok(path, check(path, &bytes));
         }
         // The copy is written second, so that it may not exist yet.
         if !path.exists() && copy.exists() {
@@ -299,7 +298,7 @@ impl Verifier<'_> {
         }
     }
 
-    fn newest(&mut self) -> Result<(), LakeError> {
+    fn check_newest(&mut self) -> Result<(), LakeError> {
         let folder = self.lake.folder.newest();
         for name in names_in(&folder)? {
             let path = folder.join(name);
@@ -321,7 +320,7 @@ impl Verifier<'_> {
     }
 
     /// Checks a sealed file, if it exists.
-    fn sealed(&mut self, path: &Path) {
+    fn check_sealed(&mut self, path: &Path) {
         if path.exists() {
             let _value: Option<IgnoredAny> = self.sealed_as(path);
         }
@@ -339,14 +338,14 @@ impl Verifier<'_> {
                 None
             }
             Err(err) => {
-                self.expect(path, Err(err));
+                self.report_unless_ok(path, Err(err));
                 None
             }
         }
     }
 
-    /// Reports the fault of a file that was read.
-    fn expect(&mut self, path: &Path, read: Result<(), LakeError>) {
+    /// Reports the fault of a file that was read, if it has one.
+    fn report_unless_ok(&mut self, path: &Path, read: Result<(), LakeError>) {
         match read {
             Ok(()) => {}
             Err(LakeError::Damaged { path: at }) if at == path => {

@@ -21,7 +21,7 @@ use spatial::Table;
 
 pub use self::rates::{HandDerivative, HandMotionState};
 use self::{
-    activation::{Order, Start, activate, add_product},
+    activation::{DerivativeLevel, Start, activate, add_product},
     number::Number,
 };
 use crate::{
@@ -143,7 +143,8 @@ impl<T: Number> Decoder<T> {
         latents: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Vec<Vec<HandState<Table>>>, CgfError> {
-        self.motions(feature, latents, times, Order::Values, &|[outputs, ..]| {
+        let level = DerivativeLevel::Values;
+        self.motions(feature, latents, times, level, &|[outputs, ..]| {
             let outputs = outputs.iter().zip(self.scale.iter().zip(&self.shift));
             let mut numbers: Vec<f64> = outputs
                 .map(|(y, (scale, shift))| y.to_f64() * scale + shift)
@@ -165,8 +166,8 @@ impl<T: Number> Decoder<T> {
         latents: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Vec<Vec<HandMotionState>>, CgfError> {
-        let order = Order::Derivatives;
-        self.motions(feature, latents, times, order, &|[
+        let level = DerivativeLevel::Derivatives;
+        self.motions(feature, latents, times, level, &|[
             values,
             firsts,
             seconds,
@@ -186,13 +187,13 @@ impl<T: Number> Decoder<T> {
     }
 
     /// Decodes block by block; `finish` makes the hand of one time's products: values, and first and
-    /// second derivatives if `order` asks for them.
+    /// second derivatives if `level` asks for them.
     fn motions<G: Send>(
         &self,
         feature: &ObjectFeature,
         latents: &[Vec<f64>],
         times: &[f64],
-        order: Order,
+        level: DerivativeLevel,
         finish: &(dyn Fn([&[T]; 3]) -> Option<G> + Sync),
     ) -> Result<Vec<Vec<G>>, CgfError> {
         if times.is_empty() {
@@ -209,7 +210,7 @@ impl<T: Number> Decoder<T> {
                     per_time: &self.per_time,
                     times: &times,
                 };
-                let mut hands = self.hands(&start, order, finish)?.into_iter();
+                let mut hands = self.hands(&start, level, finish)?.into_iter();
                 let motions = latents
                     .iter()
                     .map(|_| hands.by_ref().take(times.len()).collect());
@@ -255,26 +256,26 @@ impl<T: Number> Decoder<T> {
     fn hands<G>(
         &self,
         start: &Start<'_, T>,
-        order: Order,
+        level: DerivativeLevel,
         finish: &(dyn Fn([&[T]; 3]) -> Option<G> + Sync),
     ) -> Result<Vec<G>, CgfError> {
         let rows = start.rows();
-        let blocks = order.blocks();
+        let blocks = level.blocks();
         let mut inputs = vec![Sparse::default(); PATCHES * blocks];
         let mut products: Vec<Row<T>> = Vec::new();
         let mut hands = Vec::with_capacity(rows);
         for first in (0..rows).step_by(PATCHES * LANES) {
             let n = (rows - first).min(PATCHES * LANES);
             let inputs = &mut inputs[..n.div_ceil(LANES) * blocks];
-            start.layer(self.activation, first, order, inputs);
+            start.layer(self.activation, first, level, inputs);
             for (idx, layer) in self.layers.iter().enumerate() {
                 products.resize(inputs.len() * layer.bias.len(), [T::zero(); LANES]);
                 T::project(&layer.weights, inputs, &layer.zeros, &mut products);
                 if idx + 1 < self.layers.len() {
-                    activate(self.activation, &products, &layer.bias, order, inputs);
+                    activate(self.activation, &products, &layer.bias, level, inputs);
                 }
             }
-            self.read(&products, n, order, &mut hands, finish)?;
+            self.read(&products, n, level, &mut hands, finish)?;
         }
         Ok(hands)
     }
@@ -284,7 +285,7 @@ impl<T: Number> Decoder<T> {
         &self,
         products: &[Row<T>],
         n: usize,
-        order: Order,
+        level: DerivativeLevel,
         hands: &mut Vec<G>,
         finish: &(dyn Fn([&[T]; 3]) -> Option<G> + Sync),
     ) -> Result<(), CgfError> {
@@ -293,8 +294,8 @@ impl<T: Number> Decoder<T> {
             name: "decoder".to_owned(),
             what: "a decoded rotation",
         };
-        let mut numbers = vec![T::zero(); order.blocks() * width];
-        let patches = products.chunks_exact(order.blocks() * width);
+        let mut numbers = vec![T::zero(); level.blocks() * width];
+        let patches = products.chunks_exact(level.blocks() * width);
         let rows = patches.flat_map(|patch| (0..LANES).map(move |lane| (patch, lane)));
         for (patch, lane) in rows.take(n) {
             for (number, channel) in numbers.iter_mut().zip(patch) {

@@ -7,7 +7,7 @@
 //! orientation: points and palm are in the table frame, z up, so that it knows where the table is.
 //! Weights and noise come from our own seeded generator and every sum has a fixed order: equal
 //! arguments give equal bytes on any number of threads of one machine.
-//! [`grasp_tta`] is a rival of it, a grasp from networks of its own.
+//! [`grasp_tta`] is a baseline for it, a grasp from networks of its own.
 //! This crate depends on candle, but not on stages, tables or physics.
 
 mod adam;

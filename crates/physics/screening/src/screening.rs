@@ -227,7 +227,7 @@ impl<'a> Screening<'a> {
         verdicts.collect()
     }
 
-    /// Carries out one motion, with its pose noise and error. Equal arguments give an equal rollout, alone or among
+    /// Executes one motion, with its pose noise and error. Equal arguments give an equal rollout, alone or among
     /// others.
     ///
     /// # Errors
@@ -242,7 +242,7 @@ impl<'a> Screening<'a> {
     ) -> Result<Rollout, SimulationError> {
         let settled = scenes.0[self.pose_of[idx]].as_ref();
         let settled = settled.ok_or(SimulationError::Unsettled)?;
-        let motion = self.in_order(idx)?.moved(&self.off(idx));
+        let motion = self.in_order(idx)?.moved(&self.pose_offset(idx));
         settled.rollout(&motion, self.options.protocol, record)
     }
 
@@ -268,7 +268,7 @@ impl<'a> Screening<'a> {
     }
 
     /// Returns how far a motion is off in the object's frame, by pose noise and error.
-    fn off(&self, idx: usize) -> Pose<Object, Object> {
+    fn pose_offset(&self, idx: usize) -> Pose<Object, Object> {
         let ScreeningOptions {
             pose_noise,
             pose_error,

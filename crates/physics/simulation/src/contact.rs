@@ -195,13 +195,13 @@ mod tests {
     use rapier3d::prelude::{ColliderBuilder, RigidBodyBuilder};
 
     use super::*;
-    use crate::{testing, units::length};
+    use crate::{fixture, units::length};
 
     /// A palm bears the weight of a cube on it, and about a point 10 cm beside it that weight's torque.
     #[test]
     fn palm_bears_the_weight_of_what_lies_on_it() {
         for substeps in [1, 4] {
-            let mut scene = testing::scene();
+            let mut scene = fixture::scene();
             scene.substeps = substeps;
             let mut world = World::empty(&scene);
             let palm = world
@@ -214,7 +214,7 @@ mod tests {
                 palm,
                 &mut world.bodies,
             );
-            let cube = testing::cube();
+            let cube = fixture::cube();
             let above = Pose::identity().translated(&Vector3::new(0.0, 0.0, 0.01 + 0.025));
             let object = cube.insert(&mut world, &scene, &above).unwrap();
             for _ in 0..250 {

@@ -632,7 +632,7 @@ mod tests {
 
     use super::*;
     use crate::{
-        testing,
+        fixture,
         units::{linear_stiffness, mass},
     };
 
@@ -711,7 +711,7 @@ mod tests {
 
     #[test]
     fn a_finger_presses_with_its_torque_limit_and_never_more() {
-        let mut scene = testing::scene();
+        let mut scene = fixture::scene();
         scene.friction = 0.0;
         let [q, most, force_n] = pressing(FINGER, &scene, 1.5);
         let limit = scene.drive.torque_limit;
@@ -722,7 +722,7 @@ mod tests {
 
     #[test]
     fn a_sliding_finger_presses_with_its_force_limit_and_never_more() {
-        let mut scene = testing::scene();
+        let mut scene = fixture::scene();
         scene.friction = 0.0;
         let turning = r#"type="revolute">
           <parent link="palm"/><child link="rod"/><axis xyz="0 1 0"/>"#;
@@ -741,7 +741,7 @@ mod tests {
 
     #[test]
     fn a_free_finger_reaches_its_command_and_stops_there() {
-        let scene = testing::scene();
+        let scene = fixture::scene();
         let (mut world, hand) = finger(&scene);
         hand.place(&mut world, &Pose::identity(), &[-0.4]);
         for _ in 0..250 {
@@ -754,7 +754,7 @@ mod tests {
 
     #[test]
     fn a_halted_palm_makes_no_difference_to_its_fingers() {
-        let scene = testing::scene();
+        let scene = fixture::scene();
         let (mut world, hand) = finger(&scene);
         hand.place(&mut world, &Pose::identity(), &[-0.4]);
         let mut halted = world.fork();
@@ -775,7 +775,7 @@ mod tests {
 
     #[test]
     fn a_command_beyond_an_end_stop_ends_there() {
-        let scene = testing::scene();
+        let scene = fixture::scene();
         let (mut world, hand) = finger(&scene);
         hand.place(&mut world, &Pose::identity(), &[1.4]);
         for _ in 0..250 {
@@ -813,7 +813,7 @@ mod tests {
         ]
         .concat();
         let end_m = |fingers_touch_palm: bool| {
-            let mut scene = testing::scene();
+            let mut scene = fixture::scene();
             scene.fingers_touch_palm = fingers_touch_palm;
             let (mut world, hand) = of_urdf(&scene, &urdf);
             hand.place(&mut world, &Pose::identity(), &[0.0, 0.0]);
@@ -831,7 +831,7 @@ mod tests {
 
     #[test]
     fn the_palm_arrives_however_it_is_turned() {
-        let scene = testing::scene();
+        let scene = fixture::scene();
         let (mut world, hand) = finger(&scene);
         let turns =
             [0.0, 1.0, 2.5, 3.1].map(|angle| Vector3::new(0.3, -1.0, 0.5).normalize() * angle);

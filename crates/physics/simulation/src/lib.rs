@@ -21,6 +21,8 @@ mod contact;
 mod desired;
 mod episode;
 mod error;
+#[cfg(test)]
+mod fixture;
 mod hand;
 mod judge;
 mod object;
@@ -35,8 +37,6 @@ mod script;
 mod settings;
 mod settled_scene;
 mod shortcuts;
-#[cfg(test)]
-mod testing;
 mod units;
 mod world;
 

@@ -160,16 +160,16 @@ mod tests {
 
     use super::*;
     use crate::{
-        testing,
+        fixture,
         units::{length, rotation, vector_in_meters},
     };
 
     #[test]
     fn falls_by_half_g_t_squared() {
-        let scene = testing::scene();
+        let scene = fixture::scene();
         let mut world = World::empty(&scene);
         let start = Pose::identity().translated(&Vector3::new(0.0, 0.0, 10.0));
-        let body = testing::cube().insert(&mut world, &scene, &start).unwrap();
+        let body = fixture::cube().insert(&mut world, &scene, &start).unwrap();
         let steps = 250;
         for _ in 0..steps {
             world.step().unwrap();
@@ -188,7 +188,7 @@ mod tests {
     /// Returns the distance in meters that a cube slides down a slope in half a second, after half a
     /// second of rest.
     fn slide_m(friction: f64, slope_rad: f64) -> f64 {
-        let mut scene = testing::scene();
+        let mut scene = fixture::scene();
         scene.friction = friction;
         let mut world = World::empty(&scene);
         let tilt = UnitQuaternion::from_axis_angle(&Vector3::y_axis(), slope_rad);
@@ -203,7 +203,7 @@ mod tests {
             &mut world.bodies,
         );
         let on_top = Pose::from_parts(tilt * Vector3::new(0.0, 0.0, 0.5252), tilt);
-        let body = testing::cube().insert(&mut world, &scene, &on_top).unwrap();
+        let body = fixture::cube().insert(&mut world, &scene, &on_top).unwrap();
         let place = |world: &mut World| {
             for _ in 0..125 {
                 world.step().unwrap();

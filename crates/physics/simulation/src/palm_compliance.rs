@@ -141,7 +141,7 @@ impl Holder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::testing;
+    use crate::fixture;
 
     const STEP_S: f64 = 0.004;
 
@@ -149,7 +149,7 @@ mod tests {
     fn pushed(load: PalmLoad, steps_n: usize) -> Vec<[Deviation; 2]> {
         let scene = SceneConfig {
             palm_compliance: Some(PalmComplianceConfig::default()),
-            ..testing::scene()
+            ..fixture::scene()
         };
         let mut palm = CompliantPalm::at_rest(&scene, Pose::identity()).unwrap();
         let mut step = || {
@@ -206,7 +206,7 @@ mod tests {
     fn the_path_between_two_control_steps_is_even() {
         let scene = SceneConfig {
             palm_compliance: Some(PalmComplianceConfig::default()),
-            ..testing::scene()
+            ..fixture::scene()
         };
         let mut palm = CompliantPalm::at_rest(&scene, Pose::identity()).unwrap();
         let turn = |angle: f64| UnitQuaternion::from_scaled_axis(Vector3::y() * angle);

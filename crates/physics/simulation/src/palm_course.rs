@@ -184,7 +184,7 @@ mod tests {
     use super::*;
     use crate::{
         config::{ControllerKind, Protocol},
-        testing,
+        fixture,
     };
 
     /// A palm with one finger.
@@ -205,7 +205,7 @@ mod tests {
 
     /// A hand that goes along x and turns about z, each at constant speed.
     fn course(controller: ControllerKind, drive: PalmDriveConfig) -> (PalmCourse, Script) {
-        let mut scene = testing::scene();
+        let mut scene = fixture::scene();
         scene.drive.controller = controller;
         let hand = hand();
         let protocol = Protocol {
@@ -252,7 +252,7 @@ mod tests {
     fn pd_lags_by_damping_over_stiffness_times_the_speed_and_a_reference_does_not() {
         let drive = PalmDriveConfig::default();
         // A command is that of the end of its control step, and so half a step early.
-        let early_s = testing::scene().control_step_s() / 2.0;
+        let early_s = fixture::scene().control_step_s() / 2.0;
         let time_s = drive.damping_ns_per_m / drive.stiffness_n_per_m - early_s;
         let [translation_m, rotation_rad] = lag(ControllerKind::Pd);
         let expected = time_s * SPEED_M_PER_S;
@@ -292,7 +292,7 @@ mod tests {
         let hand = DynamicsModel::new(&hand());
         let inertia = hand.free_mass_matrix(&script.start.hand.q_rad).unwrap();
         let inertia_kg_m2 = (3..6).map(|axis| inertia[(axis, axis)]).sum::<f64>() / 3.0;
-        let step_s = testing::scene().time_step_s;
+        let step_s = fixture::scene().time_step_s;
         let mut most = [0.0_f64; 2];
         for three in course.poses.windows(3) {
             let acceleration = |coordinate: fn(&Pose<Object, Palm>) -> f64| {

@@ -4,7 +4,7 @@ use robot::RobotModel;
 use simulation::{ObjectShape, SceneConfig, SettledScene, SimulationError};
 use spatial::{Object, Pose, RestingPose, Table};
 
-/// One settled scene for each way in which an object lies.
+/// One settled scene per resting pose.
 pub struct Scenes(Vec<(Pose<Table, Object>, SettledScene)>);
 
 impl Scenes {

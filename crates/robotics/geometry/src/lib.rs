@@ -35,7 +35,7 @@ mod sample;
 mod single;
 mod size;
 mod stl;
-mod table;
+mod table_plane;
 mod winding;
 
 pub use distance::{NearestPoint, SurfaceDistance};
@@ -49,4 +49,4 @@ pub use read::MeshFormat;
 pub use repair::Repairs;
 pub use rests::{StablePose, stable_rests};
 pub use size::OBJECT_SIDES_M;
-pub use table::{StillObject, TablePlane, table_plane};
+pub use table_plane::{StillObject, TablePlane, table_plane};

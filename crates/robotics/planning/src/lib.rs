@@ -48,14 +48,14 @@
 //! cells, files or the lake, and it searches for no other path than the given one.
 
 mod arm;
+#[cfg(test)]
+mod fixture;
 mod grasp_motion;
 mod infeasible;
 mod limit_excess;
 mod limits;
 mod planner;
 mod rates;
-#[cfg(test)]
-mod testing;
 mod time_scaling;
 mod timing;
 

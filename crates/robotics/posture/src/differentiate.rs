@@ -5,17 +5,17 @@ use nalgebra::{Matrix3, Vector3};
 use crate::{
     compiled::Root,
     evaluate::{Evaluation, NOBODY, State, columns},
-    moments::{Moments, Order, SpatialVector},
+    moments::{HessianForm, Moments, SpatialVector},
     task::Task,
 };
 
 impl Evaluation<'_> {
     /// Computes the derivatives at the posture whose cost was last computed, which is `state`.
-    pub(crate) fn differentiate(&mut self, state: &State, task: &Task<'_>, order: Order) {
+    pub(crate) fn differentiate(&mut self, state: &State, task: &Task<'_>, form: HessianForm) {
         self.gradient.fill(0.0);
         self.hessian.fill(0.0);
-        self.gather(order);
-        self.joints(order);
+        self.gather(form);
+        self.joints(form);
         if self.hand.layout.n_root > 0 {
             self.root_block(state, task);
         }
@@ -90,15 +90,15 @@ impl Evaluation<'_> {
     /// Gathers the moments of each body's own terms.
     ///
     /// Afterwards `carriers` names, for each body, whose memory holds its moments so far.
-    fn gather(&mut self, order: Order) {
+    fn gather(&mut self, form: HessianForm) {
         self.carriers.fill(NOBODY);
         for pull in &self.pulls {
-            let curvature = match order {
-                Order::Exact => &pull.curvature,
-                Order::Convex => &pull.convex,
+            let curvature = match form {
+                HessianForm::Exact => &pull.curvature,
+                HessianForm::Convex => &pull.convex,
             };
             let moments = own(&mut self.moments, &mut self.carriers, pull.body);
-            moments.add_point(&pull.r, &pull.slope, curvature, order);
+            moments.add_point(&pull.r, &pull.slope, curvature, form);
         }
         for residual in &self.residuals {
             let Some(point) = self.hand.points.get(residual.point) else {
@@ -109,12 +109,12 @@ impl Evaluation<'_> {
             let curvature = 2.0 * residual.weight * residual.weight;
             let slope = curvature * residual.residual;
             let moments = own(&mut self.moments, &mut self.carriers, point.body);
-            moments.add_line(&r, &residual.gradient_in_object, slope, curvature, order);
+            moments.add_line(&r, &residual.gradient_in_object, slope, curvature, form);
         }
     }
 
     /// Adds what every joint and pair of joints says, from the tips to the root.
-    fn joints(&mut self, order: Order) {
+    fn joints(&mut self, form: HessianForm) {
         let hand = self.hand;
         let layout = &hand.layout;
         let turns = self.root_turns();
@@ -131,7 +131,7 @@ impl Evaluation<'_> {
             let twist = &self.twists[idx];
             let unknown = layout.unknowns[idx];
             self.gradient[unknown] += body.multiplier * moments.slope(twist);
-            let change = moments.curvature(twist, order);
+            let change = moments.curvature(twist, form);
             if layout.n_root > 0 {
                 let turn = match &turns {
                     Some(turns) => turns.tr_mul(&change.angular),

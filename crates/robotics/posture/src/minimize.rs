@@ -7,7 +7,7 @@ use crate::{
     arrow::{LinearSolver, eliminator},
     compiled::{CompiledHand, Root},
     evaluate::{Evaluation, Posed, State},
-    moments::Order,
+    moments::HessianForm,
     pairs::PairFactors,
     posture::{Posture, RootPose},
     task::{Task, Terms},
@@ -166,7 +166,7 @@ impl<'a> Solver<'a> {
                 expected: evaluation.gradient.len(),
             });
         }
-        evaluation.differentiate(&self.state, task, Order::Exact);
+        evaluation.differentiate(&self.state, task, HessianForm::Exact);
         let layout = &evaluation.hand.layout;
         let (root, joints) = gradient.split_at_mut(layout.n_root);
         root.copy_from_slice(&evaluation.gradient[..layout.n_root]);
@@ -213,8 +213,8 @@ impl<'a> Solver<'a> {
         terms: &mut T,
     ) -> SearchOutcome {
         let mut cost = self.evaluation.cost(&self.state, task, terms);
-        let mut order = Order::Exact;
-        self.evaluation.differentiate(&self.state, task, order);
+        let mut form = HessianForm::Exact;
+        self.evaluation.differentiate(&self.state, task, form);
         let mut damping = 0.0;
         // Whether the evaluation is that of the state, not of a trial that failed.
         let mut is_current = true;
@@ -226,13 +226,13 @@ impl<'a> Solver<'a> {
         };
         while outcome.iterations < options.max_iterations && damping < MAX_DAMPING {
             let Some(predicted) = self.bounded_step(damping, options.root_motion) else {
-                if order == Order::Exact {
+                if form == HessianForm::Exact {
                     if !is_current {
                         self.evaluation.cost(&self.state, task, terms);
                         is_current = true;
                     }
-                    order = Order::Convex;
-                    self.evaluation.differentiate(&self.state, task, order);
+                    form = HessianForm::Convex;
+                    self.evaluation.differentiate(&self.state, task, form);
                 } else {
                     damping = (damping * 10.0).max(FIRST_DAMPING);
                 }
@@ -263,7 +263,7 @@ impl<'a> Solver<'a> {
                     }
                 }
                 // Near the end the Hessian hardly changes, and the current one suffices.
-                let is_near = order == Order::Exact
+                let is_near = form == HessianForm::Exact
                     && damping == 0.0
                     && (share - 1.0).abs() < SHARE_TOLERANCE;
                 if is_near
@@ -275,8 +275,8 @@ impl<'a> Solver<'a> {
                     outcome.converged = true;
                     break;
                 }
-                order = Order::Exact;
-                self.evaluation.differentiate(&self.state, task, order);
+                form = HessianForm::Exact;
+                self.evaluation.differentiate(&self.state, task, form);
             } else {
                 is_current = false;
                 damping = (damping * 8.0).max(FIRST_DAMPING);

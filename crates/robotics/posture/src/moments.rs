@@ -31,9 +31,9 @@ pub(crate) struct SpatialVector {
     pub(crate) angular: Vector3<f64>,
 }
 
-/// Whether second derivatives of points by joints count.
+/// Which form of the Hessian is computed: whether second derivatives of points by joints count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Order {
+pub(crate) enum HessianForm {
     /// They do: the exact second derivative, which may not be positive definite.
     Exact,
     /// They do not (Gauss-Newton), and losses count by parabolas above them.
@@ -57,7 +57,7 @@ impl Moments {
         r: &Vector3<f64>,
         slope: &Vector3<f64>,
         curvature: &Vector3<f64>,
-        order: Order,
+        form: HessianForm,
     ) {
         let (x, y, z) = (r.x, r.y, r.z);
         let (a, b, c) = (curvature.x, curvature.y, curvature.z);
@@ -83,7 +83,7 @@ impl Moments {
         self.angular[(2, 0)] -= xz;
         self.angular[(1, 2)] -= yz;
         self.angular[(2, 1)] -= yz;
-        self.add_slope(r, slope, order);
+        self.add_slope(r, slope, form);
     }
 
     /// Adds a term at a point `r` with this slope, and with this curvature along its direction.
@@ -93,20 +93,20 @@ impl Moments {
         direction: &Vector3<f64>,
         slope: f64,
         curvature: f64,
-        order: Order,
+        form: HessianForm,
     ) {
         let arm = r.cross(direction);
         self.linear += direction * direction.transpose() * curvature;
         self.mixed += direction * arm.transpose() * curvature;
         self.angular += arm * arm.transpose() * curvature;
-        self.add_slope(r, &(direction * slope), order);
+        self.add_slope(r, &(direction * slope), form);
     }
 
     #[inline]
-    fn add_slope(&mut self, r: &Vector3<f64>, slope: &Vector3<f64>, order: Order) {
+    fn add_slope(&mut self, r: &Vector3<f64>, slope: &Vector3<f64>, form: HessianForm) {
         self.force += slope;
         self.moment += r.cross(slope);
-        if order == Order::Exact {
+        if form == HessianForm::Exact {
             // u · (w × r)' = (u above) · (r slopeᵀ − (r · slope)) w.
             let dot = r.dot(slope);
             self.angular += r * slope.transpose();
@@ -134,10 +134,10 @@ impl Moments {
 
     /// Returns the change of force and moment with a motion, as motions above it see it.
     #[inline]
-    pub(crate) fn curvature(&self, motion: &SpatialVector, order: Order) -> SpatialVector {
+    pub(crate) fn curvature(&self, motion: &SpatialVector, form: HessianForm) -> SpatialVector {
         let linear = self.linear * motion.linear + self.mixed * motion.angular;
         let mut angular = self.mixed.tr_mul(&motion.linear) + self.angular * motion.angular;
-        if order == Order::Exact {
+        if form == HessianForm::Exact {
             angular += motion.linear.cross(&self.force);
         }
         SpatialVector { linear, angular }

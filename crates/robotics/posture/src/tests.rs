@@ -7,7 +7,7 @@ use spatial::{Palm, Pose};
 
 use crate::{
     evaluate::{Evaluation, State},
-    moments::Order,
+    moments::HessianForm,
     *,
 };
 
@@ -271,7 +271,7 @@ fn check_derivatives(case: &Case, root: Root, loss: Loss) -> Result<(), TestCase
     let mut at = |step: &[f64]| {
         let state = moved(&hand, &state, step);
         let cost = evaluation.cost(&state, &task, &mut terms);
-        evaluation.differentiate(&state, &task, Order::Exact);
+        evaluation.differentiate(&state, &task, HessianForm::Exact);
         let (gradient, hessian) = derivatives(&evaluation);
         evaluation.slopes(&state, &task);
         let alone = DVector::from_column_slice(&evaluation.gradient);
@@ -431,7 +431,7 @@ proptest! {
         let mut rods_at = |step: &[f64]| {
             let state = moved(&hand, &state, step);
             let cost = evaluation.cost(&state, &EMPTY_TASK, &mut rods);
-            evaluation.differentiate(&state, &EMPTY_TASK, Order::Exact);
+            evaluation.differentiate(&state, &EMPTY_TASK, HessianForm::Exact);
             let residuals = evaluation.pair_residuals.iter().map(|pair| pair.residual);
             let residuals: Vec<f64> = residuals.collect();
             let (gradient, hessian) = derivatives(&evaluation);
@@ -469,7 +469,7 @@ proptest! {
         solver.state.root = case.at.root;
         solver.state.q = hand.layout.joints.iter().map(|&j| case.at.q[j]).collect();
         solver.evaluation.cost(&solver.state, &task, &mut Rods([0.05, 0.2, 0.1]));
-        solver.evaluation.differentiate(&solver.state, &task, Order::Convex);
+        solver.evaluation.differentiate(&solver.state, &task, HessianForm::Convex);
         let (gradient, hessian) = derivatives(&solver.evaluation);
         solver.bounded_step(0.0, RootMotion::Free).unwrap();
         let step = DVector::from_column_slice(&solver.step);

@@ -51,7 +51,7 @@ mod hand_layout;
 mod jacobian;
 mod joint_order;
 mod model;
-mod near;
+mod near_names;
 mod penetration;
 mod self_collision;
 mod shape_pairs;

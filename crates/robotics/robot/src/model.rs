@@ -1,13 +1,13 @@
-//! A robot hand as a tree of links.
+//! A robot: links in a tree, moved by joints.
 
 use std::sync::Arc;
 
 use nalgebra::{Matrix3, Point3, Translation3, Unit, Vector3};
 use spatial::Pose;
 
-use crate::{ConvexBody, Finding, RobotError, near::near_names, urdf};
+use crate::{ConvexBody, Finding, RobotError, near_names::near_names, urdf};
 
-/// A robot hand: links in a tree, moved by joints.
+/// A robot: links in a tree, moved by joints.
 #[derive(Debug, Clone, PartialEq)]
 pub struct RobotModel {
     pub(crate) name: String,

@@ -8,7 +8,7 @@ use dataflow::{
     Stage, Sum, Unit,
 };
 use hand_files::HandFiles;
-use lake::{Beside, ReadInputs, WriteArtifact};
+use lake::{ReadInputs, SiblingTable, WriteArtifact};
 use motion::Motion;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -82,7 +82,7 @@ impl Stage for CemMpc {
     const KIND: &'static str = "cem_mpc";
     const ABOUT: &'static str = "Controls the hand to the grasp of each motion, in simulation";
     const INPUTS: &'static [&'static str] = CemMpcInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table, and that the hand can be simulated as the options say.
     fn prepare(config: &CemMpcConfig) -> Result<(), BoxedDiagnostic> {

@@ -17,8 +17,8 @@ use spatial::RestingPose;
 
 use crate::{
     EigengraspConfig,
+    annealing_run::{FinishedGrasp, Run, RunResult},
     basis::Basis,
-    run::{FinishedGrasp, Run, RunResult},
 };
 
 /// Anneals grasps in the space of eigengrasps, and reaches for them.

@@ -12,6 +12,7 @@
 //! generator alike.
 
 mod annealing;
+mod annealing_run;
 mod basis;
 mod config;
 mod eigengrasp;
@@ -21,7 +22,6 @@ mod error;
 mod fixture;
 mod hull;
 mod quality;
-mod run;
 mod variables;
 
 pub use config::EigengraspConfig;

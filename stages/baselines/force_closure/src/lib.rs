@@ -1,4 +1,4 @@
-//! Fingertip grasps by optimization: the rival without any demonstration in its grasps.
+//! Fingertip grasps by optimization: the baseline without any demonstration in its grasps.
 //!
 //! From a random palm about the object whose fingers close on it, the hand is moved so that its fingertips touch the
 //! object where the min-weight metric of their contacts is greatest (Li, Culbertson, Burdick and Ames, *`FRoGGeR`: Fast

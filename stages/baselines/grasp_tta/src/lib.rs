@@ -1,5 +1,5 @@
 //! Grasp synthesis with test-time adaptation (Jiang, Liu, Wang and Wang, *Hand-Object Contact Consistency Reasoning for
-//! Human Grasps Generation*, ICCV 2021), for a robot hand: the learned rival that makes grasps and no motions.
+//! Human Grasps Generation*, ICCV 2021), for a robot hand: the learned baseline that makes grasps and no motions.
 //!
 //! The first output, `grasp_networks`, is what is learned from the last steps of retargeted demonstrations; the second,
 //! `candidates`, has grasps drawn from it, each adapted to its object ([`cgf::grasp_tta`]), with the way to them that

@@ -3,7 +3,7 @@
 use dataflow::{
     BoxedDiagnostic, Context, Line, OptionsUsed, Outcome, Output, Outputs, Scope, Stage, Sum, Unit,
 };
-use lake::{Beside, WriteArtifact};
+use lake::{SiblingTable, WriteArtifact};
 use schemas::{
     Table,
     candidates::Candidates,
@@ -40,7 +40,7 @@ impl Stage for Interpolate {
     const KIND: &'static str = "interpolate";
     const ABOUT: &'static str = "Replaces each motion by the straight line between its ends";
     const INPUTS: &'static [&'static str] = InterpolateInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 }
 
 impl Output for Interpolate {

@@ -1,7 +1,7 @@
 //! The stage: one unit per object.
 
 use dataflow::{BoxedDiagnostic, Context, Line, Outcome, Output, Outputs, Scope, Stage, Sum, Unit};
-use lake::{Beside, WriteArtifact};
+use lake::{SiblingTable, WriteArtifact};
 use motion::{HandRates, Motion, MotionError, palm_acceleration};
 use schemas::{
     Table,
@@ -41,7 +41,7 @@ impl Stage for Replay {
     const KIND: &'static str = "replay";
     const ABOUT: &'static str = "Offers retargeted demonstrations as candidates";
     const INPUTS: &'static [&'static str] = ReplayInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 }
 
 impl Output for Replay {

@@ -8,7 +8,7 @@ use dataflow::{
 };
 use geometry::DistanceField;
 use hand_files::HandFiles;
-use lake::{Beside, ReadArtifact, WriteArtifact};
+use lake::{ReadArtifact, SiblingTable, WriteArtifact};
 use motion::Motion;
 use posture::{Environment, Hand};
 use rand::SeedableRng;
@@ -78,7 +78,7 @@ impl Stage for Rrt {
     const KIND: &'static str = "rrt";
     const ABOUT: &'static str = "Plans a way to the grasp of each motion by RRT-Connect";
     const INPUTS: &'static [&'static str] = RrtInputs::INPUTS;
-    const OUTPUTS: Outputs<Self> = &[&Self, &Beside::<Self, Draws>::OUTPUT];
+    const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 
     /// Checks the hand and its table.
     fn prepare(config: &RrtConfig) -> Result<(), BoxedDiagnostic> {

@@ -8,16 +8,25 @@ use motion::MotionError;
 #[non_exhaustive]
 pub enum TransferError {
     /// An object has no points or no resting orientation.
-    #[error("object `{object}` has no {lacks}")]
+    #[error("object `{object}` has no {missing}")]
     Incomplete {
         /// The object.
         object: String,
         /// The missing property.
-        lacks: &'static str,
+        missing: &'static str,
     },
     /// A motion has rates that are no numbers.
     #[error("a motion is too fast for its rates to be numbers")]
     Motion(#[from] MotionError),
 }
 
-impl Diagnostic for TransferError {}
+impl Diagnostic for TransferError {
+    fn hint(&self) -> Option<String> {
+        match self {
+            Self::Incomplete { .. } => Some(
+                "`pipeline inspect ingest.objects` shows its points and orientations".to_owned(),
+            ),
+            Self::Motion(_) => None,
+        }
+    }
+}

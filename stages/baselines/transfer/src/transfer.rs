@@ -195,7 +195,7 @@ fn means(
     if carried.is_empty() {
         return Err(TransferError::Incomplete {
             object: object.name.clone(),
-            lacks: "resting orientation",
+            missing: "resting orientation",
         });
     }
     Ok(carried)
@@ -209,11 +209,11 @@ fn nearest<'a>(
     trajectories: &[Trajectory],
 ) -> Result<&'a str, BoxedDiagnostic> {
     let sides_of = |object: &Object| {
-        let lacks = || TransferError::Incomplete {
+        let missing = || TransferError::Incomplete {
             object: object.name.clone(),
-            lacks: "points",
+            missing: "points",
         };
-        sides(&object.points_m).ok_or_else(lacks)
+        sides(&object.points_m).ok_or_else(missing)
     };
     let own = sides_of(object)?;
     let mut best: Option<(f64, &str)> = None;
@@ -241,22 +241,22 @@ fn carried<'a>(
     objects: &[Object],
     trajectories: impl Iterator<Item = &'a Trajectory>,
 ) -> Result<Vec<TransferredMotion>, TransferError> {
-    let lacks = |name: &str, lacks| TransferError::Incomplete {
+    let missing = |name: &str, missing| TransferError::Incomplete {
         object: name.to_owned(),
-        lacks,
+        missing,
     };
     let trajectories: Vec<&Trajectory> = trajectories.collect();
     let n = trajectories.len() as f64;
     let mut all = Vec::with_capacity(trajectories.len());
     for (idx, trajectory) in trajectories.into_iter().enumerate() {
         let source = objects.iter().find(|known| known.name == trajectory.object);
-        let source = source.ok_or_else(|| lacks(&trajectory.object, "row among the objects"))?;
+        let source = source.ok_or_else(|| missing(&trajectory.object, "row among the objects"))?;
         let rest = rest_at(object, (idx as f64 + 0.5) / n)
-            .ok_or_else(|| lacks(&object.name, "resting orientation"))?;
+            .ok_or_else(|| missing(&object.name, "resting orientation"))?;
         let from = object_from_footprint(&source.points_m, &trajectory.rest);
-        let from = from.ok_or_else(|| lacks(&source.name, "points"))?;
+        let from = from.ok_or_else(|| missing(&source.name, "points"))?;
         let to = object_from_footprint(&object.points_m, &rest)
-            .ok_or_else(|| lacks(&object.name, "points"))?;
+            .ok_or_else(|| missing(&object.name, "points"))?;
         let object_from_source = to * from.inverse();
         let motion = trajectory.motion.with_rates(|_| ())?;
         all.push(TransferredMotion {

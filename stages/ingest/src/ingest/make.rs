@@ -22,7 +22,7 @@ use crate::{
     mirror, objects, reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
-    rests, table,
+    rests, table_pose,
 };
 
 /// Name of the recording in a demonstration's artifact.
@@ -115,7 +115,7 @@ fn parts(
     cx: &Context,
 ) -> Result<(Demonstration, Vec<ImageAfterGrasp>), RecordingError> {
     let departure = reach::departure(recording, config)?;
-    let lying = table::lying(
+    let lying = table_pose::lying(
         recording,
         &departure.world_from_object,
         shapes,
@@ -130,7 +130,7 @@ fn parts(
         };
     }
     // A mesh that cannot be used is reported where the shape is made.
-    if let Some(found_m) = mesh.and_then(|mesh| table::lowest_m(mesh, &lying.rest))
+    if let Some(found_m) = mesh.and_then(|mesh| table_pose::lowest_m(mesh, &lying.rest))
         && found_m.abs() > config.max_table_error_m
     {
         return Err(RecordingError::OffTable { found_m });

@@ -19,7 +19,7 @@ use schemas::{
 };
 
 use super::{charts, measure::Measure};
-use crate::{Sample, SampleConfig, SampleError, inputs::order};
+use crate::{Sample, SampleConfig, SampleError, inputs::joint_order};
 
 /// Depth in the object, in meters, up to which a motion counts as clear of it before the grasp.
 const CLEAR_M: f64 = 0.005;
@@ -108,7 +108,7 @@ impl Output for SamplingReport {
             probe: PenetrationProbe {
                 collision_model: &CollisionModel::new(&hand).map_err(SampleError::from)?,
                 field: &field,
-                order: &order(&hand, &drawn.joints, "set of candidates")?,
+                order: &joint_order(&hand, &drawn.joints, "set of candidates")?,
             },
             shown: &shown,
         };

@@ -17,7 +17,7 @@ use schemas::{
 use super::SampleMetrics;
 use crate::{
     CheckpointWeights, SampleConfig, SampleError, SeenShape,
-    inputs::{hand_file, order},
+    inputs::{hand_file, joint_order},
     recording,
     rows::{draws_of, sampled_object},
 };
@@ -106,7 +106,7 @@ pub(super) fn make(
     };
     let order = hand.as_ref().map(|hand| {
         let joints = &cgf.description().joints;
-        order(&hand.model, joints, "grasping function")
+        joint_order(&hand.model, joints, "grasping function")
     });
     let order = order.transpose()?;
     let collision_model = hand

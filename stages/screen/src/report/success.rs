@@ -30,7 +30,7 @@ dataflow::metrics! {
         candidates_n: Sum,
         /// Number of draws made for them, refused ones included.
         draws_n: Sum,
-        /// Number of candidates that hold.
+        /// Number of candidates that succeed.
         accepted_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,
@@ -49,7 +49,7 @@ dataflow::metrics! {
     }
 }
 
-/// The report `success`: how often candidates hold.
+/// The report `success`: how often candidates succeed.
 pub struct SuccessReport;
 
 impl Output for SuccessReport {
@@ -126,7 +126,7 @@ fn touched(rollout: &Rollout) -> bool {
     }
 }
 
-/// Says how often candidates hold, of whichever object.
+/// Says how often candidates succeed, of whichever object.
 fn line(summary: &Summary<SuccessMetrics>) -> String {
     let all = &summary.metrics;
     let [by_candidate, by_draw] = [all.candidate_rate(), all.draw_rate()].map(|rate| 100.0 * rate);
@@ -263,12 +263,12 @@ impl SuccessMetrics {
         }
     }
 
-    /// Share of the candidates that hold.
+    /// Share of the candidates that succeed.
     fn candidate_rate(&self) -> f64 {
         self.accepted_n / self.candidates_n.max(1.0)
     }
 
-    /// Share of the draws that hold.
+    /// Share of the draws that succeed.
     fn draw_rate(&self) -> f64 {
         self.accepted_n / self.draws_n.max(1.0)
     }
@@ -281,7 +281,7 @@ fn objects(rows: &[Success]) -> Vec<String> {
     objects
 }
 
-/// Draws how often the candidates of each object hold, with the interval of each share.
+/// Draws how often the candidates of each object succeed, with the interval of each share.
 fn chart(rows: &[Success]) -> Option<String> {
     let objects = objects(rows);
     let rows = || rows.iter().filter(|row| row.verdicts.total_count() > 0);

@@ -23,7 +23,7 @@ use schemas::{
 use spatial::Palm;
 
 use super::{mean, of_function, shown, shown_split};
-use crate::{BySplit, Train, TrainConfig, TrainError, hand, set};
+use crate::{BySplit, Train, TrainConfig, TrainError, hand, training_set};
 
 /// Parts of a motion over which errors are shown.
 const PARTS: usize = 20;
@@ -108,7 +108,7 @@ impl Output for ReconstructionReport {
         cgf.check_hand(&hand.joint_names())
             .map_err(TrainError::from)?;
         let tips = tips(description, &hand)?;
-        let set = set::read(inputs, &hand.joint_names())?;
+        let set = training_set::read(inputs, &hand.joint_names())?;
         let known: BTreeMap<&str, &EncodedDemonstration> = description
             .demonstrations
             .iter()

@@ -248,8 +248,8 @@ mod tests {
         let published =
             BTreeMap::from([("files/own/split/parts/p0/data.bin".to_owned(), published)]);
         let mut newest = Newest::default();
-        newest.take_over(&units);
-        newest.show(&node, published.clone());
+        newest.merge_run(&units);
+        newest.set_published(&node, published.clone());
         let stamp_of = |asked: &Digest| (*asked == digest).then_some(stamp);
         let record_of = |asked: &Digest| (*asked == units[0].0.fingerprint).then_some(stamp);
         newest.write(&lake, &path, record_of, stamp_of).unwrap();

@@ -8,7 +8,7 @@
 //! runs/PIPELINE/NAME.json      the record of a run and those of all its units in one file
 //! differing/abcd…/NAME.json    records of units that came out differently than the first time
 //! claims/abcd…                 lakes that make units which move a robot: they never go
-//! messages/…                   orders to workers, and how they ended
+//! messages/…                   work items for workers, and how they ended
 //! logs/…                       what workers printed
 //! ```
 

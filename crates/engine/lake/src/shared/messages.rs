@@ -1,4 +1,4 @@
-//! Small files in the depot by which a run and its workers communicate: orders and their outcomes.
+//! Small files in the depot by which a run and its workers communicate: work items and their outcomes.
 
 use std::time::Duration;
 

@@ -75,14 +75,14 @@ impl Function for Silu {
 
 /// Whether derivatives go along with the values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Order {
+pub(super) enum DerivativeLevel {
     /// Values alone.
     Values,
     /// Values, then first, then second derivatives.
     Derivatives,
 }
 
-impl Order {
+impl DerivativeLevel {
     /// Returns the number of blocks of rows.
     pub(super) fn blocks(self) -> usize {
         match self {
@@ -98,12 +98,12 @@ pub(super) fn activate<T: Number>(
     activation: Activation,
     products: &[Row<T>],
     bias: &[T],
-    order: Order,
+    level: DerivativeLevel,
     outputs: &mut [Sparse<T>],
 ) {
     match activation {
-        Activation::Relu => between(Relu, products, bias, order, outputs),
-        Activation::Silu => between(Silu, products, bias, order, outputs),
+        Activation::Relu => between(Relu, products, bias, level, outputs),
+        Activation::Silu => between(Silu, products, bias, level, outputs),
     }
 }
 
@@ -111,14 +111,14 @@ fn between<T: Number, F: Function>(
     function: F,
     products: &[Row<T>],
     bias: &[T],
-    order: Order,
+    level: DerivativeLevel,
     outputs: &mut [Sparse<T>],
 ) {
     Arch::new().dispatch(Between {
         function,
         products,
         bias,
-        order,
+        level,
         outputs,
     });
 }
@@ -127,7 +127,7 @@ struct Between<'a, T, F> {
     function: F,
     products: &'a [Row<T>],
     bias: &'a [T],
-    order: Order,
+    level: DerivativeLevel,
     outputs: &'a mut [Sparse<T>],
 }
 
@@ -144,10 +144,10 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
             function,
             products,
             bias,
-            order,
+            level,
             outputs,
         } = self;
-        let blocks = order.blocks();
+        let blocks = level.blocks();
         let patches = products.chunks_exact(blocks * bias.len());
         for (products, outputs) in patches.zip(outputs.chunks_exact_mut(blocks)) {
             for output in &mut *outputs {
@@ -156,8 +156,8 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
             let (values, rates) = products.split_at(bias.len());
             let (firsts, seconds) = rates.split_at(rates.len() / 2);
             let channels = (0_u32..).zip(values.iter().zip(bias));
-            match (order, outputs) {
-                (Order::Values, [output]) => {
+            match (level, outputs) {
+                (DerivativeLevel::Values, [output]) => {
                     for (channel, (row, &bias)) in channels {
                         let mut x = *row;
                         for x in &mut x {
@@ -166,7 +166,7 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
                         put(output, channel, x);
                     }
                 }
-                (Order::Derivatives, [values, to_firsts, to_seconds]) => {
+                (DerivativeLevel::Derivatives, [values, to_firsts, to_seconds]) => {
                     let rates = firsts.iter().zip(seconds);
                     for ((channel, (row, &bias)), (first, second)) in channels.zip(rates) {
                         let [mut x, mut x_1, mut x_2] = [*row, *first, *second];
@@ -181,7 +181,7 @@ impl<T: Number, F: Function> WithSimd for Between<'_, T, F> {
                         put(to_seconds, channel, x_2);
                     }
                 }
-                (Order::Values | Order::Derivatives, _) => {}
+                (DerivativeLevel::Values | DerivativeLevel::Derivatives, _) => {}
             }
         }
     }
@@ -223,12 +223,12 @@ impl<T: Number> Start<'_, T> {
         &self,
         activation: Activation,
         first: usize,
-        order: Order,
+        level: DerivativeLevel,
         outputs: &mut [Sparse<T>],
     ) {
         match activation {
-            Activation::Relu => self.through(Relu, first, order, outputs),
-            Activation::Silu => self.through(Silu, first, order, outputs),
+            Activation::Relu => self.through(Relu, first, level, outputs),
+            Activation::Silu => self.through(Silu, first, level, outputs),
         }
     }
 
@@ -236,17 +236,17 @@ impl<T: Number> Start<'_, T> {
         &self,
         function: F,
         first: usize,
-        order: Order,
+        level: DerivativeLevel,
         outputs: &mut [Sparse<T>],
     ) {
-        for (patch, outputs) in outputs.chunks_exact_mut(order.blocks()).enumerate() {
+        for (patch, outputs) in outputs.chunks_exact_mut(level.blocks()).enumerate() {
             let (times, parts) = self.lanes(first + patch * LANES);
             Arch::new().dispatch(FirstLayer {
                 function,
                 per_time: self.per_time,
                 times,
                 parts: &parts,
-                order,
+                level,
                 outputs,
             });
         }
@@ -293,7 +293,7 @@ struct FirstLayer<'a, T, F> {
     per_time: &'a [T],
     times: Row<T>,
     parts: &'a [Part<'a, T>],
-    order: Order,
+    level: DerivativeLevel,
     outputs: &'a mut [Sparse<T>],
 }
 
@@ -320,14 +320,14 @@ impl<T: Number, F: Function> WithSimd for FirstLayer<'_, T, F> {
             for (x, &time) in x.iter_mut().zip(&self.times) {
                 *x += time * rate;
             }
-            match (self.order, &mut *self.outputs) {
-                (Order::Values, [output]) => {
+            match (self.level, &mut *self.outputs) {
+                (DerivativeLevel::Values, [output]) => {
                     for x in &mut x {
                         *x = self.function.value(*x);
                     }
                     put(output, channel, x);
                 }
-                (Order::Derivatives, [values, firsts, seconds]) => {
+                (DerivativeLevel::Derivatives, [values, firsts, seconds]) => {
                     let (mut x_1, mut x_2) = ([T::zero(); LANES], [T::zero(); LANES]);
                     for ((x, x_1), x_2) in x.iter_mut().zip(&mut x_1).zip(&mut x_2) {
                         let [value, slope, bend] = self.function.derivatives(*x);
@@ -339,7 +339,7 @@ impl<T: Number, F: Function> WithSimd for FirstLayer<'_, T, F> {
                     put(firsts, channel, x_1);
                     put(seconds, channel, x_2);
                 }
-                (Order::Values | Order::Derivatives, _) => {}
+                (DerivativeLevel::Values | DerivativeLevel::Derivatives, _) => {}
             }
         }
     }

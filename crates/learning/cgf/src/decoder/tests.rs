@@ -307,8 +307,9 @@ fn decoding_agrees_with_the_tape() {
             let outputs = values.iter().zip(&decoder.shift);
             Some(outputs.map(|(y, shift)| f64::from(*y) + shift).collect())
         };
+        let level = DerivativeLevel::Values;
         let found: Vec<Vec<f64>> = decoder
-            .motions(&feature(), &latents, &times, Order::Values, &finish)
+            .motions(&feature(), &latents, &times, level, &finish)
             .unwrap()
             .concat();
         let leaves = weights.constants().unwrap();

@@ -12,7 +12,7 @@ use super::{
 use crate::{
     config::SceneConfig,
     desired::DesiredStep,
-    testing,
+    fixture,
     units::{LENGTH_UNITS_PER_M, engine_pose, length, mass, meters, real, vector},
     world::{World, groups},
 };
@@ -81,7 +81,7 @@ fn lags(scene: &SceneConfig, world: &World, hand: &HandBodies, model: &RobotMode
 
 #[test]
 fn feedforward_follows_a_sinusoid_ten_times_closer_than_pd_alone() {
-    let scene = testing::scene();
+    let scene = fixture::scene();
     let (world, hand) = finger(&scene);
     let model = RobotModel::from_urdf(FINGER).unwrap();
     let [pd, feedforward] = lags(&scene, &world, &hand, &model);
@@ -100,7 +100,7 @@ fn feedforward_follows_a_sinusoid_ten_times_closer_than_pd_alone() {
 
 #[test]
 fn a_heavy_hand_is_followed_as_well_because_the_controller_knows_its_mass() {
-    let mut scene = testing::scene();
+    let mut scene = fixture::scene();
     let model = RobotModel::from_urdf(ALLEGRO).unwrap();
     // Without a stiff spring, nothing but the feedforward keeps up.
     scene.drive.stiffness = 2.0;
@@ -115,7 +115,7 @@ fn a_heavy_hand_is_followed_as_well_because_the_controller_knows_its_mass() {
 
 #[test]
 fn feedforward_and_springs_together_give_no_more_than_the_torque_limit() {
-    let mut scene = testing::scene();
+    let mut scene = fixture::scene();
     scene.drive.torque_limit = 0.05;
     let (mut world, hand) = finger(&scene);
     hand.place(&mut world, &Pose::identity(), &[0.0]);
@@ -135,7 +135,7 @@ fn feedforward_and_springs_together_give_no_more_than_the_torque_limit() {
 
 #[test]
 fn the_engine_accelerates_joints_as_inverse_dynamics_says() {
-    let mut scene = testing::scene();
+    let mut scene = fixture::scene();
     scene.time_step_s = 1e-4;
     // Torques alone: springs and brakes of nothing.
     scene.drive.stiffness = 1e-3;
@@ -213,7 +213,7 @@ fn carried(
 
 #[test]
 fn a_free_hand_keeps_its_momentum_and_its_energy() {
-    let mut scene = testing::scene();
+    let mut scene = fixture::scene();
     scene.time_step_s = 1e-3;
     // A rotor's inertia is not a body's, and would carry momentum of its own.
     scene.drive.armature = 0.0;
@@ -265,7 +265,7 @@ fn sunk_m(friction: f64, force_n: f64, mass_kg: f64) -> f64 {
     let at = |place: [f64; 3]| -> Pose<Table, Object> {
         Pose::from_parts(place, UnitQuaternion::identity())
     };
-    let mut scene = testing::scene();
+    let mut scene = fixture::scene();
     scene.friction = friction;
     scene.drive.torque_limit = force_n * ARM_M;
     let (mut world, hand) = finger(&scene);
@@ -328,7 +328,7 @@ fn a_squeezed_block_slips_where_friction_on_both_sides_no_longer_carries_it() {
         println!("friction {friction}: {held} m and {sunk} m");
         assert!(held < 1e-3, "{held} m");
         // A fifth of the weight is not carried.
-        let sinking_s = f64::from(SINKING_STEPS) * testing::scene().time_step_s;
+        let sinking_s = f64::from(SINKING_STEPS) * fixture::scene().time_step_s;
         let expected = 0.5 * 0.2 * 9.81 * sinking_s.powi(2);
         assert!(
             (sunk / expected - 1.0).abs() < 0.1,
@@ -340,7 +340,7 @@ fn a_squeezed_block_slips_where_friction_on_both_sides_no_longer_carries_it() {
 /// A robot that stands still has nothing to do.
 #[test]
 fn pose_at_rest_needs_no_torque() {
-    let scene = testing::scene();
+    let scene = fixture::scene();
     let (mut world, hand) = finger(&scene);
     hand.place(&mut world, &Pose::identity(), &[0.3]);
     let desired = DesiredStep {

@@ -10,7 +10,7 @@ use spatial::{Base, Object, Palm, Pose, Table};
 use super::*;
 use crate::{
     ArmFault, ArmSetup, CommandRatesConfig, Infeasible, LimitsConfig, Planner, PlannerConfig,
-    testing::{MotionOnTable, protocol},
+    fixture::{MotionOnTable, protocol},
 };
 
 mod clear;

@@ -6,7 +6,7 @@ use simulation::{ProtocolName, Trial};
 use spatial::{Object, Palm, Pose, Table, Twist};
 
 use super::*;
-use crate::testing::{MotionOnTable, protocol, swings::motions};
+use crate::fixture::{MotionOnTable, protocol, swings::motions};
 
 /// A hand with three joints, whose palm is a ball.
 const HAND: &str = r#"<robot name="hand">

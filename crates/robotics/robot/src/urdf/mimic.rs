@@ -6,7 +6,7 @@ use super::parts::{kind, range};
 use crate::{
     Finding, Joint, JointKind, MimicFault, RobotError,
     findings::{Part, Severity},
-    near::near_names,
+    near_names::near_names,
 };
 
 /// A joint's own position is `multiplier * q + offset`, with `q` that of an independent joint.

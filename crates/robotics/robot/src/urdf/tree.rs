@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use urdf_rs::{Joint, Link};
 
-use crate::{RobotError, near::near_names};
+use crate::{RobotError, near_names::near_names};
 
 /// A link's place in the tree.
 #[derive(Debug, Clone, Copy)]

@@ -9,7 +9,7 @@ use robot::{Link, distance_bounds};
 use spatial::{Base, Object, Pose, Table, Twist};
 
 use super::{Arm, hand};
-use crate::testing::MotionOnTable;
+use crate::fixture::MotionOnTable;
 
 const DURATION_S: f64 = 1.0;
 const STEPS: usize = 41;

@@ -1,7 +1,8 @@
 //! Columns as a schema wants them, from columns of the same meaning that another library wrote.
 //!
 //! Libraries differ in the width of offsets and integers, in the names of a list's items, and in what may
-//! be null; a column of few different values may be a dictionary of them. What loses nothing is taken; anything else is refused with its column and row.
+//! be null; a column of few different values may be a dictionary of them. What loses nothing is taken; anything
+//! else is refused with its column and row.
 
 use std::{collections::BTreeSet, sync::Arc};
 

@@ -10,7 +10,7 @@ use schemas::{
     sampling::GraspDistance,
 };
 
-use crate::{DispatchError, config::Order};
+use crate::{DispatchError, config::SendOrder};
 
 /// Difference of shares up to which motions count as equally robust: one of 16 trials, about the standard
 /// error of a share near 1.
@@ -19,8 +19,8 @@ const EQUALLY_ROBUST: f64 = 0.0625;
 const FINGER_M: f64 = 0.1;
 
 /// The accepted motions that are left to send.
-pub(crate) struct Queue<'a> {
-    order: Order,
+pub(crate) struct SendQueue<'a> {
+    order: SendOrder,
     left: Vec<Accepted<'a>>,
     /// Those that can be executed, and are sent.
     sent: Vec<&'a Candidate>,
@@ -33,14 +33,14 @@ struct Accepted<'a> {
     robustness: Option<f64>,
 }
 
-impl<'a> Queue<'a> {
+impl<'a> SendQueue<'a> {
     /// Takes the accepted motions, as they were screened.
     ///
     /// # Errors
     ///
     /// Fails if one of them is not among the candidates.
     pub(crate) fn new(
-        order: Order,
+        order: SendOrder,
         rollouts: &[Rollout],
         robustness: &[Robustness],
         candidates: &'a Candidates,
@@ -82,8 +82,8 @@ impl<'a> Queue<'a> {
     /// Takes the next motion.
     pub(crate) fn next(&mut self) -> Option<&'a Candidate> {
         let idx = match self.order {
-            Order::Accepted => 0,
-            Order::Robust => self.most_robust()?,
+            SendOrder::Accepted => 0,
+            SendOrder::Robust => self.most_robust()?,
         };
         (idx < self.left.len()).then(|| self.left.remove(idx).candidate)
     }
@@ -177,7 +177,7 @@ mod tests {
     }
 
     /// Sends up to `n` motions; `held` of 16 trials, or not tried.
-    fn sent(order: Order, motions: &[(f64, Option<i64>)], n: usize) -> Vec<String> {
+    fn sent(order: SendOrder, motions: &[(f64, Option<i64>)], n: usize) -> Vec<String> {
         let x_m: Vec<f64> = motions.iter().map(|(x_m, _)| *x_m).collect();
         let candidates = candidates(&x_m);
         let rollouts: Vec<Rollout> = candidates
@@ -200,7 +200,7 @@ mod tests {
                 })
             })
             .collect();
-        let mut queue = Queue::new(order, &rollouts, &robustness, &candidates).unwrap();
+        let mut queue = SendQueue::new(order, &rollouts, &robustness, &candidates).unwrap();
         let mut names = Vec::new();
         while let Some(next) = queue.next().filter(|_| names.len() < n) {
             names.push(next.candidate_id.clone());
@@ -220,9 +220,9 @@ mod tests {
             (0.0, Some(9)),
             (0.02, None),
         ];
-        let robust = sent(Order::Robust, &motions, 9);
+        let robust = sent(SendOrder::Robust, &motions, 9);
         assert_eq!(robust, ["2", "4", "1", "0", "3", "5"]);
-        assert_eq!(sent(Order::Accepted, &motions, 3), ["0", "1", "2"]);
+        assert_eq!(sent(SendOrder::Accepted, &motions, 3), ["0", "1", "2"]);
     }
 
     #[test]
@@ -235,7 +235,7 @@ mod tests {
             // It differs most, and holds too seldom.
             (0.50, Some(14)),
         ];
-        assert_eq!(sent(Order::Robust, &motions, 3), ["0", "3", "2"]);
+        assert_eq!(sent(SendOrder::Robust, &motions, 3), ["0", "3", "2"]);
     }
 
     #[test]
@@ -245,11 +245,11 @@ mod tests {
             Rollout::unsimulated(&candidates.candidates[0], Verdict::Slipped),
             Rollout::unsimulated(&candidates.candidates[1], Verdict::Held),
         ];
-        let mut queue = Queue::new(Order::Robust, &rollouts, &[], &candidates).unwrap();
+        let mut queue = SendQueue::new(SendOrder::Robust, &rollouts, &[], &candidates).unwrap();
         assert_eq!(queue.next().unwrap().candidate_id, "1");
         assert!(queue.is_empty() && queue.next().is_none());
         candidates.candidates.pop();
-        let err = Queue::new(Order::Robust, &rollouts, &[], &candidates).err();
+        let err = SendQueue::new(SendOrder::Robust, &rollouts, &[], &candidates).err();
         assert!(
             matches!(err, Some(DispatchError::NoCandidate { candidate_id, .. }) if candidate_id == "1")
         );

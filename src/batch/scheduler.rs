@@ -1,4 +1,4 @@
-//! The table of a scheduler's commands: command lines with names in braces.
+//! A scheduler: its commands, as command lines with names in braces, and the format of its answers.
 
 use std::collections::BTreeMap;
 
@@ -7,8 +7,8 @@ use serde::Deserialize;
 /// Commands of a scheduler for arrays of jobs, and the format of its answers.
 #[derive(Debug, Clone, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(crate) struct Table {
-    /// Submits one array; [`Table::script`] comes on its stdin. A word with a name that has no value
+pub(crate) struct Scheduler {
+    /// Submits one array; [`Scheduler::script`] comes on its stdin. A word with a name that has no value
     /// here is left out.
     pub(crate) submit: Vec<String>,
     /// Words after the first one of `submit`, for a machine's own file, e.g. `--partition=main`.
@@ -55,14 +55,14 @@ pub(crate) struct Table {
     #[serde(default)]
     pub(crate) out_of_memory_logs: Vec<String>,
     /// Whether the other units of an output are made when one fails.
-    #[serde(default = "yes")]
+    #[serde(default = "default_true")]
     pub(crate) keep_going: bool,
     /// Words after the first one of `submit` by which nothing is submitted, and the answer says whether it could be.
     #[serde(default)]
     pub(crate) test: Vec<String>,
     /// Longest time in seconds from a job's start to the first sign of its worker: a scheduler that has lost
     /// its state may show jobs that no machine runs.
-    #[serde(default = "begin_s")]
+    #[serde(default = "default_begin_s")]
     pub(crate) begin_s: u64,
     /// Longest time in seconds without a heartbeat of a worker, which leaves five in it.
     #[serde(default = "heartbeat_timeout_s")]
@@ -80,11 +80,11 @@ pub(crate) struct Table {
     pub(crate) limit_key: String,
 }
 
-pub(crate) fn yes() -> bool {
+pub(crate) fn default_true() -> bool {
     true
 }
 
-fn begin_s() -> u64 {
+fn default_begin_s() -> u64 {
     300
 }
 
@@ -156,7 +156,7 @@ impl Values {
     }
 }
 
-impl Table {
+impl Scheduler {
     /// Returns the words of the submission.
     pub(crate) fn submission(&self, values: &Values) -> Vec<String> {
         let mut words = values.words(&self.submit);
@@ -196,7 +196,7 @@ impl Table {
 mod tests {
     use super::*;
 
-    fn table() -> Table {
+    fn table() -> Scheduler {
         toml_edit::de::from_str(include_str!("../executors/slurm.toml")).unwrap()
     }
 
@@ -207,7 +207,7 @@ mod tests {
             include_str!("../executors/pbs.toml"),
             include_str!("../executors/htcondor.toml"),
         ] {
-            let table: Table = toml_edit::de::from_str(text).unwrap();
+            let table: Scheduler = toml_edit::de::from_str(text).unwrap();
             assert!(!table.submit.is_empty() && !table.query.is_empty());
         }
     }

@@ -1,8 +1,8 @@
-//! The irreplaceable files, each of which has a replica, and the checks of their bytes.
+//! The replicated files, which are irreplaceable, and the checks of their bytes.
 
 use std::path::{Path, PathBuf};
 
-use crate::{LakeError, lake::Lake, records, register, repeats, replicas, tags};
+use crate::{LakeError, lake::Lake, records, register, repeated_runs, replicas, tags};
 
 /// Checks the bytes of a file, or of its replica, at a path.
 pub(crate) type Check = fn(&Lake, &Path, &[u8]) -> Result<(), LakeError>;
@@ -28,7 +28,7 @@ pub(crate) fn all(lake: &Lake) -> Result<Vec<(PathBuf, Check)>, LakeError> {
     let repeated = folder.repeated_run();
     if repeated.exists() || folder.copy_of(&repeated).exists() {
         all.push((repeated, |_, path, bytes| {
-            repeats::parse(path, bytes).map(drop)
+            repeated_runs::parse(path, bytes).map(drop)
         }));
     }
     for (kind, check) in kinds {

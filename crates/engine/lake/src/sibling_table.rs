@@ -12,35 +12,35 @@ use crate::{ReadArtifact, ReadInputs, atomic::io_error, table};
 
 /// The output that publishes the table `T`, which the output `O` writes into its artifacts as [`Table::FILE`]: one
 /// computation makes both tables.
-pub struct Beside<O, T>(PhantomData<fn() -> (O, T)>);
+pub struct SiblingTable<O, T>(PhantomData<fn() -> (O, T)>);
 
-impl<O, T> Beside<O, T> {
+impl<O, T> SiblingTable<O, T> {
     /// The output.
     pub const OUTPUT: Self = Self(PhantomData);
 }
 
 dataflow::metrics! {
     /// Metrics of a partition of such a table.
-    pub struct BesideMetrics {
+    pub struct SiblingMetrics {
         /// Number of its rows.
         rows_n: Sum,
     }
 }
 
-impl<O, T> Output for Beside<O, T>
+impl<O, T> Output for SiblingTable<O, T>
 where
     O: Output,
     T: Table + 'static,
 {
     type Stage = O::Stage;
-    type Metrics = BesideMetrics;
+    type Metrics = SiblingMetrics;
     type Inputs<'a> = &'a Inputs;
 
     const ARTIFACT: &'static str = T::NAME;
     const SCHEMA: &'static str = T::VERSION;
     const PARTITION: &'static str = T::PARTITION;
     const OPTIONS: OptionsUsed = OptionsUsed::NONE;
-    const LINE: Option<Line<BesideMetrics>> = Some(|summary| {
+    const LINE: Option<Line<SiblingMetrics>> = Some(|summary| {
         format!(
             "{} of `{}`",
             counted(summary.metrics.rows_n, "row"),
@@ -63,10 +63,10 @@ where
         _config: &ConfigOf<Self>,
         inputs: &Inputs,
         cx: &Context,
-    ) -> Result<Outcome<BesideMetrics>, BoxedDiagnostic> {
+    ) -> Result<Outcome<SiblingMetrics>, BoxedDiagnostic> {
         let path = inputs.artifact(O::ARTIFACT)?.path(T::FILE)?;
         let rows_n = table::describe(path)?.rows as f64;
         fs::copy(path, cx.folder().join(table::FILE)).map_err(io_error("copy", path))?;
-        Ok(Outcome::Made(BesideMetrics { rows_n }))
+        Ok(Outcome::Made(SiblingMetrics { rows_n }))
     }
 }
