@@ -18,7 +18,7 @@ pub struct RefineConfig {
     #[option(path)]
     pub hand_table: PathBuf,
     /// Of so many consecutive candidates with the same resting pose, the one with the smallest residual is kept,
-    /// without physics (1); a last, incomplete group counts as one.
+    /// without physics (1); what is left over competes too, and a pose with fewer keeps one.
     #[option(
         default = 1, range = 1..=MAX_DRAWS,
         why = "each motion is refined, and one of so many is kept"

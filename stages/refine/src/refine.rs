@@ -251,7 +251,7 @@ struct MotionRows {
     draws: Draws,
 }
 
-/// Makes of every `draws` consecutive attempts with the same resting pose the rows of one motion.
+/// Makes of `draws` or more consecutive attempts with the same resting pose the rows of one motion.
 fn rows_of_motions(attempts: Vec<Attempt>, draws: usize) -> Vec<MotionRows> {
     let rest = |attempt: &Attempt| attempt.candidate.table_from_object;
     let residual_m2 = |attempt: &Attempt| Some(attempt.refined.as_ref().ok()?.residual_m2);

@@ -314,7 +314,7 @@ impl Store for Lake {
             .record_result(pipeline, Some(&node.name), published)?;
         if let Some(published) = published {
             self.cache.with(pipeline, |newest| {
-                newest.set_published(&node.name, published)
+                newest.set_published(&node.name, published);
             });
         }
         Ok(())

@@ -9,8 +9,9 @@ pub struct Choice<T> {
     pub draws: Vec<T>,
 }
 
-/// Makes of every `per_motion` consecutive draws with the same resting pose the draws of one motion; the resting pose
-/// is not chosen. Choices are in the order of their chosen draws.
+/// Makes of consecutive draws with the same resting pose the draws of one motion; the resting pose is not chosen.
+/// Each motion has at least `per_motion` draws, and a pose with fewer has one motion: a pose's draws are shared out
+/// evenly. Choices are in the order of their chosen draws.
 ///
 /// `residual_m2` returns a draw's residual in square meters, or `None` of one that could not be refined, which any
 /// other beats.
@@ -37,9 +38,12 @@ pub fn choose<T, P: PartialEq>(
     }
     let mut choices: Vec<(usize, Choice<T>)> = Vec::new();
     for (_, alike) in by_rest {
-        let mut alike = alike.into_iter().peekable();
-        while alike.peek().is_some() {
-            let of_motion: Vec<(usize, T)> = alike.by_ref().take(per_motion.max(1)).collect();
+        let motions_n = (alike.len() / per_motion.max(1)).max(1);
+        let [least_n, more_n] = [alike.len() / motions_n, alike.len() % motions_n];
+        let mut alike = alike.into_iter();
+        for motion in 0..motions_n {
+            let draws_n = least_n + usize::from(motion < more_n);
+            let of_motion: Vec<(usize, T)> = alike.by_ref().take(draws_n).collect();
             let residuals = of_motion.iter().map(|(_, draw)| residual_m2(draw));
             let chosen = smallest(residuals.map(|residual| residual.unwrap_or(f64::INFINITY)));
             let number = of_motion
@@ -88,13 +92,23 @@ mod tests {
             (0, Some(3.0)),
             (0, Some(0.0)),
         ];
-        check(&draws, 2, &[(1, &[0, 1]), (2, &[2, 3]), (4, &[4])]);
+        check(&draws[..4], 2, &[(1, &[0, 1]), (2, &[2, 3])]);
         check(
             &draws,
             1,
             &[(0, &[0]), (1, &[1]), (2, &[2]), (3, &[3]), (4, &[4])],
         );
         check(&[], 2, &[]);
+    }
+
+    #[test]
+    fn a_pose_shares_its_draws_out_evenly_and_one_with_fewer_has_one_motion() {
+        let falling = |n: u8| -> Vec<(u8, Option<f64>)> {
+            (0..n).map(|number| (0, Some(-f64::from(number)))).collect()
+        };
+        check(&falling(5), 2, &[(2, &[0, 1, 2]), (4, &[3, 4])]);
+        check(&falling(7), 4, &[(6, &[0, 1, 2, 3, 4, 5, 6])]);
+        check(&falling(3), 4, &[(2, &[0, 1, 2])]);
     }
 
     #[test]
