@@ -1,11 +1,11 @@
-//! Jobs: work items that one process of a scheduler makes, and where they lie in the depot.
+//! Jobs: the work items that one worker makes, and where they lie in the depot.
 
 use std::path::PathBuf;
 
 use dataflow::{Digest, WorkItem};
 use serde::{Deserialize, Serialize};
 
-/// A job: the work items that one process of a scheduler makes.
+/// A job: the work items that one worker makes, one after the other.
 #[derive(Serialize, Deserialize)]
 pub(crate) struct Job {
     /// The folder of the run, from which relative paths lead.

@@ -37,7 +37,7 @@ struct State {
     bar: Option<ProgressBar>,
     /// The output whose units are being made.
     output: Option<NodeName>,
-    /// What was said last of where its units wait.
+    /// The last notice of where its units wait.
     queued: Option<QueueNotice>,
     /// When its units were begun, their number, and how many were made since.
     started: Option<Instant>,

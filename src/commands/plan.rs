@@ -65,7 +65,7 @@ fn plan_variant(
             plan,
         }),
     }
-    Ok(VariantResult::without_words(CommandOutcome::Done))
+    Ok(VariantResult::without_summary(CommandOutcome::Done))
 }
 
 /// One line per output and cause, cut to a width if there is one.

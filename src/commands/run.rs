@@ -82,7 +82,7 @@ fn run_variant(
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
         report::lines(&plan::lines(&plan, Page::of_stdout().width))?;
-        return Ok(VariantResult::without_words(CommandOutcome::Done));
+        return Ok(VariantResult::without_summary(CommandOutcome::Done));
     }
     let foreign = physics::foreign_drives(&pipeline);
     for difference in physics::differences(&pipeline).iter().chain(&foreign) {

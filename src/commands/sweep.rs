@@ -21,7 +21,7 @@ pub(crate) struct VariantResult {
 
 impl VariantResult {
     /// Returns the result of a command that ran no stage.
-    pub(crate) fn without_words(outcome: CommandOutcome) -> Self {
+    pub(crate) fn without_summary(outcome: CommandOutcome) -> Self {
         Self {
             outcome,
             summary: String::new(),

@@ -129,20 +129,20 @@ pub(crate) struct Worker<'a> {
 }
 
 impl Worker<'_> {
-    /// Makes the work items that are lines on stdin, and ends when stdin closes: at once, since the run has ended,
-    /// where it closes meanwhile.
+    /// Makes the work items that come as lines on stdin, until stdin closes; if it closes meanwhile, the run has ended,
+    /// and the worker stops at once.
     fn stdin_job(&self) -> Result<(), CommandError> {
         let (sender, lines) = mpsc::channel();
         let is_busy = Arc::new(Mutex::new(false));
-        let (lake, has_order) = (Arc::clone(self.lake), Arc::clone(&is_busy));
+        let (lake, has_job) = (Arc::clone(self.lake), Arc::clone(&is_busy));
         thread::spawn(move || {
             let sent = io::stdin().lock().lines().try_for_each(|line| {
-                *clock::lock(&has_order) = true;
+                *clock::lock(&has_job) = true;
                 sender.send(line).map_err(|_ended| ())
             });
             // Kept, so that no other unit is begun.
-            let has_order = clock::lock(&has_order);
-            if *has_order && sent.is_ok() {
+            let has_job = clock::lock(&has_job);
+            if *has_job && sent.is_ok() {
                 interrupt::stop(&lake);
             }
         });

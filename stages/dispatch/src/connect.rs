@@ -1,4 +1,4 @@
-//! The configured cell.
+//! Connection to the configured cell.
 
 use std::{
     collections::BTreeMap,

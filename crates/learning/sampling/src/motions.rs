@@ -223,7 +223,7 @@ impl<'a> Decoder<'a> {
             let decoded = codes.par_iter().map(|one| {
                 let (number, code) = one;
                 let points = noisy(self.shown, noise, self.seed, *number);
-                self.decode_rest(&self.feature(code.rest, points)?, code.rest, &[one])
+                self.decode_resting_pose(&self.feature(code.rest, points)?, code.rest, &[one])
             });
             let decoded: Vec<Vec<(usize, SampledMotion)>> = decoded.collect::<Result<_, _>>()?;
             return Ok(decoded.into_iter().flatten().collect());
@@ -232,13 +232,13 @@ impl<'a> Decoder<'a> {
         for (rest, feature) in self.features.iter().enumerate() {
             let codes: Vec<&(usize, Code)> =
                 codes.iter().filter(|(_, code)| code.rest == rest).collect();
-            motions.extend(self.decode_rest(feature, rest, &codes)?);
+            motions.extend(self.decode_resting_pose(feature, rest, &codes)?);
         }
         Ok(motions)
     }
 
     /// Decodes the codes of one resting pose.
-    fn decode_rest(
+    fn decode_resting_pose(
         &self,
         feature: &ObjectFeature,
         rest: usize,

@@ -9,9 +9,9 @@ pub struct Choice<T> {
     pub draws: Vec<T>,
 }
 
-/// Makes of consecutive draws with the same resting pose the draws of one motion; the resting pose is not chosen.
-/// Each motion has at least `per_motion` draws, and a pose with fewer has one motion: a pose's draws are shared out
-/// evenly. Choices are in the order of their chosen draws.
+/// Groups consecutive draws with the same resting pose into motions; the resting pose is not chosen. A pose's draws are
+/// shared out evenly, at least `per_motion` to each motion; a pose with fewer has one motion. Choices are in the order
+/// of their chosen draws.
 ///
 /// `residual_m2` returns a draw's residual in square meters, or `None` of one that could not be refined, which any
 /// other beats.

@@ -24,10 +24,10 @@ const SOFT_FACTOR: f64 = 0.1;
 /// Residual above which a grasp is rotated and searched again, in m²: with the default weights, a residual wrench of
 /// 0.07 times the thumb's force, or a tip 2.4 mm off.
 const RESTART_RESIDUAL_M2: f64 = 5e-5;
-/// Part of a step's iterations, as a divisor, after which a rotated grasp is given up, unless it costs at most
-/// `PROMISING_COST` times the best one.
+/// Divisor of a step's iterations: after so many a rotated grasp is given up, unless its cost is below
+/// `PROMISING_COST` times the best one's.
 const TRIAL_DIVISOR: usize = 2;
-/// Cost relative to the best grasp's up to which a rotated one is searched to its end.
+/// Cost relative to the best grasp's below which a rotated one is searched to its end.
 const PROMISING_COST: f64 = 1.5;
 /// Standard gravity, in m/s².
 const GRAVITY_M_PER_S2: f64 = 9.806_65;
@@ -60,8 +60,8 @@ impl Refiner<'_> {
         let mut terms = self.terms(environment, 0.0, 1.0, contacts.clone());
         terms.balance = self.balance(environment, &contacts, grasp);
         let mut best = (grasp.clone(), f64::INFINITY);
+        let most = GRASP_ITERATIONS * self.config.max_iterations;
         for start in starts {
-            let most = GRASP_ITERATIONS * self.config.max_iterations;
             let found = self.search(grasp, None, start, most, &mut terms)?;
             keep_cheaper(&mut best, found);
         }
@@ -83,8 +83,8 @@ impl Refiner<'_> {
         })
     }
 
-    /// Searches the grasp from a rotated start, to its end only where that is promising; replaces `best` and its cost by
-    /// what costs less.
+    /// Searches the grasp from a rotated start, to its end only where that is promising; replaces `best` and its cost
+    /// by what costs less.
     fn try_restart(
         &mut self,
         best: &mut (PosedHand, f64),

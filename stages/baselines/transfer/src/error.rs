@@ -24,7 +24,7 @@ impl Diagnostic for TransferError {
     fn hint(&self) -> Option<String> {
         match self {
             Self::Incomplete { .. } => Some(
-                "`pipeline inspect ingest.objects` shows its points and orientations".to_owned(),
+                "`pipeline inspect ingest.objects` lists the objects; with a name after it, it shows that one".to_owned(),
             ),
             Self::Motion(_) => None,
         }
