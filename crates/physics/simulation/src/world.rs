@@ -26,8 +26,8 @@ const CONTACT_DAMPING_RATIO: f32 = 1.0;
 /// in ten motions that hold has a finger deeper than 5 mm in the object.
 const CONTACT_HZ: f32 = 60.0;
 /// Displacement in meters within which a shape keeps its box in the broad phase; it sets the engine's unit of length.
-/// Shapes whose boxes are nearer than `prediction_m` and twice this are pairs, and each pair is looked at in every
-/// step: with the engine's default, 40 mm, nearly every link is paired with all of the object and the other fingers.
+/// Shapes whose boxes, grown by it, overlap are pairs, and each pair is looked at in every step: with the engine's
+/// default, 40 mm, nearly every link is paired with all of the object and the other fingers.
 const BROAD_PHASE_MARGIN_M: f64 = 0.001;
 /// The engine's broad-phase margin, in its units of length (`BroadPhaseBvh::CHANGE_DETECTION_FACTOR`).
 const BROAD_PHASE_MARGIN: f64 = 0.04;
