@@ -1,6 +1,6 @@
 //! Agreement of verdicts with those of `MuJoCo`: all candidates of a lake, accepted or not, screened again here and
 //! carried out there with the same shapes, masses, limits, friction and script; and the cost of both, one thread each,
-//! object by object in turns: here with refusals and early ends, there to the end. Here they are screened at a quarter
+//! object by object in turns, each until the motion fails or ends; here also with refusals and early ends. Here they are screened at a quarter
 //! of the physics time step too: the verdicts that change are those that depend on it.
 //!
 //! Agreement is Cohen's kappa of held or not (J. Cohen, "A coefficient of agreement for nominal scales",
@@ -10,8 +10,8 @@
 //! `PIPELINE_LAKE` names the lake, or several with `:` between them, which are counted together. The newest
 //! `objects` in each and the newest `candidates` of the stage `PIPELINE_STAGE`, `refine` where it is not set,
 //! are taken, and the options are those of `pipelines/cgf.toml`, or of `pipelines/replay.toml` for motions
-//! that are not refined, with the profile `table_lift`. `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set.
-//! Anything missing is skipped.
+//! that are not refined, with the profile `PIPELINE_PROFILE`, or none. `PIPELINE_PYTHON` names the Python that has
+//! `mujoco`, `python3` where it is not set. Anything missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
@@ -93,7 +93,8 @@ fn main() -> ExitCode {
     println!("MuJoCo {}", mujoco.version);
     let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
     let hand = options::hand();
-    let screen = options::screen(stage == "refine");
+    let profile = env::var("PIPELINE_PROFILE").ok();
+    let screen = options::screen(stage == "refine", profile.as_deref());
     let mut by_object: BTreeMap<PartitionKey, Counts> = BTreeMap::new();
     let mut unseen = Counts::default();
     println!("{:24} {}", "object", Counts::header());
@@ -160,16 +161,14 @@ fn main() -> ExitCode {
         totals.held_finer
     );
     println!(
-        "here       {:7.2} ms of CPU per candidate, {:6.1} µs per physics step of those that succeed",
-        totals.here_s / all * 1e3,
-        totals.here_held_s / totals.here_held_steps * 1e6
+        "here       {:7.2} ms of CPU per candidate",
+        totals.here_s / all * 1e3
     );
-    for ((name, engine), cpu_s) in ENGINES.iter().zip(totals.there_s) {
+    for ((name, _), cpu_s) in ENGINES.iter().zip(totals.there_s) {
         println!(
-            "{name:10} {:7.2} ms of CPU per candidate ({:.2} times), {:6.1} µs per physics step",
+            "{name:10} {:7.2} ms of CPU per candidate ({:.2} times)",
             cpu_s / all * 1e3,
-            cpu_s / totals.here_s,
-            cpu_s / (all * totals.steps * f64::from(engine.steps)) * 1e6
+            cpu_s / totals.here_s
         );
     }
     let mut limits = Limits::with_noise(NOISE);
@@ -211,13 +210,8 @@ struct Counts {
     /// Held here at a quarter of the step, and number of differences from the full step.
     held_finer: usize,
     differ_finer: usize,
-    /// Physics steps of a candidate to the end.
-    steps: f64,
-    /// CPU seconds of all here, of those that hold, and of all there by engine.
+    /// CPU seconds of all here, and of all there by engine.
     here_s: f64,
-    here_held_s: f64,
-    /// Physics steps here of those that hold.
-    here_held_steps: f64,
     there_s: [f64; ENGINES.len()],
 }
 
@@ -279,10 +273,7 @@ impl Counts {
         self.peers_differ += other.peers_differ;
         self.held_finer += other.held_finer;
         self.differ_finer += other.differ_finer;
-        self.steps = other.steps;
         self.here_s += other.here_s;
-        self.here_held_s += other.here_held_s;
-        self.here_held_steps += other.here_held_steps;
         for (sum, cpu_s) in self.there_s.iter_mut().zip(other.there_s) {
             *sum += cpu_s;
         }
@@ -327,12 +318,8 @@ fn compare(
         counts.here_s += cpu_s;
         if held.last() == Some(&true) {
             counts.held += 1;
-            counts.here_held_s += cpu_s;
-            counts.here_held_steps +=
-                f64::from(rollout.measures.control_steps_n) * f64::from(scene.steps_per_control);
         }
         let setpoints = settled.setpoints(motion, protocol).unwrap();
-        counts.steps = (setpoints.len() - 1) as f64 * f64::from(scene.steps_per_control);
         scripts.push(mujoco::rollout(settled, &setpoints));
     }
     let finer = finer(screen, hand, object, candidates);

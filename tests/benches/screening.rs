@@ -1,5 +1,5 @@
-//! Cost of screening 1,000 candidates of one object, beside `MuJoCo` stepping the same rollouts to
-//! their end: the same hand, object, script and friction, one thread each, in turns of ten.
+//! Cost of screening 1,000 candidates of one object, beside `MuJoCo` stepping the same rollouts until
+//! they fail or end: the same hand, object, script and friction, one thread each, in turns of ten.
 //!
 //! `PIPELINE_PYTHON` names the Python that has `mujoco`, `python3` where it is not set; without it
 //! `MuJoCo` is skipped.
@@ -52,7 +52,7 @@ const ENGINE: Engine = Engine {
 fn main() -> ExitCode {
     let mut limits = Limits::with_noise(NOISE);
     let hand = options::hand();
-    let mut screen = options::screen(false);
+    let mut screen = options::screen(false, Some(options::TABLE_LIFT));
     screen.protocol = grasps::opened(screen.protocol);
     let (scene, protocol) = (&screen.scene, &screen.protocol);
     let object = can::can();
@@ -113,19 +113,6 @@ fn main() -> ExitCode {
         "here     {:8.3} ms of CPU per candidate",
         ours_s / candidates * 1e3
     );
-    // Those that hold are stepped to the end there, and here until they have settled.
-    let whole = |idx: &usize| verdicts[*idx] == Verdict::Held;
-    let whole: Vec<usize> = (0..CANDIDATES).filter(whole).collect();
-    let all_steps = whole.len() as f64 * steps;
-    let our_steps: f64 = whole
-        .iter()
-        .map(|&idx| f64::from(ours[idx].0.measures.control_steps_n) * substeps)
-        .sum();
-    let our_step = whole.iter().map(|&idx| ours[idx].1).sum::<f64>() / our_steps;
-    println!(
-        "here     {:8.2} µs per physics step of those that succeed",
-        our_step * 1e6
-    );
     if !theirs.is_empty() {
         count(
             "MuJoCo",
@@ -145,12 +132,6 @@ fn main() -> ExitCode {
             "MuJoCo   {:8.3} ms of CPU per candidate",
             theirs_s / candidates * 1e3
         );
-        let their_step = whole.iter().map(|&idx| theirs[idx].cpu_s).sum::<f64>() / all_steps;
-        println!(
-            "MuJoCo   {:8.2} µs per physics step of the same",
-            their_step * 1e6
-        );
-        println!("MuJoCo over here: {:.2} per step", their_step / our_step);
         let times = theirs_s / ours_s;
         limits.keep(
             "MuJoCo over here, per candidate",

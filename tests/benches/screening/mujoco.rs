@@ -26,7 +26,7 @@ pub(crate) struct Mujoco {
 
 /// Outcome of a script in `MuJoCo`.
 pub(crate) struct Rolled {
-    /// CPU seconds of its physics steps.
+    /// CPU seconds of its physics steps until the motion fails or ends.
     pub(crate) cpu_s: f64,
     /// As in column `reason` of the rollouts.
     pub(crate) verdict: String,
@@ -115,8 +115,7 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
     let scene = &screen.scene;
     // Options that the peer's scene does not have.
     assert!(scene.object_mass() == ObjectMass::Measured && scene.table_friction.is_none());
-    assert!(scene.support == Support::Table && scene.palm_compliance.is_none());
-    assert!(!scene.fingers_touch && !scene.fingers_touch_palm);
+    assert!(scene.support == Support::Table);
     let links: Vec<Value> = model.links().iter().map(|l| link(model, l)).collect();
     let parts = object.parts_m.iter();
     let parts: Vec<Vec<[f64; 3]>> = parts
@@ -127,6 +126,9 @@ fn scene(screen: &ScreenConfig, model: &RobotModel, object: &ObjectShape, engine
         "steps_per_control": scene.steps_per_control * engine.steps,
         "friction": scene.friction,
         "drive": scene.drive,
+        "fingers_touch": scene.fingers_touch,
+        "fingers_touch_palm": scene.fingers_touch_palm,
+        "palm_compliance": scene.palm_compliance,
         "protocol": screen.protocol,
         "noted_depth_m": screen.max_penetration_m,
         "links": links,

@@ -11,10 +11,12 @@ pub(crate) fn hand() -> RobotModel {
     RobotModel::from_urdf(include_str!("../../../data/robots/allegro_right.urdf")).unwrap()
 }
 
+/// The lenient screen, in which fingers pass through each other.
+pub(crate) const TABLE_LIFT: &str = "table_lift";
+
 /// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of
-/// others those of `pipelines/replay.toml`; with the profile `table_lift`, because the peer's scene has no contacts between
-/// fingers.
-pub(crate) fn screen(refined: bool) -> ScreenConfig {
+/// others those of `pipelines/replay.toml`; with a profile of that file, or none.
+pub(crate) fn screen(refined: bool, profile: Option<&str>) -> ScreenConfig {
     let path = if refined {
         "pipelines/cgf.toml"
     } else {
@@ -23,7 +25,6 @@ pub(crate) fn screen(refined: bool) -> ScreenConfig {
     let root = env!("CARGO_MANIFEST_DIR");
     let path = format!("{root}/{path}");
     let text = fs::read_to_string(&path).unwrap();
-    let profile = Some("table_lift");
     let read = Pipeline::parse(path.as_ref(), &text, &pipeline::kinds(), profile, &[]).unwrap();
     let screen = read.find("screen").unwrap();
     screen.options::<Screen>().unwrap().resolved()

@@ -336,23 +336,29 @@ class Scene:
             self.move_palm(setpoint["palm"], substeps * step_s)
         else:
             self.arm.lead_to(setpoint["palm"], substeps * step_s)
-        before = time.thread_time()
         if self.arm is None:
-            mujoco.mj_step(self.model, self.data, substeps)
-        else:
-            for _ in range(substeps):
-                self.arm.pull(step_s)
-                mujoco.mj_step(self.model, self.data)
+            return self.physics(substeps)
+        spent_s = 0.0
+        for _ in range(substeps):
+            self.arm.pull(step_s)
+            spent_s += self.physics(1)
+        return spent_s
+
+    def physics(self, steps):
+        before = time.thread_time()
+        mujoco.mj_step(self.model, self.data, steps)
         return time.thread_time() - before
 
     def roll(self, rollout):
-        """Carries out one script to its end; returns the seconds of stepping, the verdict, and the deep contacts of what is carried."""
+        """Carries out one script to its end; returns the seconds of stepping until it fails or ends, the verdict, and the
+        deep contacts of what is carried."""
         start, *setpoints = rollout["setpoints"]
         self.begin(start, rollout["table_from_object"])
         judge = Judge(self, setpoints, self.scene["steps_per_control"] * self.scene["time_step_s"])
         seconds = 0.0
         for setpoint in setpoints:
-            seconds += self.step(setpoint)
+            spent_s = self.step(setpoint)
+            seconds += 0.0 if judge.failure else spent_s
             judge.see(setpoint["phase"])
         return seconds, judge.verdict(), judge.deep
 
