@@ -53,11 +53,9 @@ fn checked(block: *mut u8, bytes: usize) -> *mut u8 {
 }
 
 /// Variable for the number of candle's threads for elementwise operations. They wait by spinning: beside another
-/// program, training took twice as long with them as without, and on two free cores no less time. Matrix products
-/// and our own code do not use them.
+/// program, training took twice as long with them as without, and on two free cores no less time.
 const CANDLE_THREADS: &str = "CANDLE_NUM_THREADS";
-/// Variable for the number of all other threads. Without it candle counts the processors anew at every matrix
-/// product, by reading `/proc/cpuinfo`: with 128 entries there, training took four times as long.
+/// Variable for the number of all other threads.
 const THREADS: &str = "RAYON_NUM_THREADS";
 
 fn main() -> ExitCode {

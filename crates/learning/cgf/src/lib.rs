@@ -17,6 +17,7 @@ mod config;
 mod curve;
 mod data;
 mod decoder;
+mod dense_product;
 mod error;
 mod files;
 #[cfg(test)]

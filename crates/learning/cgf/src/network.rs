@@ -5,6 +5,7 @@ use candle_core::{Device, Tensor};
 use crate::{
     CgfError,
     config::{Activation, Initialization, LatentVariance, NetworkConfig},
+    dense_product::product,
     hand_numbers::PALM_WIDTH,
     point_net,
     random::Random,
@@ -163,9 +164,10 @@ impl Network<'_> {
             + feature.index_select(scenes, 0)?)?
         .broadcast_add(self.leaf("decoder.0", "bias")?)?;
         let width = motion.dim(1)?;
-        let time = times
-            .reshape((batch * n, 1))?
-            .matmul(&self.leaf("decoder.0", "time")?.t()?)?;
+        let time = product(
+            &times.reshape((batch * n, 1))?,
+            &self.leaf("decoder.0", "time")?.t()?,
+        )?;
         let mut x = time
             .reshape((batch, n, width))?
             .broadcast_add(&motion.unsqueeze(1)?)?
@@ -190,7 +192,7 @@ impl Network<'_> {
     }
 
     fn times(&self, name: &str, input: &str, x: &Tensor) -> Result<Tensor, CgfError> {
-        Ok(x.matmul(&self.leaf(name, input)?.t()?)?)
+        Ok(product(x, &self.leaf(name, input)?.t()?)?)
     }
 
     fn leaf(&self, name: &str, input: &str) -> Result<&Tensor, CgfError> {

@@ -16,6 +16,7 @@ use crate::{
     CgfError, RestingObject,
     config::{Initialization, InputFrame},
     data::View,
+    dense_product::product,
     hand_numbers,
     network::{constant, log_sigmoid},
     point_net::{self, Clouds, Measured, Statistics},
@@ -305,6 +306,6 @@ impl Tape<'_> {
 
     fn times(&self, name: &str, input: &str, x: &Tensor) -> Result<Tensor, CgfError> {
         let weight = leaf(self.leaves, &format!("{name}.{input}"))?;
-        Ok(x.matmul(&weight.t()?)?)
+        Ok(product(x, &weight.t()?)?)
     }
 }

@@ -85,33 +85,75 @@ impl Correlate<'_> {
                     std::array::from_fn(|i| channel::<S>(self.a, left + i, self.patches));
                 let b: [&[S::f32s]; RIGHT] =
                     std::array::from_fn(|j| channel::<S>(self.b, right + j, self.patches));
-                let mut sums = [[simd.splat_f32s(0.0); RIGHT]; LEFT];
-                for v in 0..a[0].len() {
-                    let b: [S::f32s; RIGHT] = std::array::from_fn(|j| b[j][v]);
-                    for (sums, a) in sums.iter_mut().zip(&a) {
-                        for (sum, &b) in sums.iter_mut().zip(&b) {
-                            *sum = simd.mul_add_e_f32s(a[v], b, *sum);
+                let mut sums = [[[0.0; LANES]; RIGHT]; LEFT];
+                // A register of a patch after the other.
+                for part in 0..LANES / S::F32_LANES {
+                    let found = registers(simd, &a, &b, part);
+                    for (sums, found) in sums.iter_mut().zip(&found) {
+                        for (sums, &found) in sums.iter_mut().zip(found) {
+                            S::as_mut_simd_f32s(sums).0[part] = found;
                         }
                     }
                 }
                 for (i, sums) in (left..).zip(&sums) {
-                    for (j, &sum) in (right..).zip(sums) {
-                        self.out[i * n_b + j] = simd.reduce_sum_f32s(sum);
+                    for (j, sums) in (right..).zip(sums) {
+                        self.out[i * n_b + j] = sum_of(sums);
                     }
                 }
             }
         }
     }
 
+    /// Does so without tiles, by the same operations.
+    #[inline(always)]
     fn plain(&mut self) {
         let n_b = self.b.len() / self.patches;
         for (i, a) in self.a.chunks_exact(self.patches).enumerate() {
             for (j, b) in self.b.chunks_exact(self.patches).enumerate() {
-                let pairs = a.as_flattened().iter().zip(b.as_flattened());
-                self.out[i * n_b + j] = pairs.map(|(a, b)| a * b).sum();
+                let mut sums = [0.0; LANES];
+                for (a, b) in a.iter().zip(b) {
+                    for ((sum, a), b) in sums.iter_mut().zip(a).zip(b) {
+                        *sum = a.mul_add(*b, *sum);
+                    }
+                }
+                self.out[i * n_b + j] = sum_of(&sums);
             }
         }
     }
+}
+
+/// The sums over all patches of the products of channels, of one register of each patch.
+#[inline(always)]
+fn registers<S: Simd, const LEFT: usize, const RIGHT: usize>(
+    simd: S,
+    a: &[&[S::f32s]; LEFT],
+    b: &[&[S::f32s]; RIGHT],
+    part: usize,
+) -> [[S::f32s; RIGHT]; LEFT] {
+    let mut sums = [[simd.splat_f32s(0.0); RIGHT]; LEFT];
+    for v in (part..a[0].len()).step_by(LANES / S::F32_LANES) {
+        let b: [S::f32s; RIGHT] = std::array::from_fn(|j| b[j][v]);
+        for (sums, a) in sums.iter_mut().zip(a) {
+            for (sum, &b) in sums.iter_mut().zip(&b) {
+                *sum = simd.mul_add_e_f32s(a[v], b, *sum);
+            }
+        }
+    }
+    sums
+}
+
+/// Sums a row: halves onto each other, in one order whatever the width of registers.
+#[inline(always)]
+pub(super) fn sum_of(row: &Row) -> f32 {
+    let mut sums = *row;
+    let mut n = LANES;
+    while n > 1 {
+        n /= 2;
+        for at in 0..n {
+            sums[at] += sums[at + n];
+        }
+    }
+    sums[0]
 }
 
 /// All numbers of a channel.

@@ -7,7 +7,7 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel::{Pairs, correlate};
+use super::kernel::{Pairs, correlate, sum_of};
 use crate::{
     precision::narrow,
     product::{LANES, Row},
@@ -184,12 +184,13 @@ impl WithSimd for Center<'_> {
                 *centered = *row;
             }
             centered.as_flattened_mut()[n..].fill(0.0);
-            let (values, _) = S::as_simd_f32s(centered.as_flattened());
-            let mut sum = simd.splat_f32s(0.0);
-            for &value in values {
-                sum = simd.add_f32s(sum, value);
+            let mut sums = [0.0; LANES];
+            for row in &*centered {
+                for (sum, x) in sums.iter_mut().zip(row) {
+                    *sum += x;
+                }
             }
-            *mean = f64::from(simd.reduce_sum_f32s(sum)) / n as f64;
+            *mean = f64::from(sum_of(&sums)) / n as f64;
             let mean = simd.splat_f32s(narrow(*mean));
             let (values, _) = S::as_mut_simd_f32s(centered.as_flattened_mut());
             for value in values {
@@ -198,17 +199,6 @@ impl WithSimd for Center<'_> {
             centered.as_flattened_mut()[n..].fill(0.0);
         }
     }
-}
-
-/// Sums a row.
-#[inline(always)]
-pub(super) fn sum_of<S: Simd>(simd: S, row: &Row) -> f32 {
-    let (row, _) = S::as_simd_f32s(row);
-    let mut sum = row[0];
-    for &x in &row[1..] {
-        sum = simd.add_f32s(sum, x);
-    }
-    simd.reduce_sum_f32s(sum)
 }
 
 /// Sets what fills up a patch of fewer than sixteen points to zero.

@@ -6,7 +6,8 @@ use super::{
     super::{
         Layer, LayerStack, Normalized,
         cloud::{BLOCK, Cloud},
-        moments::{clear_beyond, sum_of},
+        kernel::sum_of,
+        moments::clear_beyond,
     },
     add,
 };
@@ -170,13 +171,13 @@ impl WithSimd for Settle<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
+    fn with_simd<S: Simd>(self, _: S) {
         let Running {
             sums, shift, gain, ..
         } = self.0;
         for (sums, rows) in [(&mut sums.shift, shift), (&mut sums.gain, gain)] {
             for (sum, row) in sums.iter_mut().zip(rows) {
-                *sum += f64::from(sum_of(simd, row));
+                *sum += f64::from(sum_of(row));
                 *row = [0.0; LANES];
             }
         }

@@ -1,0 +1,121 @@
+//! Sine, exponential, logarithm and the like, equal to the bit on every processor.
+//!
+//! The C library chooses its own at runtime by the processor's instructions, and their last bits differ. These take their
+//! place: a program's own symbol goes before one of a shared library, so that `f64::sin` and the calls of every dependency
+//! end here. The functions are those of the crate `libm`, in plain Rust. The compiler computes square roots, rounding and
+//! fused products without a library, or exactly.
+
+#![expect(
+    unsafe_code,
+    reason = "a symbol takes the place of another, and the C interface of `sincos` has pointers"
+)]
+
+macro_rules! in_place_of_c {
+    ($($name:ident($($x:ident),+): $number:ty;)+) => {
+        $(
+            // SAFETY: arguments and result are those of the C library's function of this name.
+            #[unsafe(no_mangle)]
+            extern "C" fn $name($($x: $number),+) -> $number {
+                libm::$name($($x),+)
+            }
+        )+
+    };
+}
+
+in_place_of_c! {
+    acos(x): f64;
+    acosh(x): f64;
+    asin(x): f64;
+    asinh(x): f64;
+    atan(x): f64;
+    atan2(y, x): f64;
+    atanh(x): f64;
+    cbrt(x): f64;
+    cos(x): f64;
+    cosh(x): f64;
+    exp(x): f64;
+    exp2(x): f64;
+    expm1(x): f64;
+    hypot(x, y): f64;
+    log(x): f64;
+    log10(x): f64;
+    log1p(x): f64;
+    log2(x): f64;
+    pow(x, y): f64;
+    sin(x): f64;
+    sinh(x): f64;
+    tan(x): f64;
+    tanh(x): f64;
+    acosf(x): f32;
+    acoshf(x): f32;
+    asinf(x): f32;
+    asinhf(x): f32;
+    atanf(x): f32;
+    atan2f(y, x): f32;
+    atanhf(x): f32;
+    cbrtf(x): f32;
+    cosf(x): f32;
+    coshf(x): f32;
+    expf(x): f32;
+    exp2f(x): f32;
+    expm1f(x): f32;
+    hypotf(x, y): f32;
+    logf(x): f32;
+    log10f(x): f32;
+    log1pf(x): f32;
+    log2f(x): f32;
+    powf(x, y): f32;
+    sinf(x): f32;
+    sinhf(x): f32;
+    tanf(x): f32;
+    tanhf(x): f32;
+}
+
+// SAFETY: arguments are those of the C library's function of this name.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn sincos(x: f64, sin: *mut f64, cos: *mut f64) {
+    // SAFETY: the caller gives two places for numbers, as in C.
+    unsafe {
+        *sin = libm::sin(x);
+        *cos = libm::cos(x);
+    }
+}
+
+// SAFETY: arguments are those of the C library's function of this name.
+#[unsafe(no_mangle)]
+unsafe extern "C" fn sincosf(x: f32, sin: *mut f32, cos: *mut f32) {
+    // SAFETY: the caller gives two places for numbers, as in C.
+    unsafe {
+        *sin = libm::sinf(x);
+        *cos = libm::cosf(x);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::hint::black_box;
+
+    #[test]
+    fn functions_of_numbers_are_these() {
+        for step in -2000..2000 {
+            let x = black_box(f64::from(step) * 0.01);
+            assert_eq!(x.sin().to_bits(), libm::sin(x).to_bits());
+            assert_eq!(x.cos().to_bits(), libm::cos(x).to_bits());
+            assert_eq!(x.sin_cos(), (libm::sin(x), libm::cos(x)));
+            assert_eq!(x.tan().to_bits(), libm::tan(x).to_bits());
+            assert_eq!(x.exp().to_bits(), libm::exp(x).to_bits());
+            assert_eq!(x.atan2(0.3).to_bits(), libm::atan2(x, 0.3).to_bits());
+            let positive = x.abs() + 0.01;
+            assert_eq!(positive.ln().to_bits(), libm::log(positive).to_bits());
+            assert_eq!(
+                positive.powf(0.7).to_bits(),
+                libm::pow(positive, 0.7).to_bits()
+            );
+            let x = black_box(x as f32);
+            assert_eq!(x.sin().to_bits(), libm::sinf(x).to_bits());
+            assert_eq!(x.sin_cos(), (libm::sinf(x), libm::cosf(x)));
+            assert_eq!(x.exp().to_bits(), libm::expf(x).to_bits());
+            assert_eq!(x.tanh().to_bits(), libm::tanhf(x).to_bits());
+        }
+    }
+}
