@@ -1,8 +1,8 @@
-//! `rates`: how often candidates hold over all objects, one partition for all of them, one row per
+//! `rates`: how often candidates succeed over all objects, one partition for all of them, one row per
 //! generator, origin of the motions and split of the objects.
 //!
 //! Every rate is given by candidate (c) and by draw (d): with N candidates, D draws of the row's
-//! origin, refused ones included, and S that hold, c = S/N and d = S/D. Pooled, the sums are over all
+//! origin, refused ones included, and S that succeed, c = S/N and d = S/D. Pooled, the sums are over all
 //! objects; their mean is that of the objects' own rates, each of equal weight, with a 95 % interval
 //! by resampling objects (crate `statistics`). Motions of one object are alike, so that no interval
 //! is given for the pooled rates.

@@ -1,4 +1,4 @@
-//! `robustness`: how often accepted motions hold under drawn errors, one partition per object, one row per
+//! `robustness`: how often accepted motions succeed under drawn errors, one partition per object, one row per
 //! motion that was tried again.
 //!
 //! All motions of an object are tried under the same drawn errors of its pose, of friction, of its mass and

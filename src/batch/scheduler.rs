@@ -65,7 +65,7 @@ pub(crate) struct Scheduler {
     #[serde(default = "default_begin_s")]
     pub(crate) begin_s: u64,
     /// Longest time in seconds without a heartbeat of a worker, which leaves five in it.
-    #[serde(default = "heartbeat_timeout_s")]
+    #[serde(default = "default_heartbeat_timeout_s")]
     pub(crate) heartbeat_timeout_s: u64,
     /// Longest wait for the depot in minutes; read by `executors::depot_patience_min`.
     #[serde(default, rename = "depot_patience_min")]
@@ -88,7 +88,7 @@ fn default_begin_s() -> u64 {
     300
 }
 
-fn heartbeat_timeout_s() -> u64 {
+fn default_heartbeat_timeout_s() -> u64 {
     600
 }
 

@@ -42,7 +42,7 @@ dataflow::metrics! {
     pub struct ProgramMetrics {
         /// Number of rows of its table.
         rows_n: Sum,
-        /// Number of rollouts among them that hold.
+        /// Number of rollouts among them that succeed.
         accepted_n: Option<Sum>,
     }
 }

@@ -178,7 +178,7 @@ pub(crate) fn one_rollout_per_candidate(
     Ok(())
 }
 
-/// Returns the number of rollouts that hold, if the table is one of rollouts.
+/// Returns the number of rollouts that succeed, if the table is one of rollouts.
 pub(crate) fn accepted_n(key: &str, batch: &RecordBatch) -> Option<usize> {
     let rollouts: Vec<Rollout> = Rollouts::from_batch(key, batch).ok()?;
     let verdicts = rollouts.iter().map(|rollout| rollout.verdict);

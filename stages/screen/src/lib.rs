@@ -4,7 +4,7 @@
 //! reach, close, squeeze, lift, hold. The outcome is a row of `rollouts`, success or one reason for
 //! failure; the first accepted and failed ones of each object are recorded for a viewer. Beside it is a row of
 //! `smoothness`, of the motion as drawn and as executed. Accepted motions are tried again under drawn errors; the
-//! share that holds is a row of `robustness`. `pose_errors` has motions, accepted or not, with the object off its
+//! share that succeeds is a row of `robustness`. `pose_errors` has motions, accepted or not, with the object off its
 //! estimated pose.
 //!
 //! Candidates are independent: they run on all threads and keep their order, and each can be rerun

@@ -30,7 +30,7 @@ const SIZES: [Size; 7] = [
     BOTH,
 ];
 
-/// The output `pose_errors`: whether motions hold where the object lies off its estimated pose.
+/// The output `pose_errors`: whether motions succeed where the object lies off its estimated pose.
 pub struct PoseErrorTrials;
 
 dataflow::metrics! {
@@ -38,9 +38,9 @@ dataflow::metrics! {
     pub struct PoseErrorMetrics {
         /// Number of motions that were tried.
         motions_n: Sum,
-        /// Number of these that hold without an error.
+        /// Number of these that succeed without an error.
         held_n: Sum,
-        /// Number of those that hold with the object off by both distance and yaw.
+        /// Number of those that succeed with the object off by both distance and yaw.
         off_held_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,

@@ -1,4 +1,4 @@
-//! Shows how often candidates hold, with what confidence, and why the others fail.
+//! Shows how often candidates succeed, with what confidence, and why the others fail.
 //!
 //! Two tables and their charts for all objects: `success`, a row for each object, generator and
 //! origin of the motions, and `rates`, means over the objects with their intervals.
@@ -13,7 +13,7 @@ use crate::{PoseErrorTrials, RobustnessTrials, Screen, pose_errors::BOTH};
 pub use rates::{RatesMetrics, RatesReport};
 pub use success::{SuccessMetrics, SuccessReport};
 
-/// Shows how often candidates hold.
+/// Shows how often candidates succeed.
 pub enum ScreenReport {}
 
 impl Report for ScreenReport {

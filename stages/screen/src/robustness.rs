@@ -16,7 +16,7 @@ use crate::{
     screening_inputs::{ScreeningInputs, units},
 };
 
-/// The output `robustness`: how often accepted motions hold under drawn errors.
+/// The output `robustness`: how often accepted motions succeed under drawn errors.
 pub struct RobustnessTrials;
 
 dataflow::metrics! {
@@ -26,9 +26,9 @@ dataflow::metrics! {
         motions_n: Sum,
         /// Number of their trials.
         trials_n: Sum,
-        /// Number of the trials that held.
+        /// Number of the trials that succeeded.
         held_n: Sum,
-        /// Number of motions that held in all their trials.
+        /// Number of motions that succeeded in all their trials.
         always_n: Sum,
         /// Steps of control that physics took.
         control_steps_n: Sum,

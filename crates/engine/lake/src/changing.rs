@@ -61,8 +61,8 @@ impl ChangingMarks {
         result
     }
 
-    /// Sets the nodes of a pipeline: it has these and no others.
-    pub(crate) fn set_nodes<'n>(
+    /// Records whether all nodes of a pipeline are published.
+    pub(crate) fn record_whole<'n>(
         &self,
         pipeline: &str,
         mut nodes: impl Iterator<Item = &'n NodeName>,
@@ -139,7 +139,7 @@ mod tests {
         }
         marks.mark("cgf").unwrap();
         assert_eq!(marks.marks().unwrap().len(), 4);
-        marks.set_nodes("cgf", [].into_iter());
+        marks.record_whole("cgf", [].into_iter());
         marks.unmark("cgf", &locks).unwrap();
         let left: BTreeSet<String> = marks.marks().unwrap().into_iter().collect();
         assert_eq!(left, ["cgf.alive", "other.dead"].map(str::to_owned).into());

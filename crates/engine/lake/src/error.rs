@@ -382,7 +382,7 @@ impl Diagnostic for LakeError {
             Self::Parquet { action: "read", .. }
             | Self::Mcap { action: "read", .. }
             | Self::Json { .. } => Some(
-                "`pipeline verify` says whether the file is damaged or of another version"
+                "`pipeline verify` says whether the file is damaged; `pipeline run FILE --fresh` makes it again"
                     .to_owned(),
             ),
             Self::SeveralInputs { .. } | Self::MissingInput { .. } | Self::Metric { .. } => Some(

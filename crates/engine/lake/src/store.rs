@@ -329,7 +329,7 @@ impl Store for Lake {
         let retired = published::retire(self, pipeline, &is_kept, &old);
         self.changing.record_result(pipeline, None, retired)?;
         let names = kept.iter().map(|node| &node.name);
-        self.changing.set_nodes(pipeline, names);
+        self.changing.record_whole(pipeline, names);
         self.cache.with(pipeline, |newest| newest.retire(is_kept));
         Ok(())
     }

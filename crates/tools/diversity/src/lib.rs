@@ -1,4 +1,4 @@
-//! Diversity of the motions for an object: of the candidates, and of those that hold.
+//! Diversity of the motions for an object: of the candidates, and of those that succeed.
 //!
 //! ```
 //! use diversity::{ComparedMotion, Diversity};

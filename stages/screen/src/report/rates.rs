@@ -24,13 +24,13 @@ dataflow::metrics! {
     pub struct RatesMetrics {
         /// Number of objects.
         objects_n: Sum,
-        /// Mean over objects of the share of candidates that hold.
+        /// Mean over objects of the share of candidates that succeed.
         candidate_rate_mean: Mean,
         /// Lower end of its 95 % interval.
         candidate_rate_low: Mean,
         /// Upper end of its 95 % interval.
         candidate_rate_high: Mean,
-        /// Mean over objects of the share of draws that hold.
+        /// Mean over objects of the share of draws that succeed.
         draw_rate_mean: Mean,
         /// Lower end of its 95 % interval.
         draw_rate_low: Mean,
@@ -45,7 +45,7 @@ dataflow::metrics! {
     }
 }
 
-/// The report `rates`: how often candidates hold over all objects.
+/// The report `rates`: how often candidates succeed over all objects.
 pub struct RatesReport;
 
 impl Output for RatesReport {
@@ -116,7 +116,7 @@ impl<'a> ByObject<'a> {
         self.0.values().map(number).sum()
     }
 
-    /// Returns the means over the objects of the shares of candidates and of draws that hold.
+    /// Returns the means over the objects of the shares of candidates and of draws that succeed.
     fn means(&self) -> [MeanInterval; 2] {
         [
             self.mean(|counts| counts.candidates),
@@ -124,7 +124,7 @@ impl<'a> ByObject<'a> {
         ]
     }
 
-    /// Returns the mean over the objects of the share that holds of what is counted; objects with
+    /// Returns the mean over the objects of the share that succeeds of what is counted; objects with
     /// nothing of it are left out.
     fn mean(&self, of: fn(&Counts) -> i64) -> MeanInterval {
         let counted = self.0.values().filter(|counts| of(counts) > 0);
@@ -212,7 +212,7 @@ fn object_mass(scene: &SceneConfig) -> String {
     }
 }
 
-/// Says how often candidates hold by object, and what of that was scripted.
+/// Says how often candidates succeed by object, and what of that was scripted.
 fn line(summary: &Summary<RatesMetrics>) -> String {
     let all = &summary.metrics;
     let percent = |share: f64| 100.0 * share;
