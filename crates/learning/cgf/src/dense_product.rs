@@ -94,18 +94,25 @@ impl<'a> Matrix<'a> {
 
     /// Lays out so many columns side by side, group after group, row after row; zero where there is no column.
     fn panels(&self) -> Vec<[f32; COLUMNS]> {
-        let firsts = (0..self.columns).into_par_iter().step_by(COLUMNS);
-        let panels = firsts.flat_map_iter(|first| {
+        let mut panels = vec![[0.0; COLUMNS]; self.rows * self.columns.div_ceil(COLUMNS)];
+        let chunks = panels.par_chunks_mut(self.rows).enumerate();
+        chunks.for_each(|(panel, lines)| {
+            let first = panel * COLUMNS;
             let n = COLUMNS.min(self.columns - first);
-            (0..self.rows).map(move |row| {
-                let mut line = [0.0; COLUMNS];
-                for (column, number) in line.iter_mut().take(n).enumerate() {
-                    *number = self.at(row, first + column);
+            if self.strides[1] == 1 {
+                for (row, line) in lines.iter_mut().enumerate() {
+                    let start = row * self.strides[0] + first;
+                    line[..n].copy_from_slice(&self.numbers[start..start + n]);
                 }
-                line
-            })
+            } else {
+                for column in 0..n {
+                    for (row, line) in lines.iter_mut().enumerate() {
+                        line[column] = self.at(row, first + column);
+                    }
+                }
+            }
         });
-        panels.collect()
+        panels
     }
 }
 
