@@ -55,7 +55,7 @@ fn checked(block: *mut u8, bytes: usize) -> *mut u8 {
 /// Variable for the number of candle's threads for elementwise operations. They wait by spinning: beside another
 /// program, training took twice as long with them as without, and on two free cores no less time.
 const CANDLE_THREADS: &str = "CANDLE_NUM_THREADS";
-/// Variable for the number of all other threads.
+/// Variable for the number of rayon's threads.
 const THREADS: &str = "RAYON_NUM_THREADS";
 
 fn main() -> ExitCode {

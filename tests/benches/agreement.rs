@@ -1,6 +1,6 @@
 //! Agreement of verdicts with those of `MuJoCo`: all candidates of a lake, accepted or not, screened again here and
 //! carried out there with the same shapes, masses, limits, friction and script; and the cost of both, one thread each,
-//! object by object in turns, each until the motion fails or ends; here also with refusals and early ends. Here they are screened at a quarter
+//! object by object in turns, MuJoCo until the motion fails or ends; here also with geometric refusals, and until the object rests. Here they are screened at a quarter
 //! of the physics time step too: the verdicts that change are those that depend on it.
 //!
 //! Agreement is Cohen's kappa of held or not (J. Cohen, "A coefficient of agreement for nominal scales",

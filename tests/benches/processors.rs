@@ -19,7 +19,7 @@ const EMULATOR: &str = "qemu-x86_64";
 const PROCESSORS: [&str; 2] = ["Haswell", "Nehalem"];
 /// Numbers of threads; the first is compared with everything else.
 const THREADS: [&str; 3] = ["2", "1", "8"];
-/// A small run of everything that computes.
+/// A small run up to the screen.
 const RUN: [&str; 14] = [
     "run",
     "pipelines/cgf.toml",
@@ -42,8 +42,10 @@ const DIGESTS: &str = "select stage, artifact, partition, file, digest from arti
 type Digests = BTreeMap<[String; 4], String>;
 
 fn main() -> ExitCode {
-    let with_threads = THREADS.map(|n| (format!("{n} threads"), run(None, n)));
-    let mut others: Vec<(String, Digests)> = with_threads.into();
+    let mut others: Vec<(String, Digests)> = Vec::new();
+    for n in THREADS {
+        others.push((format!("{n} threads"), run(None, n)));
+    }
     for processor in PROCESSORS {
         if Command::new(EMULATOR).arg("--version").output().is_err() {
             println!("{processor}: skipped, there is no `{EMULATOR}`");
@@ -51,7 +53,10 @@ fn main() -> ExitCode {
             others.push((processor.to_owned(), run(Some(processor), THREADS[0])));
         }
     }
-    let (_, ours) = others.swap_remove(0);
+    let (_, ours) = others.remove(0);
+    assert!(!ours.is_empty());
+    #[cfg(target_arch = "x86_64")]
+    println!("AVX-512 here: {}", is_x86_feature_detected!("avx512f"));
     let mut is_same = true;
     for (name, theirs) in others {
         let differ = ours
@@ -59,7 +64,9 @@ fn main() -> ExitCode {
             .filter(|(of, digest)| theirs.get(*of) != Some(*digest));
         let differ: Vec<String> = differ.map(|(of, _)| of.join(" ")).collect();
         println!("{name}: {} of {} files differ", differ.len(), ours.len());
-        differ.iter().take(10).for_each(|of| println!("  {of}"));
+        for of in differ.iter().take(10) {
+            println!("  {of}");
+        }
         is_same &= differ.is_empty() && theirs.len() == ours.len();
     }
     ExitCode::from(u8::from(!is_same))
@@ -82,7 +89,11 @@ fn run(processor: Option<&str>, threads: &str) -> Digests {
     command.env("RAYON_NUM_THREADS", threads);
     let root = env!("CARGO_MANIFEST_DIR");
     assert!(command.current_dir(root).status().unwrap().success());
-    println!("{:.0} s", before.elapsed().as_secs_f64());
+    let on = processor.unwrap_or("here");
+    println!(
+        "{on}, {threads} threads: {:.0} s",
+        before.elapsed().as_secs_f64()
+    );
     digests(lake.path())
 }
 

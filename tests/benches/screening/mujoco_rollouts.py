@@ -2,7 +2,7 @@
 
 Reads lines of JSON. The first is answered with the version. {"scene": ...} builds a model: a hand as a tree of links with primitives, masses,
 joint limits and torque limits, one object of convex parts, a table. {"rollouts": [...]} carries out one
-script after the other to its end and answers with the CPU seconds of the physics steps until it fails or ends
+script after the other to its end and answers with the CPU seconds of the physics steps until the motion fails or ends
 (this thread's, without Python's share), the verdicts, and the deep contacts of the hand with what it carries. Lengths in meters, quaternions as x y z w.
 """
 

@@ -15,7 +15,7 @@ pub(crate) fn hand() -> RobotModel {
 pub(crate) const TABLE_LIFT: &str = "table_lift";
 
 /// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of
-/// others those of `pipelines/replay.toml`; with a profile of that file, or none.
+/// others those of `pipelines/replay.toml`; with a profile, or none.
 pub(crate) fn screen(refined: bool, profile: Option<&str>) -> ScreenConfig {
     let path = if refined {
         "pipelines/cgf.toml"

@@ -228,7 +228,7 @@ fn tile<S: Simd, const V: usize, const G: usize>(
             for (sums, &weight) in sums.iter_mut().zip(&weights[k as usize]) {
                 let weight = simd.splat_f32s(weight);
                 for (sum, &x) in sums.iter_mut().zip(row) {
-                    *sum = simd.mul_add_e_f32s(weight, x, *sum);
+                    *sum = simd.mul_add_f32s(weight, x, *sum);
                 }
             }
         }

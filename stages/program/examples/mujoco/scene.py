@@ -350,7 +350,7 @@ class Scene:
         return time.thread_time() - before
 
     def roll(self, rollout):
-        """Carries out one script to its end; returns the seconds of stepping until it fails or ends, the verdict, and the
+        """Carries out one script to its end; returns the seconds of its steps up to a failure, the verdict, and the
         deep contacts of what is carried."""
         start, *setpoints = rollout["setpoints"]
         self.begin(start, rollout["table_from_object"])

@@ -199,7 +199,7 @@ impl WithSimd for Apply<'_> {
             let [scale, slope, constant] = factors.map(|factor| simd.splat_f32s(narrow(factor)));
             let (by, y) = (S::as_mut_simd_f32s(by).0, S::as_simd_f32s(y).0);
             for (by, &y) in by.iter_mut().zip(y) {
-                *by = simd.mul_add_e_f32s(scale, *by, simd.mul_add_e_f32s(slope, y, constant));
+                *by = simd.mul_add_f32s(scale, *by, simd.mul_add_f32s(slope, y, constant));
             }
         }
     }

@@ -252,8 +252,8 @@ impl WithSimd for FirstHidden<'_> {
             let offset = simd.splat_f32s(offset);
             let (out, _) = S::as_mut_simd_f32s(out);
             for (((out, &x), &y), &z) in out.iter_mut().zip(x).zip(y).zip(z) {
-                let sum = simd.mul_add_e_f32s(a, x, offset);
-                let sum = simd.mul_add_e_f32s(c, z, simd.mul_add_e_f32s(b, y, sum));
+                let sum = simd.mul_add_f32s(a, x, offset);
+                let sum = simd.mul_add_f32s(c, z, simd.mul_add_f32s(b, y, sum));
                 *out = simd.max_f32s(sum, zero);
             }
         }
@@ -278,7 +278,7 @@ impl WithSimd for Hidden<'_> {
             let [scale, offset] = [scale, offset].map(|x| simd.splat_f32s(x));
             let (out, y) = (S::as_mut_simd_f32s(out).0, S::as_simd_f32s(y).0);
             for (out, &y) in out.iter_mut().zip(y) {
-                *out = simd.max_f32s(simd.mul_add_e_f32s(scale, y, offset), zero);
+                *out = simd.max_f32s(simd.mul_add_f32s(scale, y, offset), zero);
             }
         }
     }

@@ -86,7 +86,7 @@ impl Correlate<'_> {
                 let b: [&[S::f32s]; RIGHT] =
                     std::array::from_fn(|j| channel::<S>(self.b, right + j, self.patches));
                 let mut sums = [[[0.0; LANES]; RIGHT]; LEFT];
-                // A register of a patch after the other.
+                // One register of every patch at a time.
                 for part in 0..LANES / S::F32_LANES {
                     let found = registers(simd, &a, &b, part);
                     for (sums, found) in sums.iter_mut().zip(&found) {
@@ -104,7 +104,7 @@ impl Correlate<'_> {
         }
     }
 
-    /// Does so without tiles, by the same operations.
+    /// Sets the same sums without tiles, for few channels.
     #[inline(always)]
     fn plain(&mut self) {
         let n_b = self.b.len() / self.patches;
@@ -135,14 +135,15 @@ fn registers<S: Simd, const LEFT: usize, const RIGHT: usize>(
         let b: [S::f32s; RIGHT] = std::array::from_fn(|j| b[j][v]);
         for (sums, a) in sums.iter_mut().zip(a) {
             for (sum, &b) in sums.iter_mut().zip(&b) {
-                *sum = simd.mul_add_e_f32s(a[v], b, *sum);
+                *sum = simd.mul_add_f32s(a[v], b, *sum);
             }
         }
     }
     sums
 }
 
-/// Sums a row: halves onto each other, in one order whatever the width of registers.
+/// Sums a row in one order, whatever the width of registers: adds the upper half to the lower one until one number is
+/// left.
 #[inline(always)]
 pub(super) fn sum_of(row: &Row) -> f32 {
     let mut sums = *row;
@@ -161,4 +162,48 @@ pub(super) fn sum_of(row: &Row) -> f32 {
 fn channel<S: Simd>(channels: &[Row], channel: usize, patches: usize) -> &[S::f32s] {
     let rows = &channels[channel * patches..(channel + 1) * patches];
     S::as_simd_f32s(rows.as_flattened()).0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    const PATCHES: usize = 3;
+
+    /// Correlations of so many channels, in registers of one width.
+    fn correlated_by(channels: usize, op: impl Fn(Correlate)) -> Vec<f32> {
+        let mut random = Random::new(8, 0);
+        let mut row = || -> Row { std::array::from_fn(|_| random.normal() as f32) };
+        let rows: Vec<Row> = (0..channels * PATCHES).map(|_| row()).collect();
+        let mut out = vec![0.0; channels * channels];
+        op(Correlate {
+            a: &rows,
+            b: &rows,
+            patches: PATCHES,
+            pairs: Pairs::All,
+            out: &mut out,
+        });
+        out
+    }
+
+    #[test]
+    fn registers_of_any_width_give_the_same_bits() {
+        // Five channels are a tile of narrow registers, and none of wide ones.
+        for channels in [3, 5, 9] {
+            let plain = correlated_by(channels, |of| of.with_simd(pulp::Scalar::new()));
+            assert!(plain.iter().all(|sum| *sum != 0.0));
+            assert_eq!(
+                plain,
+                correlated_by(channels, |of| Arch::new().dispatch(of))
+            );
+            #[cfg(target_arch = "x86_64")]
+            if let Some(narrow) = pulp::x86::V3::try_new() {
+                assert_eq!(
+                    plain,
+                    correlated_by(channels, |of| Simd::vectorize(narrow, of))
+                );
+            }
+        }
+    }
 }

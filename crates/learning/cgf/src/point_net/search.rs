@@ -188,7 +188,7 @@ fn products<S: Simd, const P: usize>(
         for (sums, &x) in sums.iter_mut().zip(&row[from..from + P]) {
             let x = simd.splat_f32s(x);
             for (sum, &weight) in sums.iter_mut().zip(&weights) {
-                *sum = simd.mul_add_e_f32s(weight, x, *sum);
+                *sum = simd.mul_add_f32s(weight, x, *sum);
             }
         }
     }

@@ -160,7 +160,7 @@ fn add_product<S: Simd>(simd: S, sums: &mut Row, g: &Row, y: &Row, mean: S::f32s
     let (sums, _) = S::as_mut_simd_f32s(sums);
     let (g, y) = (S::as_simd_f32s(g).0, S::as_simd_f32s(y).0);
     for ((sum, &g), &y) in sums.iter_mut().zip(g).zip(y) {
-        *sum = simd.mul_add_e_f32s(g, simd.sub_f32s(y, mean), *sum);
+        *sum = simd.mul_add_f32s(g, simd.sub_f32s(y, mean), *sum);
     }
 }
 
