@@ -14,7 +14,6 @@
 //! that equal rotations are equal bytes.
 //! This crate does no input or output and knows nothing of robots.
 
-mod elementary;
 mod frame;
 mod pose;
 mod pose_segment;
