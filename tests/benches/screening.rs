@@ -52,7 +52,7 @@ const ENGINE: Engine = Engine {
 fn main() -> ExitCode {
     let mut limits = Limits::with_noise(NOISE);
     let hand = options::hand();
-    let mut screen = options::screen(false, Some(options::TABLE_LIFT));
+    let mut screen = options::screen(false, Some("table_lift"));
     screen.protocol = grasps::opened(screen.protocol);
     let (scene, protocol) = (&screen.scene, &screen.protocol);
     let object = can::can();

@@ -11,9 +11,6 @@ pub(crate) fn hand() -> RobotModel {
     RobotModel::from_urdf(include_str!("../../../data/robots/allegro_right.urdf")).unwrap()
 }
 
-/// The lenient screen, in which fingers pass through each other.
-pub(crate) const TABLE_LIFT: &str = "table_lift";
-
 /// Scene, protocol and limits: of refined motions, which squeeze by themselves, those of `pipelines/cgf.toml`, of
 /// others those of `pipelines/replay.toml`; with a profile, or none.
 pub(crate) fn screen(refined: bool, profile: Option<&str>) -> ScreenConfig {
