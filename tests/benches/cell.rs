@@ -126,7 +126,7 @@ fn alone(object: &ObjectShape) -> Vec<f64> {
 }
 
 fn config() -> SimulatedCellConfig {
-    let scene = options::screen(false).scene;
+    let scene = options::screen(false, Some("table_lift")).scene;
     SimulatedCellConfig {
         name: "bench".to_owned(),
         listen: "tcp/127.0.0.1:0".to_owned(),
@@ -146,7 +146,7 @@ fn config() -> SimulatedCellConfig {
 
 /// The palm stands above a can and the fingers beckon, for two seconds; then they close on nothing.
 fn goal(attempt: u32) -> Goal {
-    let protocol = options::screen(false).protocol;
+    let protocol = options::screen(false, Some("table_lift")).protocol;
     let hand = options::hand();
     let reach_s = 2.0;
     let palm = |time_s: f64| PalmPoint {

@@ -72,7 +72,7 @@ fn main() -> ExitCode {
     let hand = options::hand();
     let ScreenConfig {
         scene, protocol, ..
-    } = options::screen(false);
+    } = options::screen(false, Some("table_lift"));
     let scripted = grasps::opened(protocol.clone());
     let mut totals: BTreeMap<usize, Counts> = BTreeMap::new();
     let motions = grasps::grasps(&hand, GRASPS);
@@ -92,7 +92,7 @@ fn main() -> ExitCode {
     if let Some(folder) = env::var_os("PIPELINE_LAKE").map(PathBuf::from) {
         let lake = Lake::open(&folder);
         let stage = env::var("PIPELINE_STAGE").unwrap_or_else(|_| "refine".to_owned());
-        let of_lake = options::screen(stage == "refine").protocol;
+        let of_lake = options::screen(stage == "refine", Some("table_lift")).protocol;
         let objects = lake.newest_partitions("objects", None).unwrap();
         for (name, artifact) in lake.newest_partitions("candidates", Some(&stage)).unwrap() {
             let Some(object) = objects.get(&name) else {
