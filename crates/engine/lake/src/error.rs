@@ -382,7 +382,8 @@ impl Diagnostic for LakeError {
             Self::Parquet { action: "read", .. }
             | Self::Mcap { action: "read", .. }
             | Self::Json { .. } => Some(
-                "`pipeline verify` says whether the file is damaged; `pipeline run FILE --fresh` makes it again"
+                "`pipeline verify` says whether the file is damaged, `pipeline verify --drop` deletes it, and the \
+                 next run makes it again"
                     .to_owned(),
             ),
             Self::SeveralInputs { .. } | Self::MissingInput { .. } | Self::Metric { .. } => Some(
