@@ -1,22 +1,13 @@
 //! Products of dense matrices, as an operation that candle differentiates.
 //!
-//! Every entry is one sum of fused products in the order of the inner index, so that it depends neither on the
-//! width of registers nor on the number of threads. candle's own products split sums by the sizes of caches.
-
-#![expect(
-    clippy::inline_always,
-    reason = "what is not inlined into the dispatch is not compiled for wide registers"
-)]
+//! The rows of the left matrix are patches of [`project`], in which every entry is one sum in the order of the inner
+//! index: it depends neither on the width of registers nor on the number of threads. candle's own products split sums
+//! by the sizes of caches.
 
 use candle_core::{CpuStorage, CustomOp2, Layout, Shape, Tensor};
-use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 
-/// Columns of the product that are worked on together.
-const COLUMNS: usize = 32;
-
-/// Rows of the product that one thread makes at a time.
-const ROWS: usize = 24;
+use crate::product::{LANES, PackedMatrix, Sparse, project};
 
 /// Returns the product of two matrices.
 pub(crate) fn product(left: &Tensor, right: &Tensor) -> candle_core::Result<Tensor> {
@@ -91,29 +82,6 @@ impl<'a> Matrix<'a> {
     fn at(&self, row: usize, column: usize) -> f32 {
         self.numbers[row * self.strides[0] + column * self.strides[1]]
     }
-
-    /// Lays out so many columns side by side, group after group, row after row; zero where there is no column.
-    fn panels(&self) -> Vec<[f32; COLUMNS]> {
-        let mut panels = vec![[0.0; COLUMNS]; self.rows * self.columns.div_ceil(COLUMNS)];
-        let chunks = panels.par_chunks_mut(self.rows).enumerate();
-        chunks.for_each(|(panel, lines)| {
-            let first = panel * COLUMNS;
-            let n = COLUMNS.min(self.columns - first);
-            if self.strides[1] == 1 {
-                for (row, line) in lines.iter_mut().enumerate() {
-                    let start = row * self.strides[0] + first;
-                    line[..n].copy_from_slice(&self.numbers[start..start + n]);
-                }
-            } else {
-                for column in 0..n {
-                    for (row, line) in lines.iter_mut().enumerate() {
-                        line[column] = self.at(row, first + column);
-                    }
-                }
-            }
-        });
-        panels
-    }
 }
 
 /// Sets `out`, row after row, to a product.
@@ -121,90 +89,33 @@ fn multiply(left: &Matrix, right: &Matrix, out: &mut [f32]) {
     if out.is_empty() || right.rows == 0 {
         return;
     }
-    let panels = right.panels();
-    let chunks = out.par_chunks_mut(ROWS * right.columns).enumerate();
-    chunks.for_each(|(chunk, out)| {
-        Arch::new().dispatch(Chunk {
-            left,
-            first: chunk * ROWS,
-            panels: &panels,
-            columns: right.columns,
-            out,
-        });
+    let weights = PackedMatrix::new(right.columns, right.rows, |column, inner| {
+        right.at(inner, column)
     });
-}
-
-/// Some rows of a product.
-struct Chunk<'a> {
-    left: &'a Matrix<'a>,
-    first: usize,
-    panels: &'a [[f32; COLUMNS]],
-    columns: usize,
-    out: &'a mut [f32],
-}
-
-impl WithSimd for Chunk<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn with_simd<S: Simd>(self, simd: S) {
-        // Sums take three quarters of the registers: AVX-512 has 32, AVX2 has 16.
-        match S::F32_LANES {
-            16 => self.run::<S, 2, 12>(simd),
-            8 => self.run::<S, 4, 3>(simd),
-            4 => self.run::<S, 8, 1>(simd),
-            _ => self.run::<S, COLUMNS, 1>(simd),
-        }
-    }
-}
-
-impl Chunk<'_> {
-    /// Goes through the rows, `R` together, each in `V` registers.
-    #[inline(always)]
-    fn run<S: Simd, const V: usize, const R: usize>(self, simd: S) {
-        let inner = self.left.columns;
-        let mut factors = Vec::with_capacity(inner);
-        for (block, out) in self.out.chunks_mut(R * self.columns).enumerate() {
-            let first = self.first + block * R;
-            let last = self.left.rows - 1;
-            // Beyond the last row the last one is taken again, and left out below.
-            factors.clear();
-            factors.extend((0..inner).map(|k| -> [f32; R] {
-                std::array::from_fn(|row| self.left.at((first + row).min(last), k))
-            }));
-            for (panel, right) in self.panels.chunks_exact(inner).enumerate() {
-                let sums = tile::<S, V, R>(simd, &factors, right);
-                let first = panel * COLUMNS;
-                let n = COLUMNS.min(self.columns - first);
-                for (out, sums) in out.chunks_exact_mut(self.columns).zip(&sums) {
-                    let mut line = [0.0; COLUMNS];
-                    let (registers, _) = S::as_mut_simd_f32s(&mut line);
-                    registers.copy_from_slice(sums);
-                    out[first..first + n].copy_from_slice(&line[..n]);
+    let offset = vec![0.0; right.columns];
+    let patches = out.par_chunks_mut(LANES * right.columns).enumerate();
+    patches.for_each_init(
+        || (Sparse::default(), Vec::new(), Vec::new()),
+        |(patch, rows, sums), (number, out)| {
+            let first = number * LANES;
+            let n = LANES.min(left.rows - first);
+            rows.clear();
+            rows.resize(left.columns, [0.0; LANES]);
+            for lane in 0..n {
+                for (column, row) in rows.iter_mut().enumerate() {
+                    row[lane] = left.at(first + lane, column);
                 }
             }
-        }
-    }
-}
-
-/// The products of some rows of the left matrix with a panel of the right one.
-#[inline(always)]
-fn tile<S: Simd, const V: usize, const R: usize>(
-    simd: S,
-    factors: &[[f32; R]],
-    right: &[[f32; COLUMNS]],
-) -> [[S::f32s; V]; R] {
-    let mut sums = [[simd.splat_f32s(0.0); V]; R];
-    for (factors, right) in factors.iter().zip(right) {
-        let (right, _) = S::as_simd_f32s(right);
-        for (sums, &factor) in sums.iter_mut().zip(factors) {
-            let factor = simd.splat_f32s(factor);
-            for (sum, &right) in sums.iter_mut().zip(right) {
-                *sum = simd.mul_add_f32s(factor, right, *sum);
+            patch.take(rows);
+            sums.resize(right.columns, [0.0; LANES]);
+            project(&weights, std::slice::from_ref(patch), &offset, sums);
+            for (lane, out) in out.chunks_exact_mut(right.columns).enumerate() {
+                for (out, sums) in out.iter_mut().zip(&*sums) {
+                    *out = sums[lane];
+                }
             }
-        }
-    }
-    sums
+        },
+    );
 }
 
 #[cfg(test)]
@@ -219,42 +130,6 @@ mod tests {
             .map(|_| random.normal() as f32)
             .collect();
         Var::from_vec(numbers, (rows, columns), &Device::Cpu).unwrap()
-    }
-
-    /// The product in registers of one width.
-    fn multiplied_by(op: impl Fn(Chunk)) -> Vec<f32> {
-        let mut random = Random::new(6, 0);
-        let mut numbers =
-            |n: usize| -> Vec<f32> { (0..n).map(|_| random.normal() as f32).collect() };
-        let (left, right) = (numbers(25 * 40), numbers(40 * 37));
-        let matrix = |numbers, rows, columns| Matrix {
-            numbers,
-            rows,
-            columns,
-            strides: [columns, 1],
-        };
-        let (left, right) = (matrix(&left, 25, 40), matrix(&right, 40, 37));
-        let mut out = vec![0.0; 25 * 37];
-        let panels = right.panels();
-        op(Chunk {
-            left: &left,
-            first: 0,
-            panels: &panels,
-            columns: 37,
-            out: &mut out,
-        });
-        out
-    }
-
-    #[test]
-    fn registers_of_any_width_give_the_same_bits() {
-        let plain = multiplied_by(|chunk| chunk.with_simd(pulp::Scalar::new()));
-        assert!(plain.iter().all(|sum| *sum != 0.0));
-        assert_eq!(plain, multiplied_by(|chunk| Arch::new().dispatch(chunk)));
-        #[cfg(target_arch = "x86_64")]
-        if let Some(narrow) = pulp::x86::V3::try_new() {
-            assert_eq!(plain, multiplied_by(|chunk| Simd::vectorize(narrow, chunk)));
-        }
     }
 
     #[test]

@@ -311,6 +311,35 @@ mod tests {
     }
 
     #[test]
+    fn registers_of_any_width_give_the_same_bits() {
+        let mut random = Random::new(6, 0);
+        let numbers: Vec<f32> = (0..50 * INPUTS).map(|_| random.normal() as f32).collect();
+        let weights =
+            PackedMatrix::new(50, INPUTS, |output, input| numbers[output * INPUTS + input]);
+        let patches: Vec<Sparse> = patches(3, &mut random)
+            .iter()
+            .map(|rows| taken(rows))
+            .collect();
+        let projected_by = |op: &dyn Fn(Project)| {
+            let mut out = vec![[0.0; LANES]; 3 * 50];
+            op(Project {
+                weights: &weights,
+                patches: &patches,
+                offset: &[0.25; 50],
+                out: &mut out,
+            });
+            out
+        };
+        let plain = projected_by(&|of| of.with_simd(pulp::Scalar::new()));
+        assert!(plain.iter().flatten().all(|sum| *sum != 0.0));
+        assert_eq!(plain, projected_by(&|of| Arch::new().dispatch(of)));
+        #[cfg(target_arch = "x86_64")]
+        if let Some(narrow) = pulp::x86::V3::try_new() {
+            assert_eq!(plain, projected_by(&|of| Simd::vectorize(narrow, of)));
+        }
+    }
+
+    #[test]
     fn the_plain_way_gives_the_same() {
         let mut random = Random::new(4, 0);
         let weights: Vec<f32> = (0..25 * INPUTS).map(|_| random.normal() as f32).collect();
