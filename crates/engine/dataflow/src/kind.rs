@@ -1,6 +1,6 @@
 //! Type-erased stage kinds, so that a pipeline can hold stages of every kind.
 
-use std::{any::Any, collections::BTreeMap, ops::Range, sync::Arc};
+use std::{any::Any, cell::LazyCell, collections::BTreeMap, ops::Range, sync::Arc};
 
 use options::OptionFault;
 use serde::{Deserialize, de::IntoDeserializer};
@@ -11,6 +11,7 @@ use crate::{
     advice::{BoxedDiagnostic, Diagnostic},
     code::Code,
     context::{Context, Inputs},
+    field_names::field_names,
     file_fault::FileFault,
     metrics::MissingMetric,
     name::NodeName,
@@ -344,18 +345,21 @@ impl Kind {
             schema: || schemars::schema_for!(S::Config).to_value(),
             completion: None,
         };
-        kind.check_declared();
+        kind.check_declared(field_names::<S::Config>());
         kind
     }
 
-    /// Checks that outputs name existing options.
-    fn check_declared(&self) {
-        let schema = self.schema();
-        let known = schema.get("properties").and_then(Value::as_object);
+    /// Checks that outputs name existing options: these fields, or those of the schema.
+    fn check_declared(&self, fields: Option<&[&str]>) {
+        let schema = LazyCell::new(|| self.schema());
+        let exists = |option: &str| match fields {
+            Some(fields) => fields.contains(&option),
+            None => schema["properties"].get(option).is_some(),
+        };
         for output in &self.outputs {
             for option in output.options.named() {
                 assert!(
-                    known.is_some_and(|known| known.contains_key(*option)),
+                    exists(option),
                     "`{}` is said to depend on `{option}`, which is not an option of `{}`",
                     output.artifact,
                     self.name

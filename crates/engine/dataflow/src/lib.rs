@@ -30,6 +30,7 @@ mod digest;
 mod error;
 mod event;
 mod executor;
+mod field_names;
 mod file_fault;
 mod fingerprint;
 mod graph;
