@@ -51,7 +51,7 @@ const QUESTIONS: [(&str, &[&str]); 6] = [
 const SHOWN: [&str; 4] = ["tables", "files", "reports", "every"];
 
 /// Caches: without one the next run only takes longer.
-const CACHES: [&str; 3] = ["newest", "seen.cache", "sources.json"];
+const CACHES: [&str; 3] = ["newest", "seen.cache", "sources.cache"];
 
 /// Kind of fault of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -54,7 +54,7 @@ const PLACES: [&str; 45] = [
     "runs",
     "runs/*",
     "seen.cache",
-    "sources.json",
+    "sources.cache",
     "staging",
     "tables",
     "tables/runs/*",

@@ -151,7 +151,7 @@ impl Folder {
 
     /// Digests of files outside the lake.
     pub(crate) fn sources(&self) -> PathBuf {
-        self.join("sources.json")
+        self.join("sources.cache")
     }
 
     /// Stamps of the watched files at the last full check.

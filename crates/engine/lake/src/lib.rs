@@ -21,7 +21,7 @@
 //! newest/PIPELINE.cache    a cache: the newest state of every unit of a pipeline
 //! seen.cache               a cache: stamps of the watched files at the last full check
 //! changing/PIPELINE.…      marks of pipelines whose tables and files are being changed
-//! sources.json             a cache: digests of files outside, by size, times and inode
+//! sources.cache            a cache: digests of files outside, by size, times and inode
 //! staging/, locks/         units in progress
 //! outbox/                  marks of units and runs that are to be sent to the depot
 //! identity                 what tells this lake from others and from its copies, once it has claimed a unit in the depot

@@ -9,9 +9,18 @@ use std::{
 
 use ::clock::lock;
 use dataflow::{Digest, Stamp};
-use serde::{Deserialize, Serialize};
 
-use crate::{LakeError, clock::now, digests::digest_file, folder::Folder, lock::Locks, sealed};
+use crate::{
+    LakeError, atomic,
+    clock::now,
+    codec::{Reader, Writer},
+    digests::digest_file,
+    folder::Folder,
+    lock::Locks,
+};
+
+/// Format version of the file.
+const VERSION: u64 = 1;
 
 /// The cached digests.
 pub(crate) struct Sources {
@@ -30,7 +39,7 @@ pub(crate) struct SourceCache {
 }
 
 /// The cached stamp and digest of a file.
-#[derive(Clone, Copy, Serialize, Deserialize)]
+#[derive(Clone, Copy)]
 pub(crate) struct Entry {
     pub(crate) stamp: Stamp,
     pub(crate) digest: Digest,
@@ -48,9 +57,10 @@ impl Sources {
     /// The cache, read on first use; an unusable cache file only costs time.
     pub(crate) fn known(&self) -> MutexGuard<'_, SourceCache> {
         let known = self.known.get_or_init(|| {
-            let entries = sealed::read_if_whole(&self.folder.sources()).ok().flatten();
+            let bytes = atomic::read_if_there(&self.folder.sources());
+            let bytes = bytes.ok().flatten().unwrap_or_default();
             Mutex::new(SourceCache {
-                entries: entries.unwrap_or_default(),
+                entries: parse(&bytes).unwrap_or_default(),
                 learned: BTreeMap::new(),
             })
         });
@@ -110,20 +120,44 @@ impl Sources {
         }
         let _turn = locks.lock_sources()?;
         let file = self.folder.sources();
-        let there: Option<HashMap<String, Entry>> = sealed::read_if_whole(&file)?;
+        let there = atomic::read_if_there(&file)?.unwrap_or_default();
         // The file has these entries too: nothing of a large dataset is held twice.
         known.entries = HashMap::new();
-        let mut entries = there.unwrap_or_default();
+        let mut entries = parse(&there).unwrap_or_default();
+        drop(there);
         for (path, entry) in std::mem::take(&mut known.learned) {
             match entry {
                 Some(entry) => entries.insert(path, entry),
                 None => entries.remove(&path),
             };
         }
-        sealed::write(&self.folder.staging(), &file, &entries)?;
+        let sorted: BTreeMap<&String, &Entry> = entries.iter().collect();
+        let mut writer = Writer::new(VERSION);
+        writer.number(sorted.len() as u64);
+        for (path, entry) in sorted {
+            writer.text(path);
+            writer.stamp(entry.stamp);
+            writer.digest(&entry.digest);
+        }
+        writer.write(&self.folder, &file)?;
         known.entries = entries;
         Ok(())
     }
+}
+
+/// Whether bytes are an intact cache.
+pub(crate) fn is_whole(bytes: &[u8]) -> bool {
+    parse(bytes).is_some()
+}
+
+/// Parses the file; `None` if it is damaged or of another version.
+fn parse(bytes: &[u8]) -> Option<HashMap<String, Entry>> {
+    Reader::of(bytes, VERSION)?.each(|reader| {
+        let path = reader.text()?.to_owned();
+        let stamp = reader.stamp()?;
+        let digest = reader.digest()?;
+        Some((path, Entry { stamp, digest }))
+    })
 }
 
 #[cfg(test)]

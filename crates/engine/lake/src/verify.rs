@@ -10,7 +10,7 @@ use std::{
 };
 
 use dataflow::{Digest, RecordOutcome, Stamp};
-use serde::{Deserialize, Serialize, de::IgnoredAny};
+use serde::{Deserialize, Serialize};
 
 use crate::{
     LakeError,
@@ -20,7 +20,7 @@ use crate::{
     lake::Lake,
     newest::Newest,
     records::Stored,
-    repair, replicated_files, sealed, snapshot,
+    repair, replicated_files, sealed, snapshot, sources,
 };
 
 /// What is said of a pipe, a folder or a broken link.
@@ -78,7 +78,6 @@ impl Lake {
         verifier.check_records()?;
         verifier.check_replicated()?;
         verifier.check_newest()?;
-        verifier.check_sealed(&self.folder.sources());
         verifier.check_published()?;
         verifier.verified.faults.sort();
         Ok(verifier.verified)
@@ -309,21 +308,23 @@ impl Verifier<'_> {
                 self.fault(&path, "its bytes are not the ones that were written");
             }
         }
-        let snapshot = self.lake.folder.snapshot();
-        if snapshot.exists() {
+        let folder = &self.lake.folder;
+        let caches: [(_, fn(&[u8]) -> bool); 2] = [
+            (folder.snapshot(), snapshot::is_whole),
+            (folder.sources(), sources::is_whole),
+        ];
+        for (path, is_whole) in caches {
+            let Some(bytes) = atomic::read_if_there(&path)? else {
+                self.expect_nothing(&path);
+                continue;
+            };
             self.verified.n_files += 1;
-            if !snapshot::is_whole(&atomic::read_if_there(&snapshot)?.unwrap_or_default()) {
-                self.fault(&snapshot, "its bytes are not the ones that were written");
+            self.verified.n_bytes += bytes.len() as u64;
+            if !is_whole(&bytes) {
+                self.fault(&path, "its bytes are not the ones that were written");
             }
         }
         Ok(())
-    }
-
-    /// Checks a sealed file, if it exists.
-    fn check_sealed(&mut self, path: &Path) {
-        if path.exists() {
-            let _value: Option<IgnoredAny> = self.sealed_as(path);
-        }
     }
 
     /// Reads a sealed file, or reports its fault.
