@@ -1,4 +1,4 @@
-//! States of the tree beside each other, in turns: the program's size and start, a cached run and the main job.
+//! Compares builds of several commits: the size of the program, one main job each, then start and cached run in turns.
 //!
 //! `cargo bench --bench states -- FOLDER…` takes clones of this repository in which `cargo build --release` has been
 //! run, and prints a row for each. The main job is made once in a lake of its own; the rest are medians of 20.
@@ -11,7 +11,7 @@ use std::{
     path::{Path, PathBuf},
     process::{Command, ExitCode, Output, Stdio},
     thread,
-    time::{Duration, Instant},
+    time::{Duration, Instant, SystemTime},
 };
 
 use tempfile::TempDir;
@@ -77,21 +77,23 @@ impl State {
         let built = Path::new(folder).join("target/release/pipeline");
         let lake = tempfile::tempdir().unwrap();
         let program = lake.path().join("pipeline");
+        let advice = "build it with `cargo build --release`";
         if let Err(err) = fs::copy(&built, &program) {
-            println!(
-                "`{}`: {err}; build it with `cargo build --release`",
-                built.display()
-            );
+            panic!("`{}`: {err}; {advice}", built.display());
         }
-        let mut git = Command::new("git");
-        git.args(["-C", folder, "rev-parse", "--short", "HEAD"]);
+        let commit = git(folder, &["describe", "--always", "--dirty", "--abbrev=8"]);
+        let committed = git(folder, &["log", "-1", "--format=%ct"]);
+        let committed = SystemTime::UNIX_EPOCH + Duration::from_secs(committed.parse().unwrap());
+        let metadata = fs::metadata(&built).unwrap();
+        assert!(
+            metadata.modified().unwrap() >= committed,
+            "`{}` is older than the commit {commit}; {advice}",
+            built.display()
+        );
         Self {
             folder: folder.into(),
-            commit: String::from_utf8(git.output().unwrap().stdout)
-                .unwrap()
-                .trim()
-                .to_owned(),
-            megabytes: 1e-6 * fs::metadata(&program).unwrap().len() as f64,
+            commit,
+            megabytes: 1e-6 * metadata.len() as f64,
             program,
             lake,
         }
@@ -120,7 +122,7 @@ impl State {
     /// Makes the main job; the shell says the processor time of what it started.
     fn make(&self) -> Job {
         let mut shell = Command::new("sh");
-        shell.args(["-c", "\"$@\" >/dev/null 2>&1 || exit 1; times", "sh"]);
+        shell.args(["-c", "\"$@\" >/dev/null || exit 1; times", "sh"]);
         shell
             .arg(&self.program)
             .args(self.job())
@@ -146,6 +148,17 @@ impl State {
             cpu_s: seconds.sum(),
         }
     }
+}
+
+/// What git says of a clone.
+fn git(folder: &str, arguments: &[&str]) -> String {
+    let output = Command::new("git")
+        .args(["-C", folder])
+        .args(arguments)
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "`{folder}` is no clone");
+    String::from_utf8(output.stdout).unwrap().trim().to_owned()
 }
 
 /// Times a command of every state in turns: the median, and the least and the greatest, of each.

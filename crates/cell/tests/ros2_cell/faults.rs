@@ -108,10 +108,15 @@ fn a_report_that_cannot_be_read_or_is_false_is_not_believed_and_not_repeated() {
         let goal = goal(&lab, 1);
         let sent = send(&client, &goal, IMPATIENT);
         assert!(matches!(sent, GoalResult::Unknown(_)), "{fault}: {sent:?}");
-        match (
-            fault,
-            client.recover(&goal.encode().goal_id, &goal, &joints(), IMPATIENT),
-        ) {
+        // Where a report comes, it comes when the motion has ended: on a busy machine that takes long.
+        let patience = if fault == "never_answer" {
+            IMPATIENT
+        } else {
+            PATIENT
+        };
+        let goal_id = goal.encode().goal_id;
+        let recovered = client.recover(&goal_id, &goal, &joints(), patience);
+        match (fault, recovered) {
             ("garbled_answer", RecoveryResult::Report(report)) => {
                 let ended = [Outcome::Failed, Outcome::Aborted];
                 assert!(ended.contains(&report.outcome), "{report:?}");

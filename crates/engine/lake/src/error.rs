@@ -379,11 +379,13 @@ impl Diagnostic for LakeError {
             Self::Compression { .. } => {
                 Some("write it with the compression `zstd` or `snappy`, or without one".to_owned())
             }
-            Self::Parquet { action: "read", .. }
-            | Self::Mcap { action: "read", .. }
-            | Self::Json { .. } => Some(
-                "`pipeline verify` says whether the file is damaged, `pipeline verify --drop` deletes it, and the \
-                 next run makes it again"
+            Self::Json { .. } => Some(
+                "another version of the program wrote the file: use that one, or see what `pipeline verify` says of it"
+                    .to_owned(),
+            ),
+            Self::Parquet { action: "read", .. } | Self::Mcap { action: "read", .. } => Some(
+                "`pipeline verify` says whether the file is damaged: then `pipeline verify --drop` deletes it and the \
+                 next run makes it again, otherwise `pipeline run FILE --fresh` does"
                     .to_owned(),
             ),
             Self::SeveralInputs { .. } | Self::MissingInput { .. } | Self::Metric { .. } => Some(

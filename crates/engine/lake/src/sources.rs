@@ -19,7 +19,8 @@ use crate::{
     lock::Locks,
 };
 
-/// Format version of the file.
+/// The file's format, which tells it from other caches.
+const FORMAT: &str = "sources";
 const VERSION: u64 = 1;
 
 /// The cached digests.
@@ -133,6 +134,7 @@ impl Sources {
         }
         let sorted: BTreeMap<&String, &Entry> = entries.iter().collect();
         let mut writer = Writer::new(VERSION);
+        writer.text(FORMAT);
         writer.number(sorted.len() as u64);
         for (path, entry) in sorted {
             writer.text(path);
@@ -150,9 +152,13 @@ pub(crate) fn is_whole(bytes: &[u8]) -> bool {
     parse(bytes).is_some()
 }
 
-/// Parses the file; `None` if it is damaged or of another version.
+/// Parses the file; `None` if it is damaged, or of another format or version.
 fn parse(bytes: &[u8]) -> Option<HashMap<String, Entry>> {
-    Reader::of(bytes, VERSION)?.each(|reader| {
+    let mut reader = Reader::of(bytes, VERSION)?;
+    if reader.text()? != FORMAT {
+        return None;
+    }
+    reader.each(|reader| {
         let path = reader.text()?.to_owned();
         let stamp = reader.stamp()?;
         let digest = reader.digest()?;

@@ -1,7 +1,7 @@
 //! Products of matrices with sixteen rows side by side, in the widest registers that the processor has.
 //!
-//! A row is a point of a cloud, or a hand at a time of a motion. What is zero at all sixteen is left out:
-//! behind `max(x, 0)` neighbors are mostly zero together, about half of the time.
+//! A row is a point of a cloud, a hand at a time of a motion, or a row of a matrix in training. What is zero at all
+//! sixteen is left out: behind `max(x, 0)` neighbors are mostly zero together, about half of the time.
 //! Every sum is made by the same operations in the same order wherever it stands, so that results do
 //! not depend on how the work is divided.
 
