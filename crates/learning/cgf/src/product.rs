@@ -271,17 +271,23 @@ mod tests {
         sparse
     }
 
+    /// Random weights, row after row, and the same for products.
+    fn weights(outputs: usize, random: &mut Random) -> (Vec<f32>, PackedMatrix) {
+        let weights: Vec<f32> = (0..outputs * INPUTS)
+            .map(|_| random.normal() as f32)
+            .collect();
+        let packed = PackedMatrix::new(outputs, INPUTS, |output, input| {
+            weights[output * INPUTS + input]
+        });
+        (weights, packed)
+    }
+
     #[test]
     fn products_are_the_plain_ones_and_zeros_change_no_bit() {
         for outputs in [1, 5, 6, 23, 24, 25, 50] {
             let mut random = Random::new(3, 0);
-            let weights: Vec<f32> = (0..outputs * INPUTS)
-                .map(|_| random.normal() as f32)
-                .collect();
+            let (weights, packed) = weights(outputs, &mut random);
             let offset: Vec<f32> = (0..outputs).map(|_| random.normal() as f32).collect();
-            let packed = PackedMatrix::new(outputs, INPUTS, |output, input| {
-                weights[output * INPUTS + input]
-            });
             let patches = patches(5, &mut random);
             let all = |take: fn(&[Row]) -> Sparse| -> Vec<Row> {
                 let xs: Vec<Sparse> = patches.iter().map(|rows| take(rows)).collect();
@@ -313,13 +319,9 @@ mod tests {
     #[test]
     fn registers_of_any_width_give_the_same_bits() {
         let mut random = Random::new(6, 0);
-        let numbers: Vec<f32> = (0..50 * INPUTS).map(|_| random.normal() as f32).collect();
-        let weights =
-            PackedMatrix::new(50, INPUTS, |output, input| numbers[output * INPUTS + input]);
-        let patches: Vec<Sparse> = patches(3, &mut random)
-            .iter()
-            .map(|rows| taken(rows))
-            .collect();
+        let (_, weights) = weights(50, &mut random);
+        let patches = patches(3, &mut random);
+        let patches: Vec<Sparse> = patches.iter().map(|rows| taken(rows)).collect();
         let projected_by = |op: &dyn Fn(Project)| {
             let mut out = vec![[0.0; LANES]; 3 * 50];
             op(Project {
@@ -342,13 +344,9 @@ mod tests {
     #[test]
     fn the_plain_way_gives_the_same() {
         let mut random = Random::new(4, 0);
-        let weights: Vec<f32> = (0..25 * INPUTS).map(|_| random.normal() as f32).collect();
-        let packed =
-            PackedMatrix::new(25, INPUTS, |output, input| weights[output * INPUTS + input]);
-        let xs: Vec<Sparse> = patches(3, &mut random)
-            .iter()
-            .map(|rows| taken(rows))
-            .collect();
+        let (_, packed) = weights(25, &mut random);
+        let xs = patches(3, &mut random);
+        let xs: Vec<Sparse> = xs.iter().map(|rows| taken(rows)).collect();
         let offset = [0.25; 25];
         let [mut fast, mut plain] = [(); 2].map(|()| vec![[0.0_f32; LANES]; 75]);
         project(&packed, &xs, &offset, &mut fast);
