@@ -1,6 +1,6 @@
 //! The names of a struct's fields, as serde reads them.
 //!
-//! A JSON schema has them too, but making the schemas of all kinds is a fifth of the program's start.
+//! A JSON schema has them too, but to make those of all kinds would slow down the start of every command.
 
 use serde::{
     Deserializer,
