@@ -6,6 +6,8 @@
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
+mod shell_times;
+
 use std::{
     env, fs,
     path::{Path, PathBuf},
@@ -14,6 +16,7 @@ use std::{
     time::{Duration, Instant, SystemTime},
 };
 
+use shell_times::children_s;
 use tempfile::TempDir;
 
 /// Times that each short command is run.
@@ -136,16 +139,9 @@ impl State {
             self.commit
         );
         let wall_s = before.elapsed().as_secs_f64();
-        let said = String::from_utf8(output.stdout).unwrap();
-        // The second line: `3m12.480s 0m4.310s`, of children.
-        let times = said.lines().nth(1).unwrap().split_whitespace();
-        let seconds = times.map(|time| {
-            let (minutes, seconds) = time.trim_end_matches('s').split_once('m').unwrap();
-            60.0 * minutes.parse::<f64>().unwrap() + seconds.parse::<f64>().unwrap()
-        });
         Job {
             wall_s,
-            cpu_s: seconds.sum(),
+            cpu_s: children_s(&String::from_utf8(output.stdout).unwrap()),
         }
     }
 }

@@ -16,6 +16,7 @@ mod folder;
 mod limits;
 #[path = "../own_stages/stages.rs"]
 mod own_stages;
+mod shell_times;
 
 use std::{
     env, fs,
@@ -27,6 +28,7 @@ use std::{
 
 use cluster::Slurm;
 use limits::Limits;
+use shell_times::children_s;
 use tempfile::TempDir;
 
 /// Variable with which this program is the pipeline's program, not the bench.
@@ -190,7 +192,9 @@ impl Lab {
         let wall_s = began.elapsed().as_secs_f64();
         status.unwrap().success().then_some(())?;
         let files = fs::read_dir(self.path("times")).unwrap();
-        let cpu_s: f64 = files.map(|file| children_s(&file.unwrap().path())).sum();
+        let cpu_s: f64 = files
+            .map(|file| children_s(&fs::read_to_string(file.unwrap().path()).unwrap()))
+            .sum();
         Some(Cost {
             cpu_ms: 1e3 * cpu_s / N_UNITS as f64,
             wall_ms: 1e3 * wall_s / N_UNITS as f64,
@@ -203,16 +207,4 @@ fn quiet(command: &mut Command) -> &mut Command {
         .stdin(Stdio::null())
         .stdout(Stdio::null())
         .stderr(Stdio::null())
-}
-
-/// The processor time of children in what a shell's `times` says: its second line, e.g. `0m1.200s 0m0.300s`.
-fn children_s(path: &Path) -> f64 {
-    let said = fs::read_to_string(path).unwrap();
-    let times = said.lines().nth(1).unwrap().split(' ');
-    times
-        .map(|time| {
-            let (minutes, seconds) = time.trim_end_matches('s').split_once('m').unwrap();
-            60.0 * minutes.parse::<f64>().unwrap() + seconds.parse::<f64>().unwrap()
-        })
-        .sum()
 }
