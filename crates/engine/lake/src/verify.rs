@@ -269,20 +269,9 @@ impl Verifier<'_> {
     fn replicas_of(&mut self, path: &Path, check: &impl Fn(&Path, &[u8]) -> Result<(), LakeError>) {
         let copy = self.lake.folder.copy_of(path);
         for path in [path, &copy] {
-            let bytes = match atomic::read_if_there(path) {
-                Ok(Some(bytes)) => bytes,
-                Ok(None) => {
-                    self.expect_nothing(path);
-                    continue;
-                }
-                Err(err) => {
-                    self.fault(path, format!("cannot be read: {err}"));
-                    continue;
-                }
-            };
-            self.verified.n_files += 1;
-            self.verified.n_bytes += bytes.len() as u64;
-            self.report_unless_ok(path, check(path, &bytes));
+            if let Some(bytes) = self.bytes_of(path) {
+                self.report_unless_ok(path, check(path, &bytes));
+            }
         }
         // The copy is written second, so that it may not exist yet.
         if !path.exists() && copy.exists() {
@@ -310,15 +299,26 @@ impl Verifier<'_> {
     }
 
     fn check_cache(&mut self, path: &Path, is_whole: impl Fn(&[u8]) -> bool) {
+        if self.bytes_of(path).is_some_and(|bytes| !is_whole(&bytes)) {
+            self.fault(path, "its bytes are not the ones that were written");
+        }
+    }
+
+    /// Reads a file, or reports why it cannot be read; `None` too if there is nothing.
+    fn bytes_of(&mut self, path: &Path) -> Option<Vec<u8>> {
         match atomic::read_if_there(path) {
-            Ok(None) => self.expect_nothing(path),
-            Err(err) => self.fault(path, format!("cannot be read: {err}")),
             Ok(Some(bytes)) => {
                 self.verified.n_files += 1;
                 self.verified.n_bytes += bytes.len() as u64;
-                if !is_whole(&bytes) {
-                    self.fault(path, "its bytes are not the ones that were written");
-                }
+                Some(bytes)
+            }
+            Ok(None) => {
+                self.expect_nothing(path);
+                None
+            }
+            Err(err) => {
+                self.fault(path, format!("cannot be read: {err}"));
+                None
             }
         }
     }
