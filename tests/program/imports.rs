@@ -11,7 +11,7 @@ use std::{
 use nalgebra::{Isometry3, Point3, Quaternion, Translation3, UnitQuaternion};
 use serde_json::Value;
 use stage_ingest::read;
-use zip::{ZipWriter, write::FileOptions};
+use zip::{ZipWriter, write::SimpleFileOptions};
 
 use crate::program::{
     bench::{Bench, stderr},
@@ -169,7 +169,7 @@ fn npy(shape: &[usize], numbers: &[f64]) -> Vec<u8> {
 
 fn npz(array: &str, npy: &[u8]) -> Vec<u8> {
     let mut zip = ZipWriter::new(Cursor::new(Vec::new()));
-    zip.start_file(format!("{array}.npy"), FileOptions::default())
+    zip.start_file(format!("{array}.npy"), SimpleFileOptions::default())
         .unwrap();
     zip.write_all(npy).unwrap();
     zip.finish().unwrap().into_inner()
