@@ -11,7 +11,10 @@ use std::{
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::program::{bench::Bench, cell_lab::executed};
+use crate::program::{
+    bench::{Bench, stdout},
+    cell_lab::executed,
+};
 
 #[test]
 fn one_thread_and_two_give_the_same_bytes() {
@@ -29,6 +32,36 @@ fn one_thread_and_two_give_the_same_bytes() {
     let two = digests("2");
     assert!(one.len() > 50);
     assert_eq!(one, two);
+}
+
+/// The loader takes the C library's functions for processors without fused multiply-add where it is told to.
+#[test]
+fn results_of_other_elementary_functions_are_not_mixed() {
+    if !(cfg!(all(target_arch = "x86_64", target_env = "gnu")) && has_fused_multiply_add()) {
+        eprintln!("skipped: the C library has functions of one kind for this processor");
+        return;
+    }
+    let bench = Bench::new();
+    let until = ["--until", "ingest"];
+    bench.run_well(&until);
+    let elsewhere = bench
+        .command("plan", &until)
+        .env("GLIBC_TUNABLES", "glibc.cpu.hwcaps=-AVX2,-FMA")
+        .output()
+        .unwrap();
+    let plan = stdout(&elsewhere);
+    assert!(!plan.contains("cached"), "{plan}");
+    assert!(
+        plan.contains("rounds `sin`, `exp` and the like otherwise"),
+        "{plan}"
+    );
+    let here = bench.command("plan", &until).output().unwrap();
+    assert_eq!(stdout(&here), "cached   everything; nothing to run\n");
+}
+
+fn has_fused_multiply_add() -> bool {
+    let processor = fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    processor.split_whitespace().any(|feature| feature == "fma")
 }
 
 #[test]

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::{
     digest::{Digest, Fields},
+    elementary_functions,
     name::{ArtifactName, PartitionKey, StageName},
 };
 
@@ -17,7 +18,8 @@ pub struct OutputFingerprint {
     pub kind: String,
     /// The artifact made, for kinds with more than one output.
     pub output: ArtifactName,
-    /// Digests of the sources that decide the output, by workspace crate.
+    /// Digests of the sources that decide the output, by workspace crate, and of the elementary functions where they
+    /// round otherwise than usual.
     pub code: BTreeMap<String, String>,
     /// The stage's configuration, without the paths of files that its units read.
     pub config: Value,
@@ -387,6 +389,10 @@ impl fmt::Display for Cause {
             Self::Code { part, old, new } => {
                 if part == "dependencies" {
                     f.write_str("the locked versions of dependencies changed")?;
+                } else if part == elementary_functions::PART {
+                    f.write_str(
+                        "the processor or its C library rounds `sin`, `exp` and the like otherwise",
+                    )?;
                 } else {
                     write!(f, "the code of `{part}` changed")?;
                 }

@@ -27,6 +27,7 @@ mod canonical_form;
 mod code;
 mod context;
 mod digest;
+mod elementary_functions;
 mod error;
 mod event;
 mod executor;

@@ -15,6 +15,7 @@ use crate::{
     canonical_form::Form,
     code::Code,
     digest::Digest,
+    elementary_functions,
     error::{Failure, NamedItems},
     fingerprint::{Fingerprint, OutputFingerprint},
     graph::Node,
@@ -519,9 +520,12 @@ fn present(unit: &ListedUnit, other: Option<&ListedUnit>) -> Certainty {
     }
 }
 
-/// Returns the digests of an output's code by crate.
+/// Returns the digests of an output's code by crate, and of the elementary functions if their values are unusual.
 pub(crate) fn code_parts(code: Code) -> BTreeMap<String, String> {
+    let rounding = elementary_functions::unusual();
+    let rounding = rounding.map(|digest| (elementary_functions::PART.to_owned(), digest.to_hex()));
     code.iter()
         .map(|(part, digest)| (part.to_owned(), digest.to_owned()))
+        .chain(rounding)
         .collect()
 }
