@@ -32,6 +32,7 @@ use self::{
     submit::{described, limit_s},
 };
 use crate::{
+    invocation,
     jobs::{Job, here_key, job_key},
     label::Label,
     report, sharing,
@@ -213,7 +214,10 @@ impl Batch<'_> {
         let then = if arrays.is_empty() {
             "the same command goes on from there".to_owned()
         } else {
-            let words: Vec<String> = env::args().map(|word| for_shell(&word)).collect();
+            let words: Vec<String> = invocation::words()
+                .iter()
+                .map(|word| for_shell(&word.to_string_lossy()))
+                .collect();
             format!(
                 "its jobs are left in the queue of `{}` and keep their results until the depot is back; this \
                  takes them over: `{}`",

@@ -1,6 +1,6 @@
 //! From the command line to an exit code.
 
-use std::{env, fmt::Display, path::PathBuf, process::ExitCode};
+use std::{ffi::OsString, fmt::Display, path::PathBuf, process::ExitCode};
 
 use clap::FromArgMatches;
 use dataflow::Kind;
@@ -8,6 +8,7 @@ use dataflow::Kind;
 use crate::{
     arguments::{Cli, Command},
     commands,
+    invocation::{self, Invocation},
     label::Label,
     memory,
     outcome::CommandOutcome,
@@ -41,22 +42,33 @@ impl Program<'_> {
     }
 }
 
-/// Reads the process's arguments.
+/// Reads the arguments.
 fn arguments() -> Result<Cli, clap::Error> {
     let mut command = Cli::described();
     command.build();
     // It works, but its line would not fit on one screen.
     let mut command = command.mut_subcommand("help", |help| help.hide(true));
-    let mut matches = command.try_get_matches_from_mut(env::args_os())?;
+    let mut matches = command.try_get_matches_from_mut(invocation::words())?;
     Cli::from_arg_matches_mut(&mut matches).map_err(|err| err.format(&mut command))
+}
+
+/// Executes the arguments of a command line, the program's name first, in a process that another program started;
+/// `executable` starts this program as a process of its own. Returns the exit code as [`command_line`] does.
+pub fn command_line_of(executable: PathBuf, words: Vec<OsString>, kinds: &[Kind]) -> u8 {
+    invocation::set(Invocation { executable, words });
+    execute(kinds)
 }
 
 /// Executes the process's arguments with these kinds of stages, and returns the exit code: 0 done,
 /// 1 failed, 2 wrong command line or pipeline file, 3 done with skipped items, 130 interrupted.
 pub fn command_line(kinds: &[Kind]) -> ExitCode {
+    ExitCode::from(execute(kinds))
+}
+
+fn execute(kinds: &[Kind]) -> u8 {
     let cli = match arguments() {
         Ok(cli) => cli,
-        Err(said) => return ExitCode::from(report::arguments(&said)),
+        Err(said) => return report::arguments(&said),
     };
     let program = Program {
         kinds,
@@ -93,8 +105,8 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
     let left = cli
         .detached_in
         .map(|folder| commands::leave_code(&folder, code));
-    ExitCode::from(match left {
+    match left {
         Some(Err(err)) => report::print_error(&err),
         _ => code,
-    })
+    }
 }

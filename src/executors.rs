@@ -9,6 +9,7 @@ use toml_edit::{DocumentMut, Item, Table as TomlTable};
 
 use crate::{
     batch::{Batch, Scheduler, default_true, for_shell, queue},
+    invocation,
     outcome::CommandError,
     processes::{Idle, Processes, Reach},
     sharing::{self, DepotName},
@@ -170,7 +171,7 @@ impl Launcher {
         lake: &'a Lake,
         depot: &DepotName,
     ) -> Result<Processes<'a>, CommandError> {
-        let here = || env::current_exe().map(|path| path.display().to_string());
+        let here = || invocation::executable().map(|path| path.display().to_string());
         let program = match self.program {
             Some(program) => program,
             None => here().map_err(|err| CommandError::failed(err, None))?,

@@ -15,6 +15,7 @@ mod commands;
 mod executors;
 mod heartbeats;
 mod interrupt;
+mod invocation;
 mod jobs;
 mod kinds;
 mod label;
@@ -34,6 +35,6 @@ mod timestamps;
 #[path = "../tests/simulation/histories.rs"]
 mod simulation;
 
-pub use command_line::command_line;
+pub use command_line::{command_line, command_line_of};
 pub use kinds::kinds;
 pub use memory::{out_of_memory, threads};

@@ -13,7 +13,7 @@ use std::{
 use dataflow::{Events, Executor, Failure, OnOutcome, Relay, UnitOutcome, Wave, WorkItem};
 use lake::Lake;
 
-use crate::{jobs::Job, outcome::CommandError, sharing};
+use crate::{invocation, jobs::Job, outcome::CommandError, sharing};
 
 /// Makes units in processes that read work items from stdin and write events to stdout, a line each.
 pub(crate) struct Processes<'a> {
@@ -73,7 +73,7 @@ impl Executor for Processes<'_> {
 impl<'a> Processes<'a> {
     /// Makes units in processes of this machine, in the run's own lake.
     pub(crate) fn local(lake: &'a Lake, jobs: Option<u16>) -> Result<Self, CommandError> {
-        let program = env::current_exe().map_err(|err| CommandError::failed(err, None))?;
+        let program = invocation::executable().map_err(|err| CommandError::failed(err, None))?;
         let worker = ["unit", "--lake"].map(OsString::from);
         let mut worker = [[program.into()].as_slice(), &worker].concat();
         worker.push(lake.root().into());

@@ -7,7 +7,10 @@ use dataflow::{Failure, Resources, Wave, WorkItem};
 use super::{
     Array, Batch, POLL_PERIOD, key, out, quoted, scheduler::Values, unique_name, values_of,
 };
-use crate::jobs::{Job, job_key};
+use crate::{
+    invocation,
+    jobs::{Job, job_key},
+};
 
 /// Times that an array is submitted before it counts as refused: a scheduler's message does not distinguish a
 /// refusal from a shutdown, and a loaded controller loses several in a row.
@@ -120,7 +123,7 @@ impl Batch<'_> {
         let cores = resources.cores.unwrap_or(1);
         let program = match &self.scheduler.program {
             Some(program) => program.clone(),
-            None => env::current_exe()
+            None => invocation::executable()
                 .map_err(|err| self.refused(&err))?
                 .display()
                 .to_string(),

@@ -4,7 +4,7 @@
 //! its process (`process`) and its exit code (`code`).
 
 use std::{
-    env, fs,
+    fs,
     fs::{File, TryLockError},
     io::{self, ErrorKind, Read, Write},
     os::unix::process::CommandExt,
@@ -20,6 +20,7 @@ use crate::{
     arguments::AttachArgs,
     command_line::Program,
     interrupt::INTERRUPTED,
+    invocation,
     label::Label,
     outcome::{CommandError, CommandOutcome},
     report,
@@ -123,10 +124,15 @@ fn start(folder: &Path) -> io::Result<Child> {
     let log = File::create(folder.join("log"))?;
     // As long as the process has it open.
     log.lock()?;
-    let child = Command::new(env::current_exe()?)
+    let child = Command::new(invocation::executable()?)
         .arg("--detached-in")
         .arg(folder)
-        .args(env::args_os().skip(1).filter(|word| word != "--detach"))
+        .args(
+            invocation::words()
+                .into_iter()
+                .skip(1)
+                .filter(|word| word != "--detach"),
+        )
         .stdin(Stdio::null())
         .stdout(log.try_clone()?)
         .stderr(log)

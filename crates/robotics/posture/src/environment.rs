@@ -7,9 +7,9 @@ use nalgebra::{Point3, Vector3};
 use robot::Surroundings;
 use spatial::RestingPose;
 
-/// An object that lies on a table, in the object frame.
+/// An object that lies on a table, in the object frame, or nothing at all.
 pub struct Environment {
-    field: Arc<DistanceField>,
+    field: Option<Arc<DistanceField>>,
     rest: RestingPose,
 }
 
@@ -25,8 +25,17 @@ pub struct SignedDistance {
 impl Environment {
     /// Puts an object down.
     pub fn new(field: impl Into<Arc<DistanceField>>, rest: RestingPose) -> Self {
-        let field = field.into();
+        let field = Some(field.into());
         Self { field, rest }
+    }
+
+    /// Returns the environment of a hand in the air: object and table are infinitely far away.
+    pub fn empty() -> Self {
+        let rest = RestingPose {
+            up_in_object: Vector3::z_axis(),
+            height_m: f64::INFINITY,
+        };
+        Self { field: None, rest }
     }
 
     /// Returns the object's resting pose.
@@ -37,7 +46,13 @@ impl Environment {
     /// Returns the signed distance of a point from the object's surface.
     #[inline]
     pub fn signed_distance(&self, point_in_object: &Point3<f64>) -> SignedDistance {
-        let (distance_m, gradient_in_object) = self.field.distance(point_in_object);
+        let Some(field) = &self.field else {
+            return SignedDistance {
+                distance_m: f64::INFINITY,
+                gradient_in_object: Vector3::zeros(),
+            };
+        };
+        let (distance_m, gradient_in_object) = field.distance(point_in_object);
         SignedDistance {
             distance_m,
             gradient_in_object,

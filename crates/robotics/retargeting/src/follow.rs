@@ -96,6 +96,17 @@ impl<'a> Follower<'a> {
         )
     }
 
+    /// Searches a step of which nothing is known before: as a grasp that nothing approaches.
+    pub(crate) fn first(&mut self, goal: &Goal) -> Result<StepSolution, RetargetingError> {
+        let afresh = self.afresh(goal, None)?;
+        let start = afresh.map_or_else(
+            || self.aligned_to_targets(goal, self.context.hand.mid_range.clone()),
+            |afresh| Ok(afresh.posture),
+        )?;
+        let iterations = GRASP_ITERATIONS * self.context.config.max_iterations;
+        self.search_with(goal, None, start, iterations, Fingers::TriedBothWays)
+    }
+
     /// Searches the grasp, the last step: afresh, and along the approach, where the fingers come
     /// from outside and so end on the right side of thin things.
     pub(crate) fn grasp(

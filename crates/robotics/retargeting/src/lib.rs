@@ -74,6 +74,7 @@ mod fixture;
 mod follow;
 mod goal;
 mod landmarks;
+mod live;
 #[cfg(test)]
 mod other_hands;
 mod retarget;
@@ -85,6 +86,7 @@ mod tracking;
 pub use config::{Loss, RetargetingConfig, Wrist};
 pub use error::RetargetingError;
 pub use landmarks::LandmarkStep;
+pub use live::{LivePosture, LiveRetargeting};
 pub use retarget::{Retargeted, retarget};
 pub use settle::settled;
 pub use survey::{Survey, survey};

@@ -34,7 +34,7 @@ impl Archive {
         self.array(name, "<f4", shape, bytes)
     }
 
-    /// Adds an array of elements of a type in `numpy`'s notation, in format 1.0 of `.npy` (NumPy, *numpy.lib.format*,
+    /// Adds an array of elements of a type in `numpy`'s notation, in format 1.0 of `.npy` (`NumPy`, *numpy.lib.format*,
     /// 2024).
     fn array(
         &mut self,
@@ -43,9 +43,10 @@ impl Archive {
         shape: &[u64],
         bytes: impl Iterator<Item = u8>,
     ) -> io::Result<()> {
-        let lengths: String = shape.iter().map(|length| format!("{length}, ")).collect();
+        let lengths: Vec<String> = shape.iter().map(u64::to_string).collect();
+        let lengths = lengths.join(", ");
         let mut header =
-            format!("{{'descr': '{element}', 'fortran_order': False, 'shape': ({lengths}), }}");
+            format!("{{'descr': '{element}', 'fortran_order': False, 'shape': ({lengths}, ), }}");
         // Before it stand a magic number of 6 bytes, 2 of the version and 2 of its length.
         let len = (10 + header.len() + 1).next_multiple_of(ALIGNMENT) - 10;
         header.extend(iter::repeat_n(' ', len - 1 - header.len()));

@@ -21,6 +21,31 @@ impl Chain {
         self.solutions_from(STARTS, base_from_palm)
     }
 
+    /// Returns the joint positions within the limits with which the end is at `base_from_palm`: that to which damped
+    /// least squares come from `near`, else the nearest one of [`Chain::ik_solutions`]. `None` if none is found.
+    pub fn solution_near(
+        &self,
+        base_from_palm: &Pose<Base, Palm>,
+        near: &[f64],
+    ) -> Option<Vec<f64>> {
+        let is_within = |q: &Vec<f64>| {
+            let mut joints = self.links.joints.iter().zip(q);
+            joints.all(|(joint, q)| (joint.lower..=joint.upper).contains(q))
+        };
+        let direct = self.inverse_kinematics(base_from_palm, near);
+        direct.filter(is_within).or_else(|| {
+            let distance = |q: &Vec<f64>| -> f64 {
+                let pairs = q.iter().zip(near);
+                pairs.map(|(q, near)| (q - near).powi(2)).sum()
+            };
+            let within = self
+                .ik_solutions(base_from_palm)
+                .into_iter()
+                .filter(is_within);
+            within.min_by(|a, b| distance(a).total_cmp(&distance(b)))
+        })
+    }
+
     fn solutions_from(&self, starts_n: usize, base_from_palm: &Pose<Base, Palm>) -> Vec<Vec<f64>> {
         let mut found: Vec<Vec<f64>> = Vec::new();
         for start in self.starts(starts_n) {

@@ -1,0 +1,13 @@
+"""Robot hands that learn grasping from people: kinematics, retargeting, and the program `pipeline`.
+
+Arrays are numpy's, of float64; lengths are in meters, angles in radians, masses in kilograms.
+"""
+
+import os as _os
+
+from pipeline._pipeline import Error, Motion, Retargeter, Robot, after_fork
+
+__all__ = ["Error", "Motion", "Retargeter", "Robot"]
+
+if hasattr(_os, "register_at_fork"):
+    _os.register_at_fork(after_in_child=after_fork)
