@@ -43,7 +43,7 @@ pub(crate) use new::new;
 pub(crate) use plan::plan;
 pub(crate) use pull::pull;
 pub(crate) use push::push;
-pub(crate) use query::query;
+pub(crate) use query::{query, rows};
 pub(crate) use report::report;
 pub(crate) use router::router;
 pub(crate) use run::run;

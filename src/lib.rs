@@ -19,6 +19,7 @@ mod invocation;
 mod jobs;
 mod kinds;
 mod label;
+mod library;
 mod memory;
 mod numbers;
 mod outages;
@@ -37,4 +38,5 @@ mod simulation;
 
 pub use command_line::{command_line, command_line_of};
 pub use kinds::kinds;
+pub use library::{Refusal, query};
 pub use memory::{out_of_memory, threads};

@@ -24,12 +24,16 @@ mod value_text;
 mod values;
 
 use std::{
-    panic,
+    fs, panic,
     path::Path,
-    sync::atomic::{AtomicBool, Ordering},
+    sync::{
+        Once,
+        atomic::{AtomicBool, Ordering},
+    },
     thread,
 };
 
+use datafusion::arrow::array::RecordBatch;
 use lake::Lake;
 
 use self::{page::Page, question::Question, source::Source, tables::Tables};
@@ -49,24 +53,68 @@ static IS_OWN_PANIC: AtomicBool = AtomicBool::new(false);
 
 /// Answers a question in SQL over the lake's tables.
 pub(crate) fn query(program: &Program, args: &QueryArgs) -> Result<CommandOutcome, CommandError> {
-    // The engine panics at some questions: they are refused. A panic of this program is a fault.
-    let before = panic::take_hook();
-    panic::set_hook(Box::new(move |panicked| {
-        memory::end_if_without_thread(panicked);
-        // Paths of the workspace are relative.
-        let is_own = panicked
-            .location()
-            .is_some_and(|place| Path::new(place.file()).is_relative());
-        IS_OWN_PANIC.store(is_own, Ordering::Relaxed);
-        if is_own {
-            before(panicked);
-        }
-    }));
+    with_large_stack(|| ask(program, args))
+}
+
+/// Returns the rows that answer a question over the tables of the lake in this folder, of one run or of the newest.
+pub(crate) fn rows(lake: &Path, sql: &str, run: Option<&str>) -> Result<RecordBatch, CommandError> {
+    with_large_stack(|| {
+        let question = Question::read(sql)?;
+        let lake = Lake::open(lake);
+        let answered = {
+            let _kept = kept(&lake);
+            look_up(&lake, &question, run).and_then(|tables| tables.answer(question))
+        };
+        lake.leave();
+        answered
+    })
+}
+
+/// Blocks garbage collection: what is found is not collected before it is read.
+fn kept(lake: &Lake) -> Option<fs::File> {
+    lake.check_exists()
+        .ok()
+        .and_then(|()| lake.block_collection())
+}
+
+fn look_up<'a>(
+    lake: &'a Lake,
+    question: &Question,
+    run: Option<&str>,
+) -> Result<Tables<'a>, CommandError> {
+    let run = run.map(|name| lake.run(lake.find_run(name)?)).transpose()?;
+    let source = Source::Lake {
+        lake,
+        run: run.map(Box::new),
+    };
+    Tables::open(source, question)
+}
+
+/// Answers in a thread that can follow long chains of operators. The engine panics at some questions: they are
+/// refused. A panic of this program is a fault.
+fn with_large_stack<T: Send>(
+    answer: impl FnOnce() -> Result<T, CommandError> + Send,
+) -> Result<T, CommandError> {
+    static HOOK: Once = Once::new();
+    HOOK.call_once(|| {
+        let before = panic::take_hook();
+        panic::set_hook(Box::new(move |panicked| {
+            memory::end_if_without_thread(panicked);
+            // Paths of the workspace are relative.
+            let is_own = panicked
+                .location()
+                .is_some_and(|place| Path::new(place.file()).is_relative());
+            IS_OWN_PANIC.store(is_own, Ordering::Relaxed);
+            if is_own {
+                before(panicked);
+            }
+        }));
+    });
     thread::scope(|scope| {
         let asked = thread::Builder::new()
             .name("query".to_owned())
             .stack_size(STACK_BYTES)
-            .spawn_scoped(scope, || ask(program, args))
+            .spawn_scoped(scope, answer)
             .unwrap_or_else(|_| memory::end_without_thread());
         asked.join().unwrap_or_else(|panicked| {
             if IS_OWN_PANIC.load(Ordering::Relaxed) {
@@ -95,19 +143,12 @@ fn answer(
     question: Question,
     lake: &Lake,
 ) -> Result<CommandOutcome, CommandError> {
-    // What is found here is not collected before it is read.
-    let _kept = lake.check_exists().is_ok().then(|| lake.block_collection());
-    let source = if args.depot {
-        Source::Depot(lake.depot_tables()?)
+    let _kept = kept(lake);
+    let mut tables = if args.depot {
+        Tables::open(Source::Depot(lake.depot_tables()?), &question)?
     } else {
-        let run = args.run.as_ref();
-        let run = run.map(|name| lake.run(lake.find_run(name)?)).transpose()?;
-        Source::Lake {
-            lake,
-            run: run.map(Box::new),
-        }
+        look_up(lake, &question, args.run.as_deref())?
     };
-    let mut tables = Tables::open(source, &question)?;
     files::open(&question.files, lake.root(), &args.allow_files, &mut tables)?;
     if args.depot {
         program.say_shared(lake)?;

@@ -5,9 +5,9 @@ Arrays are numpy's, of float64; lengths are in meters, angles in radians, masses
 
 import os as _os
 
-from pipeline._pipeline import Error, Motion, Retargeter, Robot, after_fork
+from pipeline._pipeline import Error, Lake, Motion, Retargeter, Robot, Table, after_fork
 
-__all__ = ["Error", "Motion", "Retargeter", "Robot"]
+__all__ = ["Error", "Lake", "Motion", "Retargeter", "Robot", "Table"]
 
 if hasattr(_os, "register_at_fork"):
     _os.register_at_fork(after_in_child=after_fork)

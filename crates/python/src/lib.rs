@@ -8,6 +8,7 @@
 
 mod arrays;
 mod error;
+mod lake;
 mod program;
 mod retargeter;
 mod robot;
@@ -25,6 +26,7 @@ mod _pipeline {
     #[pymodule_export]
     use super::{
         error::Error,
+        lake::{Lake, Table},
         program::main,
         retargeter::{Motion, Retargeter},
         robot::Robot,

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import pipeline
-from test_page import recording
+from lab import recording
 
 DATA = Path(__file__).parents[3] / "data"
 N = int(os.environ.get("PIPELINE_MISUSES", "1000"))

@@ -2,46 +2,24 @@
 
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
-import tempfile
 import unittest
-from pathlib import Path
 
 import numpy as np
 
+import lab
 import pipeline
+from lab import SMALL, run, setting
 
-# What makes the whole job small.
-SMALL = [
-    "train.network.points=64",
-    "train.training.epochs=20",
-    "sample.per_object=16",
-    "screen.robustness.trials=2",
-    "screen.pose_errors_per_object=1",
-]
 # Without these, the stage's motions depend on the landmarks alone, as the module's.
 IN_THE_AIR = {"object_weight": 0.0, "table_weight": 0.0, "contact_weight": 0.0}
 
 
-def run(*words: str, cwd: Path, program: str = "pipeline") -> subprocess.CompletedProcess[str]:
-    return subprocess.run([program, *words], cwd=cwd, capture_output=True, text=True)
-
-
 class Program(unittest.TestCase):
-    @classmethod
-    def setUpClass(cls):
-        folder = tempfile.TemporaryDirectory()
-        cls.addClassCleanup(folder.cleanup)
-        cls.folder = Path(folder.name)
-        made = run("new", "lab", cwd=cls.folder)
-        assert made.returncode == 0, made.stderr
-        cls.lab = cls.folder / "lab"
-        recipe = cls.lab / "data/sample/recipe.toml"
-        text = re.sub(r"sequences_per_object = .*", "sequences_per_object = 1", recipe.read_text())
-        recipe.write_text(re.sub(r"subjects = .*", "subjects = 2", text))
+    def setUp(self):
+        self.lab = lab.new()
 
     def query(self, sql: str) -> list[dict]:
         asked = run("query", sql, "--format", "json", cwd=self.lab)
@@ -53,19 +31,16 @@ class Program(unittest.TestCase):
         if built is None:
             self.skipTest("`PIPELINE_PROGRAM` names no program that cargo built")
         for words in [["--help"], ["--version"], ["stages"], ["stages", "train"], ["run", "--nonsense"]]:
-            here = run(*words, cwd=self.folder)
-            there = run(*words, cwd=self.folder, program=built)
+            here = run(*words, cwd=self.lab)
+            there = run(*words, cwd=self.lab, program=built)
             self.assertEqual(
                 (here.returncode, here.stdout, here.stderr),
                 (there.returncode, there.stdout, there.stderr),
             )
 
     def test_the_main_job_runs_in_a_new_project(self):
-        values = [word for value in SMALL for word in ("--set", value)]
-        ran = run("run", "pipelines/cgf.toml", *values, cwd=self.lab)
-        self.assertEqual(ran.returncode, 0, ran.stderr)
-        self.assertIn("done", ran.stderr)
-        again = run("run", "pipelines/cgf.toml", *values, cwd=self.lab)
+        lab.done()
+        again = run("run", "pipelines/cgf.toml", *setting(SMALL), cwd=self.lab)
         self.assertIn("nothing to run", again.stderr)
         runs = self.query("select count(*) as n from executions")
         self.assertGreater(runs[0]["n"], 0)
@@ -77,8 +52,8 @@ class Program(unittest.TestCase):
 
     def test_motions_are_those_of_the_stage_bit_for_bit(self):
         values = [f"retarget.{key}={value}" for key, value in IN_THE_AIR.items()]
-        words = [word for value in values for word in ("--set", value)]
-        ran = run("run", "pipelines/cgf.toml", "--until", "retarget", *words, cwd=self.lab)
+        until = ["--until", "retarget", *setting(values)]
+        ran = run("run", "pipelines/cgf.toml", *until, cwd=self.lab)
         self.assertEqual(ran.returncode, 0, ran.stderr)
         columns = "sequence, step, time_s"
         shown = self.query(f"select {columns}, keypoints_m from demonstrations order by sequence, step")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 import pipeline
-from test_page import recording
+from lab import recording
 
 DATA = Path(__file__).parents[3] / "data"
 

@@ -1,0 +1,122 @@
+//! Lakes: their tables as Arrow.
+
+use std::path::PathBuf;
+
+use arrow_array::{
+    RecordBatch, RecordBatchIterator, RecordBatchReader, cast::AsArray,
+    ffi_stream::FFI_ArrowArrayStream, types::Float64Type,
+};
+use arrow_schema::DataType;
+use numpy::PyArray1;
+use pyo3::{
+    prelude::*,
+    types::{PyAny, PyCapsule},
+};
+
+use crate::{
+    arrays::vector,
+    error::{failed, wrong},
+};
+
+/// A lake: the tables that pipelines made in a folder.
+///
+/// `path` is the folder, `data/lake` in a project.
+#[pyclass(frozen, module = "pipeline")]
+pub(crate) struct Lake {
+    path: PathBuf,
+}
+
+#[pymethods]
+impl Lake {
+    /// Names a lake; it is opened by each query.
+    #[new]
+    fn new(path: PathBuf) -> Self {
+        Self { path }
+    }
+
+    /// Answers a question in SQL over the lake's tables, as `pipeline query` does.
+    ///
+    /// Each table is that of the newest run that made it, or of `run`, the name of a run as `pipeline runs` prints it.
+    /// `show tables` lists the tables.
+    #[pyo3(signature = (sql, *, run=None))]
+    fn query(&self, py: Python<'_>, sql: &str, run: Option<&str>) -> PyResult<Table> {
+        let answered = py.detach(|| pipeline::query(&self.path, sql, run));
+        answered
+            .map(Table)
+            .map_err(|err| failed(&err, err.hint.clone()))
+    }
+
+    fn __repr__(&self) -> String {
+        format!("<pipeline.Lake `{}`>", self.path.display())
+    }
+}
+
+/// Rows of a table in Arrow's memory, which pyarrow, polars, pandas and DuckDB take over without a copy:
+/// `pyarrow.table(rows)`, `polars.DataFrame(rows)`.
+#[pyclass(frozen, module = "pipeline")]
+pub(crate) struct Table(RecordBatch);
+
+#[pymethods]
+impl Table {
+    /// The names of the columns.
+    #[getter]
+    fn column_names(&self) -> Vec<String> {
+        let schema = self.0.schema();
+        schema
+            .fields()
+            .iter()
+            .map(|field| field.name().clone())
+            .collect()
+    }
+
+    /// A column of numbers as a numpy array `(n,)` of float64; nulls are nan.
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let column = self.0.column_by_name(name).ok_or_else(|| {
+            wrong(
+                format!("there is no column `{name}`"),
+                "`column_names` lists the columns",
+            )
+        })?;
+        if !column.data_type().is_numeric() {
+            return Err(wrong(
+                format!("the column `{name}` is of type {}", column.data_type()),
+                "take the whole table over, e.g. `polars.DataFrame(rows)`",
+            ));
+        }
+        let numbers =
+            arrow_cast::cast(column, &DataType::Float64).map_err(|err| failed(&err, None))?;
+        let numbers = numbers.as_primitive::<Float64Type>().iter();
+        Ok(vector(
+            py,
+            numbers.map(|number| number.unwrap_or(f64::NAN)).collect(),
+        ))
+    }
+
+    /// The rows as a stream of Arrow's C interface, in a capsule of Arrow's `PyCapsule` protocol.
+    #[pyo3(signature = (requested_schema=None))]
+    fn __arrow_c_stream__<'py>(
+        &self,
+        py: Python<'py>,
+        #[expect(
+            unused_variables,
+            reason = "a consumer casts itself, as the protocol allows"
+        )]
+        requested_schema: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyCapsule>> {
+        let rows = RecordBatchIterator::new([Ok(self.0.clone())], self.0.schema());
+        let rows: Box<dyn RecordBatchReader + Send> = Box::new(rows);
+        PyCapsule::new_with_value(py, FFI_ArrowArrayStream::new(rows), c"arrow_array_stream")
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.num_rows()
+    }
+
+    fn __repr__(&self) -> String {
+        format!(
+            "<pipeline.Table, {} rows of {}>",
+            self.0.num_rows(),
+            self.column_names().join(", ")
+        )
+    }
+}

@@ -1,0 +1,64 @@
+"""A project that the wheel made, in which the small main job has run: one for all tests."""
+
+import atexit
+import functools
+import re
+import subprocess
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+# What makes the whole job small.
+SMALL = [
+    "train.network.points=64",
+    "train.training.epochs=20",
+    "sample.per_object=16",
+    "screen.robustness.trials=2",
+    "screen.pose_errors_per_object=1",
+]
+
+
+def run(*words: str, cwd: Path, program: str = "pipeline") -> subprocess.CompletedProcess[str]:
+    return subprocess.run([program, *words], cwd=cwd, capture_output=True, text=True)
+
+
+def setting(values: list[str]) -> list[str]:
+    return [word for value in values for word in ("--set", value)]
+
+
+@functools.cache
+def new() -> Path:
+    """A new project of one recording for each object, in which nothing has run."""
+    folder = tempfile.TemporaryDirectory()
+    atexit.register(folder.cleanup)
+    made = run("new", "lab", cwd=Path(folder.name))
+    assert made.returncode == 0, made.stderr
+    project = Path(folder.name) / "lab"
+    recipe = project / "data/sample/recipe.toml"
+    text = re.sub(r"sequences_per_object = .*", "sequences_per_object = 1", recipe.read_text())
+    recipe.write_text(re.sub(r"subjects = .*", "subjects = 2", text))
+    return project
+
+
+@functools.cache
+def done() -> Path:
+    """The project with the lake of its main job."""
+    project = new()
+    ran = run("run", "pipelines/cgf.toml", *setting(SMALL), cwd=project)
+    assert ran.returncode == 0, ran.stderr
+    assert "done" in ran.stderr, ran.stderr
+    return project
+
+
+def recording(seed: int) -> dict[str, np.ndarray]:
+    """A hand that opens and closes beside the origin."""
+    times = np.arange(90) / 60
+    fingers, joints = np.divmod(np.arange(20), 4)
+    open_hand = np.zeros((21, 3))
+    open_hand[1:, 0] = 0.06 + 0.02 * joints
+    open_hand[1:, 1] = 0.04 - 0.02 * fingers
+    bend = np.zeros_like(open_hand)
+    bend[1:, 2] = 0.01 * joints
+    phase = np.sin(2 * times + seed)[:, None, None]
+    return {"times": times, "landmarks": open_hand + phase * bend}
