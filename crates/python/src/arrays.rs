@@ -1,22 +1,51 @@
 //! numpy's arrays: read with their shapes checked, and made.
+//!
+//! They are read and made by numpy itself, whose memory `CPython`'s stable interface does not reach before 3.11; a call
+//! costs less than a microsecond.
 
-use numpy::{
-    IntoPyArray, PyArray, PyArrayDescrMethods, PyArrayDyn, PyArrayMethods, PyUntypedArray,
-    PyUntypedArrayMethods,
+use pyo3::{
+    intern,
+    prelude::*,
+    sync::PyOnceLock,
+    types::{PyAny, PyByteArray, PyBytes, PyTuple},
 };
-use pyo3::{prelude::*, types::PyAny};
-
 use spatial::Pose;
 
 use crate::error::wrong;
 
-/// An array of any number of axes.
-pub(crate) type Array<'py> = Bound<'py, PyArrayDyn<f64>>;
+/// An array of numbers of double precision.
+pub(crate) type Array<'py> = Bound<'py, PyAny>;
 
-/// Rows of numbers: an argument with one axis is one row, with two a batch of rows.
+/// Bytes of a number.
+const BYTES: usize = size_of::<f64>();
+
+/// What is used of numpy, imported at the first array.
+struct Numpy {
+    asarray: Py<PyAny>,
+    ndarray: Py<PyAny>,
+    float64: Py<PyAny>,
+}
+
+impl Numpy {
+    fn get(py: Python<'_>) -> PyResult<&Self> {
+        static NUMPY: PyOnceLock<Numpy> = PyOnceLock::new();
+        NUMPY.get_or_try_init(py, || {
+            let numpy = py.import("numpy")?;
+            Ok(Self {
+                asarray: numpy.getattr("asarray")?.unbind(),
+                ndarray: numpy.getattr("ndarray")?.unbind(),
+                float64: numpy.call_method1("dtype", ("float64",))?.unbind(),
+            })
+        })
+    }
+}
+
+/// Rows of numbers: an argument with the axes of a row is one row, with one more a batch of rows.
 pub(crate) struct Rows {
     /// The numbers, row after row.
     numbers: Vec<f64>,
+    /// Number of rows.
+    len: usize,
     /// Numbers of a row.
     width: usize,
     /// Whether the argument had the axis of a batch.
@@ -31,7 +60,6 @@ impl Rows {
     /// Fails with an exception if it is no array or sequence of numbers of such a shape.
     pub(crate) fn read(name: &str, argument: &Bound<'_, PyAny>, row: &[usize]) -> PyResult<Self> {
         let (shape, numbers) = read(name, argument)?;
-        let width = row.iter().product();
         let is_batch = shape.len() == row.len() + 1;
         if shape[usize::from(is_batch)..] != *row {
             return Err(wrong(
@@ -55,14 +83,15 @@ impl Rows {
         }
         Ok(Self {
             numbers,
-            width,
+            len: if is_batch { shape[0] } else { 1 },
+            width: row.iter().product(),
             is_batch,
         })
     }
 
     /// Returns the number of rows.
     pub(crate) fn len(&self) -> usize {
-        self.numbers.len().checked_div(self.width).unwrap_or(1)
+        self.len
     }
 
     /// Returns a row.
@@ -76,58 +105,65 @@ impl Rows {
     ///
     /// Fails with an exception that names both.
     pub(crate) fn check_as_many(&self, name: &str, other: &Self, its_name: &str) -> PyResult<()> {
-        if self.len() == other.len() && self.is_batch == other.is_batch {
+        if self.len == other.len && self.is_batch == other.is_batch {
             return Ok(());
         }
+        let rows = |rows: &Self| {
+            if rows.is_batch {
+                format!("a batch of {}", rows.len)
+            } else {
+                "one row".to_owned()
+            }
+        };
         Err(wrong(
             format!(
-                "`{name}` has {} rows and `{its_name}` {}",
-                self.len(),
-                other.len()
+                "`{name}` is {} and `{its_name}` {}",
+                rows(self),
+                rows(other)
             ),
             "pass batches of the same length, or one row each",
         ))
     }
 }
 
-/// Reads the shape and the numbers of an argument, whatever its type of number and its strides.
+/// Reads the shape and the numbers of an argument, last axis fastest, whatever its type of number and its strides.
 fn read(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f64>)> {
-    // The fast way: nothing is converted.
-    if let Ok(array) = argument.cast::<PyArrayDyn<f64>>() {
-        return Ok((array.shape().to_vec(), numbers_of(array)?));
-    }
+    let py = argument.py();
+    let numpy = Numpy::get(py)?;
+    let float64 = numpy.float64.bind(py);
     let refused = |_: PyErr| {
-        let kind = argument.get_type();
         wrong(
-            format!("`{name}` is no array of numbers but a `{kind}`"),
+            format!(
+                "`{name}` is no array of numbers but a `{}`",
+                argument.get_type()
+            ),
             "pass a numpy array or nested lists of numbers",
         )
     };
-    let numpy = argument.py().import("numpy")?;
-    let array = numpy
-        .call_method1("asarray", (argument,))
-        .map_err(refused)?;
-    let kind = array.cast::<PyUntypedArray>()?.dtype().kind();
-    if !matches!(kind, b'f' | b'i' | b'u') {
-        return Err(wrong(
-            format!("`{name}` is an array of `{}`", array.getattr("dtype")?),
-            "pass real numbers; convert with `array.astype(float)`",
-        ));
+    let is_array = argument.is_exact_instance(numpy.ndarray.bind(py));
+    let mut array = if is_array {
+        argument.clone()
+    } else {
+        numpy.asarray.bind(py).call1((argument,)).map_err(refused)?
+    };
+    let kind = array.getattr(intern!(py, "dtype"))?;
+    if !kind.is(float64) {
+        let letter: String = kind.getattr("kind")?.extract()?;
+        if !matches!(letter.as_str(), "f" | "i" | "u") {
+            return Err(wrong(
+                format!("`{name}` is an array of `{kind}`"),
+                "pass real numbers; convert with `array.astype(float)`",
+            ));
+        }
+        array = array.call_method1("astype", (float64,)).map_err(refused)?;
     }
-    let array = array
-        .call_method1("astype", ("float64",))
-        .map_err(refused)?;
-    let array = array.cast::<PyArrayDyn<f64>>()?;
-    Ok((array.shape().to_vec(), numbers_of(array)?))
-}
-
-/// Copies the numbers of an array, last axis fastest.
-fn numbers_of(array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f64>> {
-    let readonly = array.try_readonly()?;
-    Ok(match readonly.as_slice() {
-        Ok(numbers) => numbers.to_vec(),
-        Err(_not_contiguous) => readonly.as_array().iter().copied().collect(),
-    })
+    let shape = array.getattr(intern!(py, "shape"))?.extract()?;
+    let bytes = array.call_method0(intern!(py, "tobytes"))?;
+    let (numbers, _rest) = bytes.cast::<PyBytes>()?.as_bytes().as_chunks::<BYTES>();
+    Ok((
+        shape,
+        numbers.iter().copied().map(f64::from_ne_bytes).collect(),
+    ))
 }
 
 /// Makes an array of this shape, the last axis fastest; with the axis of a batch before, if there is one.
@@ -137,17 +173,30 @@ fn numbers_of(array: &Bound<'_, PyArrayDyn<f64>>) -> PyResult<Vec<f64>> {
 /// Fails with an exception if the numbers are not as many as the shape says.
 pub(crate) fn array<'py>(
     py: Python<'py>,
-    numbers: Vec<f64>,
+    numbers: &[f64],
     batch: Option<usize>,
     row: &[usize],
 ) -> PyResult<Array<'py>> {
+    let numpy = Numpy::get(py)?;
+    let bytes = PyByteArray::new_with(py, numbers.len() * BYTES, |bytes| {
+        for (place, number) in bytes.as_chunks_mut::<BYTES>().0.iter_mut().zip(numbers) {
+            *place = number.to_ne_bytes();
+        }
+        Ok(())
+    })?;
     let shape: Vec<usize> = batch.into_iter().chain(row.iter().copied()).collect();
-    numbers.into_pyarray(py).reshape(shape)
+    let shape = PyTuple::new(py, shape)?;
+    let ndarray = numpy.ndarray.bind(py);
+    ndarray.call1((shape, numpy.float64.bind(py), bytes))
 }
 
 /// Makes an array of one axis.
-pub(crate) fn vector(py: Python<'_>, numbers: Vec<f64>) -> Bound<'_, PyArray<f64, numpy::Ix1>> {
-    numbers.into_pyarray(py)
+///
+/// # Errors
+///
+/// Fails with an exception if there is no memory for it.
+pub(crate) fn vector<'py>(py: Python<'py>, numbers: &[f64]) -> PyResult<Array<'py>> {
+    array(py, numbers, None, &[numbers.len()])
 }
 
 /// Returns a shape as Python writes it.

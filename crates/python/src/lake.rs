@@ -7,14 +7,13 @@ use arrow_array::{
     ffi_stream::FFI_ArrowArrayStream, types::Float64Type,
 };
 use arrow_schema::DataType;
-use numpy::PyArray1;
 use pyo3::{
     prelude::*,
     types::{PyAny, PyCapsule},
 };
 
 use crate::{
-    arrays::vector,
+    arrays::{Array, vector},
     error::{failed, wrong},
 };
 
@@ -70,7 +69,7 @@ impl Table {
     }
 
     /// A column of numbers as a numpy array `(n,)` of float64; nulls are nan.
-    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Bound<'py, PyArray1<f64>>> {
+    fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let column = self.0.column_by_name(name).ok_or_else(|| {
             wrong(
                 format!("there is no column `{name}`"),
@@ -86,10 +85,12 @@ impl Table {
         let numbers =
             arrow_cast::cast(column, &DataType::Float64).map_err(|err| failed(&err, None))?;
         let numbers = numbers.as_primitive::<Float64Type>().iter();
-        Ok(vector(
+        vector(
             py,
-            numbers.map(|number| number.unwrap_or(f64::NAN)).collect(),
-        ))
+            &numbers
+                .map(|number| number.unwrap_or(f64::NAN))
+                .collect::<Vec<_>>(),
+        )
     }
 
     /// The rows as a stream of Arrow's C interface, in a capsule of Arrow's `PyCapsule` protocol.

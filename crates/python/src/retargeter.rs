@@ -92,16 +92,16 @@ impl Retargeter {
 
     /// Least positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
-    fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+    fn lower<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let joints = self.hand.model.joints().iter();
-        vector(py, joints.map(|joint| joint.lower).collect()).into_any()
+        vector(py, &joints.map(|joint| joint.lower).collect::<Vec<_>>())
     }
 
     /// Greatest positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
-    fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyAny> {
+    fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let joints = self.hand.model.joints().iter();
-        vector(py, joints.map(|joint| joint.upper).collect()).into_any()
+        vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
     }
 
     /// The posture for the landmarks of one step, `(21, 3)`: `q`, `palm`, `error`.
@@ -129,8 +129,8 @@ impl Retargeter {
         let pose = pose_matrix(&found.posture.root.pose());
         let dof = found.posture.q.len();
         Ok((
-            array(py, found.posture.q, None, &[dof])?,
-            array(py, pose.to_vec(), None, &[4, 4])?,
+            array(py, &found.posture.q, None, &[dof])?,
+            array(py, &pose, None, &[4, 4])?,
             found.tracking.keypoint_error_m(),
         ))
     }
@@ -260,9 +260,7 @@ impl Motion {
             .tracking
             .iter()
             .map(retargeting::Tracking::keypoint_error_m);
-        let errors: Vec<f64> = errors.collect();
-        let n = errors.len();
-        array(py, errors, None, &[n])
+        vector(py, &errors.collect::<Vec<_>>())
     }
 
     fn __len__(&self) -> usize {
@@ -287,12 +285,8 @@ impl Motion {
         of: impl Fn(&motion::Step<spatial::Object>) -> Vec<f64>,
     ) -> PyResult<Array<'py>> {
         let steps = self.0.motion.steps();
-        array(
-            py,
-            steps.iter().flat_map(of).collect(),
-            Some(steps.len()),
-            row,
-        )
+        let numbers: Vec<f64> = steps.iter().flat_map(of).collect();
+        array(py, &numbers, Some(steps.len()), row)
     }
 }
 

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
-use numpy::PyArray1;
 use pyo3::{prelude::*, types::PyAny};
 use rayon::prelude::*;
 use robot::{Chain, DynamicsModel, FreeRootState, JointMotion, RobotModel, WrongDof};
@@ -78,28 +77,16 @@ impl Robot {
 
     /// Least positions of the joints `(dof,)`, in radians (meters if prismatic); -inf if continuous.
     #[getter]
-    fn lower<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(
-            py,
-            self.model
-                .joints()
-                .iter()
-                .map(|joint| joint.lower)
-                .collect(),
-        )
+    fn lower<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let joints = self.model.joints().iter();
+        vector(py, &joints.map(|joint| joint.lower).collect::<Vec<_>>())
     }
 
     /// Greatest positions of the joints `(dof,)`, in radians (meters if prismatic); inf if continuous.
     #[getter]
-    fn upper<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        vector(
-            py,
-            self.model
-                .joints()
-                .iter()
-                .map(|joint| joint.upper)
-                .collect(),
-        )
+    fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let joints = self.model.joints().iter();
+        vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
     }
 
     /// Mass of all links, in kilograms.
@@ -167,7 +154,7 @@ impl Robot {
         pose: &Bound<'py, PyAny>,
         link: &str,
         near: Option<&Bound<'py, PyAny>>,
-    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+    ) -> PyResult<Option<Array<'py>>> {
         self.link(link)?;
         let base_from_end = pose_of("pose", pose)?;
         let chain = Chain::to_link(&self.model, link).map_err(|err| failed(&err, err.hint()))?;
@@ -177,12 +164,13 @@ impl Robot {
         }
         let near: Vec<f64> = chain.joints().iter().map(|&joint| whole[joint]).collect();
         let best = py.detach(|| chain.solution_near(&base_from_end, &near));
-        Ok(best.map(|best| {
+        best.map(|best| {
             for (&joint, q) in chain.joints().iter().zip(best) {
                 whole[joint] = q;
             }
-            vector(py, whole)
-        }))
+            vector(py, &whole)
+        })
+        .transpose()
     }
 
     /// Torques of the joints in Nm (forces in N if prismatic): `(dof,)`, or `(n, dof)` for a batch.
@@ -314,7 +302,7 @@ fn batch<'py>(
         in_threads(py, || (0..n).into_par_iter().map(compute).collect())?
     };
     let computed = computed.map_err(|err| failed(&err, None))?;
-    array(py, computed.concat(), rows.is_batch.then_some(n), row)
+    array(py, &computed.concat(), rows.is_batch.then_some(n), row)
 }
 
 /// Reads an argument of three numbers.
