@@ -204,7 +204,8 @@ fn arrays(path: &Path) -> Result<BTreeMap<String, Array>, String> {
     let mut arrays = BTreeMap::new();
     for idx in 0..archive.len() {
         let mut entry = archive.by_index(idx).map_err(|err| said(&err))?;
-        let name = entry.name().trim_end_matches(".npy").to_owned();
+        let name = entry.name().map_err(|err| said(&err))?;
+        let name = name.trim_end_matches(".npy").to_owned();
         let mut bytes = Vec::new();
         entry.read_to_end(&mut bytes).map_err(|err| said(&err))?;
         let header_len = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
