@@ -3,11 +3,12 @@
 //! They are read and made by numpy itself, whose memory `CPython`'s stable interface does not reach before 3.11; a call
 //! costs less than a microsecond.
 
+use std::sync::OnceLock;
+
 use pyo3::{
-    intern,
+    exceptions::{PyException, PyMemoryError},
     prelude::*,
-    sync::PyOnceLock,
-    types::{PyAny, PyByteArray, PyBytes, PyTuple},
+    types::{PyAny, PyByteArray, PyBytes, PyString, PyTuple},
 };
 use spatial::Pose;
 
@@ -15,6 +16,8 @@ use crate::error::wrong;
 
 /// An array of numbers of double precision.
 pub(crate) type Array<'py> = Bound<'py, PyAny>;
+
+const NUMBERS: &str = "pass a numpy array or nested lists of numbers";
 
 /// Bytes of a number.
 const BYTES: usize = size_of::<f64>();
@@ -24,19 +27,30 @@ struct Numpy {
     asarray: Py<PyAny>,
     ndarray: Py<PyAny>,
     float64: Py<PyAny>,
+    dtype: Py<PyString>,
+    shape: Py<PyString>,
+    tobytes: Py<PyString>,
 }
 
 impl Numpy {
     fn get(py: Python<'_>) -> PyResult<&Self> {
-        static NUMPY: PyOnceLock<Numpy> = PyOnceLock::new();
-        NUMPY.get_or_try_init(py, || {
-            let numpy = py.import("numpy")?;
-            Ok(Self {
-                asarray: numpy.getattr("asarray")?.unbind(),
-                ndarray: numpy.getattr("ndarray")?.unbind(),
-                float64: numpy.call_method1("dtype", ("float64",))?.unbind(),
-            })
-        })
+        // Python's own cells wait for the interpreter within their lock: a process that another thread forks then would
+        // wait for it forever.
+        static NUMPY: OnceLock<Numpy> = OnceLock::new();
+        if let Some(numpy) = NUMPY.get() {
+            return Ok(numpy);
+        }
+        let numpy = py.import("numpy")?;
+        let name = |name| PyString::intern(py, name).unbind();
+        let made = Self {
+            asarray: numpy.getattr("asarray")?.unbind(),
+            ndarray: numpy.getattr("ndarray")?.unbind(),
+            float64: numpy.call_method1("dtype", ("float64",))?.unbind(),
+            dtype: name("dtype"),
+            shape: name("shape"),
+            tobytes: name("tobytes"),
+        };
+        Ok(NUMPY.get_or_init(|| made))
     }
 }
 
@@ -62,28 +76,52 @@ impl Rows {
         let (shape, numbers) = read(name, argument)?;
         let is_batch = shape.len() == row.len() + 1;
         if shape[usize::from(is_batch)..] != *row {
-            return Err(wrong(
-                format!(
-                    "`{name}` has the shape {}, not {}",
-                    shown(&shape),
-                    shown(row)
-                ),
-                &format!(
-                    "pass an array of the shape {}, or a batch of them",
-                    shown(row)
-                ),
-            ));
+            let remedy = format!("pass an array of the shape {}, or a batch", shown(row));
+            return Err(wrong_shape(name, &shape, row, &remedy));
         }
+        Self::finite(name, &shape, numbers, is_batch)
+    }
+
+    /// Reads an argument called `name` of shape `row`, every number finite.
+    ///
+    /// # Errors
+    ///
+    /// Fails with an exception if it is no array or sequence of numbers of that shape.
+    pub(crate) fn one(
+        name: &str,
+        argument: &Bound<'_, PyAny>,
+        row: &[usize],
+    ) -> PyResult<Vec<f64>> {
+        let (shape, numbers) = read(name, argument)?;
+        if shape != row {
+            let remedy = format!("pass an array of the shape {}", shown(row));
+            return Err(wrong_shape(name, &shape, row, &remedy));
+        }
+        Ok(Self::finite(name, &shape, numbers, false)?.numbers)
+    }
+
+    fn finite(name: &str, shape: &[usize], numbers: Vec<f64>, is_batch: bool) -> PyResult<Self> {
         if let Some(at) = numbers.iter().position(|number| !number.is_finite()) {
             let number = numbers[at];
+            // From the last axis, which is the fastest.
+            let mut index = Vec::new();
+            let mut rest = at;
+            for length in shape.iter().rev() {
+                index.insert(0, (rest % length).to_string());
+                rest /= length;
+            }
             return Err(wrong(
-                format!("`{name}` has {number} at the flat index {at}"),
+                format!("`{name}` has {number} at [{}]", index.join(", ")),
                 "pass finite numbers; leave out the rows that were not measured",
             ));
         }
+        let (len, row) = match shape.split_first() {
+            Some((&len, row)) if is_batch => (len, row),
+            _ => (1, shape),
+        };
         Ok(Self {
             numbers,
-            len: if is_batch { shape[0] } else { 1 },
+            len,
             width: row.iter().product(),
             is_batch,
         })
@@ -126,44 +164,86 @@ impl Rows {
     }
 }
 
+fn wrong_shape(name: &str, shape: &[usize], row: &[usize], remedy: &str) -> PyErr {
+    let what = format!(
+        "`{name}` has the shape {}, not {}",
+        shown(shape),
+        shown(row)
+    );
+    wrong(what, remedy)
+}
+
 /// Reads the shape and the numbers of an argument, last axis fastest, whatever its type of number and its strides.
 fn read(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<(Vec<usize>, Vec<f64>)> {
     let py = argument.py();
     let numpy = Numpy::get(py)?;
     let float64 = numpy.float64.bind(py);
-    let refused = |_: PyErr| {
-        wrong(
-            format!(
-                "`{name}` is no array of numbers but a `{}`",
-                argument.get_type()
-            ),
-            "pass a numpy array or nested lists of numbers",
-        )
-    };
-    let is_array = argument.is_exact_instance(numpy.ndarray.bind(py));
-    let mut array = if is_array {
-        argument.clone()
-    } else {
-        numpy.asarray.bind(py).call1((argument,)).map_err(refused)?
-    };
-    let kind = array.getattr(intern!(py, "dtype"))?;
-    if !kind.is(float64) {
-        let letter: String = kind.getattr("kind")?.extract()?;
-        if !matches!(letter.as_str(), "f" | "i" | "u") {
+    let mut array = argument.clone();
+    if !argument.is_exact_instance(numpy.ndarray.bind(py)) {
+        if argument.hasattr("mask")? {
             return Err(wrong(
-                format!("`{name}` is an array of `{kind}`"),
-                "pass real numbers; convert with `array.astype(float)`",
+                format!("`{name}` is a masked array, and its masked numbers would count"),
+                "leave out the rows that were not measured, and pass `array.data`",
             ));
         }
-        array = array.call_method1("astype", (float64,)).map_err(refused)?;
+        let converted = numpy.asarray.bind(py).call1((argument,));
+        array = converted.map_err(|err| no_numbers(name, argument, err))?;
     }
-    let shape = array.getattr(intern!(py, "shape"))?.extract()?;
-    let bytes = array.call_method0(intern!(py, "tobytes"))?;
+    let kind = array.getattr(&numpy.dtype)?;
+    if !kind.is(float64) {
+        let letter: String = kind.getattr("kind")?.extract()?;
+        match letter.as_str() {
+            "f" | "i" | "u" => {}
+            "O" => {
+                let kind = argument.get_type().name()?;
+                return Err(wrong(
+                    format!("`{name}` is no array of numbers but a `{kind}`"),
+                    NUMBERS,
+                ));
+            }
+            _ => {
+                return Err(wrong(
+                    format!("`{name}` is an array of `{kind}`"),
+                    "pass real numbers; convert with `array.astype(float)`",
+                ));
+            }
+        }
+        let converted = array.call_method1("astype", (float64,));
+        array = converted.map_err(|err| no_numbers(name, argument, err))?;
+    }
+    let shape = array.getattr(&numpy.shape)?.extract()?;
+    let bytes = array.call_method0(&numpy.tobytes)?;
     let (numbers, _rest) = bytes.cast::<PyBytes>()?.as_bytes().as_chunks::<BYTES>();
-    Ok((
-        shape,
-        numbers.iter().copied().map(f64::from_ne_bytes).collect(),
-    ))
+    let mut read = reserved(numbers.len())?;
+    read.extend(numbers.iter().copied().map(f64::from_ne_bytes));
+    Ok((shape, read))
+}
+
+/// Returns the exception for an argument that numpy refuses. One that no program is to catch, such as that of Ctrl-C,
+/// is passed on.
+fn no_numbers(name: &str, argument: &Bound<'_, PyAny>, err: PyErr) -> PyErr {
+    let py = argument.py();
+    if !err.is_instance_of::<PyException>(py) || err.is_instance_of::<PyMemoryError>(py) {
+        return err;
+    }
+    let refused = wrong(
+        format!("`{name}` is no array of numbers: {}", err.value(py)),
+        NUMBERS,
+    );
+    refused.set_cause(py, Some(err));
+    refused
+}
+
+/// Returns memory for as many numbers.
+///
+/// # Errors
+///
+/// Fails with `MemoryError` if there is not as much.
+pub(crate) fn reserved(len: usize) -> PyResult<Vec<f64>> {
+    let mut numbers = Vec::new();
+    let made = numbers.try_reserve_exact(len);
+    made.map_err(|err| PyMemoryError::new_err(format!("{len} numbers: {err}")))?;
+    Ok(numbers)
 }
 
 /// Makes an array of this shape, the last axis fastest; with the axis of a batch before, if there is one.

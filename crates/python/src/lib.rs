@@ -4,7 +4,7 @@
 //! What comes from Python (arrays, paths, names) is checked once here, and every failure is an exception
 //! `pipeline.Error` with what is wrong and what to do. Long calls release the interpreter's lock.
 //!
-//! `pipeline/__init__.pyi` beside it documents every class for people; a test compares it with the module.
+//! `pipeline/_pipeline.pyi` beside it has the types; a test compares it with the module.
 
 mod arrays;
 mod error;
@@ -32,4 +32,7 @@ mod _pipeline {
         robot::Robot,
         threads::after_fork,
     };
+    #[pymodule_export]
+    #[expect(non_upper_case_globals, reason = "the name that Python looks for")]
+    const __version__: &str = env!("CARGO_PKG_VERSION");
 }

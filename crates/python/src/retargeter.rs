@@ -1,20 +1,21 @@
 //! Retargeting: a person's landmarks to a robot hand's postures, one step at a time or a whole motion.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
-use dataflow::Diagnostic;
+use dataflow::{Diagnostic, with_causes};
 use hand_files::HandFile;
 use options::Options;
-use posture::{Environment, Hand, HandTable, KEYPOINTS};
+use posture::{Environment, Hand, KEYPOINTS};
 use pyo3::{
     prelude::*,
     types::{PyAny, PyDict},
 };
 use rayon::prelude::*;
 use retargeting::{LandmarkStep, LiveRetargeting, RetargetingConfig, RetargetingError, retarget};
+use schemas::demonstrations::Side;
 use self_cell::self_cell;
 
 use crate::{
@@ -46,14 +47,22 @@ self_cell!(
 
 /// A robot hand that follows a person's: one step at a time, or a whole motion.
 ///
-/// `hand` is a hand's file (TOML, as in `data/hands`), or a URDF alone, for which the points are proposed. `options` are
-/// those of the stage `retarget` (`pipeline stages retarget`), as a dict. There is no object and no table: the hand is
-/// in the air. Landmarks are an array `(21, 3)` in meters: the wrist; thumb, index, middle, ring and little finger, four
-/// each from base to tip. Threads may share it; each `step` waits for the one before.
+/// `hand` is a hand's file (TOML, as in `data/hands`). A URDF alone is enough for a try: points that follow are proposed.
+/// `options` are those of the stage `retarget` (`pipeline stages retarget`), as a dict. No object and no table are
+/// known: nothing is kept clear of, and no fingertip is drawn to a surface.
+///
+/// Landmarks are an array `(21, 3)` in meters: the wrist; thumb, index, middle, ring and little finger, four each from
+/// base to tip, as `MediaPipe` orders them. Their frame is any right-handed one that stays the same, such as the
+/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A left
+/// hand's landmarks need a left robot hand (`side`), or one coordinate negated.
+///
+/// Each stream needs a `Retargeter` of its own, since a step starts from the one before. It cannot be pickled: make one
+/// in each process.
 #[pyclass(frozen, module = "pipeline")]
 pub(crate) struct Retargeter {
     live: Mutex<Live>,
     hand: Hand,
+    side: Side,
     config: RetargetingConfig,
 }
 
@@ -67,7 +76,7 @@ impl Retargeter {
         reason = "Python's paths become owned ones"
     )]
     fn new(hand: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let hand = load(&hand)?;
+        let (hand, side) = load(&hand)?;
         let config = config(options)?;
         let work = Work {
             hand: hand.clone(),
@@ -78,10 +87,23 @@ impl Retargeter {
             LiveRetargeting::new(&work.hand, &work.environment, &work.config)
         });
         Ok(Self {
-            live: Mutex::new(live.map_err(|err| refused(&err))?),
+            live: Mutex::new(live.map_err(|err| refused(&err, ""))?),
             hand,
+            side,
             config,
         })
+    }
+
+    /// Side of the robot hand, "right" or "left": that of the person's hand which it can follow.
+    #[getter]
+    fn side(&self) -> &'static str {
+        self.side.as_str()
+    }
+
+    /// Size of the robot hand relative to the person's, by which landmarks are scaled about the wrist.
+    #[getter]
+    fn scale(&self) -> f64 {
+        self.hand.scale
     }
 
     /// The names of the joints, in the order of every `q`.
@@ -106,26 +128,22 @@ impl Retargeter {
 
     /// The posture for the landmarks of one step, `(21, 3)`: `q`, `palm`, `error`.
     ///
-    /// `q` `(dof,)` are the joint positions, within their limits; `palm` `(4, 4)` is the pose of the root link in the frame of
-    /// the landmarks; `error` is the root mean square distance of the followed points from their landmarks, in meters. The
-    /// search starts from the step before, and afresh at the first step.
+    /// `q` `(dof,)` are the joint positions, within their limits. `palm` `(4, 4)` is the pose of the root link in the
+    /// landmarks' frame. `error` is the root mean square distance of the followed points from their scaled landmarks, in
+    /// meters; where it is large, the landmarks are wrong or out of reach, and the command is better not sent.
+    ///
+    /// The search starts from the step before and stays near it; the first step is searched afresh, which takes some
+    /// milliseconds, and so is one that is followed far worse than those before. Speeds are not limited.
     fn step<'py>(
         &self,
         py: Python<'py>,
         landmarks: &Bound<'py, PyAny>,
     ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
-        let rows = Rows::read("landmarks", landmarks, &[KEYPOINTS, AXES])?;
-        if rows.is_batch {
-            return Err(wrong(
-                "`landmarks` is a batch".to_owned(),
-                "pass one step, or call `retarget`",
-            ));
-        }
-        let keypoints_m = keypoints(rows.row(0))?;
+        let keypoints_m = keypoints(&Rows::one("landmarks", landmarks, &[KEYPOINTS, AXES])?)?;
         let found = self
             .live()
             .with_dependent_mut(|_, live| live.step(&keypoints_m));
-        let found = found.map_err(|err| refused(&err))?;
+        let found = found.map_err(|err| refused(&err, ""))?;
         let pose = pose_matrix(&found.posture.root.pose());
         let dof = found.posture.q.len();
         Ok((
@@ -142,30 +160,44 @@ impl Retargeter {
 
     /// Retargets a recording: `times` `(n,)` in seconds, increasing, and `landmarks` `(n, 21, 3)`.
     ///
-    /// The last step is taken for the grasp, from which the others are solved backward.
+    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on. The palm's and the
+    /// joints' paths are smoother than by `step`, and velocities are known.
     fn retarget<'py>(
         &self,
         py: Python<'py>,
         times: &Bound<'py, PyAny>,
         landmarks: &Bound<'py, PyAny>,
     ) -> PyResult<Motion> {
-        let mut motions = self.retargeted(py, vec![steps(times, landmarks)?])?;
+        let steps = steps(times, "times", landmarks, "landmarks")?;
+        let mut motions = self.retargeted(py, vec![steps])?;
         // Of one recording there is one motion.
         Ok(motions.remove(0))
     }
 
     /// Retargets recordings, pairs of times and landmarks as those of `retarget`, in all threads.
     fn retarget_all(&self, py: Python<'_>, recordings: &Bound<'_, PyAny>) -> PyResult<Vec<Motion>> {
-        let pairs: PyResult<Vec<(Bound<'_, PyAny>, Bound<'_, PyAny>)>> = recordings.extract();
-        let pairs = pairs.map_err(|err| {
+        let no_pairs = |err: PyErr| {
             wrong(
-                format!("`recordings` is no list of pairs: {err}"),
+                format!("`recordings` is no sequence of pairs: {}", err.value(py)),
                 "pass pairs `(times, landmarks)`, each as those of `retarget`",
             )
-        })?;
-        let pairs = pairs.iter();
-        let recordings: PyResult<Vec<_>> = pairs
-            .map(|(times, landmarks)| steps(times, landmarks))
+        };
+        let recordings: PyResult<Vec<_>> = recordings
+            .try_iter()
+            .map_err(no_pairs)?
+            .enumerate()
+            .map(|(idx, pair)| {
+                let parts = pair?.try_iter().map_err(no_pairs)?;
+                let parts: Vec<Bound<'_, PyAny>> = parts.collect::<PyResult<_>>()?;
+                let [times, landmarks] = parts.as_slice() else {
+                    return Err(wrong(
+                        format!("`recordings[{idx}]` has {} parts", parts.len()),
+                        "pass pairs `(times, landmarks)`, each as those of `retarget`",
+                    ));
+                };
+                let name = |part| format!("recordings[{idx}][{part}]");
+                steps(times, &name(0), landmarks, &name(1))
+            })
             .collect();
         self.retargeted(py, recordings?)
     }
@@ -193,19 +225,28 @@ impl Retargeter {
         recordings: Vec<Vec<LandmarkStep>>,
     ) -> PyResult<Vec<Motion>> {
         let (hand, config) = (&self.hand, &self.config);
-        let one = |steps: Vec<LandmarkStep>| retarget(hand, &Environment::empty(), config, &steps);
-        let found: Result<Vec<_>, RetargetingError> =
-            in_threads(py, || recordings.into_par_iter().map(one).collect())?;
-        let found = found.map_err(|err| refused(&err))?;
+        let found: Vec<_> = in_threads(py, |cancellation| {
+            let recordings = recordings.into_par_iter();
+            let running = recordings.take_any_while(|_| !cancellation.is_asked());
+            running
+                .map(|steps| retarget(hand, &Environment::empty(), config, &steps))
+                .collect()
+        })?;
+        let n = found.len();
+        let of = |idx: usize| match n {
+            1 => String::new(),
+            _ => format!("recording {idx}: "),
+        };
         found
             .into_iter()
             .enumerate()
             .map(|(idx, retargeted)| match retargeted {
-                Some(retargeted) => Ok(Motion(retargeted)),
-                None => Err(wrong(
-                    format!("recording {idx} has no steps"),
+                Ok(Some(retargeted)) => Ok(Motion(retargeted)),
+                Ok(None) => Err(wrong(
+                    format!("{}there are no steps", of(idx)),
                     "pass one step at least",
                 )),
+                Err(err) => Err(refused(&err, &of(idx))),
             })
             .collect()
     }
@@ -290,28 +331,27 @@ impl Motion {
     }
 }
 
-/// Loads a hand from its file, or from a URDF alone, for which points are proposed.
-fn load(path: &std::path::Path) -> PyResult<Hand> {
+/// Loads a hand and its side from its file, or from a URDF alone, for which points are proposed.
+fn load(path: &Path) -> PyResult<(Hand, Side)> {
     let urdf = hand_files::urdf_of(path).map_err(|err| failed(&err, err.hint()))?;
     if urdf != path {
-        return hand_files::load(&urdf, path).map_err(|err| failed(&err, err.hint()));
+        let side = hand_files::load_table(path).map(|table| table.side);
+        let loaded = side.and_then(|side| Ok((hand_files::load(&urdf, path)?, side)));
+        return loaded.map_err(|err| failed(&err, err.hint()));
     }
-    let model = robot_meshes::load(&urdf)
-        .map_err(|err| failed(&err, err.hint()))?
-        .model;
-    let file = HandFile::proposed(&model, &urdf).ok_or_else(|| {
+    let loaded = robot_meshes::load(&urdf).map_err(|err| failed(&err, err.hint()))?;
+    let file = HandFile::proposed(&loaded.model, &urdf).ok_or_else(|| {
         wrong(
-            format!("`{}` has too few fingers and links to propose a hand's file from", urdf.display()),
+            format!(
+                "`{}` has too few fingers and links to propose points that follow",
+                urdf.display()
+            ),
             "write a hand's file that names the points; `pipeline new` makes examples in `data/hands`",
         )
     })?;
-    hand_of(model, &file.table)
-}
-
-fn hand_of(model: robot::RobotModel, table: &HandTable) -> PyResult<Hand> {
-    Hand::check(&model)
-        .and_then(|()| Hand::new(model, table))
-        .map_err(|err| failed(&err, err.hint()))
+    let hand = Hand::check(&loaded.model).and_then(|()| Hand::new(loaded.model, &file.table));
+    let hand = hand.map_err(|err| failed(&err, err.hint()))?;
+    Ok((hand, file.table.side))
 }
 
 /// Reads options: those of the stage `retarget`.
@@ -326,8 +366,12 @@ fn config(options: Option<&Bound<'_, PyDict>>) -> PyResult<RetargetingConfig> {
         )
     };
     let json = options.py().import("json")?;
-    let text = json.call_method1("dumps", (options,));
-    let text: String = text.map_err(|err| unusable(err.to_string()))?.extract()?;
+    let strict = PyDict::new(options.py());
+    strict.set_item("allow_nan", false)?;
+    let text = json.call_method("dumps", (options,), Some(&strict));
+    let text: String = text
+        .map_err(|err| unusable(err.value(options.py()).to_string()))?
+        .extract()?;
     let config: RetargetingConfig =
         serde_json::from_str(&text).map_err(|err| unusable(err.to_string()))?;
     match config.faults().first() {
@@ -345,10 +389,15 @@ fn keypoints(row: &[f64]) -> PyResult<[[f64; AXES]; KEYPOINTS]> {
 }
 
 /// Reads a recording: its times in seconds, and landmarks at each.
-fn steps(times: &Bound<'_, PyAny>, landmarks: &Bound<'_, PyAny>) -> PyResult<Vec<LandmarkStep>> {
-    let times = Rows::read("times", times, &[])?;
-    let landmarks = Rows::read("landmarks", landmarks, &[KEYPOINTS, AXES])?;
-    times.check_as_many("times", &landmarks, "landmarks")?;
+fn steps(
+    times: &Bound<'_, PyAny>,
+    its_name: &str,
+    landmarks: &Bound<'_, PyAny>,
+    name: &str,
+) -> PyResult<Vec<LandmarkStep>> {
+    let times = Rows::read(its_name, times, &[])?;
+    let landmarks = Rows::read(name, landmarks, &[KEYPOINTS, AXES])?;
+    times.check_as_many(its_name, &landmarks, name)?;
     (0..times.len())
         .map(|idx| {
             Ok(LandmarkStep {
@@ -359,6 +408,9 @@ fn steps(times: &Bound<'_, PyAny>, landmarks: &Bound<'_, PyAny>) -> PyResult<Vec
         .collect()
 }
 
-fn refused(err: &RetargetingError) -> PyErr {
-    failed(err, err.hint())
+/// Returns the exception for a motion that cannot be retargeted.
+fn refused(err: &RetargetingError, of: &str) -> PyErr {
+    let remedy = "check that landmarks are in meters and times in seconds, later from step to step";
+    let hint = err.hint().unwrap_or_else(|| remedy.to_owned());
+    wrong(format!("{of}{}", with_causes(err)), &hint)
 }

@@ -9,15 +9,15 @@ use robot::{Chain, DynamicsModel, FreeRootState, JointMotion, RobotModel, WrongD
 use spatial::{Base, Palm, Pose};
 
 use crate::{
-    arrays::{Array, Rows, array, pose_matrix, vector},
+    arrays::{Array, Rows, array, pose_matrix, reserved, vector},
     error::{failed, wrong},
     threads::in_threads,
 };
 
 /// Rows below which a batch is computed by the thread that calls.
 const SMALL_BATCH: usize = 64;
-/// Largest entry by which a matrix may miss being a rotation.
-const ROTATION_TOLERANCE: f64 = 1e-6;
+/// Largest entry by which a matrix may miss being a rotation: single precision is enough.
+const ROTATION_TOLERANCE: f64 = 1e-4;
 const URDF: &str =
     "pass the path of a URDF; convert xacro with `xacro hand.urdf.xacro > hand.urdf`";
 
@@ -132,7 +132,7 @@ impl Robot {
         point: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Array<'py>> {
         let link = self.link(link)?;
-        let point = point.map(|point| one("point", point)).transpose()?;
+        let point = point.map(|point| three("point", point)).transpose()?;
         let point = Point3::from(point.unwrap_or_default());
         self.over(py, q, &[6, self.model.dof()], |q| {
             let poses = self.model.forward_kinematics::<Palm>(q)?;
@@ -145,8 +145,9 @@ impl Robot {
     /// Joint positions within the limits with which a link is at a pose in the root's frame; None if none is found.
     ///
     /// `pose` is a matrix `(4, 4)`, reached within 1e-10 m and rad. The search starts from `near` `(dof,)`, the middle of
-    /// the limits if it is None; failing that, the nearest of the solutions from 64 other starts is returned. Joints that do
-    /// not move the link keep their positions in `near`.
+    /// the limits if it is None. If that leads to no solution, 64 other starts are tried, and the nearest solution is
+    /// returned. Joints that do not move the link keep their positions in `near`, within their limits. A link that fewer
+    /// than six joints move reaches few poses.
     #[pyo3(signature = (pose, link, near=None))]
     fn inverse_kinematics<'py>(
         &self,
@@ -160,7 +161,10 @@ impl Robot {
         let chain = Chain::to_link(&self.model, link).map_err(|err| failed(&err, err.hint()))?;
         let mut whole = self.model.mid_range();
         if let Some(near) = near {
-            whole = self.row("near", near)?.row(0).to_vec();
+            whole = Rows::one("near", near, &[self.model.dof()])?;
+            for (q, joint) in whole.iter_mut().zip(self.model.joints()) {
+                *q = joint.clamp(*q);
+            }
         }
         let near: Vec<f64> = chain.joints().iter().map(|&joint| whole[joint]).collect();
         let best = py.detach(|| chain.solution_near(&base_from_end, &near));
@@ -197,7 +201,9 @@ impl Robot {
         };
         let velocity = other("velocity", velocity)?;
         let acceleration = other("acceleration", acceleration)?;
-        let gravity = gravity.map(|gravity| one("gravity", gravity)).transpose()?;
+        let gravity = gravity
+            .map(|gravity| three("gravity", gravity))
+            .transpose()?;
         let gravity = Vector3::from(gravity.unwrap_or([0.0, 0.0, -9.81]));
         let still = vec![0.0; self.model.dof()];
         let root = FreeRootState::still(Pose::identity());
@@ -295,47 +301,66 @@ fn batch<'py>(
     row: &[usize],
     compute: impl Fn(usize) -> Result<Vec<f64>, WrongDof> + Send + Sync,
 ) -> PyResult<Array<'py>> {
-    let n = rows.len();
-    let computed: Result<Vec<Vec<f64>>, WrongDof> = if n < SMALL_BATCH {
-        (0..n).map(compute).collect()
-    } else {
-        in_threads(py, || (0..n).into_par_iter().map(compute).collect())?
+    let (n, width) = (rows.len(), row.iter().product::<usize>());
+    let mut numbers = reserved(n.saturating_mul(width))?;
+    numbers.resize(n * width, 0.0);
+    let fill = |(idx, place): (usize, &mut [f64])| -> Result<(), WrongDof> {
+        place.copy_from_slice(&compute(idx)?);
+        Ok(())
     };
-    let computed = computed.map_err(|err| failed(&err, None))?;
-    array(py, &computed.concat(), rows.is_batch.then_some(n), row)
+    // Of a robot without joints, a row may be of no numbers.
+    let width = width.max(1);
+    let filled = if n < SMALL_BATCH {
+        numbers
+            .chunks_exact_mut(width)
+            .enumerate()
+            .try_for_each(fill)
+    } else {
+        in_threads(py, |cancellation| {
+            let places = numbers.par_chunks_exact_mut(width).enumerate();
+            places
+                .take_any_while(|_| !cancellation.is_asked())
+                .try_for_each(fill)
+        })?
+    };
+    filled.map_err(|err| failed(&err, None))?;
+    if numbers.iter().any(|number| !number.is_finite()) {
+        return Err(wrong(
+            "the result is too large for a number".to_owned(),
+            "check the units: radians, meters, rad/s and rad/s²",
+        ));
+    }
+    array(py, &numbers, rows.is_batch.then_some(n), row)
 }
 
 /// Reads an argument of three numbers.
-fn one(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
-    let rows = Rows::read(name, argument, &[3])?;
-    if rows.is_batch {
-        return Err(wrong(format!("`{name}` is a batch"), "pass three numbers"));
-    }
-    let row = rows.row(0);
-    Ok([row[0], row[1], row[2]])
+fn three(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
+    let numbers = Rows::one(name, argument, &[3])?;
+    Ok([numbers[0], numbers[1], numbers[2]])
 }
 
 /// Reads a pose: a matrix of 4 × 4 numbers.
 fn pose_of(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<Pose<Base, Palm>> {
-    let rows = Rows::read(name, argument, &[4, 4])?;
-    if rows.is_batch {
-        return Err(wrong(
-            format!("`{name}` is a batch"),
-            "pass one matrix of 4 × 4 numbers",
-        ));
-    }
-    let m = rows.row(0);
+    let m = Rows::one(name, argument, &[4, 4])?;
     let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
     let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
-    let is_affine = m[12..] == [0.0, 0.0, 0.0, 1.0];
-    if off > ROTATION_TOLERANCE || rotation.determinant() < 0.0 || !is_affine {
+    if m[12..] != [0.0, 0.0, 0.0, 1.0] {
         return Err(wrong(
-            format!("`{name}` is no pose"),
-            "pass a rotation matrix, a column in meters, and the row 0, 0, 0, 1",
+            format!("the last row of `{name}` is not 0, 0, 0, 1"),
+            "pass a rotation matrix and a column in meters above that row",
         ));
     }
-    let rotation =
-        UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(rotation));
+    if off > ROTATION_TOLERANCE || rotation.determinant() < 0.0 {
+        return Err(wrong(
+            format!(
+                "the rotation of `{name}` is none: its transpose times it differs from the identity by {off:.1e}, \
+                 and its determinant is {:.3}",
+                rotation.determinant()
+            ),
+            "pass orthonormal columns of a right-handed frame, to 1e-4",
+        ));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
     let translation = Translation3::new(m[3], m[7], m[11]);
     Ok(Pose::new(Isometry3::from_parts(translation, rotation)))
 }

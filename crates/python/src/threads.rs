@@ -1,6 +1,15 @@
 //! The module's own threads: those of the whole process would be gone in a process that `fork` made.
 
-use std::sync::{Arc, Mutex, PoisonError};
+use std::{
+    mem,
+    sync::{
+        Arc, Mutex, PoisonError,
+        atomic::{AtomicBool, Ordering},
+        mpsc::{self, RecvTimeoutError},
+    },
+    thread,
+    time::Duration,
+};
 
 use pyo3::prelude::*;
 use rayon::{ThreadPool, ThreadPoolBuilder};
@@ -9,18 +18,71 @@ use crate::error::failed;
 
 static POOL: Mutex<Option<Arc<ThreadPool>>> = Mutex::new(None);
 
-/// Computes without the interpreter's lock, in as many threads as the process may use.
+/// Time after which a long computation looks for signals: a person's Ctrl-C acts at once.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Whether a computation is to be given up.
+pub(crate) struct Cancellation(AtomicBool);
+
+impl Cancellation {
+    /// Says whether the rest of the work is to be left.
+    pub(crate) fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+}
+
+/// Computes without the interpreter's lock, in as many threads as the process may use; what a signal's handler raises
+/// ends the computation, as far as it asks.
+///
+/// # Errors
+///
+/// Fails with an exception if no threads can be started, and with that of a signal's handler.
 pub(crate) fn in_threads<T: Send>(
     py: Python<'_>,
-    compute: impl FnOnce() -> T + Send,
+    compute: impl FnOnce(&Cancellation) -> T + Send,
 ) -> PyResult<T> {
+    // With the interpreter's lock, so that no other thread of Python forks meanwhile.
+    let pool = pool().map_err(|err| {
+        let hint = "raise the limit of threads (`ulimit -u`), or set `RAYON_NUM_THREADS`";
+        failed(&err, Some(hint.to_owned()))
+    })?;
+    let cancellation = Cancellation(AtomicBool::new(false));
     py.detach(|| {
-        let pool = pool().map_err(|err| {
-            let hint = "raise the limit of threads (`ulimit -u`), or set `RAYON_NUM_THREADS`";
-            failed(&err, Some(hint.to_owned()))
-        })?;
-        Ok(pool.install(compute))
+        thread::scope(|scope| {
+            let (send, receive) = mpsc::channel();
+            let (pool, cancellation) = (&pool, &cancellation);
+            scope.spawn(move || {
+                let _none_waits = send.send(pool.install(|| compute(cancellation)));
+            });
+            let mut raised = None;
+            loop {
+                match receive.recv_timeout(PATIENCE) {
+                    Ok(computed) => return raised.map_or(Ok(computed), Err),
+                    // The thread panicked: the scope passes that on.
+                    Err(RecvTimeoutError::Disconnected) => {
+                        return Err(
+                            raised.unwrap_or_else(|| failed(&RecvTimeoutError::Disconnected, None))
+                        );
+                    }
+                    Err(RecvTimeoutError::Timeout) => {
+                        if let Err(err) = signals() {
+                            cancellation.0.store(true, Ordering::Relaxed);
+                            raised = Some(err);
+                        }
+                    }
+                }
+            }
+        })
     })
+}
+
+/// Runs the handlers of signals that came.
+#[expect(
+    clippy::redundant_closure_for_method_calls,
+    reason = "the method itself is not general enough"
+)]
+fn signals() -> PyResult<()> {
+    Python::attach(|py| py.check_signals())
 }
 
 fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
@@ -37,5 +99,5 @@ fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
 #[pyfunction]
 pub(crate) fn after_fork() {
     // Dropped, the pool would wait for them.
-    std::mem::forget(POOL.lock().unwrap_or_else(PoisonError::into_inner).take());
+    mem::forget(POOL.lock().unwrap_or_else(PoisonError::into_inner).take());
 }

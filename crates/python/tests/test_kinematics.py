@@ -73,6 +73,57 @@ class Kinematics(unittest.TestCase):
             slope = self.hand.mass * 9.81 * (heights[0] - heights[1]) / (2 * step)
             self.assertAlmostEqual(torque[joint], slope, places=6)
 
+    def test_a_planar_arm_is_where_trigonometry_says(self):
+        link = "<inertial><mass value='{}'/><origin xyz='0.5 0 0'/>" + (
+            "<inertia ixx='0' iyy='0' izz='0' ixy='0' ixz='0' iyz='0'/></inertial>"
+        )
+        joint = "<joint name='{0}' type='{1}'><parent link='{2}'/><child link='{3}'/>" + (
+            "<origin xyz='{4} 0 0'/><axis xyz='{5}'/>{6}"
+            "<limit lower='-3' upper='3' effort='1' velocity='1'/></joint>"
+        )
+        arm = pipeline.Robot.from_text(
+            "<robot name='arm'><link name='base'/>"
+            f"<link name='a'>{link.format(2)}</link><link name='b'>{link.format(3)}</link>"
+            "<link name='slider'/><link name='follower'/>"
+            + joint.format("one", "revolute", "base", "a", 0, "0 0 1", "")
+            + joint.format("two", "revolute", "a", "b", 1, "0 0 1", "")
+            + joint.format("slide", "prismatic", "b", "slider", 1, "1 0 0", "")
+            + joint.format(
+                "mimic", "revolute", "b", "follower", 1, "0 0 1",
+                "<mimic joint='two' multiplier='-2' offset='0.1'/>",
+            )
+            + "</robot>"
+        )
+        self.assertEqual(arm.joint_names, ["one", "two", "slide"])
+        one, two, slide = q = np.array([0.3, 0.4, 0.5])
+        slider, follower = arm.forward_kinematics(q, ["slider", "follower"])
+        elbow = np.array([np.cos(one), np.sin(one)])
+        wrist = elbow + [np.cos(one + two), np.sin(one + two)]
+        along = np.array([np.cos(one + two), np.sin(one + two)])
+        np.testing.assert_allclose(slider[:2, 3], wrist + slide * along, atol=1e-15)
+        angle = np.arctan2(follower[1, 0], follower[0, 0])
+        self.assertAlmostEqual(angle, one + two - 2 * two + 0.1, places=14)
+        # Two point masses, 2 kg and 3 kg, in the middle of the links; gravity along -y.
+        torque = arm.inverse_dynamics(q, gravity=[0.0, -9.81, 0.0])
+        second = 3 * 9.81 * 0.5 * np.cos(one + two)
+        first = 2 * 9.81 * 0.5 * np.cos(one) + 3 * 9.81 * np.cos(one) + second
+        np.testing.assert_allclose(torque[:2], [first, second], atol=1e-13)
+        # Coriolis and centrifugal torques (Lynch and Park, Modern Robotics, 2017, section 8.1).
+        velocity = np.array([0.7, -0.2, 0.0])
+        h = 3 * 1 * 0.5 * np.sin(two)
+        torque = arm.inverse_dynamics(q, velocity, gravity=np.zeros(3))
+        expected = [-h * (2 * velocity[0] * velocity[1] + velocity[1] ** 2), h * velocity[0] ** 2]
+        np.testing.assert_allclose(torque[:2], expected, atol=1e-14)
+
+    def test_joints_beside_the_chain_stay_within_their_limits(self):
+        q = self.q[0]
+        pose = self.hand.forward_kinematics(q, ["link_3.0_tip"])[0]
+        found = self.hand.inverse_kinematics(pose, "link_3.0_tip", near=np.where(q > 0, 99.0, q))
+        if found is not None:
+            self.assertTrue(np.all((self.hand.lower <= found) & (found <= self.hand.upper)))
+        exact = self.hand.inverse_kinematics(pose, "link_3.0_tip", near=q)
+        np.testing.assert_allclose(exact, q, atol=1e-9)
+
     def test_an_arm_reaches_a_pose_within_its_limits(self):
         arm = pipeline.Robot(ROBOTS / "xarm6_allegro.urdf")
         q = 0.5 * (arm.lower + arm.upper) + 0.2
@@ -83,6 +134,8 @@ class Kinematics(unittest.TestCase):
         np.testing.assert_allclose(reached, pose, atol=1e-9)
         near = arm.inverse_kinematics(pose, "base_link", near=q)
         np.testing.assert_allclose(near, q, atol=1e-9)
+        single = arm.inverse_kinematics(pose.astype("f4"), "base_link", near=q)
+        np.testing.assert_allclose(single, q, atol=1e-4)
         far = pose.copy()
         far[:3, 3] = [5.0, 0.0, 0.0]
         self.assertIsNone(arm.inverse_kinematics(far, "base_link"))

@@ -4,6 +4,8 @@ import math
 import os
 import random
 import signal
+import subprocess
+import sys
 import time
 import unittest
 from pathlib import Path
@@ -48,49 +50,71 @@ class Misuse(unittest.TestCase):
         self.robot = pipeline.Robot(DATA / "robots/allegro_right.urdf")
         self.hand = pipeline.Retargeter(DATA / "hands/allegro_right.toml")
 
-    def test_random_arguments(self):
+    def test_a_valid_call_with_one_argument_spoiled(self):
         robot, hand = self.robot, self.hand
+        q, landmarks = np.zeros((100, 16)), recording(0)["landmarks"]
+        times, tip = recording(0)["times"], "link_3.0_tip"
+        pose = robot.forward_kinematics(q[0], [tip])[0]
+        file = DATA / "hands/allegro_right.toml"
         calls = [
-            (robot.forward_kinematics, 2),
-            (robot.jacobian, 3),
-            (robot.inverse_kinematics, 3),
-            (robot.inverse_dynamics, 4),
-            (robot.mass_matrix, 1),
-            (robot.center_of_mass, 1),
-            (hand.step, 1),
-            (hand.retarget, 2),
-            (hand.retarget_all, 1),
-            (pipeline.Robot, 1),
-            (pipeline.Robot.from_text, 1),
-            (pipeline.Retargeter, 1),
-            (lambda options: pipeline.Retargeter(DATA / "hands/allegro_right.toml", options=options), 1),
+            (robot.forward_kinematics, [q, [tip]]),
+            (robot.forward_kinematics, [q[0]]),
+            (robot.jacobian, [q, tip, np.zeros(3)]),
+            (robot.inverse_kinematics, [pose, tip, q[0]]),
+            (robot.inverse_dynamics, [q, q, q, np.zeros(3)]),
+            (robot.mass_matrix, [q]),
+            (robot.center_of_mass, [q]),
+            (hand.step, [landmarks[0]]),
+            (hand.retarget, [times, landmarks]),
+            (hand.retarget_all, [[(times, landmarks)]]),
+            (lambda times, landmarks: hand.retarget_all([(times, landmarks)] * 2), [times, landmarks]),
+            (pipeline.Robot, [DATA / "robots/allegro_right.urdf"]),
+            (pipeline.Robot.from_text, ["<robot name='r'><link name='l'/></robot>"]),
+            (pipeline.Retargeter, [file]),
+            (lambda options: pipeline.Retargeter(file, options=options), [{"contact_weight": 1.0}]),
+            (pipeline.Lake("nowhere").query, ["select 1"]),
         ]
+        for call, arguments in calls[:-1]:
+            call(*arguments)
         rng = random.Random(7)
         refused = 0
         for _ in range(N):
-            call, n = rng.choice(calls)
+            call, arguments = rng.choice(calls)
+            spoiled = list(arguments)
+            spoiled[rng.randrange(len(spoiled))] = anything(rng)
             try:
-                call(*[anything(rng) for _ in range(n)])
+                call(*spoiled)
             except pipeline.Error as err:
                 refused += 1
                 self.assertTrue(str(err))
-            except TypeError as err:
+            except (TypeError, MemoryError) as err:
                 # What Python says of the type of a path, a name or a dict.
                 refused += 1
                 self.assertTrue(str(err))
         self.assertGreater(refused, N // 2)
         # After all that it works.
-        self.assertLess(hand.step(recording(0)["landmarks"][0])[2], 0.05)
+        hand.reset()
+        self.assertLess(hand.step(landmarks[0])[2], 0.05)
 
     def test_what_is_wrong_is_said_with_its_remedy(self):
         q = np.zeros(16)
         for call, what in [
             (lambda: self.robot.forward_kinematics(q[:3]), r"`q` has the shape \(3,\), not \(16,\)"),
-            (lambda: self.robot.forward_kinematics(q + math.nan), "`q` has NaN at the flat index 0"),
+            (lambda: self.robot.forward_kinematics(q + math.nan), r"`q` has nan at \[0\]|`q` has NaN at \[0\]"),
             (lambda: self.robot.jacobian(q, "link_3.0_tp"), "no link `link_3.0_tp`"),
             (lambda: pipeline.Robot("nowhere.urdf"), "nowhere.urdf"),
             (lambda: pipeline.Robot.from_text("<robot/>"), "no link"),
             (lambda: self.hand.step(np.zeros((20, 3))), r"\(20, 3\), not \(21, 3\)"),
+            (lambda: self.hand.step(None), "no array of numbers but a `NoneType`"),
+            (lambda: self.hand.step(np.ma.masked_all((21, 3))), "masked array"),
+            (lambda: self.hand.step(np.full((21, 3), 1e300)), "usable"),
+            (lambda: self.robot.inverse_kinematics(np.eye(4), "link_3.0_tip", q[None]), "not \\(16,\\)"),
+            (lambda: self.robot.inverse_kinematics(2 * np.eye(4), "link_3.0_tip"), "last row"),
+            (lambda: self.robot.inverse_kinematics(np.diag([1, 1, -1, 1]), "link_3.0_tip"), "determinant"),
+            (lambda: self.robot.inverse_dynamics(q, q + 1e200), "too large"),
+            (lambda: self.hand.retarget_all([([0, 0], np.zeros((2, 21, 3)))] * 2), "recording 0: step 1"),
+            (lambda: self.hand.retarget_all([([0], [0])]), r"`recordings\[0\]\[1\]`"),
+            (lambda: self.hand.retarget_all([3]), "no sequence of pairs"),
         ]:
             with self.assertRaisesRegex(pipeline.Error, what) as raised:
                 call()
@@ -115,14 +139,60 @@ class Misuse(unittest.TestCase):
         os.kill(child, signal.SIGKILL)
         self.fail("the forked process hangs")
 
-    def test_a_signal_in_a_long_call_is_handled_after_it(self):
-        caught = []
-        before = signal.signal(signal.SIGALRM, lambda *_: caught.append(True))
+    def test_a_process_that_another_thread_forks_at_the_first_batch_computes(self):
+        code = """
+import os, sys, threading
+import numpy as np
+import pipeline
+robot = pipeline.Robot(sys.argv[1])
+q = np.zeros((1000, 16))
+thread = threading.Thread(target=robot.forward_kinematics, args=(q,))
+thread.start()
+child = os.fork()
+if child == 0:
+    robot.forward_kinematics(q)
+    os._exit(0)
+thread.join()
+sys.exit(os.waitpid(child, 0)[1])
+"""
+        urdf = DATA / "robots/allegro_right.urdf"
+        for _ in range(10):
+            words = [sys.executable, "-W", "ignore", "-c", code, urdf]
+            subprocess.run(words, check=True, timeout=60)
+
+    def test_what_a_handler_raises_ends_a_long_call(self):
+        class Interrupted(Exception):
+            pass
+
+        def handle(*_):
+            raise Interrupted
+
+        before = signal.signal(signal.SIGALRM, handle)
         self.addCleanup(signal.signal, signal.SIGALRM, before)
-        signal.setitimer(signal.ITIMER_REAL, 0.01)
-        recordings = [(r["times"], r["landmarks"]) for r in map(recording, range(60))]
-        self.hand.retarget_all(recordings)
-        self.assertEqual(caught, [True])
+        recordings = [(r["times"], r["landmarks"]) for r in map(recording, range(20))]
+        started = time.monotonic()
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with self.assertRaises(Interrupted):
+            self.hand.retarget_all(recordings * 10_000)
+        self.assertLess(time.monotonic() - started, 60)
+        # And the next one works.
+        self.assertEqual(len(self.hand.retarget_all(recordings)), 20)
+
+    def test_what_reading_an_argument_raises_reaches_the_caller(self):
+        class Stopped:
+            def __array__(self, *_):
+                raise KeyboardInterrupt
+
+        class Refused:
+            def __array__(self, *_):
+                raise ValueError("detach it first")
+
+        with self.assertRaises(KeyboardInterrupt):
+            self.hand.step(Stopped())
+        with self.assertRaisesRegex(pipeline.Error, "detach it first") as raised:
+            self.hand.step(Refused())
+        self.assertIsInstance(raised.exception.__cause__, ValueError)
+        self.assertIsNone(pipeline.Error("mine").hint)
 
 
 if __name__ == "__main__":
