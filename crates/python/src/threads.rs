@@ -90,6 +90,9 @@ fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {
     if let Some(pool) = &*pool {
         return Ok(Arc::clone(pool));
     }
+    // What rayon's threads make at their first task, made now: a process that another thread forks meanwhile would wait
+    // for it forever.
+    drop(crossbeam_epoch::pin());
     let made = Arc::new(ThreadPoolBuilder::new().build()?);
     *pool = Some(Arc::clone(&made));
     Ok(made)
