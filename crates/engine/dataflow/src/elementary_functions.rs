@@ -1,6 +1,6 @@
 //! How the C library rounds elementary functions on this processor.
 //!
-//! Sine, exponential and their like are not correctly rounded: the library rounds about one result in 10,000
+//! Sine, exponential and their like are not correctly rounded: the library rounds up to one result in 1,000
 //! otherwise where a processor has no fused multiply-add, and another library may do so anywhere. Results that depend
 //! on it are never mixed with others: units made so have another fingerprint.
 
