@@ -158,14 +158,12 @@ fn parse(bytes: &[u8]) -> Option<HashMap<String, Entry>> {
     if reader.text()? != FORMAT {
         return None;
     }
-    let entries: Vec<_> = reader.each(|reader| {
+    reader.each(|reader| {
         let path = reader.text()?.to_owned();
         let stamp = reader.stamp()?;
         let digest = reader.digest()?;
         Some((path, Entry { stamp, digest }))
-    })?;
-    // A map of a known size is allocated once.
-    Some(entries.into_iter().collect())
+    })
 }
 
 #[cfg(test)]
