@@ -53,8 +53,8 @@ self_cell!(
 ///
 /// Landmarks are an array `(21, 3)` in meters: the wrist; thumb, index, middle, ring and little finger, four each from
 /// base to tip, as `MediaPipe` orders them. Their frame is any right-handed one that stays the same, such as the
-/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A left
-/// hand's landmarks need a left robot hand (`side`), or one coordinate negated.
+/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A right
+/// robot hand (`side`) follows a left hand's mirror image: negate one coordinate of its landmarks.
 ///
 /// Each stream needs a `Retargeter` of its own, since a step starts from the one before. It cannot be pickled: make one
 /// in each process.
@@ -160,8 +160,7 @@ impl Retargeter {
 
     /// Retargets a recording: `times` `(n,)` in seconds, increasing, and `landmarks` `(n, 21, 3)`.
     ///
-    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on. The palm's and the
-    /// joints' paths are smoother than by `step`, and velocities are known.
+    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on.
     fn retarget<'py>(
         &self,
         py: Python<'py>,
@@ -293,7 +292,7 @@ impl Motion {
         })
     }
 
-    /// Root mean square distances of the followed points from their landmarks `(n,)`, in meters.
+    /// Root mean square distances of the followed points from their scaled landmarks `(n,)`, in meters.
     #[getter]
     fn errors<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let errors = self

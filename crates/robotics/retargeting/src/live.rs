@@ -15,8 +15,7 @@ const SUSPICIOUS_ERROR_M: f64 = 0.010;
 /// Follows a person's hand while it moves: each posture starts from the one before and stays near it.
 ///
 /// Nobody knows yet when the hand will grasp, so that it keeps its clearance from the object throughout, and
-/// landmarks are not smoothed over time. With equal options a whole motion ([`crate::retarget()`]) is tracked at least
-/// as well: it is solved backward from its grasp.
+/// landmarks are not smoothed over time.
 pub struct LiveRetargeting<'a> {
     hand: &'a Hand,
     environment: &'a Environment,
