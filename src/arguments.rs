@@ -438,6 +438,11 @@ pub(crate) struct RunArgs {
     /// Without this it sends nothing to one.
     #[arg(long)]
     pub(crate) execute: bool,
+    /// Output format
+    ///
+    /// `json` writes each event of the run to stdout, one JSON object per line.
+    #[arg(long, value_enum, default_value_t = Format::Text)]
+    pub(crate) format: Format,
 }
 
 /// Reads a number of minutes.

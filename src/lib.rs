@@ -38,5 +38,5 @@ mod simulation;
 
 pub use command_line::{command_line, command_line_of};
 pub use kinds::kinds;
-pub use library::{Refusal, query};
+pub use library::{Refusal, Wanted, options_in, query, read_artifact, stage_options};
 pub use memory::{out_of_memory, threads};

@@ -1,10 +1,14 @@
 //! Answers for programs that hold this one as a library: values and errors, nothing printed.
 
-use std::{error::Error, fmt, path::Path};
+use std::{any::Any, error::Error, fmt, path::Path};
 
+use dataflow::{Artifact, BoxedDiagnostic, Problem, did_you_mean};
 use datafusion::arrow::array::RecordBatch;
+use serde::Serialize;
+use serde_json::Value;
+use toml_edit::{InlineTable, ser::ValueSerializer};
 
-use crate::{commands, outcome::CommandError, report::chain};
+use crate::{arguments::ValueArgs, commands, kinds, outcome::CommandError, report::chain};
 
 /// A refused question: what is wrong, and what to do.
 #[derive(Debug)]
@@ -37,6 +41,95 @@ impl From<CommandError> for Refusal {
             },
         }
     }
+}
+
+impl From<Problem> for Refusal {
+    fn from(problem: Problem) -> Self {
+        Self {
+            message: problem.message,
+            hint: problem.hint,
+        }
+    }
+}
+
+/// Reads the options of a stage of a kind, as its table in a pipeline file would have them: `options` is a JSON object.
+/// What it leaves out has its default, or is in the file of its `hand`.
+///
+/// # Errors
+///
+/// Fails at the first option that a stage would refuse.
+pub fn stage_options<C: Any + Clone>(kind: &str, options: &Value) -> Result<C, Refusal> {
+    let all = kinds();
+    let kind = all.iter().find(|known| known.name == kind);
+    let kind = kind.ok_or_else(|| Refusal {
+        message: "there is no such kind of stage".to_owned(),
+        hint: Some("`pipeline stages` lists the kinds".to_owned()),
+    })?;
+    let unusable = |problem: String| Refusal {
+        message: format!("the options of `{}` cannot be used: {problem}", kind.name),
+        hint: Some(format!(
+            "`pipeline stages {}` lists every option",
+            kind.name
+        )),
+    };
+    let written = options.serialize(ValueSerializer::new());
+    let written = written.map_err(|err| unusable(err.to_string()))?;
+    let table: InlineTable = match written {
+        toml_edit::Value::InlineTable(table) => table,
+        other => return Err(unusable(format!("{} is no table", other.type_name()))),
+    };
+    Ok(kind.read_options(table)?)
+}
+
+/// Returns the options of a stage in a pipeline file, by its name and with those of a profile: all that decide what it
+/// makes, as a JSON object, without the files that it reads.
+///
+/// # Errors
+///
+/// Fails at every fault of the file, and if it has no such stage.
+pub fn options_in(file: &Path, stage: &str, profile: Option<&str>) -> Result<Value, Refusal> {
+    let values = ValueArgs {
+        profile: profile.map(str::to_owned),
+        overrides: Vec::new(),
+    };
+    let pipeline = commands::read_pipeline(&kinds(), file, &values)?;
+    let names = || pipeline.stages.iter().map(|entry| entry.name.as_str());
+    let entry = pipeline.find(stage).ok_or_else(|| Refusal {
+        message: format!("`{}` has no stage `{stage}`", file.display()),
+        hint: did_you_mean(stage, names()).or_else(|| {
+            Some(format!(
+                "it has: {}",
+                names().collect::<Vec<_>>().join(", ")
+            ))
+        }),
+    })?;
+    Ok(entry.config())
+}
+
+/// An artifact of a lake.
+#[derive(Debug, Clone, Copy)]
+pub struct Wanted<'a> {
+    /// Its name, e.g. `objects`.
+    pub artifact: &'a str,
+    /// The stage that made it; it may be left out where only one did.
+    pub stage: Option<&'a str>,
+    /// Its partition; the only one if it is left out.
+    pub partition: Option<&'a str>,
+    /// Name of the run; the newest that made it if it is left out.
+    pub run: Option<&'a str>,
+}
+
+/// Reads an artifact of the lake in this folder; it is not collected meanwhile.
+///
+/// # Errors
+///
+/// Fails if there is no such artifact, and as `read` does.
+pub fn read_artifact<T>(
+    lake: &Path,
+    wanted: &Wanted<'_>,
+    read: impl FnOnce(&Artifact) -> Result<T, BoxedDiagnostic>,
+) -> Result<T, Refusal> {
+    Ok(commands::read_artifact(lake, wanted, read)?)
 }
 
 /// Answers a question in SQL over the tables of the lake in this folder, as `pipeline query` does: of the newest run

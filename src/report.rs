@@ -104,6 +104,12 @@ pub(crate) fn json(value: &impl Serialize) -> Result<(), CommandError> {
     data(format!("{json}\n").as_bytes())
 }
 
+/// Writes a value as one line of JSON to stdout, for programs.
+pub(crate) fn json_line(value: &impl Serialize) -> Result<(), CommandError> {
+    let json = serde_json::to_string(value).map_err(|err| CommandError::failed(err, None))?;
+    data(format!("{json}\n").as_bytes())
+}
+
 /// Writes an answer to stdout: as JSON for programs, or as the text for people.
 pub(crate) fn answer<T: Serialize>(
     format: Format,

@@ -9,7 +9,7 @@ use dataflow::{Event, Executor, NodeReport, Pipeline, RunReport};
 use lake::Lake;
 
 use crate::{
-    arguments::RunArgs,
+    arguments::{Format, RunArgs},
     command_line::Program,
     commands::{
         detach, physics, pipeline_file, plan,
@@ -81,7 +81,10 @@ fn run_variant(
     let options = pipeline_file::options(&args.pipeline, args.jobs);
     if args.dry_run {
         let plan = dataflow::plan(&pipeline, store, &options)?;
-        report::lines(&plan::lines(&plan, Page::of_stdout().width))?;
+        match args.format {
+            Format::Text => report::lines(&plan::lines(&plan, Page::of_stdout().width))?,
+            Format::Json => report::json(&plan)?,
+        }
         return Ok(VariantResult::without_summary(CommandOutcome::Done));
     }
     let foreign = physics::foreign_drives(&pipeline);
@@ -102,7 +105,13 @@ fn run_variant(
         (Some(processes), _) => Some(processes as &dyn Executor),
         (None, remote) => remote.as_ref().map(|it| it as &dyn Executor),
     };
-    let events = |event: &Event| screen.show(event);
+    let events = |event: &Event| {
+        screen.show(event);
+        if args.format == Format::Json {
+            // A reader that left misses the rest: the run goes on.
+            let _nobody_reads = report::json_line(event);
+        }
+    };
     let ran = dataflow::run(&pipeline, store, &options, executor, &events)?;
     if let Some(remote) = &remote {
         remote.tidy(&pipeline.name)?;

@@ -1,14 +1,44 @@
-"""Robot hands that learn grasping from people: kinematics, retargeting, lakes, and the program `pipeline`.
+"""Robot hands that learn grasping from people: retargeting, grasping functions, physics, and the program `pipeline`.
 
 Arrays are numpy's, of float64; lengths are in meters, angles in radians, masses in kilograms.
 """
 
 import os as _os
 
-from pipeline._pipeline import Error, Lake, Motion, Retargeter, Robot, Table, __version__
+from pipeline._pipeline import (
+    Candidates,
+    Error,
+    Function,
+    Hand,
+    Lake,
+    Motion,
+    Object,
+    Retargeter,
+    Robot,
+    Rollout,
+    Rollouts,
+    Table,
+    __version__,
+    options,
+)
 from pipeline._pipeline import after_fork as _after_fork
 
-__all__ = ["Error", "Lake", "Motion", "Retargeter", "Robot", "Table", "__version__"]
+__all__ = [
+    "Candidates",
+    "Error",
+    "Function",
+    "Hand",
+    "Lake",
+    "Motion",
+    "Object",
+    "Retargeter",
+    "Robot",
+    "Rollout",
+    "Rollouts",
+    "Table",
+    "__version__",
+    "options",
+]
 
 # Of one that a program raises itself.
 Error.hint = None

@@ -5,6 +5,7 @@
 
 use std::sync::OnceLock;
 
+use nalgebra::{Isometry3, Matrix3, Rotation3, Translation3, UnitQuaternion};
 use pyo3::{
     exceptions::{PyException, PyMemoryError},
     prelude::*,
@@ -17,6 +18,8 @@ use crate::error::wrong;
 /// An array of numbers of double precision.
 pub(crate) type Array<'py> = Bound<'py, PyAny>;
 
+/// Largest entry by which a matrix may miss being a rotation: single precision is enough.
+const ROTATION_TOLERANCE: f64 = 1e-4;
 const NUMBERS: &str = "pass a numpy array or nested lists of numbers";
 
 /// Bytes of a number.
@@ -286,6 +289,58 @@ fn shown(shape: &[usize]) -> String {
         [one] => format!("({one},)"),
         several => format!("({})", several.join(", ")),
     }
+}
+
+/// Makes an array of vectors of three numbers.
+///
+/// # Errors
+///
+/// Fails with an exception if there is no memory for it.
+pub(crate) fn vectors<'py>(py: Python<'py>, vectors: &[[f64; 3]]) -> PyResult<Array<'py>> {
+    array(py, vectors.as_flattened(), Some(vectors.len()), &[3])
+}
+
+/// Makes an array of poses.
+///
+/// # Errors
+///
+/// Fails with an exception if there is no memory for it.
+pub(crate) fn poses<'py, A, B>(
+    py: Python<'py>,
+    poses: impl ExactSizeIterator<Item = Pose<A, B>>,
+) -> PyResult<Array<'py>> {
+    let n = poses.len();
+    let numbers: Vec<f64> = poses.flat_map(|pose| pose_matrix(&pose)).collect();
+    array(py, &numbers, Some(n), &[4, 4])
+}
+
+/// Reads a pose, a matrix of 4 × 4 numbers row by row, of an argument called `name`.
+///
+/// # Errors
+///
+/// Fails with an exception if the matrix is not one of a rigid motion.
+pub(crate) fn pose<A, B>(name: &str, m: &[f64]) -> PyResult<Pose<A, B>> {
+    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
+    let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
+    if m[12..] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(wrong(
+            format!("the last row of `{name}` is not 0, 0, 0, 1"),
+            "pass a rotation matrix and a column in meters above that row",
+        ));
+    }
+    if off > ROTATION_TOLERANCE || rotation.determinant() < 0.0 {
+        return Err(wrong(
+            format!(
+                "the rotation of `{name}` is none: its transpose times it differs from the identity by {off:.1e}, \
+                 and its determinant is {:.3}",
+                rotation.determinant()
+            ),
+            "pass orthonormal columns of a right-handed frame, to 1e-4",
+        ));
+    }
+    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
+    let translation = Translation3::new(m[3], m[7], m[11]);
+    Ok(Pose::new(Isometry3::from_parts(translation, rotation)))
 }
 
 /// Returns a pose as a matrix of 4 × 4 numbers, row by row.

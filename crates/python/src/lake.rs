@@ -2,19 +2,28 @@
 
 use std::path::PathBuf;
 
+use ::lake::ReadArtifact;
+use ::pipeline::Wanted;
 use arrow_array::{
     RecordBatch, RecordBatchIterator, RecordBatchReader, cast::AsArray,
     ffi_stream::FFI_ArrowArrayStream, types::Float64Type,
 };
 use arrow_schema::DataType;
+use dataflow::{Artifact, BoxedDiagnostic};
 use pyo3::{
     prelude::*,
-    types::{PyAny, PyCapsule},
+    types::{PyAny, PyCapsule, PyDict},
 };
+use schemas::{Table as _, checkpoint};
 
 use crate::{
     arrays::{Array, vector},
+    candidates::Candidates,
     error::{failed, wrong},
+    function::{self, Function},
+    object::Object,
+    options,
+    run::{self, Given},
 };
 
 /// A lake: the tables that pipelines made in a folder.
@@ -40,13 +49,107 @@ impl Lake {
     #[pyo3(signature = (sql, *, run=None))]
     fn query(&self, py: Python<'_>, sql: &str, run: Option<&str>) -> PyResult<Table> {
         let answered = py.detach(|| pipeline::query(&self.path, sql, run));
-        answered
-            .map(Table)
-            .map_err(|err| failed(&err, err.hint.clone()))
+        answered.map(Table).map_err(|err| options::refused(&err))
+    }
+
+    /// Runs a pipeline file, reusing every result that is still valid, as `pipeline run` does, and returns whether no item
+    /// was skipped.
+    ///
+    /// `set` replaces values of the file, e.g. `{"train.training.epochs": 20}`; `until` is the last stage to run. `progress` is called with each event of the run,
+    /// a dict with its kind as `event`. The run is a process of its own; Ctrl-C ends it, and what was made before is kept.
+    #[pyo3(signature = (file, *, set=None, profile=None, until=None, jobs=None, progress=None))]
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "Python's paths become owned ones"
+    )]
+    fn run(
+        &self,
+        py: Python<'_>,
+        file: PathBuf,
+        set: Option<&Bound<'_, PyDict>>,
+        profile: Option<&str>,
+        until: Option<&str>,
+        jobs: Option<u16>,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<bool> {
+        let given = Given {
+            file: &file,
+            set,
+            profile,
+            until,
+            jobs,
+        };
+        run::run(py, &self.path, &given, progress)
+    }
+
+    /// Reads an object, with the resting poses in which it was seen.
+    ///
+    /// It is that of the newest run that made objects, or of `run`; `stage` names the stage if several made objects.
+    #[pyo3(signature = (name, *, stage=None, run=None))]
+    fn object(&self, name: &str, stage: Option<&str>, run: Option<&str>) -> PyResult<Object> {
+        let wanted = Wanted {
+            artifact: schemas::objects::Object::NAME,
+            stage,
+            partition: Some(name),
+            run,
+        };
+        let object: schemas::objects::Object =
+            self.read(&wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
+        Ok(object.into())
+    }
+
+    /// Reads the motions to an object that a stage made, such as "sample" or "refine": of the newest run that made some, or
+    /// of `run`.
+    #[pyo3(signature = (object, *, stage=None, run=None))]
+    fn candidates(
+        &self,
+        object: &str,
+        stage: Option<&str>,
+        run: Option<&str>,
+    ) -> PyResult<Candidates> {
+        let wanted = Wanted {
+            artifact: schemas::candidates::Candidates::NAME,
+            stage,
+            partition: Some(object),
+            run,
+        };
+        self.read(&wanted, |artifact| Ok(::lake::table::read(artifact)?))
+            .map(Candidates)
+    }
+
+    /// Loads the function of the newest run that trained one, or of `run`; `epoch` is "last" or "best".
+    #[pyo3(signature = (*, epoch="last", stage=None, run=None))]
+    fn function(&self, epoch: &str, stage: Option<&str>, run: Option<&str>) -> PyResult<Function> {
+        let files = function::files(epoch)?;
+        let wanted = Wanted {
+            artifact: checkpoint::NAME,
+            stage,
+            partition: None,
+            run,
+        };
+        let [weights, description] = self.read(&wanted, |artifact| {
+            Ok([
+                artifact.path(files.weights)?.to_owned(),
+                artifact.path(files.description)?.to_owned(),
+            ])
+        })?;
+        Function::read(&weights, &description)
     }
 
     fn __repr__(&self) -> String {
         format!("<pipeline.Lake `{}`>", self.path.display())
+    }
+}
+
+impl Lake {
+    /// Reads an artifact.
+    fn read<T>(
+        &self,
+        wanted: &Wanted<'_>,
+        read: impl FnOnce(&Artifact) -> Result<T, BoxedDiagnostic>,
+    ) -> PyResult<T> {
+        let found = pipeline::read_artifact(&self.path, wanted, read);
+        found.map_err(|err| options::refused(&err))
     }
 }
 

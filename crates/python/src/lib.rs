@@ -1,17 +1,24 @@
-//! The Python module `pipeline`: the program, and the kinematics and retargeting that its stages use, on numpy's arrays.
+//! The Python module `pipeline`: the program, and what its stages compute, on numpy's arrays.
 //!
-//! It computes nothing itself: every class is a face of a crate that the stages use too, and gives the same bits.
+//! It computes nothing itself: every class is a face of a stage or of a crate that stages use, and gives the same bits.
 //! What comes from Python (arrays, paths, names) is checked once here, and every failure is an exception
 //! `pipeline.Error` with what is wrong and what to do. Long calls release the interpreter's lock.
 //!
 //! `pipeline/_pipeline.pyi` beside it has the types; a test compares it with the module.
 
 mod arrays;
+mod candidates;
 mod error;
+mod function;
+mod hand;
 mod lake;
+mod object;
+mod options;
 mod program;
 mod retargeter;
 mod robot;
+mod rollouts;
+mod run;
 mod threads;
 
 use mimalloc::MiMalloc;
@@ -25,11 +32,17 @@ static ALLOCATOR: MiMalloc = MiMalloc;
 mod _pipeline {
     #[pymodule_export]
     use super::{
+        candidates::Candidates,
         error::Error,
+        function::Function,
+        hand::Hand,
         lake::{Lake, Table},
+        object::Object,
+        options::options,
         program::main,
         retargeter::{Motion, Retargeter},
         robot::Robot,
+        rollouts::{Rollout, Rollouts},
         threads::after_fork,
     };
     #[pymodule_export]

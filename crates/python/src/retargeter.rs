@@ -331,7 +331,7 @@ impl Motion {
 }
 
 /// Loads a hand and its side from its file, or from a URDF alone, for which points are proposed.
-fn load(path: &Path) -> PyResult<(Hand, Side)> {
+pub(crate) fn load(path: &Path) -> PyResult<(Hand, Side)> {
     let urdf = hand_files::urdf_of(path).map_err(|err| failed(&err, err.hint()))?;
     if urdf != path {
         let side = hand_files::load_table(path).map(|table| table.side);

@@ -2,22 +2,20 @@
 
 use std::path::PathBuf;
 
-use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, Translation3, UnitQuaternion, Vector3};
+use nalgebra::{Point3, Vector3};
 use pyo3::{prelude::*, types::PyAny};
 use rayon::prelude::*;
 use robot::{Chain, DynamicsModel, FreeRootState, JointMotion, RobotModel, WrongDof};
 use spatial::{Base, Palm, Pose};
 
 use crate::{
-    arrays::{Array, Rows, array, pose_matrix, reserved, vector},
+    arrays::{self, Array, Rows, array, pose_matrix, reserved, vector},
     error::{failed, wrong},
     threads::in_threads,
 };
 
 /// Rows below which a batch is computed by the thread that calls.
 const SMALL_BATCH: usize = 64;
-/// Largest entry by which a matrix may miss being a rotation: single precision is enough.
-const ROTATION_TOLERANCE: f64 = 1e-4;
 const URDF: &str =
     "pass the path of a URDF; convert xacro with `xacro hand.urdf.xacro > hand.urdf`";
 
@@ -157,7 +155,8 @@ impl Robot {
         near: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Option<Array<'py>>> {
         self.link(link)?;
-        let base_from_end = pose_of("pose", pose)?;
+        let base_from_end: Pose<Base, Palm> =
+            arrays::pose("pose", &Rows::one("pose", pose, &[4, 4])?)?;
         let chain = Chain::to_link(&self.model, link).map_err(|err| failed(&err, err.hint()))?;
         let mut whole = self.model.mid_range();
         if let Some(near) = near {
@@ -337,30 +336,4 @@ fn batch<'py>(
 fn three(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
     let numbers = Rows::one(name, argument, &[3])?;
     Ok([numbers[0], numbers[1], numbers[2]])
-}
-
-/// Reads a pose: a matrix of 4 × 4 numbers.
-fn pose_of(name: &str, argument: &Bound<'_, PyAny>) -> PyResult<Pose<Base, Palm>> {
-    let m = Rows::one(name, argument, &[4, 4])?;
-    let rotation = Matrix3::new(m[0], m[1], m[2], m[4], m[5], m[6], m[8], m[9], m[10]);
-    let off = (rotation.transpose() * rotation - Matrix3::identity()).amax();
-    if m[12..] != [0.0, 0.0, 0.0, 1.0] {
-        return Err(wrong(
-            format!("the last row of `{name}` is not 0, 0, 0, 1"),
-            "pass a rotation matrix and a column in meters above that row",
-        ));
-    }
-    if off > ROTATION_TOLERANCE || rotation.determinant() < 0.0 {
-        return Err(wrong(
-            format!(
-                "the rotation of `{name}` is none: its transpose times it differs from the identity by {off:.1e}, \
-                 and its determinant is {:.3}",
-                rotation.determinant()
-            ),
-            "pass orthonormal columns of a right-handed frame, to 1e-4",
-        ));
-    }
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix(&rotation));
-    let translation = Translation3::new(m[3], m[7], m[11]);
-    Ok(Pose::new(Isometry3::from_parts(translation, rotation)))
 }

@@ -65,7 +65,7 @@ pub(crate) fn in_threads<T: Send>(
                         );
                     }
                     Err(RecvTimeoutError::Timeout) => {
-                        if let Err(err) = signals() {
+                        if let Err(err) = Python::attach(signals) {
                             cancellation.0.store(true, Ordering::Relaxed);
                             raised = Some(err);
                         }
@@ -77,12 +77,12 @@ pub(crate) fn in_threads<T: Send>(
 }
 
 /// Runs the handlers of signals that came.
-#[expect(
-    clippy::redundant_closure_for_method_calls,
-    reason = "the method itself is not general enough"
-)]
-fn signals() -> PyResult<()> {
-    Python::attach(|py| py.check_signals())
+///
+/// # Errors
+///
+/// Fails with the exception that one of them raises, as that of Ctrl-C does.
+pub(crate) fn signals(py: Python<'_>) -> PyResult<()> {
+    py.check_signals()
 }
 
 fn pool() -> Result<Arc<ThreadPool>, rayon::ThreadPoolBuildError> {

@@ -16,7 +16,7 @@ use schemas::{
     trajectories::Trajectory,
 };
 
-use super::{motion::artifact, recorded, rerun};
+use super::{recorded, rerun};
 use crate::{
     arguments::MotionsArgs,
     command_line::Program,
@@ -109,7 +109,7 @@ impl GatheredMotions {
     ) -> Result<(), CommandError> {
         let mut refused_n = 0;
         for unit in units {
-            let Some(artifact) = artifact(lake, unit)? else {
+            let Some(artifact) = lookup::artifact(lake, unit)? else {
                 continue;
             };
             let draws = table::read_draws(&artifact)?;
@@ -135,7 +135,7 @@ impl GatheredMotions {
         model: &RobotModel,
     ) -> Result<(), CommandError> {
         for unit in units {
-            let Some(artifact) = artifact(lake, unit)? else {
+            let Some(artifact) = lookup::artifact(lake, unit)? else {
                 continue;
             };
             let trajectory: Trajectory = table::read(&artifact)?;
@@ -172,7 +172,7 @@ impl GatheredMotions {
     ) -> Result<(), CommandError> {
         let (mut others_n, mut without_n) = (0, 0);
         for unit in units {
-            let Some(of_object) = artifact(lake, unit)? else {
+            let Some(of_object) = lookup::artifact(lake, unit)? else {
                 continue;
             };
             let mut ended: Vec<CandidateOutcome> = if node.artifact == *Rollouts::NAME {
@@ -245,7 +245,7 @@ impl GatheredMotions {
             if unit.node.artifact != *Object::NAME || !names.contains(unit.partition.as_str()) {
                 continue;
             }
-            let Some(artifact) = artifact(&lake, unit)? else {
+            let Some(artifact) = lookup::artifact(&lake, unit)? else {
                 continue;
             };
             let object: Object = table::read(&artifact)?;
@@ -298,7 +298,7 @@ fn candidates_of(
     let mut units = run.record.units.iter();
     let found = units.find(|other| other.node == *from && other.partition == unit.partition);
     let artifact = found
-        .map(|unit| artifact(lake, unit))
+        .map(|unit| lookup::artifact(lake, unit))
         .transpose()?
         .flatten();
     Ok(artifact

@@ -1,6 +1,6 @@
 //! The motion that is asked for: of a recording, of a candidate, or of a rollout that is executed again.
 
-use dataflow::{Artifact, Diagnostic, NodeName, RecordOutcome, UnitRef};
+use dataflow::{Artifact, Diagnostic, NodeName, UnitRef};
 use lake::{Lake, Run, recording, table};
 use schemas::{
     Table,
@@ -39,7 +39,7 @@ pub(super) fn motion(
         Candidates::NAME => candidate(program, lake, run, &units, args, hand),
         Trajectory::NAME => {
             let unit = lookup::unit(&units, run.number, &args.artifact, &args.name)?;
-            let artifact = artifact(lake, unit)?;
+            let artifact = lookup::artifact(lake, unit)?;
             let path = artifact.as_ref().and_then(|it| it.file(TRAJECTORY));
             let path = path.ok_or_else(|| without_recording(args))?;
             read(args, path, hand.as_ref())
@@ -80,22 +80,6 @@ fn read(
         .map_err(CommandError::with_hint(Diagnostic::hint))
 }
 
-/// The artifact of a unit; `None` if it was collected, skipped or filtered.
-pub(super) fn artifact(lake: &Lake, unit: &UnitRef) -> Result<Option<Artifact>, CommandError> {
-    let outcome = lake.record(&unit.fingerprint)?.map(|record| record.outcome);
-    let Some(RecordOutcome::Made { files, labels, .. }) = outcome else {
-        return Ok(None);
-    };
-    let files = files.iter();
-    Ok(Some(Artifact {
-        key: unit.partition.clone(),
-        labels,
-        files: files
-            .map(|(name, file)| Ok((name.to_string(), lake.fetched(file)?)))
-            .collect::<Result<_, CommandError>>()?,
-    }))
-}
-
 /// The partition that has a row of the motion.
 fn with_row<'a>(
     lake: &Lake,
@@ -104,7 +88,7 @@ fn with_row<'a>(
     args: &GlbArgs,
 ) -> Result<(&'a UnitRef, Artifact), CommandError> {
     for &unit in units {
-        let Some(artifact) = artifact(lake, unit)? else {
+        let Some(artifact) = lookup::artifact(lake, unit)? else {
             continue;
         };
         let has_it = if node.artifact == *Rollouts::NAME {
@@ -133,7 +117,7 @@ fn candidate(
     given: Option<Hand>,
 ) -> Result<RecordedMotion, CommandError> {
     for unit in units {
-        let Some(of_object) = artifact(lake, unit)? else {
+        let Some(of_object) = lookup::artifact(lake, unit)? else {
             continue;
         };
         let all: Candidates = table::read(&of_object)?;
@@ -147,7 +131,7 @@ fn candidate(
         };
         let object = run.record.units.iter().find(is_object);
         let object = object
-            .map(|unit| artifact(lake, unit))
+            .map(|unit| lookup::artifact(lake, unit))
             .transpose()?
             .flatten();
         let object = object.ok_or_else(|| {

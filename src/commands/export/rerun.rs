@@ -10,8 +10,7 @@ use schemas::{Table, candidates::Candidates, objects::Object};
 use stage_screen::{Screen, record_alone};
 use tempfile::TempDir;
 
-use super::motion::artifact;
-use crate::{command_line::Program, outcome::CommandError};
+use crate::{command_line::Program, commands::lookup, outcome::CommandError};
 
 /// Returns the pipeline of a run, from its file as it is now.
 fn pipeline(program: &Program, run: &Run) -> Result<Pipeline, CommandError> {
@@ -100,7 +99,10 @@ pub(super) fn rollout(
         let (_, node) = wire.ok_or_else(changed)?;
         let mut units = run.record.units.iter();
         let read = units.find(|other| other.node == *node && other.partition == unit.partition);
-        let read = read.map(|unit| artifact(lake, unit)).transpose()?.flatten();
+        let read = read
+            .map(|unit| lookup::artifact(lake, unit))
+            .transpose()?
+            .flatten();
         artifacts.insert(input.to_owned(), read.into_iter().collect());
     }
     let hand = SourceFile::named("hand", &options.hand);

@@ -123,6 +123,20 @@ pub struct IngestConfig {
         why = "0 tolerates no noise, and a larger value exceeds any scene"
     )]
     pub max_table_error_m: f64,
+    /// The objects' points and convex parts
+    #[option(flatten)]
+    pub shape: ShapeOptions,
+    /// True masses by object name (kg), for objects outside YCB or to override YCB's table
+    #[option(default)]
+    pub masses_kg: BTreeMap<String, f64>,
+    /// Objects missing from the dataset, or with a replacement mesh, by name
+    #[option(default)]
+    pub meshes: BTreeMap<String, AddedMesh>,
+}
+
+/// What is made of an object's mesh.
+#[options]
+pub struct ShapeOptions {
     /// Points on each object's surface: as many as the paper's network sees, and a few more
     #[option(
         default = 2048, range = 1..=MAX_SURFACE_POINTS,
@@ -145,12 +159,6 @@ pub struct IngestConfig {
         why = "a larger value exceeds any scene"
     )]
     pub part_tolerance_m: f64,
-    /// True masses by object name (kg), for objects outside YCB or to override YCB's table
-    #[option(default)]
-    pub masses_kg: BTreeMap<String, f64>,
-    /// Objects missing from the dataset, or with a replacement mesh, by name
-    #[option(default)]
-    pub meshes: BTreeMap<String, AddedMesh>,
 }
 
 impl IngestConfig {

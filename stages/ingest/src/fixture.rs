@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use schemas::demonstrations::Side;
 
 use crate::{
-    config::{Format, IngestConfig, Landmarks, ReachRule, TableRule},
+    config::{Format, IngestConfig, Landmarks, ReachRule, ShapeOptions, TableRule},
     selection::Split,
 };
 
@@ -34,9 +34,11 @@ pub(crate) fn config() -> IngestConfig {
         max_gap_n: 3,
         min_steps_n: 11,
         max_table_error_m: 0.02,
-        points_n: 100,
-        max_convex_parts_n: 4,
-        part_tolerance_m: 0.0,
+        shape: ShapeOptions {
+            points_n: 100,
+            max_convex_parts_n: 4,
+            part_tolerance_m: 0.0,
+        },
         masses_kg: BTreeMap::new(),
         meshes: BTreeMap::new(),
     }

@@ -48,12 +48,13 @@ mod tracks;
 mod yaml;
 mod ycb;
 
-pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
+pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, ShapeOptions, TableRule};
 pub use error::{IngestError, RecordingError};
 pub use ingest::{
     Agreement, DemonstrationMetrics, Demonstrations, Ingest, Objects, ShapeMetrics, Shapes,
 };
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
+pub use objects::{MeshedObject, mesh};
 pub use selection::Split;
 pub use yaml::YamlError;

@@ -113,22 +113,24 @@ mod tests {
     use nalgebra::Rotation3;
 
     use super::*;
-    use crate::{fixture, objects};
+    use crate::{ShapeOptions, fixture, objects};
 
     /// A box of 4 × 6 × 20 cm about the origin, shifted up by 1 cm.
     fn brick() -> Object {
         let mesh = fixture::brick([0.04, 0.06, 0.20], [0.0, 0.0, 0.01]);
-        let source = objects::Source {
+        let (mesh, _) = objects::mesh("brick.obj", mesh.as_bytes()).unwrap();
+        let meshed = objects::MeshedObject {
             name: "brick",
             mass_kg: 0.5,
-            mesh_file: "brick.obj",
-            mesh: mesh.as_bytes(),
-            points_n: 10,
-            max_convex_parts_n: 1,
-            part_tolerance_m: 0.0,
+            mesh: &mesh,
+            options: &ShapeOptions {
+                points_n: 10,
+                max_convex_parts_n: 1,
+                part_tolerance_m: 0.0,
+            },
             seed: 0,
         };
-        objects::shape(&source).unwrap().0
+        meshed.shape().unwrap()
     }
 
     fn tilted(up: Vector3<f64>, degrees: f64) -> Unit<Vector3<f64>> {

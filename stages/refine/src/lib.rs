@@ -9,4 +9,4 @@ mod config;
 mod refine;
 
 pub use config::RefineConfig;
-pub use refine::{Refine, RefineMetrics};
+pub use refine::{Refine, RefineMetrics, RefinedCandidates, Refinement, RefusedDraws};

@@ -118,29 +118,84 @@ impl Output for Refine {
         cx: &Context,
     ) -> Result<Outcome<RefineMetrics>, BoxedDiagnostic> {
         let RefineInputs {
-            candidates: given,
+            candidates,
             field,
             object,
-            mut refused,
+            refused,
             urdf,
             hand,
         } = inputs;
-        let of_object = (given.object.as_str(), &given.joints[..]);
+        let of_object = (candidates.object.as_str(), &candidates.joints[..]);
         HandMismatch::check(Self::KIND, of_object, (&urdf, &hand.model))?;
-        let field = Arc::new(field);
+        let refinement = Refinement {
+            config,
+            hand: &hand,
+            object: &object,
+            field: &Arc::new(field),
+            is_canceled: &|| false,
+        };
+        let refined = refinement.refine(candidates, refused);
+        let refined = refined.map_err(BoxedDiagnostic::without_hint)?;
+        cx.write(&refined.candidates)?;
+        cx.write(&refined.draws)?;
+        Ok(Outcome::Made(refined.metrics))
+    }
+}
+
+/// What the motions of one object are refined against.
+pub struct Refinement<'a> {
+    /// The options.
+    pub config: &'a RefineConfig,
+    /// The hand.
+    pub hand: &'a Hand,
+    /// The object.
+    pub object: &'a Object,
+    /// The distances from it.
+    pub field: &'a Arc<DistanceField>,
+    /// Whether the rest of the motions is to be left.
+    pub is_canceled: &'a (dyn Fn() -> bool + Sync),
+}
+
+/// The refined motions of one object.
+pub struct RefinedCandidates {
+    /// The motions that were kept, with the joints of the hand.
+    pub candidates: Candidates,
+    /// All draws of them.
+    pub draws: Draws,
+    /// What is counted of them.
+    pub metrics: RefineMetrics,
+}
+
+impl Refinement<'_> {
+    /// Refines the candidates of the object, of the hand's joints in any order, in all threads; `refused` are draws that
+    /// were refused before.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the hand cannot be used, or if it is canceled; a motion that cannot be refined becomes a refused draw.
+    pub fn refine(
+        &self,
+        given: Candidates,
+        mut refused: RefusedDraws,
+    ) -> Result<RefinedCandidates, RefinementError> {
         let payload = Payload {
-            center_of_mass_in_object: object.center_of_mass_m.into(),
-            mass_kg: object.mass_kg,
+            center_of_mass_in_object: self.object.center_of_mass_m.into(),
+            mass_kg: self.object.mass_kg,
         };
         let tried: Vec<(Candidate, TimedRefinement)> = given
             .candidates
             .into_par_iter()
             .map_init(
-                || Refiner::new(&hand, &config.refinement, payload),
+                || Refiner::new(self.hand, &self.config.refinement, payload),
                 |refiner, candidate| {
                     let rest = RestingPose::of(&candidate.table_from_object);
-                    let environment = Environment::new(Arc::clone(&field), rest);
-                    let refine = || refiner.refine(&environment, &candidate.motion);
+                    let environment = Environment::new(Arc::clone(self.field), rest);
+                    let refine = || {
+                        if (self.is_canceled)() {
+                            return Err(RefinementError::Canceled);
+                        }
+                        refiner.refine(&environment, &candidate.motion)
+                    };
                     let refined = cpu_time::measured(refine);
                     (candidate, refined)
                 },
@@ -153,7 +208,7 @@ impl Output for Refine {
             let refined = match tried {
                 Ok(moved) => Ok(moved),
                 Err(RefinementError::Motion(err)) => Err(err),
-                Err(err) => return Err(BoxedDiagnostic::without_hint(err)),
+                Err(err) => return Err(err),
             };
             attempts.push(Attempt {
                 refused: refused.take(&candidate.candidate_id),
@@ -167,26 +222,28 @@ impl Output for Refine {
         let drawn_n = attempts.len() as f64;
         let mut candidates: Vec<(Candidate, Refined)> = Vec::new();
         let mut draws = Draws::new();
-        for rows in rows_of_motions(attempts, config.draws) {
+        for rows in rows_of_motions(attempts, self.config.draws) {
             draws.extend(rows.draws);
             candidates.extend(rows.kept);
         }
         draws.extend(refused.rest());
         let metrics = RefineMetrics::of(&candidates, drawn_n, cpu_s);
-        let joints = hand.model.joint_names();
-        cx.write(&Candidates {
-            object: given.object,
-            joints: joints.as_slice().into(),
-            candidates: candidates
-                .into_iter()
-                .map(|(candidate, refined)| Candidate {
-                    motion: refined.motion,
-                    ..candidate
-                })
-                .collect(),
-        })?;
-        cx.write(&draws)?;
-        Ok(Outcome::Made(metrics))
+        let joints = self.hand.model.joint_names();
+        let candidates = candidates
+            .into_iter()
+            .map(|(candidate, refined)| Candidate {
+                motion: refined.motion,
+                ..candidate
+            });
+        Ok(RefinedCandidates {
+            candidates: Candidates {
+                object: given.object,
+                joints: joints.as_slice().into(),
+                candidates: candidates.collect(),
+            },
+            draws,
+            metrics,
+        })
     }
 }
 
@@ -209,6 +266,7 @@ impl RefineMetrics {
 }
 
 /// The draws that were refused before this stage, by the motion's name.
+#[derive(Default)]
 pub struct RefusedDraws(BTreeMap<String, Draws>);
 
 impl RefusedDraws {

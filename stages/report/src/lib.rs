@@ -31,6 +31,7 @@ pub use config::ReportConfig;
 pub use error::ReportError;
 pub use facts::Facts;
 pub use gather::PageData;
+pub use glb::{Contact, Moment, ObjectMesh};
 pub use motions::{Motion, OutcomeGroup};
 pub use recorded::{RecordedMotion, of_candidate};
 pub use render::{Rendered, render};

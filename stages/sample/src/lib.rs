@@ -15,4 +15,5 @@ mod sample;
 
 pub use config::{CheckpointWeights, RestingPoses, SampleConfig, SeenShape};
 pub use error::SampleError;
-pub use sample::{Sample, SampleMetrics};
+pub use rows::sampled_object;
+pub use sample::{Drawing, Sample, SampleMetrics};

@@ -12,7 +12,7 @@ use schemas::{
 const GENERATOR: &str = "cgf";
 
 /// Returns an object as it is sampled for.
-pub(crate) fn sampled_object(object: &Object) -> SampledObject<'_> {
+pub fn sampled_object(object: &Object) -> SampledObject<'_> {
     let orientations = object.rests.iter().map(|orientation| Orientation {
         rest: orientation.rest,
         seen_n: orientation.seen_n,

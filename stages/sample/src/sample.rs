@@ -14,6 +14,8 @@ use schemas::{
 use crate::SampleConfig;
 use candidates::SampleInputs;
 
+pub use candidates::Drawing;
+
 /// Draws candidate motions from a grasping function.
 pub struct Sample;
 

@@ -29,4 +29,5 @@ pub use error::ScreenError;
 pub use pose_errors::{PoseErrorMetrics, PoseErrorTrials};
 pub use record_alone::record_alone;
 pub use robustness::{RobustnessMetrics, RobustnessTrials};
-pub use screen::{Screen, ScreenMetrics};
+pub use screen::{Screen, ScreenMetrics, row};
+pub use screening_inputs::screening;

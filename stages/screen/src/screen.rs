@@ -140,7 +140,7 @@ impl Output for Screen {
 }
 
 /// Returns the row of a candidate, judged by a protocol.
-fn row(candidate: &Candidate, protocol: ProtocolName, found: Option<&Judgment>) -> Rollout {
+pub fn row(candidate: &Candidate, protocol: ProtocolName, found: Option<&Judgment>) -> Rollout {
     let infeasible = Rollout {
         protocol: Some(protocol.as_str().to_owned()),
         ..Rollout::unsimulated(candidate, Verdict::Infeasible)

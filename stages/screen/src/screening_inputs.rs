@@ -75,21 +75,7 @@ impl ScreeningInputs {
 
     /// Returns the candidates, to be carried out.
     pub(crate) fn screening<'a>(&'a self, config: &'a ScreenConfig, seed: u64) -> Screening<'a> {
-        let motions = self.candidates.candidates.iter();
-        let motions = motions.map(|candidate| PlacedMotion {
-            table_from_object: candidate.table_from_object,
-            motion: &candidate.motion,
-        });
-        let object = (
-            ObjectShape::from_artifact(&self.object),
-            &self.object.points_m[..],
-        );
-        Screening::new(
-            config.screening(seed),
-            &self.hand,
-            object,
-            motions.collect(),
-        )
+        screening(config, &self.hand, &self.object, &self.candidates, seed)
     }
 
     /// Returns the outcome where the object is at fault; fails where the hand or the options are, and so
@@ -108,4 +94,21 @@ impl ScreeningInputs {
         }
         .into())
     }
+}
+
+/// Returns an object's candidates, to be carried out by a hand under [resolved](ScreenConfig::resolved) options.
+pub fn screening<'a>(
+    config: &'a ScreenConfig,
+    hand: &'a RobotModel,
+    object: &Object,
+    candidates: &'a Candidates,
+    seed: u64,
+) -> Screening<'a> {
+    let motions = candidates.candidates.iter();
+    let motions = motions.map(|candidate| PlacedMotion {
+        table_from_object: candidate.table_from_object,
+        motion: &candidate.motion,
+    });
+    let object = (ObjectShape::from_artifact(object), &object.points_m[..]);
+    Screening::new(config.screening(seed), hand, object, motions.collect())
 }

@@ -110,6 +110,7 @@ pub use resources::Resources;
 pub use retry_scheduler::UnitReport;
 pub use run::{NodeReport, RunReport, run};
 pub use scope::{Partition, RunFacts, Scope, SkippedItem};
+pub use seed::unit_seed;
 pub use single_unit::{WorkItemRunner, make_one};
 pub use source::{Location, Source};
 pub use source_file::SourceFile;

@@ -5,6 +5,7 @@ mod order;
 mod profiles;
 mod reader;
 mod sharing;
+mod stage_options;
 mod wiring;
 
 use std::collections::{BTreeMap, BTreeSet};

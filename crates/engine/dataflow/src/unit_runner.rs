@@ -24,7 +24,7 @@ use crate::{
 impl StageEntry {
     /// Returns the seed of one of its units, of the pipeline's seed.
     pub fn unit_seed(&self, seed: u64, partition: &PartitionKey) -> u64 {
-        unit_seed(seed, self, partition)
+        unit_seed(seed, &self.name, partition)
     }
 }
 

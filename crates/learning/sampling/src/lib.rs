@@ -76,7 +76,7 @@
 //!
 //! A latent code comes from the prior, from the posterior of a demonstration, or from the line between two of them.
 //! [`sample`] decodes it at equal time steps from far to the grasp, with exact rates, in the object's own
-//! frame.
+//! frame; a [`PlacedFunction`] decodes codes at any times.
 //!
 //! - Joint positions are clamped to the hand's limits; the greatest excess is reported.
 //! - With [`Redraws`] a motion whose hand is too deep in object or table is drawn again; the shallowest is kept, and
@@ -94,6 +94,6 @@ mod penetration;
 
 pub use codes::CodeOrigin;
 pub use error::SamplingError;
-pub use motions::{Draw, SampledMotion, SampledMotions, SamplingTask, sample};
+pub use motions::{Draw, PlacedFunction, SampledMotion, SampledMotions, SamplingTask, sample};
 pub use options::{Orientation, Orientations, Redraws, SampledObject, SamplingOptions};
 pub use penetration::{CollisionModel, PenetrationProbe};

@@ -154,6 +154,63 @@ impl SampledMotion {
     }
 }
 
+/// A function at one object that lies on a table: latent codes become motions at any times.
+pub struct PlacedFunction<'a> {
+    cgf: &'a Cgf,
+    feature: ObjectFeature,
+    rest: RestingPose,
+}
+
+impl<'a> PlacedFunction<'a> {
+    /// Shows a function an object in a resting pose.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the object has too few points or they are not finite.
+    pub fn new(
+        cgf: &'a Cgf,
+        object: &SampledObject<'_>,
+        rest: RestingPose,
+    ) -> Result<Self, SamplingError> {
+        let feature = cgf.feature(&RestingObject {
+            object: object.name.to_owned(),
+            rest,
+            points_in_object: object.points(),
+        })?;
+        Ok(Self { cgf, feature, rest })
+    }
+
+    /// Decodes codes of the network's width at these times in seconds, increasing within `0..=duration_s`, the grasp's
+    /// time: each motion is in the object's frame and within joint limits, with exact rates.
+    ///
+    /// # Errors
+    ///
+    /// Fails if a code has another width, if times do not increase or one is not finite, and if an output is no motion.
+    pub fn decode(
+        &self,
+        latents: &[Vec<f64>],
+        times_s: &[f64],
+        duration_s: f64,
+    ) -> Result<Vec<Motion<Object>>, SamplingError> {
+        let times: Vec<f64> = times_s
+            .iter()
+            .map(|time_s| 1.0 - time_s / duration_s)
+            .collect();
+        let description = self.cgf.description();
+        let joints: Arc<[String]> = description.joints.as_slice().into();
+        let placed = MotionPlacement::new(&self.rest, &description.joint_ranges, duration_s);
+        let decoded = self.cgf.decode_with_rates(&self.feature, latents, &times)?;
+        let motions = decoded.into_iter().map(|motion| {
+            let (mut steps, _excess) = placed.steps(motion, &times);
+            for (step, &time_s) in steps.iter_mut().zip(times_s) {
+                step.time_s = time_s;
+            }
+            Ok(Motion::of_joints(Arc::clone(&joints), steps)?)
+        });
+        motions.collect()
+    }
+}
+
 /// Takes latent codes to motions of one object.
 struct Decoder<'a> {
     options: &'a SamplingOptions,

@@ -191,7 +191,7 @@ impl<'a> Screening<'a> {
             .map(|idx| {
                 let (rollout, cpu_s) =
                     cpu_time::measured(|| self.rollout(scenes, idx, TraceMode::Nothing));
-                let found = feasible(rollout.and_then(|rollout| self.judgment(idx, &rollout)))?;
+                let found = self.found(idx, rollout)?;
                 let done = done.fetch_add(1, Ordering::Relaxed) + 1;
                 progress(done as f64 / total as f64);
                 Ok((found, cpu_s))
@@ -199,6 +199,23 @@ impl<'a> Screening<'a> {
             .collect::<Result<_, SimulationError>>()?;
         let cpu_s = judged.iter().map(|(_, cpu_s)| cpu_s).sum();
         Ok((judged.into_iter().map(|(found, _)| found).collect(), cpu_s))
+    }
+
+    /// Judges one motion, as [`Self::judge`] does.
+    ///
+    /// # Errors
+    ///
+    /// Fails as that does.
+    ///
+    /// # Panics
+    ///
+    /// Panics if there is no motion of this index.
+    pub fn judge_one(
+        &self,
+        scenes: &Scenes,
+        idx: usize,
+    ) -> Result<Option<Judgment>, SimulationError> {
+        self.found(idx, self.rollout(scenes, idx, TraceMode::Nothing))
     }
 
     /// Returns the verdicts on the motions of these indices, in their order, with the simulated control steps of each.
@@ -244,6 +261,15 @@ impl<'a> Screening<'a> {
         let settled = settled.ok_or(SimulationError::Unsettled)?;
         let motion = self.in_order(idx)?.moved(&self.pose_offset(idx));
         settled.rollout(&motion, self.options.protocol, record)
+    }
+
+    /// Returns what is found of a motion by its rollout; nothing if the motion is at fault that there is none.
+    fn found(
+        &self,
+        idx: usize,
+        rollout: Result<Rollout, SimulationError>,
+    ) -> Result<Option<Judgment>, SimulationError> {
+        feasible(rollout.and_then(|rollout| self.judgment(idx, &rollout)))
     }
 
     fn judgment(&self, idx: usize, rollout: &Rollout) -> Result<Judgment, SimulationError> {

@@ -13,4 +13,7 @@ pub enum RefinementError {
     /// The motion is of another hand, or the refined steps do not form one.
     #[error(transparent)]
     Motion(#[from] MotionError),
+    /// The refinement was canceled.
+    #[error("the refinement was canceled")]
+    Canceled,
 }

@@ -19,7 +19,9 @@ use crate::{
     config::{Format, IngestConfig},
     demonstration_recording,
     error::RecordingError,
-    mirror, objects, reach,
+    mirror,
+    objects::{self, MeshedObject},
+    reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
     rests, table_pose,
@@ -47,17 +49,21 @@ pub(super) fn shape(
         return Ok(Outcome::skipped(missing.to_string()));
     };
     cx.progress(0.0, "convex parts");
-    let made = reader::read(file, MAX_MESH_BYTES).and_then(|mesh| {
-        objects::shape(&objects::Source {
+    let unusable = |reason: String| RecordingError::Mesh {
+        file: file.name.clone(),
+        reason,
+    };
+    let made = reader::read(file, MAX_MESH_BYTES).and_then(|bytes| {
+        let (mesh, repairs) = objects::mesh(&file.name, &bytes).map_err(unusable)?;
+        let meshed = MeshedObject {
             name,
             mass_kg,
-            mesh_file: &file.name,
             mesh: &mesh,
-            points_n: config.points_n,
-            max_convex_parts_n: config.max_convex_parts_n,
-            part_tolerance_m: config.part_tolerance_m,
+            options: &config.shape,
             seed: cx.seed(),
-        })
+        };
+        let object = meshed.shape().map_err(|err| unusable(err.to_string()))?;
+        Ok((object, mesh, repairs))
     });
     match made {
         Ok((object, mesh, repairs)) => Ok(write_object(cx, &object, &mesh, repairs)?),

@@ -15,8 +15,8 @@ use schemas::{
     objects::Object,
 };
 use stage_ingest::{
-    Demonstrations, Format, Ingest, IngestConfig, Landmarks, Objects, ReachRule, Shapes, Split,
-    TableRule,
+    Demonstrations, Format, Ingest, IngestConfig, Landmarks, Objects, ReachRule, ShapeOptions,
+    Shapes, Split, TableRule,
 };
 use tempfile::TempDir;
 
@@ -45,9 +45,11 @@ pub(crate) fn config(root: &Path) -> IngestConfig {
         max_gap_n: 3,
         min_steps_n: 11,
         max_table_error_m: 0.02,
-        points_n: 500,
-        max_convex_parts_n: 16,
-        part_tolerance_m: 0.0,
+        shape: ShapeOptions {
+            points_n: 500,
+            max_convex_parts_n: 16,
+            part_tolerance_m: 0.0,
+        },
         masses_kg: BTreeMap::new(),
         meshes: BTreeMap::new(),
     }

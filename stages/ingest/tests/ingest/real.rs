@@ -246,7 +246,7 @@ fn every_object_lies_as_its_demonstrations_saw_it() {
         let n_seen = unit.reads["demonstrations"].len();
         assert_eq!(seen.iter().sum::<u32>() as usize, n_seen);
         assert!(seen.is_sorted_by(|a, b| a >= b));
-        assert!(object.parts_m.len() <= bench.config.max_convex_parts_n);
+        assert!(object.parts_m.len() <= bench.config.shape.max_convex_parts_n);
     }
 }
 

@@ -4,6 +4,7 @@ use cgf::Cgf;
 use dataflow::{Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Partition, Scope, Unit};
 use geometry::DistanceField;
 use lake::{ReadArtifact, WriteArtifact};
+use robot::{JointOrder, RobotModel};
 use robot_meshes::LoadedRobot;
 use sampling::{CollisionModel, PenetrationProbe, Redraws, SamplingTask};
 use schemas::{
@@ -11,6 +12,7 @@ use schemas::{
     candidates::{Candidate, Candidates},
     checkpoint,
     distance_fields::{self, FieldInfo},
+    draws::Draws,
     objects::Object,
 };
 
@@ -100,48 +102,21 @@ pub(super) fn make(
         hand,
     } = inputs;
     let cgf = read_checkpoint(config.epoch, &checkpoint)?;
-    let other = match config.shape {
+    let shown = match config.shape {
         SeenShape::Own => None,
         SeenShape::Other => Some(shown(&object, &others)?),
     };
-    let order = hand.as_ref().map(|hand| {
-        let joints = &cgf.description().joints;
-        joint_order(&hand.model, joints, "grasping function")
-    });
+    let order = hand.as_ref().map(|hand| order(&hand.model, &cgf));
     let order = order.transpose()?;
-    let collision_model = hand
-        .as_ref()
-        .map(|hand| CollisionModel::new(&hand.model))
-        .transpose()
-        .map_err(SampleError::from)?;
-    let hand_and_field = collision_model
-        .as_ref()
-        .zip(order.as_ref())
-        .zip(field.as_ref());
-    let redraws = hand_and_field.filter(|_| config.redraws());
-    let redraws = redraws.map(|((collision_model, order), field)| Redraws {
-        probe: PenetrationProbe {
-            collision_model,
-            field,
-            order,
-        },
-        max_draws: config.draws,
-        max_depth_m: config.max_depth_m,
-    });
-    let sampled = sampling::sample(&SamplingTask {
-        options: &config.sampling(),
+    let drawing = Drawing {
+        config,
         cgf: &cgf,
-        object: sampled_object(&object),
-        shown: other.map(sampled_object),
-        redraws,
-        seed: cx.seed(),
-    });
-    let (candidates, every_draw) = draws_of(&object.name, sampled.map_err(SampleError::from)?);
-    let drawn = Candidates {
-        object: object.name.clone(),
-        joints: cgf.description().joints.as_slice().into(),
-        candidates,
+        object: &object,
+        shown,
+        field: field.as_ref(),
+        hand: hand.as_ref().map(|hand| &hand.model),
     };
+    let (drawn, every_draw) = drawing.draw(cx.seed())?;
     cx.write(&drawn)?;
     cx.write(&every_draw)?;
     if config.recorded_per_object > 0
@@ -162,6 +137,65 @@ pub(super) fn make(
         draws: every_draw.len() as f64,
     };
     Ok(Outcome::Made(metrics))
+}
+
+/// What the motions of one object are drawn with.
+pub struct Drawing<'a> {
+    /// The options.
+    pub config: &'a SampleConfig,
+    /// The function.
+    pub cgf: &'a Cgf,
+    /// The object.
+    pub object: &'a Object,
+    /// The object whose shape the function sees instead.
+    pub shown: Option<&'a Object>,
+    /// The distances from the object, if motions are to be drawn again.
+    pub field: Option<&'a DistanceField>,
+    /// The hand, if motions are to be drawn again.
+    pub hand: Option<&'a RobotModel>,
+}
+
+impl Drawing<'_> {
+    /// Draws the motions, and returns all draws of them too.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the hand is not the function's, and as [`sampling::sample`] does.
+    pub fn draw(&self, seed: u64) -> Result<(Candidates, Draws), SampleError> {
+        let order = self.hand.map(|hand| order(hand, self.cgf)).transpose()?;
+        let collision_model = self.hand.map(CollisionModel::new).transpose()?;
+        let measured = collision_model.as_ref().zip(order.as_ref()).zip(self.field);
+        let measured = measured.filter(|_| self.config.redraws());
+        let redraws = measured.map(|((collision_model, order), field)| Redraws {
+            probe: PenetrationProbe {
+                collision_model,
+                field,
+                order,
+            },
+            max_draws: self.config.draws,
+            max_depth_m: self.config.max_depth_m,
+        });
+        let sampled = sampling::sample(&SamplingTask {
+            options: &self.config.sampling(),
+            cgf: self.cgf,
+            object: sampled_object(self.object),
+            shown: self.shown.map(sampled_object),
+            redraws,
+            seed,
+        })?;
+        let (candidates, every_draw) = draws_of(&self.object.name, sampled);
+        let drawn = Candidates {
+            object: self.object.name.clone(),
+            joints: self.cgf.description().joints.as_slice().into(),
+            candidates,
+        };
+        Ok((drawn, every_draw))
+    }
+}
+
+/// Returns how the function's joints are put into the order of the hand's.
+fn order(hand: &RobotModel, cgf: &Cgf) -> Result<JointOrder, SampleError> {
+    joint_order(hand, &cgf.description().joints, "grasping function")
 }
 
 /// Returns the other object whose shape the function is shown.

@@ -1,0 +1,199 @@
+//! Hands: motions refined and judged.
+
+use std::path::PathBuf;
+
+use dataflow::Diagnostic;
+use pyo3::{prelude::*, types::PyDict};
+use rayon::prelude::*;
+use robot_meshes::HandMismatch;
+use screening::Judgment;
+use simulation::{SimulationError, TraceMode};
+use stage_refine::{RefineConfig, Refinement, RefusedDraws};
+use stage_screen::ScreenConfig;
+
+use crate::{
+    arrays::{Array, vector},
+    candidates::Candidates,
+    error::{failed, wrong},
+    object::{Object, seed_of},
+    options, retargeter,
+    rollouts::{Rollout, Rollouts},
+    threads::in_threads,
+};
+
+/// The stage whose verdicts [`Hand::screen`] gives.
+const SCREEN: &str = "screen";
+
+/// A robot hand that grasps: `path` is a hand's file (TOML, as in `data/hands`).
+#[pyclass(frozen, module = "pipeline")]
+pub(crate) struct Hand {
+    pub(crate) path: PathBuf,
+    urdf: PathBuf,
+    pub(crate) hand: posture::Hand,
+}
+
+#[pymethods]
+impl Hand {
+    /// Loads a hand with its meshes.
+    #[new]
+    fn new(path: PathBuf) -> PyResult<Self> {
+        let (hand, _) = retargeter::load(&path)?;
+        let urdf = hand_files::urdf_of(&path).map_err(|err| failed(&err, err.hint()))?;
+        Ok(Self { path, urdf, hand })
+    }
+
+    /// The names of the joints.
+    #[getter]
+    fn joint_names(&self) -> Vec<String> {
+        self.hand.model.joint_names()
+    }
+
+    /// Least positions of the joints `(dof,)`, in radians (meters if prismatic).
+    #[getter]
+    fn lower<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let joints = self.hand.model.joints().iter();
+        vector(py, &joints.map(|joint| joint.lower).collect::<Vec<_>>())
+    }
+
+    /// Greatest positions of the joints `(dof,)`, in radians (meters if prismatic).
+    #[getter]
+    fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
+        let joints = self.hand.model.joints().iter();
+        vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
+    }
+
+    /// Moves motions out of object and table and to a grasp that balances: those of the stage `refine`, to the bit.
+    ///
+    /// `options` are that stage's. With `draws` above 1 so many motions of one resting pose compete, and the one with the
+    /// smallest residual is kept, without physics.
+    #[pyo3(signature = (object, candidates, *, options=None))]
+    fn refine(
+        &self,
+        py: Python<'_>,
+        object: &Object,
+        candidates: &Candidates,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Candidates> {
+        let config: RefineConfig = options::read("refine", options, Some(&self.path), &[])?;
+        self.check("refine", object, candidates)?;
+        let field = object.field(py)?;
+        let given = candidates.0.clone();
+        let refined = in_threads(py, |cancellation| {
+            Refinement {
+                config: &config,
+                hand: &self.hand,
+                object: &object.object,
+                field,
+                is_canceled: &|| cancellation.is_asked(),
+            }
+            .refine(given, RefusedDraws::default())
+        })?;
+        let refined = refined.map_err(|err| failed(&err, None))?;
+        Candidates::stored(refined.candidates)
+    }
+
+    /// Judges motions in physics: the verdicts of a stage `screen` with the pipeline's `seed`, to the bit.
+    ///
+    /// `options` are that stage's. Each motion alone gets the same verdict.
+    #[pyo3(signature = (object, candidates, *, seed=7, options=None))]
+    fn screen(
+        &self,
+        py: Python<'_>,
+        object: &Object,
+        candidates: &Candidates,
+        seed: u64,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Rollouts> {
+        let config = self.screen_config(object, candidates, options)?;
+        let seed = seed_of(seed, SCREEN, &object.object.name)?;
+        let all = &candidates.0;
+        let judged = in_threads(py, |cancellation| {
+            let model = &self.hand.model;
+            let screening = stage_screen::screening(&config, model, &object.object, all, seed);
+            let scenes = screening.build_scenes()?;
+            let numbers = (0..all.candidates.len()).into_par_iter();
+            let running = numbers.take_any_while(|_| !cancellation.is_asked());
+            running
+                .map(|idx| screening.judge_one(&scenes, idx))
+                .collect::<Result<Vec<Option<Judgment>>, SimulationError>>()
+        })?;
+        let judged = judged.map_err(|err| simulation_failed(&err))?;
+        let protocol = config.protocol.name;
+        let rows = all.candidates.iter().zip(&judged);
+        let rows = rows.map(|(of, found)| stage_screen::row(of, protocol, found.as_ref()));
+        Ok(Rollouts(rows.collect()))
+    }
+
+    /// Executes the motion of a number in physics as `screen` does, and returns every step of it.
+    #[pyo3(signature = (object, candidates, number=0, *, seed=7, options=None))]
+    fn rollout(
+        &self,
+        py: Python<'_>,
+        object: &Object,
+        candidates: &Candidates,
+        number: usize,
+        seed: u64,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Rollout> {
+        let config = self.screen_config(object, candidates, options)?;
+        let seed = seed_of(seed, SCREEN, &object.object.name)?;
+        let all = &candidates.0;
+        let n = all.candidates.len();
+        if number >= n {
+            return Err(wrong(
+                format!("there is no motion {number} of {n}"),
+                "pass a number below `len(candidates)`",
+            ));
+        }
+        let executed = in_threads(py, |_| {
+            let model = &self.hand.model;
+            let screening = stage_screen::screening(&config, model, &object.object, all, seed);
+            let scenes = screening.scenes(&config.scene, &[number])?;
+            let rollout = screening.rollout(&scenes, number, TraceMode::Trace)?;
+            let verdict = config.screening(seed).verdict(&rollout);
+            Ok((rollout, verdict))
+        })?;
+        let (rollout, verdict) = executed.map_err(|err| simulation_failed(&err))?;
+        Ok(Rollout {
+            name: all.candidates[number].candidate_id.clone(),
+            verdict,
+            steps: rollout.trace.unwrap_or_default().steps,
+            hand: self.hand.model.clone(),
+            object: object.object.clone(),
+        })
+    }
+
+    fn __repr__(&self) -> String {
+        let model = &self.hand.model;
+        format!("<pipeline.Hand {:?}, {} joints>", model.name(), model.dof())
+    }
+}
+
+impl Hand {
+    /// Reads the options of the screen, and checks that it can judge these motions.
+    fn screen_config(
+        &self,
+        object: &Object,
+        candidates: &Candidates,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<ScreenConfig> {
+        let config: ScreenConfig = options::read(SCREEN, options, Some(&self.path), &[])?;
+        self.check(SCREEN, object, candidates)?;
+        Ok(config.resolved())
+    }
+
+    /// Checks that motions move this hand's joints and grasp this object.
+    fn check(&self, stage: &'static str, object: &Object, candidates: &Candidates) -> PyResult<()> {
+        candidates.check_object(object)?;
+        let of_object = (candidates.0.object.as_str(), &candidates.0.joints[..]);
+        HandMismatch::check(stage, of_object, (&self.urdf, &self.hand.model)).map_err(|err| {
+            let hint = "pass motions of this hand's joints, in any order";
+            failed(&err, Some(hint.to_owned()))
+        })
+    }
+}
+
+/// Returns the exception for what cannot be simulated.
+fn simulation_failed(err: &SimulationError) -> PyErr {
+    failed(err, err.hint())
+}

@@ -1,0 +1,285 @@
+"""Objects, functions, refinement and physics from Python are those of the stages, bit for bit."""
+
+import os
+import tempfile
+import unittest
+from pathlib import Path
+
+import numpy as np
+
+import lab
+import pipeline
+
+DATA = Path(__file__).parents[3] / "data"
+ARRAYS = [
+    "times", "palm", "q", "velocity", "acceleration", "palm_velocity", "palm_acceleration",
+    "table_from_object", "codes", "residuals",
+]
+MEASURES = {
+    "lift": "lift_m",
+    "slip": "slip_m",
+    "displacement": "displacement_m",
+    "penetration": "penetration_m",
+    "finger_penetration": "finger_penetration_m",
+    "contacts": "contacts_n",
+}
+
+
+def box(half: tuple[float, float, float]) -> np.ndarray:
+    corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T
+    return corners * half
+
+
+class Grasping(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        project = lab.done()
+        before = os.getcwd()
+        os.chdir(project)
+        cls.addClassCleanup(os.chdir, before)
+        cls.lake = pipeline.Lake("data/lake")
+        cls.hand = pipeline.Hand("data/hands/allegro_right.toml")
+        names = cls.lake.query("select distinct object from rollouts where success order by object")
+        cls.object = cls.lake.object(texts(names)[0])
+        cls.function = cls.lake.function()
+
+    def options(self, stage: str) -> dict:
+        return pipeline.options("pipelines/cgf.toml", stage)
+
+    def same(self, found: pipeline.Candidates, expected: pipeline.Candidates):
+        self.assertEqual(found.names, expected.names)
+        self.assertEqual(found.joint_names, expected.joint_names)
+        for array in ARRAYS:
+            np.testing.assert_array_equal(getattr(found, array), getattr(expected, array), array)
+
+    def test_drawn_refined_and_screened_motions_are_those_of_the_stages(self):
+        name = self.object.name
+        drawn = self.function.sample(self.object, 16, options=self.options("sample"))
+        self.same(drawn, self.lake.candidates(name, stage="sample"))
+        refined = self.hand.refine(self.object, drawn, options=self.options("refine"))
+        self.same(refined, self.lake.candidates(name, stage="refine"))
+        judged = self.hand.screen(self.object, refined, options=self.options("screen"))
+        columns = ", ".join(["candidate_id", "reason", *MEASURES.values()])
+        rows = self.lake.query(f"select {columns} from rollouts where object = '{name}'")
+        self.assertEqual(judged.names, refined.names)
+        self.assertEqual(len(judged), len(rows))
+        ids = self.lake.query(
+            f"select candidate_id, reason from rollouts where object = '{name}'"
+        )
+        self.assertEqual(list(zip(judged.names, judged.reasons)), pairs(ids))
+        for measure, column in MEASURES.items():
+            np.testing.assert_array_equal(getattr(judged, measure), rows.column(column), column)
+        np.testing.assert_array_equal(judged.success, [why == "held" for why in judged.reasons])
+        self.assertGreater(judged.success.sum(), 0)
+
+    def test_a_motion_alone_has_the_verdict_that_it_has_among_others(self):
+        options = self.options("screen")
+        motions = self.lake.candidates(self.object.name, stage="refine")
+        judged = self.hand.screen(self.object, motions, options=options)
+        for number in range(len(motions)):
+            alone = self.hand.screen(self.object, motions[number], options=options)
+            self.assertEqual(alone.reasons, judged.reasons[number : number + 1])
+
+    def test_a_rollout_has_every_step_and_lifts_what_is_held(self):
+        options = self.options("screen")
+        motions = self.lake.candidates(self.object.name, stage="refine")
+        judged = self.hand.screen(self.object, motions, options=options)
+        held = int(np.flatnonzero(judged.success)[0])
+        rollout = self.hand.rollout(self.object, motions, held, options=options)
+        self.assertEqual(rollout.reason, "held")
+        self.assertEqual(rollout.q.shape, (len(rollout), len(self.hand.joint_names)))
+        rise = rollout.object[-1, 2, 3] - rollout.object[0, 2, 3]
+        # A verdict alone lets the object rest before the motion begins.
+        self.assertAlmostEqual(rise, judged.lift[held], places=3)
+        links, points, forces = rollout.contacts(len(rollout) - 1)
+        self.assertGreaterEqual(len(links), 2)
+        self.assertEqual(points.shape, forces.shape)
+        # Gravity and the hand's forces leave the object nearly at rest.
+        weight = 9.81 * self.object.mass
+        self.assertLess(abs(forces.sum(axis=0)[2] - weight), 0.5 * weight + 0.5)
+        with tempfile.TemporaryDirectory() as folder:
+            scenes = [Path(folder) / "rollout.glb", Path(folder) / "motion.glb"]
+            rollout.export_glb(scenes[0])
+            motions.export_glb(scenes[1], self.hand, self.object, held)
+            for scene in scenes:
+                self.assertEqual(scene.read_bytes()[:4], b"glTF")
+
+    def test_derivatives_are_those_of_the_function_at_any_time(self):
+        codes = np.random.default_rng(0).normal(size=(4, self.function.latent))
+        # Single precision in the network: the step is large, and so is the tolerance.
+        middle, step = np.array([0.4, 0.75, 1.1]), 0.02
+        times = np.sort(np.concatenate([middle - step, middle, middle + step]))
+        motions = self.function.decode(self.object, codes, times)
+        q, velocity, acceleration = motions.q, motions.velocity, motions.acceleration
+        before, at, after = (q[:, k::3] for k in range(3))
+        inside = (self.hand.lower < at) & (at < self.hand.upper)
+        slope = (after - before) / (2 * step)
+        self.assertLess(np.abs(slope - velocity[:, 1::3])[inside].max(), 0.05 + 0.1 * np.abs(slope).max())
+        bend = (after - 2 * at + before) / step**2
+        self.assertLess(np.abs(bend - acceleration[:, 1::3])[inside].max(), 0.5 + 0.1 * np.abs(bend).max())
+        np.testing.assert_array_equal(motions.times, [times] * 4)
+
+    def test_codes_of_a_sample_decode_to_it(self):
+        drawn = self.function.sample(self.object, 8)
+        first = np.flatnonzero([
+            np.array_equal(placed, self.object.resting_poses[0]) for placed in drawn.table_from_object
+        ])
+        drawn = drawn[first]
+        decoded = self.function.decode(self.object, drawn.codes, drawn.times[0])
+        np.testing.assert_allclose(decoded.q, drawn.q, atol=1e-5)
+        np.testing.assert_allclose(decoded.palm, drawn.palm, atol=1e-5)
+
+    def test_an_object_of_a_mesh_is_the_one_that_ingest_makes(self):
+        mesh = Path("extra.obj")
+        faces = [(0, 2, 1), (0, 1, 3), (0, 3, 2), (1, 2, 3)]
+        corners = [(0, 0, 0), (0.08, 0, 0), (0, 0.07, 0), (0, 0, 0.06)]
+        mesh.write_text(
+            "".join(f"v {x} {y} {z}\n" for x, y, z in corners)
+            + "".join(f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in faces)
+        )
+        other = pipeline.Lake("other_lake")
+        values = {"ingest.meshes.extra.file": str(mesh), "ingest.meshes.extra.mass_kg": 0.2}
+        self.assertTrue(other.run("pipelines/cgf.toml", set=values, until="ingest"))
+        expected, found = other.object("extra"), pipeline.Object.from_mesh(mesh, 0.2)
+        for array in [
+            "center_of_mass", "inertia", "vertices", "triangles", "points", "normals",
+            "resting_poses", "resting_probabilities",
+        ]:
+            np.testing.assert_array_equal(getattr(found, array), getattr(expected, array), array)
+        self.assertEqual(found.name, "extra")
+        self.assertEqual(len(found.resting_poses), 4)
+        volume = 0.08 * 0.07 * 0.06 / 6
+        np.testing.assert_allclose(found.center_of_mass, np.mean(corners, axis=0), atol=1e-9)
+        self.assertAlmostEqual(found.distance([0.01, 0.01, -0.01]), 0.01, places=3)
+        self.assertGreater(volume, 0)
+
+    def test_points_on_a_box_make_that_box(self):
+        half = (0.02, 0.03, 0.05)
+        found = pipeline.Object.from_points(box(half), 0.3, name="box")
+        np.testing.assert_allclose(found.center_of_mass, 0, atol=1e-9)
+        sides = 4 * np.square(half)
+        expected = 0.3 / 12 * (sides.sum() - sides)
+        np.testing.assert_allclose(found.inertia, np.diag(expected), atol=1e-9)
+        inside = found.distance([[0.015, 0, 0], [0.03, 0, 0]])
+        np.testing.assert_allclose(inside, [-0.005, 0.01], atol=1e-4)
+        self.assertAlmostEqual(found.resting_probabilities.sum(), 1, places=1)
+
+    def test_own_motions_are_screened(self):
+        given = self.lake.candidates(self.object.name, stage="refine")
+        own = pipeline.Candidates(
+            self.object, given.joint_names, given.times[0], given.palm, given.q,
+            table_from_object=given.table_from_object,
+        )
+        np.testing.assert_array_equal(own.q, given.q)
+        np.testing.assert_allclose(own.palm, given.palm, atol=1e-12)
+        middle = (own.q[:, 2:] - own.q[:, :-2]) / (own.times[:, 2:] - own.times[:, :-2])[..., None]
+        np.testing.assert_allclose(own.velocity[:, 1:-1], middle, atol=1e-9)
+        judged = self.hand.screen(self.object, own, options=self.options("screen"))
+        self.assertGreater(judged.success.sum(), 0)
+
+    def test_some_motions_are_chosen_as_from_a_list(self):
+        motions = self.lake.candidates(self.object.name, stage="sample")
+        np.testing.assert_array_equal(motions[-1].q, motions.q[-1:])
+        np.testing.assert_array_equal(motions[::2].q, motions.q[::2])
+        np.testing.assert_array_equal(motions[np.array([3, 1])].q, motions.q[[3, 1]])
+        for wrong in [16, -17]:
+            with self.assertRaises(IndexError):
+                motions[wrong]
+
+    def test_what_is_wrong_is_said_with_its_remedy(self):
+        motions = self.lake.candidates(self.object.name, stage="refine")
+        cube = pipeline.Object.from_points(box((0.02, 0.02, 0.02)), 0.1, name="cube")
+        q, palm, times = np.zeros((2, 16)), np.tile(np.eye(4), (2, 1, 1)), [0.0, 1.0]
+        joints = self.hand.joint_names
+        other = pipeline.Candidates(self.object, ["a"] + joints[1:], times, palm, q)
+        for call, what in [
+            (lambda: self.hand.refine(cube, motions), "motions are to `.*the object is `cube`"),
+            (lambda: self.hand.screen(self.object, other), "not for the hand"),
+            (lambda: self.hand.refine(self.object, motions, options={"drawz": 4}), "`drawz`.*\n.*`draws`"),
+            (lambda: self.hand.refine(self.object, motions, options={"draws": 0}), "`draws` is 0"),
+            (lambda: self.function.sample(cube, 0), "`per_object` is 0"),
+            (lambda: self.function.sample(cube, options={"draws": 2}), "there is no hand"),
+            (lambda: self.function.decode(cube, [[0.0]], times), "`codes` has the shape"),
+            (lambda: self.function.decode(cube, np.zeros(self.function.latent), [2.0]), "takes 1.5 s"),
+            (lambda: pipeline.Object.from_mesh("nowhere.obj", 0.1), "nowhere.obj"),
+            (lambda: pipeline.Object.from_points(np.zeros((9, 3)), 0.1), "span no body"),
+            (lambda: pipeline.Object.from_points(1000 * box((0.1, 0.1, 0.1)), 0.1), "meters"),
+            (lambda: pipeline.Object.from_points(box((0.1, 0.1, 0.1)), -1), "`mass` is -1"),
+            (lambda: pipeline.Candidates(cube, joints, times, palm[:, :3], q), "`palm` has the shape"),
+            (lambda: pipeline.Candidates(cube, joints, [0.0, 0.0], palm, q), "time"),
+            (lambda: pipeline.Function.load("nowhere"), "nowhere"),
+            (lambda: self.lake.object("mugg"), "no partition `mugg`"),
+            (lambda: self.lake.candidates(self.object.name), "several stages"),
+            (lambda: self.lake.candidates(self.object.name, stage="screem"), "screem"),
+            (lambda: pipeline.options("pipelines/cgf.toml", "screem"), "no stage `screem`\n.*`screen`"),
+            (lambda: pipeline.options("nowhere.toml", "screen"), "nowhere.toml"),
+        ]:
+            with self.subTest(what), self.assertRaisesRegex(pipeline.Error, what) as raised:
+                call()
+            self.assertTrue(raised.exception.hint)
+
+
+class Runs(unittest.TestCase):
+    def setUp(self):
+        project = lab.new()
+        before = os.getcwd()
+        os.chdir(project)
+        self.addCleanup(os.chdir, before)
+
+    def test_events_of_a_run_are_told_and_a_second_one_makes_nothing(self):
+        lake, events = pipeline.Lake("events_lake"), []
+        self.assertTrue(lake.run("pipelines/cgf.toml", until="ingest", progress=events.append))
+        done = [event for event in events if event["event"] == "unit_done"]
+        self.assertGreater(len(done), 8)
+        self.assertTrue(all(event["made_now"] for event in done))
+        self.assertEqual(events[0]["event"], "run_started")
+        events.clear()
+        lake.run("pipelines/cgf.toml", until="ingest", progress=events.append)
+        self.assertFalse(any(event.get("made_now") for event in events))
+        self.assertGreater(len(lake.query("select * from objects")), 3)
+
+    def test_what_is_raised_meanwhile_ends_the_run_and_keeps_what_was_made(self):
+        lake, made = pipeline.Lake("raised_lake"), []
+
+        def progress(event: dict) -> None:
+            if event["event"] == "unit_done":
+                made.append(event)
+                if len(made) == 3:
+                    raise KeyboardInterrupt
+
+        with self.assertRaises(KeyboardInterrupt):
+            lake.run("pipelines/cgf.toml", progress=progress)
+        events: list[dict] = []
+        lake.run("pipelines/cgf.toml", until="ingest", progress=events.append)
+        cached = [event for event in events if event["event"] == "unit_done" and not event["made_now"]]
+        self.assertGreaterEqual(len(cached), 3)
+
+    def test_a_run_that_fails_says_why_and_what_to_do(self):
+        lake = pipeline.Lake("failed_lake")
+        for values, what in [({"train.epoks": 1}, "epoks"), ({"ingest.root": "nowhere"}, "nowhere")]:
+            with self.assertRaisesRegex(pipeline.Error, what) as raised:
+                lake.run("pipelines/cgf.toml", set=values)
+            self.assertTrue(raised.exception.hint)
+        with self.assertRaisesRegex(pipeline.Error, "nowhere.toml"):
+            lake.run("nowhere.toml")
+
+
+def texts(table: pipeline.Table) -> list[str]:
+    """The first column, of texts."""
+    return [row[0] for row in rows(table)]
+
+
+def pairs(table: pipeline.Table) -> list[tuple]:
+    return [tuple(row) for row in rows(table)]
+
+
+def rows(table: pipeline.Table) -> list[tuple]:
+    try:
+        import polars
+    except ModuleNotFoundError:
+        raise unittest.SkipTest("there is no polars") from None
+    return polars.DataFrame(table).rows()
+
+
+if __name__ == "__main__":
+    unittest.main()
