@@ -55,6 +55,8 @@ fn arguments() -> Result<Cli, clap::Error> {
 /// Executes the arguments of a command line, the program's name first, in a process that another program started;
 /// `executable` starts this program as a process of its own. Returns the exit code as [`command_line`] does.
 pub fn command_line_of(executable: PathBuf, words: Vec<OsString>, kinds: &[Kind]) -> u8 {
+    let name = words.first().map(|name| name.to_string_lossy());
+    lake::name_program(&name.unwrap_or_default());
     invocation::set(Invocation { executable, words });
     execute(kinds)
 }

@@ -37,6 +37,9 @@ mod timestamps;
 mod simulation;
 
 pub use command_line::{command_line, command_line_of};
+pub use commands::Direction;
 pub use kinds::kinds;
-pub use library::{Refusal, Wanted, options_in, query, read_artifact, stage_options};
+pub use library::{
+    LineageOf, Refusal, Wanted, lineage, options_in, query, read_artifacts, stage_options,
+};
 pub use memory::{out_of_memory, threads};

@@ -8,7 +8,13 @@ use serde::Serialize;
 use serde_json::Value;
 use toml_edit::{InlineTable, ser::ValueSerializer};
 
-use crate::{arguments::ValueArgs, commands, kinds, outcome::CommandError, report::chain};
+use crate::{
+    Direction,
+    arguments::{Format, LineageArgs, ValueArgs},
+    commands, kinds,
+    outcome::CommandError,
+    report::chain,
+};
 
 /// A refused question: what is wrong, and what to do.
 #[derive(Debug)]
@@ -106,30 +112,59 @@ pub fn options_in(file: &Path, stage: &str, profile: Option<&str>) -> Result<Val
     Ok(entry.config())
 }
 
-/// An artifact of a lake.
+/// Artifacts of a lake.
 #[derive(Debug, Clone, Copy)]
 pub struct Wanted<'a> {
-    /// Its name, e.g. `objects`.
+    /// Their name, e.g. `objects`.
     pub artifact: &'a str,
-    /// The stage that made it; it may be left out where only one did.
+    /// The stage that made them; it may be left out where only one did.
     pub stage: Option<&'a str>,
-    /// Its partition; the only one if it is left out.
+    /// The partition of one of them; all if it is left out.
     pub partition: Option<&'a str>,
-    /// Name of the run; the newest that made it if it is left out.
+    /// Name of the run; the newest that has such artifacts if it is left out.
     pub run: Option<&'a str>,
 }
 
-/// Reads an artifact of the lake in this folder; it is not collected meanwhile.
+/// Reads artifacts of the lake in this folder, in the order of their partitions; they are not collected meanwhile.
 ///
 /// # Errors
 ///
 /// Fails if there is no such artifact, and as `read` does.
-pub fn read_artifact<T>(
+pub fn read_artifacts<T>(
     lake: &Path,
     wanted: &Wanted<'_>,
-    read: impl FnOnce(&Artifact) -> Result<T, BoxedDiagnostic>,
-) -> Result<T, Refusal> {
-    Ok(commands::read_artifact(lake, wanted, read)?)
+    read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic>,
+) -> Result<Vec<T>, Refusal> {
+    Ok(commands::read_artifacts(lake, wanted, read)?)
+}
+
+/// An artifact of a run, and the direction in which its lineage is followed.
+#[derive(Debug, Clone, Copy)]
+pub struct LineageOf<'a> {
+    /// Its name with its stage's, e.g. `screen.rollouts`.
+    pub artifact: &'a str,
+    /// Its partition; all if it is left out.
+    pub partition: Option<&'a str>,
+    /// To what it was made of, or to what was made of it.
+    pub direction: Direction,
+    /// Name of the run; the newest if it is left out.
+    pub run: Option<&'a str>,
+}
+
+/// Returns the lineage of an artifact, as `pipeline lineage --format json` writes it.
+///
+/// # Errors
+///
+/// Fails if there is no such artifact.
+pub fn lineage(lake: &Path, of: &LineageOf<'_>) -> Result<Value, Refusal> {
+    let args = LineageArgs {
+        artifact: of.artifact.to_owned(),
+        partition: of.partition.map(str::to_owned),
+        down: of.direction == Direction::Down,
+        run: of.run.map(str::to_owned),
+        format: Format::Json,
+    };
+    Ok(commands::family(lake, &args)?)
 }
 
 /// Answers a question in SQL over the tables of the lake in this folder, as `pipeline query` does: of the newest run

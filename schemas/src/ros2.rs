@@ -21,7 +21,7 @@ pub use cdr::{Cdr, CdrError, CdrReader, CdrWriter};
 pub use messages::{
     ColorRgba, CompressedImage, Duration, Header, JointState, JointTrajectory,
     JointTrajectoryPoint, Marker, MarkerArray, MeshFile, Point, Pose, PoseStamped, Quaternion,
-    Text, TfMessage, Time, Transform, TransformStamped, UvCoordinate, Vector3,
+    Text, TfMessage, Time, Transform, TransformStamped, UvCoordinate, Vector3, json_of,
 };
 
 /// A `.msg` definition: the full name of the type, e.g. `std_msgs/Header`, and its text.

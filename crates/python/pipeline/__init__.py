@@ -13,6 +13,8 @@ from pipeline._pipeline import (
     Lake,
     Motion,
     Object,
+    Plan,
+    Recording,
     Retargeter,
     Robot,
     Rollout,
@@ -20,6 +22,7 @@ from pipeline._pipeline import (
     Table,
     __version__,
     options,
+    save_recording,
 )
 from pipeline._pipeline import after_fork as _after_fork
 
@@ -31,6 +34,8 @@ __all__ = [
     "Lake",
     "Motion",
     "Object",
+    "Plan",
+    "Recording",
     "Retargeter",
     "Robot",
     "Rollout",
@@ -38,6 +43,7 @@ __all__ = [
     "Table",
     "__version__",
     "options",
+    "save_recording",
 ]
 
 # Of one that a program raises itself.

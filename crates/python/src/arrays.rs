@@ -300,6 +300,16 @@ pub(crate) fn vectors<'py>(py: Python<'py>, vectors: &[[f64; 3]]) -> PyResult<Ar
     array(py, vectors.as_flattened(), Some(vectors.len()), &[3])
 }
 
+/// Makes an array of whole numbers, the vertices of each triangle.
+///
+/// # Errors
+///
+/// Fails with an exception if there is no memory for it.
+pub(crate) fn corners<'py>(py: Python<'py>, triangles: &[[u32; 3]]) -> PyResult<Array<'py>> {
+    let numbers = triangles.iter().map(|corners| corners.map(f64::from));
+    vectors(py, &numbers.collect::<Vec<_>>())?.call_method1("astype", ("int64",))
+}
+
 /// Makes an array of poses.
 ///
 /// # Errors

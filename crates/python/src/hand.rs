@@ -3,26 +3,37 @@
 use std::path::PathBuf;
 
 use dataflow::Diagnostic;
-use pyo3::{prelude::*, types::PyDict};
+use planning::{ArmSetup, Planner, PlannerConfig};
+use pyo3::{
+    prelude::*,
+    types::{PyAny, PyDict},
+};
 use rayon::prelude::*;
 use robot_meshes::HandMismatch;
 use screening::Judgment;
+use serde_json::json;
 use simulation::{SimulationError, TraceMode};
+use stage_dispatch::DispatchConfig;
 use stage_refine::{RefineConfig, Refinement, RefusedDraws};
+use stage_report::ObjectMesh;
 use stage_screen::ScreenConfig;
 
 use crate::{
-    arrays::{Array, vector},
+    arrays::{Array, Rows, corners, vector, vectors},
     candidates::Candidates,
     error::{failed, wrong},
     object::{Object, seed_of},
-    options, retargeter,
+    options,
+    plan::Plan,
+    retargeter,
     rollouts::{Rollout, Rollouts},
     threads::in_threads,
 };
 
 /// The stage whose verdicts [`Hand::screen`] gives.
 const SCREEN: &str = "screen";
+/// The stage whose plans [`Hand::plan`] gives.
+const DISPATCH: &str = "dispatch";
 
 /// A robot hand that grasps: `path` is a hand's file (TOML, as in `data/hands`).
 #[pyclass(frozen, module = "pipeline")]
@@ -60,6 +71,21 @@ impl Hand {
     fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
         let joints = self.hand.model.joints().iter();
         vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
+    }
+
+    /// The shapes of the links at joint positions `q` `(dof,)`, in the root link's frame: vertices `(n, 3)`, and the vertices
+    /// of each triangle `(m, 3)`, as `Object.vertices` and `Object.triangles`.
+    fn mesh<'py>(
+        &self,
+        py: Python<'py>,
+        q: &Bound<'py, PyAny>,
+    ) -> PyResult<(Array<'py>, Array<'py>)> {
+        let q = Rows::one("q", q, &[self.hand.model.dof()])?;
+        let mesh = ObjectMesh::of_robot(&self.hand.model, &q).map_err(|err| failed(&err, None))?;
+        Ok((
+            vectors(py, &mesh.vertices_m)?,
+            corners(py, &mesh.triangles)?,
+        ))
     }
 
     /// Moves motions out of object and table and to a grasp that balances: those of the stage `refine`, to the bit.
@@ -160,6 +186,49 @@ impl Hand {
             steps: rollout.trace.unwrap_or_default().steps,
             hand: self.hand.model.clone(),
             object: object.object.clone(),
+        })
+    }
+
+    /// Plans motions as the commands of a robot's controllers, within its limits and from rest to rest: those of the stage
+    /// `dispatch`.
+    ///
+    /// `options` are that stage's: `arm` is the arm that carries the hand; without one the palm flies freely. `object` is
+    /// the one for which the motions were made.
+    #[pyo3(signature = (object, candidates, *, options=None))]
+    fn plan(
+        &self,
+        py: Python<'_>,
+        object: &Object,
+        candidates: &Candidates,
+        options: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Vec<Plan>> {
+        let simulated = [("cell", json!(stage_dispatch::SIMULATED))];
+        let config: DispatchConfig =
+            options::read(DISPATCH, options, Some(&self.path), &simulated)?;
+        self.check(DISPATCH, object, candidates)?;
+        let arm = config.arm.as_ref();
+        let robot = arm.map(|arm| robot_meshes::load(&arm.robot)).transpose();
+        let robot = robot.map_err(|err| failed(&err, err.hint()))?;
+        let planner = Planner::new(&PlannerConfig {
+            hand: &self.hand.model,
+            arm: arm.zip(robot.as_ref()).map(|(config, robot)| ArmSetup {
+                config,
+                robot: &robot.model,
+            }),
+            protocol: &config.protocol,
+            limits: &config.limits,
+            rates: config.rates,
+        });
+        let planner = planner.map_err(|err| {
+            let hint = "`pipeline stages dispatch` lists the options with their units";
+            failed(&err, Some(hint.to_owned()))
+        })?;
+        in_threads(py, |cancellation| {
+            let all = candidates.0.candidates.par_iter();
+            let running = all.take_any_while(|_| !cancellation.is_asked());
+            running
+                .map(|one| Plan(planner.plan(&one.motion, &one.table_from_object)))
+                .collect()
         })
     }
 

@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 
 use ::lake::ReadArtifact;
-use ::pipeline::Wanted;
+use ::pipeline::{Direction, LineageOf, Wanted};
 use arrow_array::{
-    RecordBatch, RecordBatchIterator, RecordBatchReader, cast::AsArray,
+    Array as _, RecordBatch, RecordBatchIterator, RecordBatchReader, cast::AsArray,
     ffi_stream::FFI_ArrowArrayStream, types::Float64Type,
 };
 use arrow_schema::DataType;
@@ -23,6 +23,7 @@ use crate::{
     function::{self, Function},
     object::Object,
     options,
+    recording::Recording,
     run::{self, Given},
 };
 
@@ -94,7 +95,7 @@ impl Lake {
             run,
         };
         let object: schemas::objects::Object =
-            self.read(&wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
+            self.one(&wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
         Ok(object.into())
     }
 
@@ -113,7 +114,7 @@ impl Lake {
             partition: Some(object),
             run,
         };
-        self.read(&wanted, |artifact| Ok(::lake::table::read(artifact)?))
+        self.one(&wanted, |artifact| Ok(::lake::table::read(artifact)?))
             .map(Candidates)
     }
 
@@ -127,7 +128,7 @@ impl Lake {
             partition: None,
             run,
         };
-        let [weights, description] = self.read(&wanted, |artifact| {
+        let [weights, description] = self.one(&wanted, |artifact| {
             Ok([
                 artifact.path(files.weights)?.to_owned(),
                 artifact.path(files.description)?.to_owned(),
@@ -136,20 +137,104 @@ impl Lake {
         Function::read(&weights, &description)
     }
 
+    /// Opens the recordings of an artifact, one after another: "demonstrations", "trajectories", "rollouts" or "executions",
+    /// of the newest run that made some, or of `run`; of one `partition`, such as an object's name, or of all.
+    #[pyo3(signature = (artifact, *, partition=None, stage=None, run=None))]
+    fn recordings(
+        &self,
+        artifact: &str,
+        partition: Option<&str>,
+        stage: Option<&str>,
+        run: Option<&str>,
+    ) -> PyResult<Recordings> {
+        let wanted = Wanted {
+            artifact,
+            stage,
+            partition,
+            run,
+        };
+        let found = self.all(&wanted, |artifact| {
+            let files = artifact.files.iter();
+            let recordings = files.filter(|(name, _)| name.ends_with(".mcap"));
+            Ok(recordings
+                .map(|(_, path)| path.clone())
+                .collect::<Vec<PathBuf>>())
+        })?;
+        let paths: Vec<PathBuf> = found.into_iter().flatten().collect();
+        Ok(Recordings(paths.into_iter()))
+    }
+
+    /// The lineage of an artifact, such as "screen.rollouts", and of its `partition` alone if that is given: a dict as
+    /// `pipeline lineage --format json` writes it. With `down` it is what was made of it, instead of what it was made of.
+    #[pyo3(signature = (artifact, partition=None, *, down=false, run=None))]
+    fn lineage<'py>(
+        &self,
+        py: Python<'py>,
+        artifact: &str,
+        partition: Option<&str>,
+        down: bool,
+        run: Option<&str>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let of = LineageOf {
+            artifact,
+            partition,
+            direction: if down { Direction::Down } else { Direction::Up },
+            run,
+        };
+        let found = pipeline::lineage(&self.path, &of);
+        let json = found.map_err(|err| options::refused(&err))?.to_string();
+        py.import("json")?.call_method1("loads", (json,))
+    }
+
     fn __repr__(&self) -> String {
         format!("<pipeline.Lake `{}`>", self.path.display())
     }
 }
 
 impl Lake {
-    /// Reads an artifact.
-    fn read<T>(
+    /// Reads artifacts.
+    fn all<T>(
         &self,
         wanted: &Wanted<'_>,
-        read: impl FnOnce(&Artifact) -> Result<T, BoxedDiagnostic>,
-    ) -> PyResult<T> {
-        let found = pipeline::read_artifact(&self.path, wanted, read);
+        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic>,
+    ) -> PyResult<Vec<T>> {
+        let found = pipeline::read_artifacts(&self.path, wanted, read);
         found.map_err(|err| options::refused(&err))
+    }
+
+    /// Reads the first of the artifacts.
+    fn one<T>(
+        &self,
+        wanted: &Wanted<'_>,
+        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic>,
+    ) -> PyResult<T> {
+        let first = self.all(wanted, read)?.into_iter().next();
+        first.ok_or_else(|| {
+            wrong(
+                format!("no `{}` of that run is kept", wanted.artifact),
+                "run the pipeline again",
+            )
+        })
+    }
+}
+
+/// An iterator over recordings; each is opened when its turn comes.
+#[pyclass(module = "pipeline")]
+pub(crate) struct Recordings(std::vec::IntoIter<PathBuf>);
+
+#[pymethods]
+impl Recordings {
+    fn __iter__(slf: PyRef<'_, Self>) -> PyRef<'_, Self> {
+        slf
+    }
+
+    fn __next__(&mut self, py: Python<'_>) -> PyResult<Option<Recording>> {
+        let next = self.0.next();
+        next.map(|path| Recording::new(py, path)).transpose()
+    }
+
+    fn __len__(&self) -> usize {
+        self.0.len()
     }
 }
 
@@ -171,7 +256,8 @@ impl Table {
             .collect()
     }
 
-    /// A column of numbers as a numpy array `(n,)` of float64; nulls are nan.
+    /// A column as a numpy array `(n,)`: numbers as float64, where nulls are nan, truths without nulls as bool, texts as str,
+    /// where nulls are None.
     fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let column = self.0.column_by_name(name).ok_or_else(|| {
             wrong(
@@ -179,21 +265,31 @@ impl Table {
                 "`column_names` lists the columns",
             )
         })?;
-        if !column.data_type().is_numeric() {
+        let kind = column.data_type();
+        let cast = |to| arrow_cast::cast(column, to).map_err(|err| failed(&err, None));
+        if matches!(
+            kind,
+            DataType::Utf8 | DataType::LargeUtf8 | DataType::Utf8View
+        ) {
+            let texts = cast(&DataType::Utf8)?;
+            let texts: Vec<Option<&str>> = texts.as_string::<i32>().iter().collect();
+            return py.import("numpy")?.call_method1("array", (texts,));
+        }
+        let is_truth = *kind == DataType::Boolean;
+        if !kind.is_numeric() && !is_truth {
             return Err(wrong(
-                format!("the column `{name}` is of type {}", column.data_type()),
+                format!("the column `{name}` is of type {kind}"),
                 "take the whole table over, e.g. `polars.DataFrame(rows)`",
             ));
         }
-        let numbers =
-            arrow_cast::cast(column, &DataType::Float64).map_err(|err| failed(&err, None))?;
+        let numbers = cast(&DataType::Float64)?;
         let numbers = numbers.as_primitive::<Float64Type>().iter();
-        vector(
-            py,
-            &numbers
-                .map(|number| number.unwrap_or(f64::NAN))
-                .collect::<Vec<_>>(),
-        )
+        let numbers = numbers.map(|number| number.unwrap_or(f64::NAN));
+        let numbers = vector(py, &numbers.collect::<Vec<_>>())?;
+        if is_truth && column.null_count() == 0 {
+            return numbers.call_method1("astype", ("bool",));
+        }
+        Ok(numbers)
     }
 
     /// The rows as a stream of Arrow's C interface, in a capsule of Arrow's `PyCapsule` protocol.

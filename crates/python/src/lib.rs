@@ -14,7 +14,9 @@ mod hand;
 mod lake;
 mod object;
 mod options;
+mod plan;
 mod program;
+mod recording;
 mod retargeter;
 mod robot;
 mod rollouts;
@@ -36,10 +38,12 @@ mod _pipeline {
         error::Error,
         function::Function,
         hand::Hand,
-        lake::{Lake, Table},
+        lake::{Lake, Recordings, Table},
         object::Object,
         options::options,
+        plan::Plan,
         program::main,
+        recording::{Messages, Recording, save_recording},
         retargeter::{Motion, Retargeter},
         robot::Robot,
         rollouts::{Rollout, Rollouts},

@@ -19,7 +19,7 @@ use stage_ingest::{IngestConfig, MeshedObject};
 use stage_retarget::RetargetConfig;
 
 use crate::{
-    arrays::{self, Array, Rows, array, vector, vectors},
+    arrays::{self, Array, Rows, array, corners, vector, vectors},
     error::{failed, wrong},
     options,
     threads::in_threads,
@@ -80,12 +80,12 @@ impl Object {
     ///
     /// `seed` and `options` are those of `from_mesh`.
     #[staticmethod]
-    #[pyo3(signature = (points, mass, *, name="object".to_owned(), seed=7, options=None))]
+    #[pyo3(signature = (points, mass, *, name="object", seed=7, options=None))]
     fn from_points(
         py: Python<'_>,
         points: &Bound<'_, PyAny>,
         mass: f64,
-        name: String,
+        name: &str,
         seed: u64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
@@ -111,7 +111,7 @@ impl Object {
                 Ok(hull)
             })
             .map_err(|err| unusable(err.to_string()))?;
-        Self::of(py, &hull, name, mass, (seed, options))
+        Self::of(py, &hull, name.to_owned(), mass, (seed, options))
     }
 
     /// The name.
@@ -148,13 +148,7 @@ impl Object {
     /// Vertices of each triangle of the mesh `(n, 3)`, counterclockwise seen from outside; whole numbers.
     #[getter]
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let corners: Vec<[f64; 3]> = self
-            .object
-            .triangles
-            .iter()
-            .map(|corners| corners.map(f64::from))
-            .collect();
-        vectors(py, &corners)?.call_method1("astype", ("int64",))
+        corners(py, &self.object.triangles)
     }
 
     /// Points on the surface `(n, 3)`.
@@ -254,6 +248,14 @@ impl Object {
         stored.map(Self::from).map_err(|err| failed(&err, None))
     }
 
+    /// Returns its mesh.
+    pub(crate) fn mesh(&self) -> TriMesh {
+        TriMesh {
+            vertices_m: self.object.vertices_m.iter().map(|&at| at.into()).collect(),
+            triangles: self.object.triangles.clone(),
+        }
+    }
+
     /// Returns the distances from its surface, those of the stage `retarget`.
     pub(crate) fn field(&self, py: Python<'_>) -> PyResult<&Arc<DistanceField>> {
         if let Some(field) = self.field.get() {
@@ -261,10 +263,7 @@ impl Object {
         }
         let unused = [("hand", json!("")), ("hand_table", json!(""))];
         let config: RetargetConfig = options::read("retarget", None, None, &unused)?;
-        let mesh = TriMesh {
-            vertices_m: self.object.vertices_m.iter().map(|&at| at.into()).collect(),
-            triangles: self.object.triangles.clone(),
-        };
+        let mesh = self.mesh();
         let surveyed = in_threads(py, |_| retargeting::survey(&mesh, config.field_spacing_m))?;
         let surveyed = surveyed.map_err(|err| failed(&err, err.hint()))?;
         let surveyed = surveyed.ok_or_else(|| {

@@ -10,13 +10,20 @@ from pathlib import Path
 import numpy as np
 
 # What makes the whole job small.
-SMALL = [
-    "train.network.points=64",
-    "train.training.epochs=20",
-    "sample.per_object=16",
-    "screen.robustness.trials=2",
-    "screen.pose_errors_per_object=1",
-]
+SMALL = """
+extends = "full.toml"
+
+[stages.train]
+network.points = 64
+training.epochs = 20
+
+[stages.sample]
+per_object = 16
+
+[stages.screen]
+robustness.trials = 2
+pose_errors_per_object = 1
+"""
 
 
 def run(*words: str, cwd: Path, program: str = "pipeline") -> subprocess.CompletedProcess[str]:
@@ -38,6 +45,9 @@ def new() -> Path:
     recipe = project / "data/sample/recipe.toml"
     text = re.sub(r"sequences_per_object = .*", "sequences_per_object = 1", recipe.read_text())
     recipe.write_text(re.sub(r"subjects = .*", "subjects = 2", text))
+    pipelines = project / "pipelines"
+    (pipelines / "cgf.toml").rename(pipelines / "full.toml")
+    (pipelines / "cgf.toml").write_text(SMALL)
     return project
 
 
@@ -45,7 +55,7 @@ def new() -> Path:
 def done() -> Path:
     """The project with the lake of its main job."""
     project = new()
-    ran = run("run", "pipelines/cgf.toml", *setting(SMALL), cwd=project)
+    ran = run("run", "pipelines/cgf.toml", cwd=project)
     assert ran.returncode == 0, ran.stderr
     assert "done" in ran.stderr, ran.stderr
     return project

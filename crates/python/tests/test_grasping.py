@@ -89,7 +89,7 @@ class Grasping(unittest.TestCase):
         self.assertEqual(rollout.reason, "held")
         self.assertEqual(rollout.q.shape, (len(rollout), len(self.hand.joint_names)))
         rise = rollout.object[-1, 2, 3] - rollout.object[0, 2, 3]
-        # A verdict alone lets the object rest before the motion begins.
+        # A verdict alone ends once the object has rested in the hand for a while.
         self.assertAlmostEqual(rise, judged.lift[held], places=3)
         links, points, forces = rollout.contacts(len(rollout) - 1)
         self.assertGreaterEqual(len(links), 2)
@@ -177,6 +177,32 @@ class Grasping(unittest.TestCase):
         judged = self.hand.screen(self.object, own, options=self.options("screen"))
         self.assertGreater(judged.success.sum(), 0)
 
+    def test_plans_are_within_the_limits_and_end_at_the_grasp(self):
+        motions = self.lake.candidates(self.object.name, stage="refine")[:4]
+        free = self.hand.plan(self.object, motions, options=self.options("dispatch"))
+        self.assertEqual(len(free), 4)
+        self.assertTrue(any(plan.reason is None for plan in free))
+        for plan, motion in zip(free, motions.q):
+            if plan.reason is not None:
+                with self.assertRaisesRegex(pipeline.Error, "infeasible"):
+                    plan.finger_q
+                continue
+            speed = np.abs(np.diff(plan.finger_q, axis=0)) / np.diff(plan.finger_times)[:, None]
+            self.assertLess(speed.max(), 20)
+            self.assertTrue((plan.finger_q >= self.hand.lower - 0.01).all())
+            near = np.abs(plan.finger_q - motion[-1]).max(axis=1).min()
+            self.assertLess(near, 1e-6)
+            self.assertEqual(plan.palm_poses.shape, (len(plan.palm_times), 4, 4))
+            with self.assertRaisesRegex(pipeline.Error, "no arm"):
+                plan.arm_q
+        arm = pipeline.options("pipelines/arm.toml", "dispatch")
+        arm["arm"]["robot"] = "data/robots/xarm6_allegro.urdf"
+        carried = self.hand.plan(self.object, motions, options=arm)
+        feasible = [plan for plan in carried if plan.reason is None]
+        for plan in feasible:
+            self.assertEqual(plan.arm_q.shape, (len(plan.arm_times), 6))
+            self.assertEqual(len(plan.arm_names), 6)
+
     def test_some_motions_are_chosen_as_from_a_list(self):
         motions = self.lake.candidates(self.object.name, stage="sample")
         np.testing.assert_array_equal(motions[-1].q, motions.q[-1:])
@@ -217,6 +243,79 @@ class Grasping(unittest.TestCase):
             with self.subTest(what), self.assertRaisesRegex(pipeline.Error, what) as raised:
                 call()
             self.assertTrue(raised.exception.hint)
+
+
+class Lakes(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.lake = pipeline.Lake(lab.done() / "data/lake")
+
+    def test_recordings_tell_their_messages_one_after_another(self):
+        recordings = self.lake.recordings("rollouts")
+        self.assertGreater(len(recordings), 0)
+        for recording in recordings:
+            n = 0
+            last = {}
+            for topic, time, message in recording:
+                self.assertIsInstance(message, dict)
+                self.assertGreaterEqual(time, last.get(topic, time))
+                last[topic] = time
+                n += 1
+            self.assertEqual((n, sum(recording.topics.values())), (len(recording),) * 2)
+            states = list(recording.messages("/joint_states"))
+            self.assertEqual(len(states), recording.topics["/joint_states"])
+            _, _, first = states[0]
+            self.assertEqual(len(first["name"]), len(first["position"]))
+            with self.assertRaisesRegex(pipeline.Error, "/joint_states"):
+                recording.messages("/nowhere")
+        self.assertEqual(recording.about["schema"].split("/")[0], "rollouts")
+        self.assertIs(pipeline.Recording(recording.path).about == recording.about, True)
+
+    def test_lineage_leads_from_a_verdict_to_the_recordings(self):
+        object = pairs(self.lake.query("select object from rollouts limit 1"))[0][0]
+        up = self.lake.lineage("screen.rollouts", object)
+        members = up["members"]
+        self.assertEqual(members[0]["output"], "screen.rollouts")
+        self.assertTrue(any(one["output"] == "ingest.demonstrations" for one in members))
+        self.assertTrue(members[0]["made"]["program"].startswith("pipeline "))
+        down = self.lake.lineage("ingest.objects", object, down=True)
+        self.assertTrue(any(one["output"] == "screen.rollouts" for one in down["members"]))
+        with self.assertRaisesRegex(pipeline.Error, "no artifact `screen.rolouts`"):
+            self.lake.lineage("screen.rolouts")
+
+    def test_a_stored_session_is_ingested_and_retargeted(self):
+        project = lab.done()
+        before = os.getcwd()
+        os.chdir(project)
+        self.addCleanup(os.chdir, before)
+        half = (0.03, 0.03, 0.05)
+        box_there = pipeline.Object.from_points(box(half), 0.3, name="box")
+        shown = lab.recording(0)["landmarks"][:60]
+        # The hand comes from above, rests for a third of a second, and lifts the box.
+        above = np.concatenate([np.linspace(0.25, 0, 40), np.zeros(10), np.linspace(0.01, 0.1, 10)])
+        landmarks = 0.9 * shown[:, :, [0, 1, 2]] + np.array([-0.08, 0.0, 0.06])
+        landmarks = landmarks + above[:, None, None] * np.array([0, 0, 1])
+        poses = np.tile(np.eye(4), (60, 1, 1))
+        poses[:, 2, 3] = half[2] + np.where(np.arange(60) < 50, 0, above)
+        for sequence in ["first", "second"]:
+            pipeline.save_recording(
+                "sessions", "ann", sequence, box_there, landmarks, poses, rate=30.0, table=np.eye(4)
+            )
+        lake = pipeline.Lake("sessions_lake")
+        values = {
+            "ingest.root": "sessions",
+            "ingest.format": "tracks",
+            "ingest.masses_kg.box": 0.3,
+            "retarget.max_keypoint_error_m": 1.0,
+        }
+        self.assertTrue(lake.run("pipelines/cgf.toml", set=values, until="retarget"))
+        stored = lake.query("select keypoints_m from demonstrations where sequence like '%first%' order by step")
+        self.assertGreater(len(stored), 11)
+        trajectories = lake.query("select distinct sequence from trajectories")
+        self.assertEqual(len(trajectories), 2)
+        for wrong in [("..", "a"), ("ann", "a/b")]:
+            with self.assertRaisesRegex(pipeline.Error, "letters"):
+                pipeline.save_recording("sessions", *wrong, box_there, landmarks, poses)
 
 
 class Runs(unittest.TestCase):
@@ -266,19 +365,11 @@ class Runs(unittest.TestCase):
 
 def texts(table: pipeline.Table) -> list[str]:
     """The first column, of texts."""
-    return [row[0] for row in rows(table)]
+    return list(table.column(table.column_names[0]))
 
 
 def pairs(table: pipeline.Table) -> list[tuple]:
-    return [tuple(row) for row in rows(table)]
-
-
-def rows(table: pipeline.Table) -> list[tuple]:
-    try:
-        import polars
-    except ModuleNotFoundError:
-        raise unittest.SkipTest("there is no polars") from None
-    return polars.DataFrame(table).rows()
+    return list(zip(*(table.column(name) for name in table.column_names)))
 
 
 if __name__ == "__main__":

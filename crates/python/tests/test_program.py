@@ -11,7 +11,7 @@ import numpy as np
 
 import lab
 import pipeline
-from lab import SMALL, run, setting
+from lab import run, setting
 
 # Without these, the stage's motions depend on the landmarks alone, as the module's.
 IN_THE_AIR = {"object_weight": 0.0, "table_weight": 0.0, "contact_weight": 0.0}
@@ -40,7 +40,7 @@ class Program(unittest.TestCase):
 
     def test_the_main_job_runs_in_a_new_project(self):
         lab.done()
-        again = run("run", "pipelines/cgf.toml", *setting(SMALL), cwd=self.lab)
+        again = run("run", "pipelines/cgf.toml", cwd=self.lab)
         self.assertIn("nothing to run", again.stderr)
         runs = self.query("select count(*) as n from executions")
         self.assertGreater(runs[0]["n"], 0)

@@ -1,5 +1,8 @@
 //! The messages as structs, field by field in the order of their definitions.
 
+use serde::Serialize;
+use serde_json::Value;
+
 use super::{
     Message, Part,
     cdr::{Cdr, CdrError, CdrReader, CdrWriter},
@@ -22,7 +25,7 @@ macro_rules! fields {
 }
 
 /// `builtin_interfaces/Time`: a point in time.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Time {
     /// Whole seconds.
     pub sec: i32,
@@ -32,7 +35,7 @@ pub struct Time {
 fields!(Time { sec, nanosec });
 
 /// `builtin_interfaces/Duration`: a length of time.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
 pub struct Duration {
     /// Whole seconds.
     pub sec: i32,
@@ -42,7 +45,7 @@ pub struct Duration {
 fields!(Duration { sec, nanosec });
 
 /// `std_msgs/Header`: time and frame.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Header {
     /// Time of the data.
     pub stamp: Time,
@@ -52,7 +55,7 @@ pub struct Header {
 fields!(Header { stamp, frame_id });
 
 /// `geometry_msgs/Vector3`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Vector3 {
     /// Along the frame's x.
     pub x: f64,
@@ -64,7 +67,7 @@ pub struct Vector3 {
 fields!(Vector3 { x, y, z });
 
 /// `geometry_msgs/Point`, in meters.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Point {
     /// Along the frame's x, in meters.
     pub x: f64,
@@ -76,7 +79,7 @@ pub struct Point {
 fields!(Point { x, y, z });
 
 /// `geometry_msgs/Quaternion`, of unit length; the default is the identity.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
 pub struct Quaternion {
     /// First imaginary part.
     pub x: f64,
@@ -101,7 +104,7 @@ impl Default for Quaternion {
 }
 
 /// `geometry_msgs/Pose`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Pose {
     /// Position in meters.
     pub position: Point,
@@ -114,7 +117,7 @@ fields!(Pose {
 });
 
 /// `geometry_msgs/PoseStamped`: a pose at a time, in the header's frame.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct PoseStamped {
     /// Time and frame.
     pub header: Header,
@@ -124,7 +127,7 @@ pub struct PoseStamped {
 fields!(PoseStamped { header, pose });
 
 /// `geometry_msgs/Transform`.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct Transform {
     /// Translation in meters.
     pub translation: Vector3,
@@ -137,7 +140,7 @@ fields!(Transform {
 });
 
 /// `geometry_msgs/TransformStamped`: the pose of a child frame in the header's frame.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct TransformStamped {
     /// Time, and the parent frame.
     pub header: Header,
@@ -153,7 +156,7 @@ fields!(TransformStamped {
 });
 
 /// `tf2_msgs/TFMessage`: poses of frames, topic `/tf` or `/tf_static`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct TfMessage {
     /// One entry per child frame.
     pub transforms: Vec<TransformStamped>,
@@ -161,7 +164,7 @@ pub struct TfMessage {
 fields!(TfMessage { transforms });
 
 /// `sensor_msgs/JointState`; each list is empty or as long as `name`.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointState {
     /// Time.
     pub header: Header,
@@ -183,7 +186,7 @@ fields!(JointState {
 });
 
 /// `trajectory_msgs/JointTrajectoryPoint`; each list is empty or as long as the joints' names.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointTrajectoryPoint {
     /// Positions in radians, meters if prismatic.
     pub positions: Vec<f64>,
@@ -205,7 +208,7 @@ fields!(JointTrajectoryPoint {
 });
 
 /// `trajectory_msgs/JointTrajectory`: commands for joints over time.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct JointTrajectory {
     /// Start time.
     pub header: Header,
@@ -221,7 +224,7 @@ fields!(JointTrajectory {
 });
 
 /// `std_msgs/String`, e.g. a robot's URDF on topic `/robot_description`.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct Text {
     /// The text.
     pub data: String,
@@ -229,7 +232,7 @@ pub struct Text {
 fields!(Text { data });
 
 /// `std_msgs/ColorRGBA`, each part in 0..=1.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct ColorRgba {
     /// Red.
     pub r: f32,
@@ -243,7 +246,7 @@ pub struct ColorRgba {
 fields!(ColorRgba { r, g, b, a });
 
 /// `sensor_msgs/CompressedImage`; markers carry one, always empty here.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct CompressedImage {
     /// Time and frame.
     pub header: Header,
@@ -259,7 +262,7 @@ fields!(CompressedImage {
 });
 
 /// `visualization_msgs/UVCoordinate`: a place in a texture.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
 pub struct UvCoordinate {
     /// Rightwards, 0..=1.
     pub u: f32,
@@ -269,7 +272,7 @@ pub struct UvCoordinate {
 fields!(UvCoordinate { u, v });
 
 /// `visualization_msgs/MeshFile`; markers carry one, always empty here.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct MeshFile {
     /// The file's name.
     pub filename: String,
@@ -279,7 +282,7 @@ pub struct MeshFile {
 fields!(MeshFile { filename, data });
 
 /// `visualization_msgs/Marker`: a shape to draw.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct Marker {
     /// Time and frame.
     pub header: Header,
@@ -352,7 +355,7 @@ impl Marker {
 }
 
 /// `visualization_msgs/MarkerArray`: shapes to draw.
-#[derive(Debug, Clone, Default, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq, Serialize)]
 pub struct MarkerArray {
     /// The shapes.
     pub markers: Vec<Marker>,
@@ -434,3 +437,25 @@ root!(
         MESH_FILE,
     ]
 );
+
+/// Decodes the bytes of a message, whose type has this full name, as a JSON object with the fields of its definition;
+/// `None` for a type that no recording of this project has. A number that is not finite is null.
+///
+/// # Errors
+///
+/// Fails if the bytes are not a message of the type.
+pub fn json_of(message_type: &str, cdr: &[u8]) -> Option<Result<Value, CdrError>> {
+    fn json<M: Message + Serialize>(cdr: &[u8]) -> Result<Value, CdrError> {
+        M::from_cdr(cdr).map(|message| serde_json::to_value(message).unwrap_or_default())
+    }
+    let decode: fn(&[u8]) -> Result<Value, CdrError> = match message_type {
+        JointState::TYPE => json::<JointState>,
+        JointTrajectory::TYPE => json::<JointTrajectory>,
+        TfMessage::TYPE => json::<TfMessage>,
+        PoseStamped::TYPE => json::<PoseStamped>,
+        Text::TYPE => json::<Text>,
+        MarkerArray::TYPE => json::<MarkerArray>,
+        _ => return None,
+    };
+    Some(decode(cdr))
+}

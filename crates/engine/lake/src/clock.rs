@@ -3,6 +3,7 @@
 
 use std::{
     fs,
+    sync::OnceLock,
     time::{Duration, SystemTime, UNIX_EPOCH},
 };
 
@@ -24,11 +25,23 @@ pub(crate) fn nanoseconds(time: SystemTime) -> u64 {
     u64::try_from(since.as_nanos()).unwrap_or(u64::MAX)
 }
 
+/// The name by which records call the running program, if it is not that of the process's file.
+static PROGRAM: OnceLock<String> = OnceLock::new();
+
+/// Says by which name records call the running program: within another process its file is that one's. The first name
+/// counts.
+pub fn name_program(name: &str) {
+    PROGRAM.get_or_init(|| name.to_owned());
+}
+
 /// The running program's name, and the version of the crates it is built with.
 pub(crate) fn program() -> String {
-    let path = std::env::current_exe().unwrap_or_default();
-    let name = path.file_stem().map(|stem| stem.to_string_lossy());
-    let name = name.unwrap_or("pipeline".into());
+    let of_file = || {
+        let path = std::env::current_exe().unwrap_or_default();
+        let name = path.file_stem().map(|stem| stem.to_string_lossy());
+        name.unwrap_or("pipeline".into()).into_owned()
+    };
+    let name = PROGRAM.get().cloned().unwrap_or_else(of_file);
     format!("{name} {}", env!("CARGO_PKG_VERSION"))
 }
 

@@ -101,7 +101,7 @@ mod views;
 pub use artifact::ReadArtifact;
 pub use atomic::write_atomic;
 pub use catalog::{StageTable, TableFiles};
-pub use clock::{host, time_until};
+pub use clock::{host, name_program, time_until};
 pub use collect::{GcMode, GcReport, GcUnits};
 pub use depot_tables::DepotTables;
 pub use digests::OnBytes;

@@ -1,7 +1,7 @@
 //! From a robot, an object and the moments of a motion to a scene.
 
 use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-use robot::{JointKind, Link, RobotModel};
+use robot::{JointKind, Link, RobotModel, WrongDof};
 use spatial::{Object, Pose, Table};
 
 use crate::{
@@ -37,6 +37,32 @@ pub struct MotionScene<'a> {
     pub object: &'a ObjectMesh,
     /// Facts for people and programs, e.g. `verdict`: the scene's `extras`.
     pub about: &'a [(&'a str, String)],
+}
+
+impl ObjectMesh {
+    /// Returns the shapes of a robot's links at joint positions `q`, in radians (meters if prismatic), in the root's frame.
+    ///
+    /// # Errors
+    ///
+    /// Fails unless there is one position per joint.
+    pub fn of_robot(robot: &RobotModel, q: &[f64]) -> Result<Self, WrongDof> {
+        let mut all = Geometry::default();
+        let root_from_links = robot.forward_kinematics::<Link>(q)?;
+        for (link, root_from_link) in robot.links().iter().zip(&root_from_links) {
+            for collision in &link.collisions {
+                let placed = *root_from_link * collision.link_from_shape;
+                all.add(&shapes::triangles(&collision.shape), &placed);
+            }
+        }
+        Ok(Self {
+            vertices_m: all
+                .positions
+                .iter()
+                .map(|point| point.map(f64::from))
+                .collect(),
+            triangles: all.triangles,
+        })
+    }
 }
 
 /// A moment of a motion.
