@@ -176,3 +176,54 @@ pub fn lineage(lake: &Path, of: &LineageOf<'_>) -> Result<Value, Refusal> {
 pub fn query(lake: &Path, sql: &str, run: Option<&str>) -> Result<RecordBatch, Refusal> {
     Ok(commands::rows(lake, sql, run)?)
 }
+
+#[cfg(test)]
+mod tests {
+    use serde_json::json;
+    use stage_refine::RefineConfig;
+
+    use super::*;
+
+    const HAND: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/data/hands/allegro_right.toml");
+
+    #[test]
+    fn options_are_those_of_a_pipeline_file() {
+        let given = json!({ "hand": HAND, "draws": 3, "self_collision_weight": 1.0 });
+        let options: RefineConfig = stage_options("refine", &given).unwrap();
+        assert_eq!(
+            (options.draws, options.refinement.self_collision_weight),
+            (3, 1.0)
+        );
+        assert_eq!(options.hand_table, Path::new(HAND));
+        assert!(options.hand.ends_with("data/robots/allegro_right.urdf"));
+        let check = |given: Value, what: &str| {
+            let err = stage_options::<RefineConfig>("refine", &given).unwrap_err();
+            assert!(err.message.contains(what), "{err}");
+            assert!(err.hint.is_some());
+        };
+        check(json!({ "hand": HAND, "drawz": 3 }), "`drawz`");
+        check(json!({ "hand": HAND, "draws": 0 }), "`draws` is 0");
+        check(json!({ "hand": "nowhere.toml" }), "nowhere.toml");
+        check(json!([1]), "no table");
+        check(
+            json!({ "hand": HAND, "draws": null }),
+            "options of `refine`",
+        );
+    }
+
+    #[test]
+    fn options_in_a_file_are_read_again_as_they_are() {
+        let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("pipelines/cgf.toml");
+        let mut options = options_in(&file, "refine", None).unwrap();
+        options["hand"] = HAND.into();
+        let read: RefineConfig = stage_options("refine", &options).unwrap();
+        assert_eq!(
+            (read.draws, read.refinement.self_collision_weight),
+            (4, 1.0)
+        );
+        let lenient = options_in(&file, "refine", Some("table_lift")).unwrap();
+        assert_eq!(lenient["self_collision_weight"], 0.0);
+        let err = options_in(&file, "refin", None).unwrap_err();
+        assert!(err.hint.unwrap().contains("`refine`"), "{}", err.message);
+    }
+}

@@ -441,6 +441,15 @@ root!(
 /// Decodes the bytes of a message, whose type has this full name, as a JSON object with the fields of its definition;
 /// `None` for a type that no recording of this project has. A number that is not finite is null.
 ///
+/// ```
+/// use schemas::ros2::{Message, Text, json_of};
+///
+/// let text = Text { data: "hello".to_owned() };
+/// assert_eq!(json_of(Text::TYPE, &text.to_cdr()).unwrap()?["data"], "hello");
+/// assert!(json_of("std_msgs/msg/Bool", &[]).is_none());
+/// # Ok::<(), schemas::ros2::CdrError>(())
+/// ```
+///
 /// # Errors
 ///
 /// Fails if the bytes are not a message of the type.

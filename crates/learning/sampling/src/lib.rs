@@ -5,7 +5,7 @@
 //! use cgf::{NetworkConfig, TrainingConfig, TrainingMotion, TrainingSet};
 //! use motion::{Motion, Step};
 //! use nalgebra::{Isometry3, Point3, Vector3};
-//! use sampling::{Orientation, Orientations, SampledObject, SamplingOptions, SamplingTask};
+//! use sampling::{Orientation, Orientations, PlacedFunction, SampledObject, SamplingOptions, SamplingTask};
 //! use spatial::{Pose, RestingPose};
 //!
 //! let hand = std::sync::Arc::new(robot::RobotModel::from_urdf(
@@ -54,15 +54,16 @@
 //!     orientations: Orientations::Seen,
 //!     point_noise: 0.0,
 //! };
+//! let object = SampledObject {
+//!     name: "can",
+//!     points_m: &surface,
+//!     vertices_m: &surface,
+//!     orientations: vec![Orientation { rest, seen_n: 1, probability: 1.0 }],
+//! };
 //! let sampled = sampling::sample(&SamplingTask {
 //!     options: &options,
 //!     cgf: &function,
-//!     object: SampledObject {
-//!         name: "can",
-//!         points_m: &surface,
-//!         vertices_m: &surface,
-//!         orientations: vec![Orientation { rest, seen_n: 1, probability: 1.0 }],
-//!     },
+//!     object: object.clone(),
 //!     shown: None,
 //!     redraws: None,
 //!     seed: 7,
@@ -71,6 +72,11 @@
 //! let motion = &sampled.motions[0].motion;
 //! assert_eq!((motion.first().time_s, motion.grasp().time_s), (0.0, 1.5));
 //! assert!((0.0..=1.6).contains(&motion.grasp().q_rad[0]));
+//!
+//! // The same code at other times.
+//! let placed = PlacedFunction::new(&function, &object, rest)?;
+//! let decoded = placed.decode(&[sampled.motions[0].latent.clone()], &[0.3, 1.5], 1.5)?;
+//! assert!((decoded[0].grasp().q_rad[0] - motion.grasp().q_rad[0]).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!

@@ -17,6 +17,7 @@
 //! let bytes = scene.to_glb(&[moment(0.0), moment(1.0)])?;
 //! let player = glb::Player::read(&bytes)?;
 //! assert!((player.table_from("object", 0.5).unwrap().translation.z - 0.5).abs() < 1e-6);
+//! assert!(ObjectMesh::of_robot(&hand, &[])?.vertices_m.iter().flatten().all(|x| x.abs() < 0.031));
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
