@@ -1,6 +1,7 @@
 """Objects, functions, refinement and physics from Python are those of the stages, bit for bit."""
 
 import os
+import shutil
 import tempfile
 import unittest
 from pathlib import Path
@@ -71,6 +72,15 @@ class Grasping(unittest.TestCase):
             np.testing.assert_array_equal(getattr(judged, measure), rows.column(column), column)
         np.testing.assert_array_equal(judged.success, [why == "held" for why in judged.reasons])
         self.assertGreater(judged.success.sum(), 0)
+
+    def test_motions_drawn_again_are_those_of_the_stage(self):
+        # In a copy, where another run is not the newest for other tests.
+        shutil.copytree("data/lake", "drawn_lake")
+        lake = pipeline.Lake("drawn_lake")
+        lake.run("pipelines/cgf.toml", set={"sample.draws": 3}, until="sample")
+        options = {**self.options("sample"), "draws": 3}
+        drawn = self.function.sample(self.object, 16, hand=self.hand, options=options)
+        self.same(drawn, lake.candidates(self.object.name, stage="sample"))
 
     def test_a_motion_alone_has_the_verdict_that_it_has_among_others(self):
         options = self.options("screen")

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+import lab
 import pipeline
 from lab import recording
 
@@ -56,7 +57,34 @@ class Misuse(unittest.TestCase):
         times, tip = recording(0)["times"], "link_3.0_tip"
         pose = robot.forward_kinematics(q[0], [tip])[0]
         file = DATA / "hands/allegro_right.toml"
+        lake = pipeline.Lake(lab.done() / "data/lake")
+        grasper, function = pipeline.Hand(file), lake.function()
+        corners = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8).T * 0.03
+        cube = pipeline.Object.from_points(corners, 0.1, name="cube")
+        drawn = function.sample(cube, 2)
+        codes, clock = drawn.codes, drawn.times[0]
         calls = [
+            (pipeline.Object.from_points, [corners, 0.1]),
+            (lambda options: pipeline.Object.from_points(corners, 0.1, options=options), [{"points_n": 64}]),
+            (cube.distance, [corners]),
+            (function.sample, [cube, 2]),
+            (lambda options: function.sample(cube, 2, options=options), [{"steps": 9}]),
+            (function.decode, [cube, codes, clock]),
+            (
+                pipeline.Candidates,
+                [cube, drawn.joint_names, clock, drawn.palm, drawn.q],
+            ),
+            (drawn.__getitem__, [0]),
+            (grasper.mesh, [q[0]]),
+            (grasper.refine, [cube, drawn]),
+            (lambda options: grasper.refine(cube, drawn, options=options), [{"draws": 2}]),
+            (grasper.screen, [cube, drawn]),
+            (grasper.rollout, [cube, drawn, 0]),
+            (grasper.plan, [cube, drawn]),
+            (lake.object, [lake.query("select object from objects").column("object")[0]]),
+            (lake.recordings, ["rollouts"]),
+            (lake.lineage, ["screen.rollouts"]),
+            (pipeline.Recording, [next(iter(lake.recordings("rollouts"))).path]),
             (robot.forward_kinematics, [q, [tip]]),
             (robot.forward_kinematics, [q[0]]),
             (robot.jacobian, [q, tip, np.zeros(3)]),
@@ -87,8 +115,8 @@ class Misuse(unittest.TestCase):
             except pipeline.Error as err:
                 refused += 1
                 self.assertTrue(str(err))
-            except (TypeError, MemoryError) as err:
-                # What Python says of the type of a path, a name or a dict.
+            except (TypeError, MemoryError, IndexError, OverflowError) as err:
+                # What Python says of the type of a path, a name, a number or a dict, and of a place in a sequence.
                 refused += 1
                 self.assertTrue(str(err))
         self.assertGreater(refused, N // 2)
