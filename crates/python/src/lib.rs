@@ -9,6 +9,9 @@
 mod arrays;
 mod error;
 mod lake;
+mod library_hand;
+mod motions;
+mod own_hand;
 mod program;
 mod retargeter;
 mod robot;
@@ -27,8 +30,9 @@ mod _pipeline {
     use super::{
         error::Error,
         lake::{Lake, Table},
+        motions::Motion,
         program::main,
-        retargeter::{Motion, Retargeter},
+        retargeter::Retargeter,
         robot::Robot,
         threads::after_fork,
     };
