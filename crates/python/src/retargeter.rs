@@ -35,22 +35,22 @@ enum Following {
 
 /// A robot hand that follows a person's: one step at a time, or a whole motion.
 ///
-/// `hand` is a hand's file (TOML, as in `data/hands`). A URDF alone is enough for a try: points that follow are proposed.
-/// `options` are those of the stage `retarget` (`pipeline stages retarget`), as a dict. No object and no table are
-/// known: nothing is kept clear of, and no fingertip is drawn to a surface.
+/// `hand` is a hand's file (TOML, as in `data/hands`). A URDF alone is enough for a try: points that follow are
+/// proposed. `options` are those of the stage `retarget` (`pipeline stages retarget`), as a dict. No object and no
+/// table are known: nothing is kept clear of, and no fingertip is drawn to a surface.
 ///
 /// Landmarks are an array `(21, 3)` in meters: the wrist; thumb, index, middle, ring and little finger, four each from
 /// base to tip, as `MediaPipe` orders them. Their frame is any right-handed one that stays the same, such as the
-/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A right
-/// robot hand (`side`) follows a left hand's mirror image: negate one coordinate of its landmarks.
+/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A
+/// right robot hand (`side`) follows a left hand's mirror image: negate one coordinate of its landmarks.
 ///
-/// `hand` may be a configuration file of dex-retargeting (`.yml`), unchanged: `position`, `vector` or `dexpilot`, solved
-/// to the minimum of the library's objective. `urdf_folder` is where its `urdf_path` is, by default the file's own
-/// folder. A hand without `add_dummy_free_joint` stands still at the origin, and landmarks are along the axes of its root
-/// link: those of the library's detector, z from the wrist to the middle finger. Every step starts from the one before,
-/// the first in the middle of the joints' ranges, and `low_pass_alpha` filters the answers, as in the library. Positions
-/// stay within the URDF's limits, of joints that mimic none; the library's may leave them by 1e-3, as those by
-/// `limit_slack=1e-3` may (radians, or meters if prismatic).
+/// `hand` may be a configuration file of dex-retargeting (`.yml`), unchanged: `position`, `vector` or `dexpilot`,
+/// solved to the minimum of the library's objective. `urdf_folder` is where its `urdf_path` is, by default the file's
+/// own folder. A hand without `add_dummy_free_joint` stands still at the origin, and landmarks are along the axes of
+/// its root link: those of the library's detector, z from the wrist to the middle finger. Every step starts from the
+/// one before, the first in the middle of the joints' ranges, and `low_pass_alpha` filters the answers, as in the
+/// library. Positions stay within the URDF's limits, of joints that mimic none; the library's may leave them by 1e-3,
+/// as those by `limit_slack=1e-3` may (radians, or meters if prismatic).
 ///
 /// Each stream needs a `Retargeter` of its own, since a step starts from the one before. It cannot be pickled: make one
 /// in each process.
@@ -126,7 +126,8 @@ impl Retargeter {
         }
     }
 
-    /// The names of the joints, in the order of every `q`. Joints that mimic others move with them and have no position.
+    /// The names of the joints, in the order of every `q`. Joints that mimic others move with them and have no
+    /// position.
     #[getter]
     fn joint_names(&self) -> Vec<String> {
         self.model().joint_names()
@@ -149,8 +150,8 @@ impl Retargeter {
     /// The posture for the landmarks of one step, `(21, 3)`: `q`, `palm`, `error`.
     ///
     /// `q` `(dof,)` are the joint positions, within their limits. `palm` `(4, 4)` is the pose of the root link in the
-    /// landmarks' frame. `error` is the root mean square distance of the followed points from their scaled landmarks, in
-    /// meters; where it is large, the landmarks are wrong or out of reach, and the command is better not sent. By a
+    /// landmarks' frame. `error` is the root mean square distance of the followed points from their scaled landmarks,
+    /// in meters; where it is large, the landmarks are wrong or out of reach, and the command is better not sent. By a
     /// configuration of dex-retargeting it is that of the followed points or vectors, before the filter.
     ///
     /// The search starts from the step before and stays near it; the first step is searched afresh, which takes some
@@ -200,6 +201,10 @@ impl Retargeter {
     }
 
     /// Forgets the steps so far: the next one is searched afresh.
+    #[expect(
+        clippy::redundant_closure_for_method_calls,
+        reason = "the methods themselves are not general enough"
+    )]
     fn reset(&self) {
         match &self.0 {
             Following::Own(own) => own.with(|live| live.reset()),
@@ -209,8 +214,8 @@ impl Retargeter {
 
     /// Retargets a recording: `times` `(n,)` in seconds, increasing, and `landmarks` `(n, 21, 3)`.
     ///
-    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on. By a configuration of
-    /// dex-retargeting the first step is solved first, as in a loop of `step` after `reset`.
+    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on. By a
+    /// configuration of dex-retargeting the first step is solved first, as in a loop of `step` after `reset`.
     fn retarget<'py>(
         &self,
         py: Python<'py>,

@@ -2,9 +2,9 @@
 
     python tests/benches/retargeting/live.py CONFIGS URDFS LANDMARKS
 
-The arguments are those of `dex_retargeting_files.py`. Each follows the whole recording of a right hand, a chunk of frames
-at a time, before it is the next one's turn; times are wall time of a call on one thread. The library's objective judges
-all, each from its own answer before; `converged` is the least objective that SLSQP finds from our answer.
+The arguments are those of `dex_retargeting_files.py`. Each follows the whole recording of a right hand, a chunk of
+frames at a time, before it is the next one's turn; times are wall time of a call on one thread. The library's objective
+judges all, each from its own answer before; `converged` is the least objective that SLSQP finds from our answer.
 """
 
 import sys
@@ -72,7 +72,7 @@ def race(path):
     other = dexi(path)
     order = [other.joint_names.index(name) for name in names]
     wanted = [library.reference(optimizer, frame) for frame in FRAMES]
-    lists = [one.astype(float).tolist() for one in wanted]
+    lists = [one.astype(float).ravel().tolist() for one in wanted]
     us, answers = ([], [], []), ([], [], [])
     for start in range(0, len(FRAMES), CHUNK):
         chunk = slice(start, start + CHUNK)
@@ -110,7 +110,8 @@ def batch(path):
     return min(us)
 
 
-print("| file | us: `pipeline` | dexi-rs | dex-retargeting | times faster | | F: `pipeline` | converged | dexi-rs | dex-retargeting |")
+COLUMNS = ["file", "us: `pipeline`", "dexi-rs", "dex-retargeting", "times", "times", "F: `pipeline`", "converged"]
+print(f"| {' | '.join([*COLUMNS, 'dexi-rs', 'dex-retargeting'])} |")
 print("| --- | --- | --- | --- | --- | --- | --- | --- | --- | --- |")
 for name in FILES:
     path = Path(configs) / f"{name}.yml"

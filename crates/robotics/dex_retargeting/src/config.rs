@@ -106,7 +106,8 @@ fn followed_links(keys: &Keys) -> Result<Vec<(String, usize)>, ConfigError> {
         let shape = format!("{} landmarks", landmarks.len());
         return Err(lengths(INDICES, shape, "target_link_names", links.len()));
     }
-    let landmarks: Result<Vec<usize>, ConfigError> = landmarks.iter().map(landmark).collect();
+    let landmarks: Result<Vec<usize>, ConfigError> =
+        landmarks.iter().copied().map(landmark).collect();
     Ok(links.iter().cloned().zip(landmarks?).collect())
 }
 
@@ -182,7 +183,7 @@ fn pairs(indices: &Indices, n: usize, other: &'static str) -> Result<Vec<[usize;
     match rows {
         [from, to] if from.len() == n && to.len() == n => {
             let both = from.iter().zip(to);
-            both.map(|(from, to)| Ok([landmark(from)?, landmark(to)?]))
+            both.map(|(from, to)| Ok([landmark(*from)?, landmark(*to)?]))
                 .collect()
         }
         rows => {
@@ -193,11 +194,11 @@ fn pairs(indices: &Indices, n: usize, other: &'static str) -> Result<Vec<[usize;
     }
 }
 
-fn landmark(index: &i64) -> Result<usize, ConfigError> {
-    let landmark = usize::try_from(*index).ok();
+fn landmark(index: i64) -> Result<usize, ConfigError> {
+    let landmark = usize::try_from(index).ok();
     landmark
         .filter(|&landmark| landmark < LANDMARKS)
-        .ok_or(ConfigError::NoLandmark(*index))
+        .ok_or(ConfigError::NoLandmark(index))
 }
 
 fn needed<'a, T>(

@@ -184,8 +184,8 @@ impl<'a> Follower<'a> {
         Ok(self.solver.place(&task, posture, &mut NoTerms)?)
     }
 
-    /// Searches a frame from several starts as if there were none before, and returns the posture of the least objective
-    /// without motion, and that.
+    /// Searches a frame from several starts as if there were none before, and returns the posture of the least
+    /// objective without motion, and that.
     fn afresh(&mut self) -> Result<Option<(Posture, f64)>, ProblemError> {
         let problem = self.problem;
         let rest = Near::Rest(&problem.start.q);

@@ -30,18 +30,19 @@
 //!
 //! A [`Config`] is a file as the library reads it; a [`Problem`] is what it says of a robot; a [`Follower`] solves one
 //! frame after the other, from the frame before. The objectives are those of version 0.5.0 of the library
-//! (Qin et al., "AnyTeleop: A General Vision-Based Dexterous Robot Arm-Hand Teleoperation System", 2023; its
-//! `dexpilot` after Handa et al., "DexPilot: Vision Based Teleoperation of Dexterous Robotic Hand-Arm System", 2020):
+//! (Qin et al., "`AnyTeleop`: A General Vision-Based Dexterous Robot Arm-Hand Teleoperation System", 2023; its
+//! `dexpilot` after Handa et al., "`DexPilot`: Vision Based Teleoperation of Dexterous Robotic Hand-Arm System", 2020):
 //!
 //! | type | follows | loss, by the distance in meters |
 //! | --- | --- | --- |
 //! | `position` | landmarks, with the origins of links | smooth L1 by axis, mean over axes and links |
-//! | `vector` | vectors between landmarks, scaled, with those between origins of links | smooth L1 of the length, mean over vectors |
+//! | `vector` | scaled vectors between landmarks, with those between links | smooth L1 of the length, mean over vectors |
 //! | `dexpilot` | vectors between fingertips, and from the wrist to each | the same, weighted; a pinch is closed |
 //!
 //! To each is added `normal_delta` times the squared motion of all coordinates since the frame before. The library
 //! stops its search early, since the value that it watches leaves this term out, while its gradient has it; here every
-//! search ends where less than a thousandth is to be gained.
+//! search ends where less than 1e-5 of the objective is to be gained. A hand with a free root that is followed far
+//! worse than usual is searched afresh, and moves to a better minimum if that pays for the motion within a few frames.
 //!
 //! - Meters and radians; positions are those of the robot's independent joints, in its model's order.
 //! - No position leaves its limits in the URDF; the library widens them by 1e-3, and so does

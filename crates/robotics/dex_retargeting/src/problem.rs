@@ -66,8 +66,8 @@ impl Problem {
         })
     }
 
-    /// Returns the problem with limits of all joints that are solved for this much wider at both ends, in radians (meters if
-    /// prismatic): the library's are wider by 1e-3.
+    /// Returns the problem with limits of all joints that are solved for this much wider at both ends, in radians
+    /// (meters if prismatic): the library's are wider by 1e-3.
     ///
     /// # Errors
     ///

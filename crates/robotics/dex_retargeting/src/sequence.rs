@@ -13,8 +13,8 @@ use crate::{Follower, LANDMARKS, ObjectiveKind, Problem, ProblemError, wrist_axe
 pub enum Showing {
     /// As they are: their frame is that of a root link that stands still, or in which a free one moves.
     AsTheyAre,
-    /// In the axes of this hand of a person ([`wrist_axes`]): a root link that does not move goes along with the person's
-    /// wrist. A free one starts there, and follows landmarks as they are.
+    /// In the axes of this hand of a person ([`wrist_axes`]): a root link that does not move goes along with the
+    /// person's wrist. A free one starts there, and follows landmarks as they are.
     AlongTheWrist(Side),
 }
 
@@ -40,7 +40,7 @@ pub fn retarget(
     steps: &[LandmarkStep],
     showing: Showing,
 ) -> Result<Option<Sequence>, ProblemError> {
-    let mut follower = Follower::new(problem);
+    let mut live = Follower::new(problem);
     let (mut moved, mut errors_m, mut iterations_n) = (Vec::new(), Vec::new(), 0);
     let wrist = wrist_link(problem);
     for (idx, step) in steps.iter().enumerate() {
@@ -50,30 +50,30 @@ pub fn retarget(
                 wrist_pose(&step.keypoints_m, side).ok_or(ProblemError::NoWrist { step: idx })?,
             ),
         };
-        let (followed, placed) = match frame_from_wrist {
+        let (found, placed) = match frame_from_wrist {
             Some(frame_from_wrist) if !problem.has_free_root() => {
                 let shown = seen_from(&frame_from_wrist, &step.keypoints_m);
-                let followed = follower.step(&shown)?;
-                let palm = problem.palm_at(&frame_from_wrist, wrist, &followed.posture.q);
-                (followed, palm)
+                let found = live.step(&shown)?;
+                let palm = problem.palm_at(&frame_from_wrist, wrist, &found.posture.q);
+                (found, palm)
             }
             frame_from_wrist => {
                 if let (0, Some(at)) = (idx, &frame_from_wrist) {
                     let start = Posture::new(&Pose::new(*at), problem.start.q.clone());
-                    follower.start_at(&start);
+                    live.start_at(&start);
                 }
-                let followed = follower.step(&step.keypoints_m)?;
-                (followed, followed.posture.root.pose())
+                let found = live.step(&step.keypoints_m)?;
+                (found, found.posture.root.pose())
             }
         };
         moved.push(Step {
             time_s: step.time_s,
             frame_from_palm: placed,
-            q_rad: followed.posture.q.clone(),
+            q_rad: found.posture.q.clone(),
             rates: (),
         });
-        errors_m.push(followed.errors_m.to_vec());
-        iterations_n += followed.iterations;
+        errors_m.push(found.errors_m.to_vec());
+        iterations_n += found.iterations;
     }
     if moved.is_empty() {
         return Ok(None);

@@ -8,8 +8,9 @@ use crate::{evaluate::Posed, posture::Posture};
 ///
 /// `Σ wᵢ ρ(pᵢ − tᵢ) + Σ uᵢ h(‖vᵢ − xᵢ‖) + s Σ ‖pᵢ − p′ᵢ‖² + c ‖q − q′‖² + a ‖q − r‖² + Σ (v r)²`
 ///
-/// over targeted points `p` with targets `t` and vectors `v` between points with targets `x`, where dashes mark the step solved before. The last sum
-/// is over the residuals that a [`Terms`] hands in, of single points and of pairs of links.
+/// over targeted points `p` with targets `t` and vectors `v` between points with targets `x`, where dashes mark the
+/// step solved before. The last sum is over the residuals that a [`Terms`] hands in, of single points and of pairs of
+/// links.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
     /// Target positions of the points.

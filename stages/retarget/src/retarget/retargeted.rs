@@ -105,6 +105,21 @@ pub(super) fn make(
             1000.0 * retargeted.grasp_keypoint_error_m
         )));
     }
+    let counts = [retargeted.restarts_n, retargeted.iterations_n];
+    let trajectory = trajectory(demonstration, &table, &environment, retargeted)?;
+    cx.write(&trajectory)?;
+    recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
+    let metrics = TrajectoryMetrics::of(&trajectory.tracking, counts);
+    Ok(Outcome::Made(metrics))
+}
+
+/// Returns the trajectory of a demonstration.
+fn trajectory(
+    demonstration: Demonstration,
+    table: &HandTable,
+    environment: &Environment,
+    retargeted: Retargeted,
+) -> Result<Trajectory, BoxedDiagnostic> {
     let of_tips = |is_tip: bool| {
         let points = table.points.iter();
         points
@@ -121,7 +136,7 @@ pub(super) fn make(
         }
     };
     let motion = retargeted.motion.with_rates(rates);
-    let trajectory = Trajectory {
+    Ok(Trajectory {
         sequence: demonstration.sequence,
         object: demonstration.object,
         keypoints: of_tips(false),
@@ -129,12 +144,7 @@ pub(super) fn make(
         rest: environment.rest(),
         motion: motion.map_err(BoxedDiagnostic::without_hint)?,
         tracking: retargeted.tracking.into_iter().map(columns).collect(),
-    };
-    cx.write(&trajectory)?;
-    recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    let counts = [retargeted.restarts_n, retargeted.iterations_n];
-    let metrics = TrajectoryMetrics::of(&trajectory.tracking, counts);
-    Ok(Outcome::Made(metrics))
+    })
 }
 
 /// Retargets a demonstration by the stage's own objective; `None` of no step, a reason if its times make no motion.

@@ -183,6 +183,10 @@ impl<'de> Deserialize<'de> for Indices {
 /// Reads a file's keys.
 pub(super) fn parse(text: &str) -> Result<File, ConfigError> {
     #[derive(Deserialize)]
+    #[expect(
+        clippy::zero_sized_map_values,
+        reason = "serde reads a mapping into a map"
+    )]
     struct Names {
         retargeting: BTreeMap<String, IgnoredAny>,
     }

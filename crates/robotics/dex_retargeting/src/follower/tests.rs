@@ -86,7 +86,6 @@ fn searches_end_at_minima_within_limits() {
             for (q, &(lower, upper)) in followed.posture.q.iter().zip(problem.limits()) {
                 assert!((lower..=upper).contains(q));
             }
-            assert!(followed.error_m < 0.08, "{} m", followed.error_m);
             let found = followed.objective_m;
             let least = follower.converged();
             assert!(found <= 1.01 * least + 1e-6, "{found} {least}");
