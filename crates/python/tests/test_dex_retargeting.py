@@ -110,8 +110,8 @@ class DexRetargeting(unittest.TestCase):
 
     def test_what_the_library_does_not_know_is_refused(self):
         for change, part in [
-            (("scaling_factor", "scaling_facter"), "did you mean `scaling_factor`?"),
-            (("type: vector", "type: vektor"), "`dexpilot`"),
+            (("scaling_factor", "scaling_size"), "did you mean `scaling_factor`?"),
+            (("type: vector", "type: vectors"), "`dexpilot`"),
             (("link_3.0_tip", "link_3_tip"), "`link_3.0_tip`"),
             (("allegro_right.urdf", "nowhere.urdf"), "urdf_folder"),
         ]:

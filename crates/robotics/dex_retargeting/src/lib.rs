@@ -41,7 +41,7 @@
 //!
 //! To each is added `normal_delta` times the squared motion of all coordinates since the frame before. The library
 //! stops its search early, since the value that it watches leaves this term out, while its gradient has it; here every
-//! search ends where less than 1e-5 of the objective is to be gained. A hand with a free root that is followed far
+//! search ends where no more than 0.4 µm of the objective is to be gained. A hand with a free root that is followed far
 //! worse than usual is searched afresh, and moves to a better minimum if that pays for the motion within a few frames.
 //!
 //! - Meters and radians; positions are those of the robot's independent joints, in its model's order.

@@ -408,10 +408,10 @@ fn a_configuration_that_cannot_be_used_is_refused_before_the_run() {
         let hint = err.hint().unwrap();
         assert!(hint.contains(parts[1]), "{hint}");
     };
-    let misspelled = VECTOR.replace("target_task", "target_tusk");
+    let misspelled = VECTOR.replace("target_task_", "target_tasks_");
     refused(
         &misspelled,
-        ["target_tusk_link_names", "`target_task_link_names`"],
+        ["target_tasks_link_names", "`target_task_link_names`"],
     );
     refused(
         &VECTOR.replace("link_3.0_tip", "link_3_tip"),

@@ -60,14 +60,14 @@ fn refuses_what_the_library_does_not_know() {
         assert_eq!(err.to_string(), problem);
         assert!(err.hint().unwrap().contains(hint), "{:?}", err.hint());
     };
-    let scale = ("scaling_factor", "scaling_facter");
-    let unknown = "unknown key `scaling_facter` of `retargeting`";
+    let scale = ("scaling_factor", "scaling_size");
+    let unknown = "unknown key `scaling_size` of `retargeting`";
     check(VECTOR, scale.0, scale.1, unknown, "`scaling_factor`");
     check(
         VECTOR,
         "vector",
-        "vektor",
-        "`type` is `vektor`",
+        "vectors",
+        "`type` is `vectors`",
         "`dexpilot`",
     );
     check(
