@@ -87,6 +87,7 @@ fn computations_depend_on_neither_cells_nor_files() {
     ] {
         for computing in [
             "cem_mpc",
+            "dex_retargeting",
             "motion",
             "planning",
             "refinement",

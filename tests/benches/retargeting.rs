@@ -301,6 +301,7 @@ fn minima(problem: &Problem, objective: Objective) {
     let (mut ours, mut best) = (Vec::new(), Vec::new());
     let first = objective.task(problem, 0, &before, &[]);
     let first = posture::Task {
+        vectors: None,
         smoothness: None,
         ..first
     };

@@ -344,13 +344,7 @@ fn placed(
 ) -> PyResult<Vec<Pose<Table, spatial::Object>>> {
     let name = "table_from_object";
     let Some(given) = given else {
-        let rest = object.object.rests.first().ok_or_else(|| {
-            wrong(
-                format!("`{}` has no resting pose", object.object.name),
-                "pass `table_from_object`",
-            )
-        })?;
-        return Ok(vec![rest.rest.table_from_object(); n]);
+        return Ok(vec![object.placed(None)?; n]);
     };
     let rows = Rows::read(name, given, &[4, 4])?;
     if !rows.is_batch {

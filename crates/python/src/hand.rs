@@ -23,9 +23,8 @@ use crate::{
     candidates::Candidates,
     error::{failed, wrong},
     object::{Object, seed_of},
-    options,
+    options, own_hand,
     plan::Plan,
-    retargeter,
     rollouts::{Rollout, Rollouts},
     threads::in_threads,
 };
@@ -48,7 +47,7 @@ impl Hand {
     /// Loads a hand with its meshes.
     #[new]
     fn new(path: PathBuf) -> PyResult<Self> {
-        let (hand, _) = retargeter::load(&path)?;
+        let (hand, _) = own_hand::load(&path)?;
         let urdf = hand_files::urdf_of(&path).map_err(|err| failed(&err, err.hint()))?;
         Ok(Self { path, urdf, hand })
     }

@@ -12,8 +12,11 @@ mod error;
 mod function;
 mod hand;
 mod lake;
+mod library_hand;
+mod motions;
 mod object;
 mod options;
+mod own_hand;
 mod plan;
 mod program;
 mod recording;
@@ -39,12 +42,13 @@ mod _pipeline {
         function::Function,
         hand::Hand,
         lake::{Lake, Recordings, Table},
+        motions::Motion,
         object::Object,
         options::options,
         plan::Plan,
         program::main,
         recording::{Messages, Recording, save_recording},
-        retargeter::{Motion, Retargeter},
+        retargeter::Retargeter,
         robot::Robot,
         rollouts::{Rollout, Rollouts},
         threads::after_fork,

@@ -13,8 +13,9 @@ use pyo3::{
     prelude::*,
     types::{PyAny, PyDict},
 };
-use schemas::Table;
+use schemas::Table as _;
 use serde_json::json;
+use spatial::{Pose, Table};
 use stage_ingest::{IngestConfig, MeshedObject};
 use stage_retarget::RetargetConfig;
 
@@ -246,6 +247,24 @@ impl Object {
         let stored = object.to_batch();
         let stored = stored.and_then(|batch| schemas::objects::Object::from_batch(&name, &batch));
         stored.map(Self::from).map_err(|err| failed(&err, None))
+    }
+
+    /// Reads its pose on the table, an argument `table_from_object`; the first of its resting poses without one.
+    pub(crate) fn placed(
+        &self,
+        given: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Pose<Table, spatial::Object>> {
+        let name = "table_from_object";
+        if let Some(given) = given {
+            return arrays::pose(name, &Rows::one(name, given, &[4, 4])?);
+        }
+        let rest = self.object.rests.first().ok_or_else(|| {
+            wrong(
+                format!("`{}` has no resting pose", self.object.name),
+                "pass `table_from_object`",
+            )
+        })?;
+        Ok(rest.rest.table_from_object())
     }
 
     /// Returns its mesh.

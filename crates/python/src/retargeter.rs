@@ -1,27 +1,25 @@
 //! Retargeting: a person's landmarks to a robot hand's postures, one step at a time or a whole motion.
 
-use std::{
-    path::{Path, PathBuf},
-    sync::{Mutex, MutexGuard, PoisonError},
-};
+use std::{path::PathBuf, sync::Arc};
 
-use dataflow::{Diagnostic, with_causes};
-use hand_files::HandFile;
-use options::Options;
-use posture::{Environment, Hand, KEYPOINTS};
+use dex_retargeting::{Followed, Showing};
+use posture::{Environment, KEYPOINTS, Posture};
 use pyo3::{
     prelude::*,
     types::{PyAny, PyDict},
 };
 use rayon::prelude::*;
-use retargeting::{LandmarkStep, LiveRetargeting, RetargetingConfig, RetargetingError, retarget};
-use schemas::demonstrations::Side;
-use self_cell::self_cell;
+use retargeting::LandmarkStep;
+use spatial::RestingPose;
 
 use crate::{
     arrays::{Array, Rows, array, pose_matrix, vector},
-    error::{failed, wrong},
-    threads::in_threads,
+    error::wrong,
+    library_hand::{self, LibraryHand},
+    motions::Motion,
+    object::Object,
+    own_hand::{self, OwnHand},
+    threads::{Cancellation, in_threads},
 };
 
 /// Coordinates of a landmark.
@@ -29,108 +27,144 @@ const AXES: usize = 3;
 const LANDMARKS: &str = "pass 21 landmarks in meters: the wrist; thumb, index, middle, ring and little finger, four \
                          each from base to tip";
 
-/// What a live follower works on.
-struct Work {
-    hand: Hand,
-    environment: Environment,
-    config: RetargetingConfig,
+/// How a robot hand follows.
+enum Following {
+    /// By the objective of the stage `retarget`.
+    Own(Box<OwnHand>),
+    /// By one of dex-retargeting.
+    Library(LibraryHand),
 }
-
-self_cell!(
-    /// A live follower with what it works on.
-    struct Live {
-        owner: Work,
-        #[not_covariant]
-        dependent: LiveRetargeting,
-    }
-);
 
 /// A robot hand that follows a person's: one step at a time, or a whole motion.
 ///
-/// `hand` is a hand's file (TOML, as in `data/hands`). A URDF alone is enough for a try: points that follow are proposed.
-/// `options` are those of the stage `retarget` (`pipeline stages retarget`), as a dict. No object and no table are
-/// known: nothing is kept clear of, and no fingertip is drawn to a surface.
+/// `hand` is a hand's file (TOML, as in `data/hands`). A URDF alone is enough for a try: points that follow are
+/// proposed. `options` are those of the stage `retarget` (`pipeline stages retarget`), as a dict.
+///
+/// With an `object` the hand keeps clear of it and of the table, and fingertips that touch are drawn to its surface, as
+/// in the stage: landmarks are then in the object's frame, and `table_from_object` `(4, 4)` is its pose on the table,
+/// whose top is at z = 0; the first of its resting poses if it is None. Without one nothing is kept clear of.
 ///
 /// Landmarks are an array `(21, 3)` in meters: the wrist; thumb, index, middle, ring and little finger, four each from
 /// base to tip, as `MediaPipe` orders them. Their frame is any right-handed one that stays the same, such as the
-/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A right
-/// robot hand (`side`) follows a left hand's mirror image: negate one coordinate of its landmarks.
+/// camera's; all poses are in it. They are scaled about the wrist by the hand's `scale` before they are followed. A
+/// right robot hand (`side`) follows a left hand's mirror image: negate one coordinate of its landmarks.
+///
+/// `hand` may be a configuration file of dex-retargeting (`.yml`), unchanged: `position`, `vector` or `dexpilot`,
+/// solved to the minimum of the library's objective. `urdf_folder` is where its `urdf_path` is, by default the file's
+/// own folder. A hand without `add_dummy_free_joint` stands still at the origin, and landmarks are along the axes of
+/// its root link: those of the library's detector, z from the wrist to the middle finger. Every step starts from the
+/// one before, the first in the middle of the joints' ranges, and `low_pass_alpha` filters the answers, as in the
+/// library. Positions stay within the URDF's limits, of joints that mimic none; the library's may leave them by 1e-3,
+/// as those by `limit_slack=1e-3` may (radians, or meters if prismatic).
 ///
 /// Each stream needs a `Retargeter` of its own, since a step starts from the one before. It cannot be pickled: make one
 /// in each process.
 #[pyclass(frozen, module = "pipeline")]
-pub(crate) struct Retargeter {
-    live: Mutex<Live>,
-    hand: Hand,
-    side: Side,
-    config: RetargetingConfig,
-}
+pub(crate) struct Retargeter(Following);
 
 #[pymethods]
 impl Retargeter {
     /// Loads a hand.
     #[new]
-    #[pyo3(signature = (hand, *, options=None))]
+    #[pyo3(signature = (
+        hand, *, options=None, object=None, table_from_object=None, urdf_folder=None, limit_slack=None
+    ))]
     #[expect(
         clippy::needless_pass_by_value,
         reason = "Python's paths become owned ones"
     )]
-    fn new(hand: PathBuf, options: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
-        let (hand, side) = load(&hand)?;
-        let config = config(options)?;
-        let work = Work {
-            hand: hand.clone(),
-            environment: Environment::empty(),
-            config: config.clone(),
-        };
-        let live = Live::try_new(work, |work| {
-            LiveRetargeting::new(&work.hand, &work.environment, &work.config)
-        });
-        Ok(Self {
-            live: Mutex::new(live.map_err(|err| refused(&err, ""))?),
-            hand,
-            side,
-            config,
-        })
+    fn new(
+        py: Python<'_>,
+        hand: PathBuf,
+        options: Option<&Bound<'_, PyDict>>,
+        object: Option<&Object>,
+        table_from_object: Option<&Bound<'_, PyAny>>,
+        urdf_folder: Option<PathBuf>,
+        limit_slack: Option<f64>,
+    ) -> PyResult<Self> {
+        if LibraryHand::is_configured_by(&hand) {
+            if options.is_some() || object.is_some() || table_from_object.is_some() {
+                return Err(wrong(
+                    "`options`, `object` and `table_from_object` are for the stage's own objective, not for \
+                     dex-retargeting's"
+                        .to_owned(),
+                    "edit the keys of the YAML file instead, or pass a hand's file (TOML)",
+                ));
+            }
+            let loaded =
+                LibraryHand::load(&hand, urdf_folder.as_deref(), limit_slack.unwrap_or(0.0))?;
+            return Ok(Self(Following::Library(loaded)));
+        }
+        if urdf_folder.is_some() || limit_slack.is_some() {
+            return Err(wrong(
+                "`urdf_folder` and `limit_slack` are for configurations of dex-retargeting (`.yml`)".to_owned(),
+                "leave them out: a hand's file names its URDF relative to itself",
+            ));
+        }
+        let environment = environment(py, object, table_from_object)?;
+        let loaded = OwnHand::load(&hand, options, environment)?;
+        Ok(Self(Following::Own(Box::new(loaded))))
     }
 
-    /// Side of the robot hand, "right" or "left": that of the person's hand which it can follow.
+    /// Side of the robot hand, "right" or "left": that of the person's hand which it can follow; `None` by a
+    /// configuration of dex-retargeting, which does not say.
     #[getter]
-    fn side(&self) -> &'static str {
-        self.side.as_str()
+    fn side(&self) -> Option<&'static str> {
+        match &self.0 {
+            Following::Own(own) => Some(own.side.as_str()),
+            Following::Library(_) => None,
+        }
     }
 
     /// Size of the robot hand relative to the person's, by which landmarks are scaled about the wrist.
     #[getter]
     fn scale(&self) -> f64 {
-        self.hand.scale
+        match &self.0 {
+            Following::Own(own) => own.hand.scale,
+            Following::Library(library) => library.scale(),
+        }
     }
 
-    /// The names of the joints, in the order of every `q`.
+    /// Numbers of the landmarks that are followed by a configuration of dex-retargeting: a list, or of vectors two,
+    /// where they begin and where they end; `None` otherwise.
+    #[getter]
+    fn target_link_human_indices<'py>(
+        &self,
+        py: Python<'py>,
+    ) -> PyResult<Option<Bound<'py, PyAny>>> {
+        match &self.0 {
+            Following::Own(_) => Ok(None),
+            Following::Library(library) => library.landmarks(py).map(Some),
+        }
+    }
+
+    /// The names of the joints, in the order of every `q`. Joints that mimic others move with them and have no
+    /// position.
     #[getter]
     fn joint_names(&self) -> Vec<String> {
-        self.hand.model.joint_names()
+        self.model().joint_names()
     }
 
     /// Least positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
     fn lower<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let joints = self.hand.model.joints().iter();
-        vector(py, &joints.map(|joint| joint.lower).collect::<Vec<_>>())
+        let limits = self.limits();
+        vector(py, &limits.map(|(lower, _)| lower).collect::<Vec<_>>())
     }
 
     /// Greatest positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
     fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let joints = self.hand.model.joints().iter();
-        vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
+        let limits = self.limits();
+        vector(py, &limits.map(|(_, upper)| upper).collect::<Vec<_>>())
     }
 
     /// The posture for the landmarks of one step, `(21, 3)`: `q`, `palm`, `error`.
     ///
     /// `q` `(dof,)` are the joint positions, within their limits. `palm` `(4, 4)` is the pose of the root link in the
-    /// landmarks' frame. `error` is the root mean square distance of the followed points from their scaled landmarks, in
-    /// meters; where it is large, the landmarks are wrong or out of reach, and the command is better not sent.
+    /// landmarks' frame. `error` is the root mean square distance of the followed points from their scaled landmarks,
+    /// in meters; where it is large, the landmarks are wrong or out of reach, and the command is better not sent. By a
+    /// configuration of dex-retargeting it is that of the followed points or vectors, before the filter.
     ///
     /// The search starts from the step before and stays near it; the first step is searched afresh, which takes some
     /// milliseconds, and so is one that is followed far worse than those before. Speeds are not limited.
@@ -140,27 +174,60 @@ impl Retargeter {
         landmarks: &Bound<'py, PyAny>,
     ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
         let keypoints_m = keypoints(&Rows::one("landmarks", landmarks, &[KEYPOINTS, AXES])?)?;
-        let found = self
-            .live()
-            .with_dependent_mut(|_, live| live.step(&keypoints_m));
-        let found = found.map_err(|err| refused(&err, ""))?;
-        let pose = pose_matrix(&found.posture.root.pose());
-        let dof = found.posture.q.len();
-        Ok((
-            array(py, &found.posture.q, None, &[dof])?,
-            array(py, &pose, None, &[4, 4])?,
-            found.tracking.keypoint_error_m(),
-        ))
+        match &self.0 {
+            Following::Own(own) => {
+                let found = own.with(|live| live.step(&keypoints_m));
+                let found = found.map_err(|err| own_hand::refused(&err, ""))?;
+                posture(py, &found.posture, found.tracking.keypoint_error_m())
+            }
+            Following::Library(library) => library.with(|live| {
+                let found = live.step(&keypoints_m);
+                let found: Followed<'_> = found.map_err(|err| library_hand::refused(&err, ""))?;
+                posture(py, found.posture, found.error_m)
+            }),
+        }
+    }
+
+    /// The posture for the reference value of dex-retargeting at one step: `q`, `palm`, `error`, as those of `step`.
+    ///
+    /// `reference` `(n, 3)` are points for the links of `position`, and otherwise vectors at the person's size,
+    /// `landmarks[indices[1]] - landmarks[indices[0]]` with `indices = target_link_human_indices`, in meters.
+    fn step_reference<'py>(
+        &self,
+        py: Python<'py>,
+        reference: &Bound<'py, PyAny>,
+    ) -> PyResult<(Array<'py>, Array<'py>, f64)> {
+        let Following::Library(library) = &self.0 else {
+            return Err(wrong(
+                "a hand's own file has no reference value".to_owned(),
+                "call `step` with landmarks, or load a configuration of dex-retargeting",
+            ));
+        };
+        let n = library.problem.objective().reference_count();
+        let numbers = Rows::one("reference", reference, &[n, AXES])?;
+        library.with(|live| {
+            let found = live.step_reference(numbers.as_chunks::<AXES>().0);
+            let found = found.map_err(|err| library_hand::refused(&err, ""))?;
+            posture(py, found.posture, found.error_m)
+        })
     }
 
     /// Forgets the steps so far: the next one is searched afresh.
+    #[expect(
+        clippy::redundant_closure_for_method_calls,
+        reason = "the methods themselves are not general enough"
+    )]
     fn reset(&self) {
-        self.live().with_dependent_mut(|_, live| live.reset());
+        match &self.0 {
+            Following::Own(own) => own.with(|live| live.reset()),
+            Following::Library(library) => library.with(|live| live.reset()),
+        }
     }
 
     /// Retargets a recording: `times` `(n,)` in seconds, increasing, and `landmarks` `(n, 21, 3)`.
     ///
-    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on.
+    /// The last step is taken for the grasp: it is solved first, then the step before it, and so on. By a
+    /// configuration of dex-retargeting the first step is solved first, as in a loop of `step` after `reset`.
     fn retarget<'py>(
         &self,
         py: Python<'py>,
@@ -202,7 +269,7 @@ impl Retargeter {
     }
 
     fn __repr__(&self) -> String {
-        let model = &self.hand.model;
+        let model = self.model();
         format!(
             "<pipeline.Retargeter {:?}, {} joints>",
             model.name(),
@@ -212,9 +279,22 @@ impl Retargeter {
 }
 
 impl Retargeter {
-    /// The live follower; after a panic in another thread it is as it was left, and the next step searches from there.
-    fn live(&self) -> MutexGuard<'_, Live> {
-        self.live.lock().unwrap_or_else(PoisonError::into_inner)
+    fn model(&self) -> &robot::RobotModel {
+        match &self.0 {
+            Following::Own(own) => &own.hand.model,
+            Following::Library(library) => library.problem.model(),
+        }
+    }
+
+    /// Returns the range of each joint.
+    fn limits(&self) -> Box<dyn Iterator<Item = (f64, f64)> + '_> {
+        match &self.0 {
+            Following::Own(own) => {
+                let joints = own.hand.model.joints().iter();
+                Box::new(joints.map(|joint| (joint.lower, joint.upper)))
+            }
+            Following::Library(library) => Box::new(library.problem.limits().iter().copied()),
+        }
     }
 
     /// Retargets recordings, several at once.
@@ -223,160 +303,92 @@ impl Retargeter {
         py: Python<'_>,
         recordings: Vec<Vec<LandmarkStep>>,
     ) -> PyResult<Vec<Motion>> {
-        let (hand, config) = (&self.hand, &self.config);
-        let found: Vec<_> = in_threads(py, |cancellation| {
-            let recordings = recordings.into_par_iter();
-            let running = recordings.take_any_while(|_| !cancellation.is_asked());
-            running
-                .map(|steps| retarget(hand, &Environment::empty(), config, &steps))
-                .collect()
-        })?;
-        let n = found.len();
-        let of = |idx: usize| match n {
-            1 => String::new(),
-            _ => format!("recording {idx}: "),
+        match &self.0 {
+            Following::Own(own) => {
+                let run = |steps: &[LandmarkStep]| {
+                    retargeting::retarget(&own.hand, &own.environment, &own.config, steps)
+                };
+                motions(retarget_each(py, recordings, run)?, own_hand::refused)
+            }
+            Following::Library(library) => {
+                let run = |steps: &[LandmarkStep]| {
+                    dex_retargeting::retarget(&library.problem, steps, Showing::AsTheyAre)
+                };
+                motions(retarget_each(py, recordings, run)?, library_hand::refused)
+            }
+        }
+    }
+}
+
+/// Returns what the hand moves among: an object on the table, or nothing.
+fn environment(
+    py: Python<'_>,
+    object: Option<&Object>,
+    table_from_object: Option<&Bound<'_, PyAny>>,
+) -> PyResult<Environment> {
+    let Some(object) = object else {
+        return match table_from_object {
+            None => Ok(Environment::empty()),
+            Some(_) => Err(wrong(
+                "`table_from_object` is the pose of no object".to_owned(),
+                "pass `object` too",
+            )),
         };
-        found
-            .into_iter()
-            .enumerate()
-            .map(|(idx, retargeted)| match retargeted {
-                Ok(Some(retargeted)) => Ok(Motion(retargeted)),
-                Ok(None) => Err(wrong(
-                    format!("{}there are no steps", of(idx)),
-                    "pass one step at least",
-                )),
-                Err(err) => Err(refused(&err, &of(idx))),
-            })
-            .collect()
-    }
-}
-
-/// A retargeted motion: arrays over its steps.
-#[pyclass(frozen, module = "pipeline")]
-pub(crate) struct Motion(retargeting::Retargeted);
-
-#[pymethods]
-impl Motion {
-    /// The names of the joints.
-    #[getter]
-    fn joint_names(&self) -> Vec<String> {
-        self.0.motion.joints().to_vec()
-    }
-
-    /// Times of the steps `(n,)`, in seconds.
-    #[getter]
-    fn times<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.steps(py, &[], |step| vec![step.time_s])
-    }
-
-    /// Joint positions `(n, dof)`, in radians (meters if prismatic).
-    #[getter]
-    fn q<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.steps(py, &[self.0.motion.joints().len()], |step| {
-            step.q_rad.clone()
-        })
-    }
-
-    /// Joint velocities `(n, dof)`, in rad/s (m/s).
-    #[getter]
-    fn velocity<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let dof = self.0.motion.joints().len();
-        self.steps(py, &[dof], |step| step.rates.joints.velocity.clone())
-    }
-
-    /// Poses of the root link in the frame of the landmarks `(n, 4, 4)`.
-    #[getter]
-    fn palm<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        self.steps(py, &[4, 4], |step| {
-            pose_matrix(&step.frame_from_palm).to_vec()
-        })
-    }
-
-    /// Root mean square distances of the followed points from their scaled landmarks `(n,)`, in meters.
-    #[getter]
-    fn errors<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let errors = self
-            .0
-            .tracking
-            .iter()
-            .map(retargeting::Tracking::keypoint_error_m);
-        vector(py, &errors.collect::<Vec<_>>())
-    }
-
-    fn __len__(&self) -> usize {
-        self.0.motion.steps().len()
-    }
-
-    fn __repr__(&self) -> String {
-        format!(
-            "<pipeline.Motion, {} steps of {} joints>",
-            self.0.motion.steps().len(),
-            self.0.motion.joints().len()
-        )
-    }
-}
-
-impl Motion {
-    /// Makes an array of what each step has.
-    fn steps<'py>(
-        &self,
-        py: Python<'py>,
-        row: &[usize],
-        of: impl Fn(&motion::Step<spatial::Object>) -> Vec<f64>,
-    ) -> PyResult<Array<'py>> {
-        let steps = self.0.motion.steps();
-        let numbers: Vec<f64> = steps.iter().flat_map(of).collect();
-        array(py, &numbers, Some(steps.len()), row)
-    }
-}
-
-/// Loads a hand and its side from its file, or from a URDF alone, for which points are proposed.
-pub(crate) fn load(path: &Path) -> PyResult<(Hand, Side)> {
-    let urdf = hand_files::urdf_of(path).map_err(|err| failed(&err, err.hint()))?;
-    if urdf != path {
-        let side = hand_files::load_table(path).map(|table| table.side);
-        let loaded = side.and_then(|side| Ok((hand_files::load(&urdf, path)?, side)));
-        return loaded.map_err(|err| failed(&err, err.hint()));
-    }
-    let loaded = robot_meshes::load(&urdf).map_err(|err| failed(&err, err.hint()))?;
-    let file = HandFile::proposed(&loaded.model, &urdf).ok_or_else(|| {
-        wrong(
-            format!(
-                "`{}` has too few fingers and links to propose points that follow",
-                urdf.display()
-            ),
-            "write a hand's file that names the points; `pipeline new` makes examples in `data/hands`",
-        )
-    })?;
-    let hand = Hand::check(&loaded.model).and_then(|()| Hand::new(loaded.model, &file.table));
-    let hand = hand.map_err(|err| failed(&err, err.hint()))?;
-    Ok((hand, file.table.side))
-}
-
-/// Reads options: those of the stage `retarget`.
-fn config(options: Option<&Bound<'_, PyDict>>) -> PyResult<RetargetingConfig> {
-    let Some(options) = options else {
-        return Ok(RetargetingConfig::default());
     };
-    let unusable = |problem: String| {
-        wrong(
-            format!("`options` cannot be used: {problem}"),
-            "`pipeline stages retarget` lists the options with their units",
-        )
+    let placed = object.placed(table_from_object)?;
+    let field = Arc::clone(object.field(py)?);
+    Ok(Environment::new(field, RestingPose::of(&placed)))
+}
+
+/// Runs recordings in all threads, until the computation is given up.
+fn retarget_each<T: Send>(
+    py: Python<'_>,
+    recordings: Vec<Vec<LandmarkStep>>,
+    run: impl Fn(&[LandmarkStep]) -> T + Sync + Send,
+) -> PyResult<Vec<T>> {
+    in_threads(py, |cancellation: &Cancellation| {
+        let recordings = recordings.into_par_iter();
+        let running = recordings.take_any_while(|_| !cancellation.is_asked());
+        running.map(|steps| run(&steps)).collect()
+    })
+}
+
+/// Returns motions, or the exception for the first recording that cannot be retargeted.
+fn motions<T: Into<Motion>, E>(
+    found: Vec<Result<Option<T>, E>>,
+    refused: impl Fn(&E, &str) -> PyErr,
+) -> PyResult<Vec<Motion>> {
+    let n = found.len();
+    let of = |idx: usize| match n {
+        1 => String::new(),
+        _ => format!("recording {idx}: "),
     };
-    let json = options.py().import("json")?;
-    let strict = PyDict::new(options.py());
-    strict.set_item("allow_nan", false)?;
-    let text = json.call_method("dumps", (options,), Some(&strict));
-    let text: String = text
-        .map_err(|err| unusable(err.value(options.py()).to_string()))?
-        .extract()?;
-    let config: RetargetingConfig =
-        serde_json::from_str(&text).map_err(|err| unusable(err.to_string()))?;
-    match config.faults().first() {
-        Some(fault) => Err(unusable(fault.to_string())),
-        None => Ok(config),
-    }
+    found
+        .into_iter()
+        .enumerate()
+        .map(|(idx, retargeted)| match retargeted {
+            Ok(Some(retargeted)) => Ok(retargeted.into()),
+            Ok(None) => Err(wrong(
+                format!("{}there are no steps", of(idx)),
+                "pass one step at least",
+            )),
+            Err(err) => Err(refused(&err, &of(idx))),
+        })
+        .collect()
+}
+
+/// Returns a posture as arrays, with its error in meters.
+fn posture<'py>(
+    py: Python<'py>,
+    posture: &Posture,
+    error_m: f64,
+) -> PyResult<(Array<'py>, Array<'py>, f64)> {
+    let pose = pose_matrix(&posture.root.pose());
+    Ok((
+        array(py, &posture.q, None, &[posture.q.len()])?,
+        array(py, &pose, None, &[4, 4])?,
+        error_m,
+    ))
 }
 
 /// Reads the landmarks of a step.
@@ -405,11 +417,4 @@ fn steps(
             })
         })
         .collect()
-}
-
-/// Returns the exception for a motion that cannot be retargeted.
-fn refused(err: &RetargetingError, of: &str) -> PyErr {
-    let remedy = "check that landmarks are in meters and times in seconds, later from step to step";
-    let hint = err.hint().unwrap_or_else(|| remedy.to_owned());
-    wrong(format!("{of}{}", with_causes(err)), &hint)
 }

@@ -187,6 +187,56 @@ class Grasping(unittest.TestCase):
         judged = self.hand.screen(self.object, own, options=self.options("screen"))
         self.assertGreater(judged.success.sum(), 0)
 
+    def test_a_hand_that_knows_an_object_keeps_out_of_it(self):
+        half = (0.03, 0.03, 0.08)
+        block = pipeline.Object.from_points(box(half), 0.3, name="block")
+        # A person's hand whose fingers go through the block.
+        landmarks = lab.recording(0)["landmarks"] + np.array([-0.09, 0.0, 0.0])
+        file = "data/hands/allegro_right.toml"
+        robot = pipeline.Robot("data/robots/allegro_right.urdf")
+        depths = []
+        for hand in [pipeline.Retargeter(file), pipeline.Retargeter(file, object=block)]:
+            motion = hand.retarget(lab.recording(0)["times"], landmarks)
+            links = robot.forward_kinematics(motion.q)[..., :3, 3]
+            points = np.einsum("nij,nkj->nki", motion.palm[:, :3, :3], links) + motion.palm[:, None, :3, 3]
+            depths.append(block.distance(points.reshape(-1, 3)).min())
+        self.assertLess(depths[0], -0.01)
+        self.assertGreater(depths[1], -0.002)
+        live = pipeline.Retargeter(file, object=block)
+        for points in landmarks[:10]:
+            q, palm, _ = live.step(points)
+            there = (palm @ robot.forward_kinematics(q))[:, :3, 3]
+            self.assertGreater(block.distance(there).min(), -0.002)
+        for wrong in [
+            {"table_from_object": np.eye(4)}, {"object": block, "table_from_object": np.eye(3)},
+        ]:
+            with self.assertRaises(pipeline.Error):
+                pipeline.Retargeter(file, **wrong)
+
+    def test_retargeted_motions_are_those_of_the_stage(self):
+        options = self.options("retarget")
+        columns = "sequence, step, time_s"
+        shown = self.lake.query(
+            f"select {columns}, keypoints_m from demonstrations where object = '{self.object.name}' "
+            "order by sequence, step"
+        )
+        try:
+            import polars
+        except ModuleNotFoundError:
+            self.skipTest("there is no polars")
+        moved = polars.DataFrame(self.lake.query(f"select {columns}, q_rad from trajectories"))
+        rest = self.object.resting_poses[0]
+        hand = pipeline.Retargeter(
+            "data/hands/allegro_right.toml", object=self.object, table_from_object=rest, options=options
+        )
+        for (sequence,), rows in polars.DataFrame(shown).group_by("sequence"):
+            stored = moved.filter(polars.col("sequence") == sequence).sort("step")
+            landmarks = np.array(rows["keypoints_m"].to_list()).reshape(-1, 21, 3)
+            motion = hand.retarget(rows["time_s"].to_numpy(), landmarks)
+            # The person's object stood a little off its resting pose.
+            difference = np.abs(motion.q - np.array(stored["q_rad"].to_list()))
+            self.assertLess(np.median(difference), 0.02)
+
     def test_plans_are_within_the_limits_and_end_at_the_grasp(self):
         motions = self.lake.candidates(self.object.name, stage="refine")[:4]
         free = self.hand.plan(self.object, motions, options=self.options("dispatch"))

@@ -21,6 +21,10 @@ pub struct RetargetConfig {
     /// The hand's file: its side, its size, and which landmark each of its points follows.
     #[option(path)]
     pub hand_table: PathBuf,
+    /// Configuration file of dex-retargeting (YAML), whose objective replaces the one below: `position`, `vector` or
+    /// `dexpilot`. The robot is that of `hand`, with its link names.
+    #[option(path, default)]
+    pub dex_retargeting: Option<PathBuf>,
     /// The objective and its search.
     #[option(flatten)]
     pub retargeting: RetargetingConfig,

@@ -41,6 +41,36 @@ pub enum RetargetError {
         /// The problem.
         source: Box<Self>,
     },
+    /// The configuration file of dex-retargeting cannot be read.
+    #[error("cannot read the configuration `{}`", path.display())]
+    ReadConfiguration {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        source: std::io::Error,
+    },
+    /// The file is no configuration of dex-retargeting.
+    #[error("cannot use the configuration `{}`", path.display())]
+    Configuration {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        source: dex_retargeting::ConfigError,
+    },
+    /// The configuration does not fit the hand.
+    #[error("cannot use the configuration `{}` on this hand", path.display())]
+    ConfiguredHand {
+        /// The file.
+        path: PathBuf,
+        /// The problem.
+        source: Box<dex_retargeting::ProblemError>,
+    },
+    /// The configuration's joints are not the hand's.
+    #[error("`ignore_mimic_joint` of `{}` makes joints that the hand does not have", path.display())]
+    OtherJoints {
+        /// The file.
+        path: PathBuf,
+    },
     /// There is no object at all.
     #[error("there are no objects, so that no demonstration has one")]
     NoObjects,
@@ -56,6 +86,14 @@ impl Diagnostic for RetargetError {
             }),
             Self::LoadRobot(err) => err.hint(),
             Self::Retargeting(err) => err.hint(),
+            Self::ReadConfiguration { .. } => {
+                Some("`dex_retargeting` is the path of a YAML file of dex-retargeting".to_owned())
+            }
+            Self::Configuration { source, .. } => source.hint(),
+            Self::ConfiguredHand { source, .. } => source.hint(),
+            Self::OtherJoints { .. } => {
+                Some("remove the key, or the `<mimic>` elements of the hand's URDF".to_owned())
+            }
             Self::NoObjects | Self::Dof(_) => None,
         }
     }

@@ -1,6 +1,7 @@
 //! The stage: a distance field per object, a trajectory per demonstration.
 
 mod fields;
+mod library;
 mod retargeted;
 
 use std::path::Path;
@@ -35,7 +36,10 @@ impl Stage for Retarget {
 
     /// Checks that the hand has every link that its table names.
     fn prepare(config: &RetargetConfig) -> Result<(), BoxedDiagnostic> {
-        let LoadedHand { hand, .. } = load_hand(&config.hand, &config.hand_table)?;
+        let LoadedHand { hand, urdf, .. } = load_hand(&config.hand, &config.hand_table)?;
+        if let Some(path) = &config.dex_retargeting {
+            library::problem(path, &hand, &urdf)?;
+        }
         let fits = config.retargeting.check_wrist(&hand);
         Ok(fits.map_err(RetargetError::from)?)
     }
@@ -123,7 +127,10 @@ impl Output for Trajectories {
                         SourceFile::named("hand_table", &config.hand_table),
                         hand_files::HAND_TABLE,
                     );
-                meshes.iter().cloned().fold(unit, Unit::with_file)
+                let configured = config.dex_retargeting.as_deref();
+                let configured = configured.map(|path| SourceFile::named(library::FILE, path));
+                let files = meshes.iter().cloned().chain(configured);
+                files.fold(unit, Unit::with_file)
             })
             .collect())
     }

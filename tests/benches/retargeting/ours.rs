@@ -50,6 +50,7 @@ impl Objective {
         Task {
             targets: &problem.targets[frame],
             loss,
+            vectors: None,
             smoothness: Some(Smoothness {
                 points,
                 point_weight,
@@ -67,6 +68,7 @@ pub(crate) fn points_at(solver: &mut Solver<'_>, n: usize, posture: &Posture) ->
     let nothing = Task {
         targets: &[],
         loss: Problem::loss(),
+        vectors: None,
         smoothness: None,
         prior: None,
     };

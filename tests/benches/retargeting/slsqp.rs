@@ -41,6 +41,7 @@ pub(crate) fn retarget(
     let task = Task {
         targets: &problem.targets[frame],
         loss: Problem::loss(),
+        vectors: None,
         smoothness: Some(Smoothness {
             points: &points,
             point_weight: 0.0,

@@ -42,6 +42,9 @@ pub(crate) fn eliminator(layout: &Layout) -> Box<dyn LinearSolver> {
         (0..=5, 0..=6) => Box::new(Arrow::<5, 6>::new(layout)),
         (0..=5, 0..=8) => Box::new(Arrow::<5, 8>::new(layout)),
         (0..=8, 0..=12) => Box::new(Arrow::<8, 12>::new(layout)),
+        // All unknowns are coupled.
+        (0, 0..=16) => Box::new(Arrow::<1, 16>::new(layout)),
+        (0, 0..=24) => Box::new(Arrow::<1, 24>::new(layout)),
         (0..=16, 0..=24) => Box::new(Arrow::<16, 24>::new(layout)),
         _ => Box::new(Arrow::<64, 64>::new(layout)),
     }

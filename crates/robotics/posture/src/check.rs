@@ -19,6 +19,18 @@ impl Task<'_> {
             }
             weight("a target's weight", target.weight)?;
         }
+        if let Some(vectors) = &self.vectors {
+            if !(vectors.beta_m.is_finite() && vectors.beta_m > 0.0) {
+                return bad("`beta_m` of the vectors".to_owned());
+            }
+            for (idx, target) in vectors.vectors.iter().enumerate() {
+                hand.vector(target.vector)?;
+                if !target.vector_in_object.sum().is_finite() {
+                    return bad(format!("target vector {idx}"));
+                }
+                weight("a target vector's weight", target.weight)?;
+            }
+        }
         if let Some(smoothness) = &self.smoothness {
             length("points before", smoothness.points.len(), self.targets.len())?;
             weight("`point_weight`", smoothness.point_weight)?;

@@ -4,7 +4,7 @@ use nalgebra::{Matrix3, Point3, UnitQuaternion, Vector3};
 use robot::{JointKind, Link, RobotModel};
 use spatial::Pose;
 
-use crate::{SolverError, layout::Layout, posture::Posture};
+use crate::{SolverError, layout::Layout, posture::Posture, vectors::have_places};
 
 /// Motion of the root link.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -29,6 +29,10 @@ pub struct CompiledHand {
     pub(crate) bodies: Vec<Body>,
     /// The points attached to bodies, as they were given.
     pub(crate) points: Vec<BodyPoint>,
+    /// The points at the ends of each vector: where it begins, where it ends.
+    pub(crate) vectors: Vec<[usize; 2]>,
+    /// Places of the second derivatives by pairs of unknowns, `(unknown, unknown)`; empty without vectors.
+    pub(crate) places: Vec<usize>,
     /// The place of each of the model's links.
     pub(crate) links: Vec<BodyLink>,
     /// Layout of the unknowns in the normal equations.
@@ -81,6 +85,21 @@ impl CompiledHand {
         root: Root,
         points: &[(usize, Point3<f64>)],
     ) -> Result<Self, SolverError> {
+        Self::with_vectors(model, root, points, &[])
+    }
+
+    /// Prepares a robot as [`CompiledHand::new`] does, with vectors from one point to another, which are named by
+    /// their index, too.
+    ///
+    /// # Errors
+    ///
+    /// Fails as that does, and if a vector's point does not exist.
+    pub fn with_vectors(
+        model: &RobotModel,
+        root: Root,
+        points: &[(usize, Point3<f64>)],
+        vectors: &[[usize; 2]],
+    ) -> Result<Self, SolverError> {
         let (bodies, links) = bodies(model);
         let points = points
             .iter()
@@ -93,7 +112,14 @@ impl CompiledHand {
                 })
             })
             .collect::<Result<Vec<_>, SolverError>>()?;
-        let layout = Layout::new(root, &bodies, &points, model.dof())?;
+        let found = points.len();
+        if let Some(&point) = vectors.iter().flatten().find(|&&point| point >= found) {
+            return Err(SolverError::NoPoint { point, found });
+        }
+        let mut layout = Layout::new(root, &bodies, &points, model.dof())?;
+        if !have_places(&layout, &bodies, &points, vectors) {
+            layout = Layout::coupled(root, &bodies, model.dof())?;
+        }
         let limit = |pick: fn(&robot::Joint) -> f64| {
             let joints = layout.joints.iter();
             joints.map(|&j| pick(&model.joints()[j])).collect()
@@ -106,12 +132,43 @@ impl CompiledHand {
         Ok(Self {
             root,
             points,
+            vectors: vectors.to_vec(),
+            places: if vectors.is_empty() {
+                Vec::new()
+            } else {
+                layout.places()
+            },
             links: links.collect(),
             lower: limit(|joint| joint.lower),
             upper: limit(|joint| joint.upper),
             layout,
             bodies,
         })
+    }
+
+    /// Returns the hand with other limits of its joints, in the model's order; a joint whose limits are equal is held.
+    ///
+    /// # Errors
+    ///
+    /// Fails if there are not as many, or a lower one is above its upper one.
+    pub fn with_limits(mut self, limits: &[(f64, f64)]) -> Result<Self, SolverError> {
+        if limits.len() != self.dof() {
+            return Err(SolverError::WrongLength {
+                what: "joint limits",
+                found: limits.len(),
+                expected: self.dof(),
+            });
+        }
+        for (slot, &joint) in self.layout.joints.iter().enumerate() {
+            let (lower, upper) = limits[joint];
+            if !(lower <= upper && lower < f64::INFINITY && upper > f64::NEG_INFINITY) {
+                return Err(SolverError::BadNumber {
+                    what: format!("a limit of joint {joint}"),
+                });
+            }
+            (self.lower[slot], self.upper[slot]) = (lower, upper);
+        }
+        Ok(self)
     }
 
     /// Returns the number of unknowns: six of a root that moves, and one per joint.

@@ -15,7 +15,9 @@ impl Evaluation<'_> {
         self.gradient.fill(0.0);
         self.hessian.fill(0.0);
         self.gather(form);
+        self.gather_vectors(form);
         self.joints(form);
+        self.couple_ends(form);
         if self.hand.layout.n_root > 0 {
             self.root_block(state, task);
         }
@@ -113,6 +115,11 @@ impl Evaluation<'_> {
         }
     }
 
+    /// Returns a body's own moments.
+    pub(crate) fn own_moments(&mut self, body: usize) -> &mut Moments {
+        own(&mut self.moments, &mut self.carriers, body)
+    }
+
     /// Adds what every joint and pair of joints says, from the tips to the root.
     fn joints(&mut self, form: HessianForm) {
         let hand = self.hand;
@@ -160,7 +167,7 @@ impl Evaluation<'_> {
     }
 
     /// Returns the axes of the root's three angles, in the object's frame; `None` where it has none.
-    fn root_turns(&self) -> Option<Matrix3<f64>> {
+    pub(crate) fn root_turns(&self) -> Option<Matrix3<f64>> {
         if self.hand.root != Root::Angles {
             return None;
         }

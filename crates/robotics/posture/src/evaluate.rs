@@ -9,6 +9,7 @@ use crate::{
     posture::{RootPose, logarithm},
     task::{PairResidual, Residual, Task, Terms},
     trig::{LANES, sin_cos},
+    vectors::{EndMotion, VectorPull},
 };
 
 /// The carrier of no moments.
@@ -72,6 +73,9 @@ pub(crate) struct Evaluation<'a> {
     pub(crate) sines: Vec<f64>,
     pub(crate) cosines: Vec<f64>,
     pub(crate) pulls: Vec<Pull>,
+    pub(crate) vector_pulls: Vec<VectorPull>,
+    /// Memory for the motions of a vector's ends.
+    pub(crate) end_motions: [Vec<EndMotion>; 2],
     pub(crate) residuals: Vec<Residual>,
     pub(crate) pair_residuals: Vec<PairResidual>,
     /// Second derivatives of the residuals of pairs, beside the Hessian.
@@ -141,6 +145,8 @@ impl<'a> Evaluation<'a> {
             sines: vec![0.0; n_bodies.next_multiple_of(LANES)],
             cosines: vec![1.0; n_bodies.next_multiple_of(LANES)],
             pulls: Vec::new(),
+            vector_pulls: Vec::new(),
+            end_motions: [Vec::new(), Vec::new()],
             residuals: Vec::new(),
             pair_residuals: Vec::new(),
             pairs: PairRows::default(),
@@ -166,6 +172,10 @@ impl<'a> Evaluation<'a> {
     pub(crate) fn cost<T: Terms>(&mut self, state: &State, task: &Task<'_>, terms: &mut T) -> f64 {
         self.place(state);
         let mut cost = self.pull(task) + self.springs_cost(state, task);
+        self.vector_pulls.clear();
+        if let Some(vectors) = &task.vectors {
+            cost += self.pull_vectors(vectors);
+        }
         self.residuals.clear();
         let posed = Posed {
             hand: self.hand,

@@ -58,11 +58,24 @@ impl Layout {
         points: &[BodyPoint],
         dof: usize,
     ) -> Result<Self, SolverError> {
+        Self::of_groups(root, bodies, &groups(bodies, points, dof))
+    }
+
+    /// Lays out the unknowns of these bodies with all of them in the trunk: every pair has a place.
+    pub(crate) fn coupled(root: Root, bodies: &[Body], dof: usize) -> Result<Self, SolverError> {
+        Self::of_groups(root, bodies, &vec![None; dof])
+    }
+
+    fn of_groups(
+        root: Root,
+        bodies: &[Body],
+        group_of_joint: &[Option<usize>],
+    ) -> Result<Self, SolverError> {
+        let dof = group_of_joint.len();
         let n_root = match root {
             Root::Fixed => 0,
             Root::Free | Root::Angles => 6,
         };
-        let group_of_joint = groups(bodies, points, dof);
         let n_groups = group_of_joint.iter().flatten().map(|&g| g + 1).max();
         let mut joints: Vec<usize> = (0..dof).filter(|&j| group_of_joint[j].is_none()).collect();
         let n_trunk = n_root + joints.len();
@@ -115,7 +128,7 @@ impl Layout {
     }
 
     /// Returns the index of the second derivative by two unknowns; `None` if it is always 0.
-    fn place(&self, a: usize, b: usize) -> Option<usize> {
+    pub(crate) fn place(&self, a: usize, b: usize) -> Option<usize> {
         match (self.finger(a), self.finger(b)) {
             (None, None) => Some(a.max(b) * self.stride + a.min(b)),
             (None, Some(_)) => Some(b * self.stride + a),
@@ -125,6 +138,13 @@ impl Layout {
             }
             (Some(_), Some(_)) => None,
         }
+    }
+
+    /// Returns the places of the second derivatives by all pairs of unknowns, `(unknown, unknown)`; 0 where there is
+    /// none, which is never asked for.
+    pub(crate) fn places(&self) -> Vec<usize> {
+        let pairs = (0..self.n).flat_map(|a| (0..self.n).map(move |b| (a, b)));
+        pairs.map(|(a, b)| self.place(a, b).unwrap_or(0)).collect()
     }
 
     /// Writes the matrix times a vector to `product`.

@@ -1,4 +1,4 @@
-//! Postures of a robot hand: points follow targets, links keep out of things, fingertips touch surfaces.
+//! Postures of a robot hand: points and vectors follow targets, links keep out of things, fingertips touch surfaces.
 //!
 //! A [`CompiledHand`] is a robot prepared once; a [`Task`] says what one step asks; a [`Solver`]
 //! moves a posture to a minimum of it, without allocating. [`Hand`] adds what a [`HandTable`] says of the
@@ -38,6 +38,7 @@ mod task;
 #[cfg(test)]
 mod tests;
 mod trig;
+mod vectors;
 
 pub use closing::{contact_share, openness};
 pub use compiled::{CompiledHand, Root};
@@ -49,9 +50,10 @@ pub use hand::{Hand, HandPoint};
 pub use hand_table::{FollowedPoint, HandTable};
 pub use minimize::{RootMotion, SearchOptions, SearchOutcome, Solver};
 pub use posture::{Posture, RootPose};
-pub use schemas::demonstrations::KEYPOINTS;
+pub use schemas::demonstrations::{KEYPOINTS, Side};
 pub use self_gap_terms::SelfGapTerms;
 pub use solver_error::SolverError;
 pub use task::{
     Loss, NoTerms, PairResidual, PosturePrior, Residual, Smoothness, Target, Task, Terms,
+    VectorTarget, VectorTargets,
 };

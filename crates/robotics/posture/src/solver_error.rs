@@ -26,6 +26,14 @@ pub enum SolverError {
         /// Number of attached points.
         found: usize,
     },
+    /// A target names a vector without which the hand was compiled.
+    #[error("no vector {vector}, the hand was compiled with {found}")]
+    NoVector {
+        /// The vector's number.
+        vector: usize,
+        /// Number of vectors.
+        found: usize,
+    },
     /// A list has the wrong length.
     #[error("{found} {what}, expected {expected}")]
     WrongLength {

@@ -6,16 +6,19 @@ use crate::{evaluate::Posed, posture::Posture};
 
 /// The function to minimize at one step of a motion:
 ///
-/// `Σ wᵢ ρ(pᵢ − tᵢ) + s Σ ‖pᵢ − p′ᵢ‖² + c ‖q − q′‖² + a ‖q − r‖² + Σ (v r)²`
+/// `Σ wᵢ ρ(pᵢ − tᵢ) + Σ uᵢ h(‖vᵢ − xᵢ‖) + s Σ ‖pᵢ − p′ᵢ‖² + c ‖q − q′‖² + a ‖q − r‖² + Σ (v r)²`
 ///
-/// over targeted points `p` with targets `t`, where dashes mark the step solved before. The last sum
-/// is over the residuals that a [`Terms`] hands in, of single points and of pairs of links.
+/// over targeted points `p` with targets `t` and vectors `v` between points with targets `x`, where dashes mark the
+/// step solved before. The last sum is over the residuals that a [`Terms`] hands in, of single points and of pairs of
+/// links.
 #[derive(Debug, Clone, Copy)]
 pub struct Task<'a> {
     /// Target positions of the points.
     pub targets: &'a [Target],
     /// Loss of a point's distance to its target.
     pub loss: Loss,
+    /// Target vectors between points, if there are any.
+    pub vectors: Option<VectorTargets<'a>>,
     /// Smoothness terms, relative to the step solved before; `None` for the first.
     pub smoothness: Option<Smoothness<'a>>,
     /// Regularization of otherwise unconstrained joints.
@@ -30,6 +33,27 @@ pub struct Target {
     /// Its target position in the object frame, in meters.
     pub point_in_object: Point3<f64>,
     /// The factor `w` of its loss.
+    pub weight: f64,
+}
+
+/// Target vectors between points.
+#[derive(Debug, Clone, Copy)]
+pub struct VectorTargets<'a> {
+    /// The targets.
+    pub vectors: &'a [VectorTarget],
+    /// Distance from the target up to which the loss `h` is the parabola `d²/2β`, in meters; beyond, it is `d − β/2`
+    /// (Huber, "Robust estimation of a location parameter", 1964, divided by β).
+    pub beta_m: f64,
+}
+
+/// Target of a vector from one point to another.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct VectorTarget {
+    /// The vector, as numbered when the hand was compiled.
+    pub vector: usize,
+    /// Its target along the object's axes, in meters.
+    pub vector_in_object: Vector3<f64>,
+    /// The factor `u` of its loss.
     pub weight: f64,
 }
 

@@ -180,6 +180,7 @@ fn case(noise: f64) -> impl Strategy<Value = Case> {
 const EMPTY_TASK: Task<'static> = Task {
     targets: &[],
     loss: Loss::Squared,
+    vectors: None,
     smoothness: None,
     prior: None,
 };
@@ -189,6 +190,7 @@ impl Case {
         Task {
             targets: &self.targets,
             loss,
+            vectors: None,
             smoothness: Some(Smoothness {
                 points: &self.points,
                 point_weight: 0.2,
@@ -256,24 +258,31 @@ fn derivatives(evaluation: &Evaluation<'_>) -> (DVector<f64>, DMatrix<f64>) {
 
 /// Compares gradient and Hessian with central differences of the cost and of the gradient.
 fn check_derivatives(case: &Case, root: Root, loss: Loss) -> Result<(), TestCaseError> {
-    const STEP: f64 = 1e-5;
     let model = made_up();
     let hand = CompiledHand::new(&model, root, &attached(&model)).unwrap();
+    check_derivatives_of(&hand, case, &case.task(loss))
+}
+
+fn check_derivatives_of(
+    hand: &CompiledHand,
+    case: &Case,
+    task: &Task<'_>,
+) -> Result<(), TestCaseError> {
+    const STEP: f64 = 1e-5;
     let n = hand.unknowns();
-    let task = case.task(loss);
     let mut terms = case.terms();
-    let mut evaluation = Evaluation::new(&hand);
+    let mut evaluation = Evaluation::new(hand);
     let q = hand.layout.joints.iter().map(|&j| case.at.q[j]).collect();
     let state = State {
         root: case.at.root,
         q,
     };
     let mut at = |step: &[f64]| {
-        let state = moved(&hand, &state, step);
-        let cost = evaluation.cost(&state, &task, &mut terms);
-        evaluation.differentiate(&state, &task, HessianForm::Exact);
+        let state = moved(hand, &state, step);
+        let cost = evaluation.cost(&state, task, &mut terms);
+        evaluation.differentiate(&state, task, HessianForm::Exact);
         let (gradient, hessian) = derivatives(&evaluation);
-        evaluation.slopes(&state, &task);
+        evaluation.slopes(&state, task);
         let alone = DVector::from_column_slice(&evaluation.gradient);
         (cost, gradient, hessian, alone)
     };
@@ -329,6 +338,36 @@ proptest! {
         check_derivatives(&case, root, loss)?;
     }
 
+    /// Of vectors from the palm, which have a place in the arrow, and between fingers, which have none there.
+    #[test]
+    fn derivatives_of_vectors_are_right(
+        case in case(0.05),
+        root in 0..3_usize,
+        between_fingers in any::<bool>(),
+        offsets in prop::array::uniform3(vector(0.05)),
+    ) {
+        let root = [Root::Fixed, Root::Free, Root::Angles][root];
+        let mut case = case;
+        case.before.root = case.at.root.turned(Vector3::new(0.01, 0.0, 0.02), case.direction * 0.05);
+        prop_assume!(offsets.iter().all(|offset| (offset.norm() - 0.02).abs() > 1e-4));
+        let ends = if between_fingers { [[0, 4], [7, 2], [6, 0]] } else { [[7, 0], [6, 4], [7, 6]] };
+        let model = made_up();
+        let hand = CompiledHand::with_vectors(&model, root, &attached(&model), &ends).unwrap();
+        prop_assert_eq!(hand.layout.fingers.is_empty(), between_fingers);
+        let place = |point| place_of(&case.at, root, point);
+        let vectors = offsets.iter().enumerate().map(|(vector, offset)| VectorTarget {
+            vector,
+            vector_in_object: place(ends[vector][1]) - place(ends[vector][0]) + offset,
+            weight: 0.5 + vector as f64,
+        });
+        let vectors: Vec<VectorTarget> = vectors.collect();
+        let task = Task {
+            vectors: Some(VectorTargets { vectors: &vectors, beta_m: 0.02 }),
+            ..case.task(Loss::Squared)
+        };
+        check_derivatives_of(&hand, &case, &task)?;
+    }
+
     /// From anywhere, limits hold and the cost only falls.
     #[test]
     fn answers_are_within_limits(case in case(0.2), start in posture(3.0), root in 0..3_usize) {
@@ -364,6 +403,7 @@ proptest! {
         let hand = CompiledHand::new(&model, Root::Fixed, &attached(&model)).unwrap();
         let mut solver = Solver::new(&hand);
         let task = Task {
+            vectors: None,
             smoothness: None,
             prior: Some(PosturePrior { q: &case.rest, weight: 1e-3 }),
             ..case.task(Loss::Squared)

@@ -290,6 +290,7 @@ pub(crate) fn task<'t>(
     Task {
         targets,
         loss: Loss::Squared,
+        vectors: None,
         smoothness,
         prior,
     }

@@ -74,6 +74,7 @@ pub(crate) fn own_points(hand: &Hand, posture: &Posture) -> [[f64; 3]; KEYPOINTS
     let nothing = Task {
         targets: &[],
         loss: posture::Loss::Squared,
+        vectors: None,
         smoothness: None,
         prior: None,
     };

@@ -2,7 +2,7 @@
 
 use nalgebra::Point3;
 use posture::{
-    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, NoTerms, Posture,
+    CollisionPenalty, ContactTarget, Environment, EnvironmentTerms, Hand, NoTerms, Posed, Posture,
     PosturePrior, SearchOptions, Smoothness, Solver, Target, Task,
 };
 use spatial::Pose;
@@ -225,33 +225,9 @@ impl<'a> Follower<'a> {
         let points = (0..self.context.hand.points.len())
             .filter_map(|idx| posed.point(idx))
             .collect::<Vec<_>>();
-        let mut tracking = Tracking {
-            limit_margin_rad: self.context.hand.limit_margin(&posture.q),
-            penetration_m: terms.object_depth_m(&posed),
-            table_penetration_m: terms.table_depth_m(&posed),
-            ..Tracking::default()
-        };
-        for ((point, goal), found) in self
+        let tracking = self
             .context
-            .hand
-            .points
-            .iter()
-            .zip(&goal.points)
-            .zip(&points)
-        {
-            if point.weight == 0.0 {
-                continue;
-            }
-            let distance = (found - goal.shown).norm();
-            tracking.keypoint_errors_m.push(distance);
-            if let Some(radius_m) = point.tip_radius_m {
-                tracking.tip_errors_m.push(distance);
-                if goal.contact.is_some() {
-                    let gap = self.context.environment.signed_distance(found).distance_m - radius_m;
-                    tracking.contact_gaps_m.push(gap);
-                }
-            }
-        }
+            .tracking(goal, &posed, &points, &terms, &posture.q);
         Ok(StepSolution {
             posture,
             points,
@@ -259,6 +235,24 @@ impl<'a> Follower<'a> {
             iterations: outcome.iterations,
             tracking,
         })
+    }
+
+    /// Measures how well a posture follows.
+    pub(crate) fn measured(
+        &mut self,
+        goal: &Goal,
+        posture: &Posture,
+    ) -> Result<Tracking, RetargetingError> {
+        let mut terms = self.context.terms(goal, 1.0);
+        let targets = self.context.targets(goal);
+        let task = self.context.task(&targets, None);
+        self.solver.place(&task, posture, &mut terms)?;
+        let posed = self.solver.posed();
+        let points: Vec<_> = (0..self.context.hand.points.len())
+            .filter_map(|idx| posed.point(idx))
+            .collect();
+        let (context, q) = (self.context, &posture.q);
+        Ok(context.tracking(goal, &posed, &points, &terms, q))
     }
 
     /// Returns the posture with these joint positions whose points lie nearest to the landmarks;
@@ -279,6 +273,7 @@ impl<'a> Follower<'a> {
         let task = Task {
             targets: &targets,
             loss: posture::Loss::Squared,
+            vectors: None,
             smoothness: None,
             prior: None,
         };
@@ -287,6 +282,39 @@ impl<'a> Follower<'a> {
 }
 
 impl<'a> StepContext<'a> {
+    /// Returns how well the hand follows at a posture, with its points there.
+    fn tracking(
+        self,
+        goal: &Goal,
+        posed: &Posed<'_>,
+        points: &[Point3<f64>],
+        terms: &EnvironmentTerms<'_>,
+        q: &[f64],
+    ) -> Tracking {
+        let mut tracking = Tracking {
+            limit_margin_rad: self.hand.limit_margin(q),
+            penetration_m: terms.object_depth_m(posed),
+            table_penetration_m: terms.table_depth_m(posed),
+            ..Tracking::default()
+        };
+        let goals = self.hand.points.iter().zip(&goal.points);
+        for ((point, goal), found) in goals.zip(points) {
+            if point.weight == 0.0 {
+                continue;
+            }
+            let distance = (found - goal.shown).norm();
+            tracking.keypoint_errors_m.push(distance);
+            if let Some(radius_m) = point.tip_radius_m {
+                tracking.tip_errors_m.push(distance);
+                if goal.contact.is_some() {
+                    let gap = self.environment.signed_distance(found).distance_m - radius_m;
+                    tracking.contact_gaps_m.push(gap);
+                }
+            }
+        }
+        tracking
+    }
+
     /// Returns where the followed points should be.
     fn targets(self, goal: &Goal) -> Vec<Target> {
         // So that both losses are the squared distance where it is small.
@@ -320,6 +348,7 @@ impl<'a> StepContext<'a> {
                     beta_m: config.smooth_l1_beta_m,
                 },
             },
+            vectors: None,
             smoothness: before.map(|before| Smoothness {
                 points: &before.points,
                 point_weight: config.smoothness_weight.powi(2),

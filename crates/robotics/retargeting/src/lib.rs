@@ -87,7 +87,7 @@ pub use config::{Loss, RetargetingConfig, Wrist};
 pub use error::RetargetingError;
 pub use landmarks::LandmarkStep;
 pub use live::{LivePosture, LiveRetargeting};
-pub use retarget::{Retargeted, retarget};
+pub use retarget::{Retargeted, retarget, tracking};
 pub use settle::settled;
 pub use survey::{Survey, survey};
 pub use tracking::Tracking;

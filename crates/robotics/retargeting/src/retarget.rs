@@ -1,7 +1,7 @@
 //! A whole motion, step by step, backward from the grasp.
 
 use motion::{Motion, Step};
-use posture::{Environment, Hand};
+use posture::{Environment, Hand, Posture};
 use spatial::Object;
 
 use crate::{
@@ -90,6 +90,29 @@ pub fn retarget(
     }))
 }
 
+/// Measures how well a motion, whoever made it, follows the landmarks at the same times.
+///
+/// # Errors
+///
+/// Fails if the motion has other joints than the hand.
+pub fn tracking(
+    hand: &Hand,
+    environment: &Environment,
+    config: &RetargetingConfig,
+    steps: &[LandmarkStep],
+    motion: &Motion<Object>,
+) -> Result<Vec<Tracking>, RetargetingError> {
+    let goals = goals(hand, environment, config, steps);
+    let mut follower = Follower::new(hand, environment, config);
+    let steps = motion.steps().iter().zip(&goals);
+    steps
+        .map(|(step, goal)| {
+            let posture = Posture::new(&step.frame_from_palm, step.q_rad.clone());
+            follower.measured(goal, &posture)
+        })
+        .collect()
+}
+
 /// Returns the goal of each step, the grasp's last.
 fn goals(
     hand: &Hand,
@@ -120,7 +143,7 @@ fn goals(
 #[cfg(test)]
 mod tests {
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
-    use posture::{KEYPOINTS, Posture, RootPose};
+    use posture::{KEYPOINTS, RootPose};
     use proptest::prelude::*;
     use spatial::{Palm, Pose};
 

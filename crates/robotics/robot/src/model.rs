@@ -185,6 +185,16 @@ impl RobotModel {
         urdf::parse(xml)
     }
 
+    /// Reads a robot as [`RobotModel::from_urdf`] does, with every joint independent: what its URDF says of joints that
+    /// mimic others is passed over.
+    ///
+    /// # Errors
+    ///
+    /// Fails as that does.
+    pub fn from_urdf_without_mimics(xml: &str) -> Result<Self, RobotError> {
+        urdf::read_robot(xml, urdf::Mimics::Independent)
+    }
+
     /// Reads a robot from the bytes of its URDF, as [`RobotModel::from_urdf`].
     ///
     /// # Errors

@@ -55,15 +55,24 @@ pub(crate) fn parse(text: &str) -> Result<RobotModel, RobotError> {
     if let Some((_, robot)) = read().iter().find(|(known, _)| **known == *text) {
         return Ok(robot.clone());
     }
-    let robot = read_robot(text)?;
+    let robot = read_robot(text, Mimics::Follow)?;
     let mut kept = read();
     kept.truncate(KEPT - 1);
     kept.insert(0, (text.into(), robot.clone()));
     Ok(robot)
 }
 
+/// Treatment of joints that mimic others.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Mimics {
+    /// They follow the others.
+    Follow,
+    /// They are independent, as if the URDF did not say so.
+    Independent,
+}
+
 /// Reads a robot from the text of its URDF.
-fn read_robot(text: &str) -> Result<RobotModel, RobotError> {
+pub(crate) fn read_robot(text: &str, mimics: Mimics) -> Result<RobotModel, RobotError> {
     let robot = xml::read(text)?;
     if robot.all("link").count() > MAX_LINKS || robot.all("joint").count() > MAX_LINKS {
         return Err(RobotError::TooLarge {
@@ -73,10 +82,15 @@ fn read_robot(text: &str) -> Result<RobotModel, RobotError> {
     }
     let mut findings = Vec::new();
     let repaired = repair::repaired(&robot, &mut findings)?;
-    let robot =
+    let mut robot =
         urdf_rs::read_from_string(&repaired.to_string()).map_err(|source| RobotError::Refused {
             source: Box::new(source),
         })?;
+    if mimics == Mimics::Independent {
+        for joint in &mut robot.joints {
+            joint.mimic = None;
+        }
+    }
     let lone_links: Vec<_> = robot
         .links
         .iter()

@@ -104,6 +104,7 @@ fn task<'t>(targets: &'t [Target], prior: Option<PosturePrior<'t>>) -> Task<'t> 
     Task {
         targets,
         loss: Loss::Squared,
+        vectors: None,
         smoothness: None,
         prior,
     }

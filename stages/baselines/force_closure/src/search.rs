@@ -132,6 +132,7 @@ impl Search<'_> {
         let task = Task {
             targets: &[],
             loss: Loss::Squared,
+            vectors: None,
             smoothness: None,
             prior: Some(prior),
         };
@@ -160,6 +161,7 @@ impl Search<'_> {
         let nothing = Task {
             targets: &[],
             loss: Loss::Squared,
+            vectors: None,
             smoothness: None,
             prior: None,
         };

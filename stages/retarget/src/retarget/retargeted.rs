@@ -5,7 +5,7 @@ use geometry::DistanceField;
 use lake::{LakeError, ReadArtifact, ReadInputs, WriteArtifact};
 use nalgebra::Point3;
 use posture::{Environment, HandTable};
-use retargeting::{LandmarkStep, RetargetingError, retarget, settled};
+use retargeting::{LandmarkStep, Retargeted, RetargetingError, retarget, settled};
 use schemas::{
     Table,
     demonstrations::{self, Demonstration},
@@ -14,7 +14,12 @@ use schemas::{
     trajectories::{Tracking, Trajectory, TrajectoryRates},
 };
 
-use super::{LoadedHand, fields::read_mesh, load_hand};
+use super::{
+    LoadedHand,
+    fields::read_mesh,
+    library::{self, Shown},
+    load_hand,
+};
 use crate::{RetargetConfig, RetargetError, recording};
 
 /// Greatest coordinate of a landmark in the object frame, in meters.
@@ -74,11 +79,24 @@ pub(super) fn make(
         keypoints_m: step.keypoints_m,
     });
     let shown: Vec<LandmarkStep> = shown.collect();
-    let retargeted = match retarget(&hand, &environment, &config.retargeting, &shown) {
+    let shown = Shown {
+        hand: &hand,
+        table: &table,
+        environment: &environment,
+        config: &config.retargeting,
+        steps: &shown,
+    };
+    let retargeted = match &config.dex_retargeting {
+        Some(_) => {
+            let path = &inputs.source(library::FILE)?.path;
+            library::retarget(&library::problem(path, &hand, &urdf)?, path, &shown)?
+        }
+        None => by_stage(&shown)?,
+    };
+    let retargeted = match retargeted {
         Ok(Some(retargeted)) => retargeted,
         Ok(None) => return Ok(Outcome::skipped("it has no step")),
-        Err(RetargetingError::Motion(err)) => return Ok(Outcome::skipped(err.to_string())),
-        Err(err) => return Err(RetargetError::from(err).into()),
+        Err(reason) => return Ok(Outcome::skipped(reason)),
     };
     if retargeted.grasp_keypoint_error_m > config.max_keypoint_error_m {
         return Ok(Outcome::skipped(format!(
@@ -87,6 +105,21 @@ pub(super) fn make(
             1000.0 * retargeted.grasp_keypoint_error_m
         )));
     }
+    let counts = [retargeted.restarts_n, retargeted.iterations_n];
+    let trajectory = trajectory(demonstration, &table, &environment, retargeted)?;
+    cx.write(&trajectory)?;
+    recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
+    let metrics = TrajectoryMetrics::of(&trajectory.tracking, counts);
+    Ok(Outcome::Made(metrics))
+}
+
+/// Returns the trajectory of a demonstration.
+fn trajectory(
+    demonstration: Demonstration,
+    table: &HandTable,
+    environment: &Environment,
+    retargeted: Retargeted,
+) -> Result<Trajectory, BoxedDiagnostic> {
     let of_tips = |is_tip: bool| {
         let points = table.points.iter();
         points
@@ -103,7 +136,7 @@ pub(super) fn make(
         }
     };
     let motion = retargeted.motion.with_rates(rates);
-    let trajectory = Trajectory {
+    Ok(Trajectory {
         sequence: demonstration.sequence,
         object: demonstration.object,
         keypoints: of_tips(false),
@@ -111,12 +144,16 @@ pub(super) fn make(
         rest: environment.rest(),
         motion: motion.map_err(BoxedDiagnostic::without_hint)?,
         tracking: retargeted.tracking.into_iter().map(columns).collect(),
-    };
-    cx.write(&trajectory)?;
-    recording::record(&urdf, &hand.model, &mesh, &trajectory, cx.folder())?;
-    let counts = [retargeted.restarts_n, retargeted.iterations_n];
-    let metrics = TrajectoryMetrics::of(&trajectory.tracking, counts);
-    Ok(Outcome::Made(metrics))
+    })
+}
+
+/// Retargets a demonstration by the stage's own objective; `None` of no step, a reason if its times make no motion.
+fn by_stage(shown: &Shown<'_>) -> Result<Result<Option<Retargeted>, String>, RetargetError> {
+    match retarget(shown.hand, shown.environment, shown.config, shown.steps) {
+        Ok(retargeted) => Ok(Ok(retargeted)),
+        Err(RetargetingError::Motion(err)) => Ok(Err(err.to_string())),
+        Err(err) => Err(err.into()),
+    }
 }
 
 /// Returns a step's tracking as columns of the table.

@@ -335,3 +335,90 @@ fn invalid_options_are_refused() {
     assert!(refused(|c| c.retargeting.max_iterations = usize::MAX).contains("`max_iterations`"));
     assert!(refused(|c| c.retargeting.max_iterations = 0).contains("`max_iterations`"));
 }
+
+/// Writes a configuration of dex-retargeting for the Allegro hand.
+fn configuration(folder: &Path, of_type: &str) -> PathBuf {
+    let path = folder.join("allegro.yml");
+    let text =
+        format!("retargeting:\n  urdf_path: allegro_right.urdf\n{of_type}  low_pass_alpha: 1\n");
+    fs::write(&path, text).unwrap();
+    path
+}
+
+const POSITION: &str = "  type: position
+  target_link_names: [ link_15.0_tip, link_3.0_tip, link_7.0_tip ]
+  target_link_human_indices: [ 4, 8, 12 ]
+  add_dummy_free_joint: True
+";
+const VECTOR: &str = "  type: vector
+  target_origin_link_names: [ base_link, base_link, base_link ]
+  target_task_link_names: [ link_15.0_tip, link_3.0_tip, link_7.0_tip ]
+  target_link_human_indices: [ [ 0, 0, 0 ], [ 4, 8, 12 ] ]
+";
+const DEXPILOT: &str = "  type: DexPilot
+  wrist_link_name: base_link
+  finger_tip_link_names: [ link_15.0_tip, link_3.0_tip, link_7.0_tip ]
+";
+
+#[test]
+fn objectives_of_dex_retargeting_make_trajectories() {
+    for of_type in [POSITION, VECTOR, DEXPILOT] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut config = config();
+        config.dex_retargeting = Some(configuration(folder.path(), of_type));
+        config.max_keypoint_error_m = 0.2;
+        Retarget::prepare(&config).unwrap();
+        let units = Trajectories::units(&config, &scope("box")).unwrap();
+        let Outcome::Made(made) = run(&config, &units[0], folder.path()) else {
+            panic!("nothing was made of {of_type}");
+        };
+        assert_eq!(made.steps_n, 3.0);
+        let (_, artifact) = place(folder.path(), "out");
+        let trajectory: Trajectory = lake::table::read(&artifact).unwrap();
+        assert_eq!((trajectory.keypoints.len(), trajectory.tips.len()), (9, 4));
+        let model = robot_meshes::load(URDF.as_ref()).unwrap().model;
+        assert_eq!(&trajectory.motion.joints()[..], model.joint_names());
+        for (step, tracking) in trajectory.motion.steps().iter().zip(&trajectory.tracking) {
+            assert_eq!(tracking.keypoint_errors_m.len(), 9);
+            for (q, joint) in step.q_rad.iter().zip(model.joints()) {
+                assert!((joint.lower..=joint.upper).contains(q), "{}", joint.name);
+            }
+        }
+        if of_type != POSITION {
+            // The palm is at the person's wrist, z to the middle finger.
+            let palm = trajectory.motion.grasp().frame_from_palm;
+            let [wrist, middle] = [0, 9].map(|idx| demonstration().steps[2].keypoints_m[idx]);
+            let way = (Point3::from(middle) - Point3::from(wrist)).normalize();
+            assert!((palm.translation.vector - Vector3::from(wrist)).norm() < 1e-9);
+            assert!((palm.rotation * Vector3::z() - way).norm() < 1e-9);
+        }
+    }
+}
+
+#[test]
+fn a_configuration_that_cannot_be_used_is_refused_before_the_run() {
+    let folder = tempfile::tempdir().unwrap();
+    let refused = |of_type: &str, parts: [&str; 2]| {
+        let mut config = config();
+        config.dex_retargeting = Some(configuration(folder.path(), of_type));
+        let err = Retarget::prepare(&config).unwrap_err();
+        let message = whole(&err);
+        assert!(message.contains("allegro.yml"), "{message}");
+        assert!(message.contains(parts[0]), "{message}");
+        let hint = err.hint().unwrap();
+        assert!(hint.contains(parts[1]), "{hint}");
+    };
+    let misspelled = VECTOR.replace("target_task_", "target_tasks_");
+    refused(
+        &misspelled,
+        ["target_tasks_link_names", "`target_task_link_names`"],
+    );
+    refused(
+        &VECTOR.replace("link_3.0_tip", "link_3_tip"),
+        ["`link_3_tip`", "`link_3.0_tip`"],
+    );
+    let mut config = config();
+    config.dex_retargeting = Some(folder.path().join("nowhere.yml"));
+    let err = Retarget::prepare(&config).unwrap_err();
+    assert!(err.to_string().contains("nowhere.yml"), "{err}");
+}
