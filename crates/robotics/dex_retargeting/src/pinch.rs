@@ -121,7 +121,7 @@ mod tests {
         let references = lengths_m.map(|length| [length, 0.0, 0.0]);
         let mut found = Vec::new();
         pinches.targets(&references, |_, target, weight| {
-            found.push((target.x, weight))
+            found.push((target.x, weight));
         });
         found
     }

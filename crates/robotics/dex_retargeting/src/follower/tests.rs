@@ -80,14 +80,14 @@ impl Follower<'_> {
 fn searches_end_at_minima_within_limits() {
     for text in [POSITION, VECTOR, DEXPILOT] {
         let problem = problem(text);
-        let mut follower = Follower::new(&problem);
+        let mut live = Follower::new(&problem);
         for landmarks in frames() {
-            let followed = follower.step(&landmarks).unwrap();
-            for (q, &(lower, upper)) in followed.posture.q.iter().zip(problem.limits()) {
+            let answer = live.step(&landmarks).unwrap();
+            for (q, &(lower, upper)) in answer.posture.q.iter().zip(problem.limits()) {
                 assert!((lower..=upper).contains(q));
             }
-            let found = followed.objective_m;
-            let least = follower.converged();
+            let found = answer.objective_m;
+            let least = live.converged();
             assert!(found <= 1.01 * least + 1e-6, "{found} {least}");
         }
     }
