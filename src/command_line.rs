@@ -1,9 +1,10 @@
 //! From the command line to an exit code.
 
-use std::{ffi::OsString, fmt::Display, path::PathBuf, process::ExitCode};
+use std::{env, ffi::OsString, fmt::Display, path::PathBuf, process::ExitCode};
 
 use clap::FromArgMatches;
 use dataflow::Kind;
+use rustix::process::Signal;
 
 use crate::{
     arguments::{Cli, Command},
@@ -15,6 +16,9 @@ use crate::{
     progress::Quiet,
     report,
 };
+
+/// Variable of the environment of a process that is to end, as at Ctrl-C, when the process that started it ends.
+pub const ENDS_WITH_PARENT: &str = "PIPELINE_ENDS_WITH_PARENT";
 
 /// The context of every command.
 pub(crate) struct Program<'a> {
@@ -68,6 +72,10 @@ pub fn command_line(kinds: &[Kind]) -> ExitCode {
 }
 
 fn execute(kinds: &[Kind]) -> u8 {
+    invocation::set_program();
+    if env::var_os(ENDS_WITH_PARENT).is_some() {
+        let _it_has_none = rustix::process::set_parent_process_death_signal(Some(Signal::INT));
+    }
     let cli = match arguments() {
         Ok(cli) => cli,
         Err(said) => return report::arguments(&said),

@@ -1,6 +1,15 @@
 //! How this program was started: as a process of its own, or by another program that holds it as a library.
 
-use std::{env, ffi::OsString, io, path::PathBuf, sync::OnceLock};
+use std::{
+    env,
+    ffi::OsString,
+    io,
+    path::PathBuf,
+    sync::{
+        OnceLock,
+        atomic::{AtomicBool, Ordering},
+    },
+};
 
 /// The program's file and the words of its command line, its name first.
 pub(crate) struct Invocation {
@@ -10,6 +19,19 @@ pub(crate) struct Invocation {
 
 /// What the program that holds this one says; unset in a process of its own.
 static TOLD: OnceLock<Invocation> = OnceLock::new();
+
+/// Whether a command line is executed, rather than single functions called.
+static IS_PROGRAM: AtomicBool = AtomicBool::new(false);
+
+/// Says that a command line is executed.
+pub(crate) fn set_program() {
+    IS_PROGRAM.store(true, Ordering::Relaxed);
+}
+
+/// Whether a command line is executed: only then may the process be ended.
+pub(crate) fn is_program() -> bool {
+    IS_PROGRAM.load(Ordering::Relaxed)
+}
 
 /// Says how the program was started; the first one to do so is believed.
 pub(crate) fn set(invocation: Invocation) {

@@ -36,7 +36,7 @@ mod timestamps;
 #[path = "../tests/simulation/histories.rs"]
 mod simulation;
 
-pub use command_line::{command_line, command_line_of};
+pub use command_line::{ENDS_WITH_PARENT, command_line, command_line_of};
 pub use commands::Direction;
 pub use kinds::kinds;
 pub use library::{

@@ -36,10 +36,17 @@ impl Error for Refusal {}
 impl From<CommandError> for Refusal {
     fn from(err: CommandError) -> Self {
         match err {
-            CommandError::File(err) => Self {
-                message: err.to_string(),
-                hint: err.problems.into_iter().find_map(|problem| problem.hint),
-            },
+            CommandError::File(err) => {
+                let place = err
+                    .problems
+                    .iter()
+                    .find_map(|problem| problem.location.as_ref());
+                let place = place.map_or_else(String::new, |place| format!("\n{place}"));
+                Self {
+                    message: format!("{err}{place}"),
+                    hint: err.problems.into_iter().find_map(|problem| problem.hint),
+                }
+            }
             CommandError::Usage { message, hint } => Self { message, hint },
             CommandError::Failed { error, hint } => Self {
                 message: chain(&error),

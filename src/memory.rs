@@ -9,7 +9,7 @@ use std::{
 
 use rustix::process::{Resource, getrlimit};
 
-use crate::{arguments::Command, outcome::CommandError};
+use crate::{arguments::Command, invocation, outcome::CommandError};
 
 const MB: u64 = 1_000_000;
 /// Address space for the tables and stages of a command that computes, beside what the program takes itself.
@@ -76,8 +76,11 @@ pub(crate) fn check(command: &Command) -> Result<(), CommandError> {
     Ok(())
 }
 
-/// Ends the program if a panic is of a thread that could not be started.
+/// Ends the program if a panic is of a thread that could not be started; another program that holds this one goes on.
 pub(crate) fn end_if_without_thread(panicked: &panic::PanicHookInfo<'_>) {
+    if !invocation::is_program() {
+        return;
+    }
     let text = panicked.to_string();
     if NO_THREAD.iter().any(|part| text.contains(part)) {
         end_without_thread();

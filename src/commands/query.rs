@@ -40,6 +40,7 @@ use self::{page::Page, question::Question, source::Source, tables::Tables};
 use crate::{
     arguments::{QueryArgs, QueryFormat},
     command_line::Program,
+    invocation,
     label::Label,
     memory,
     outcome::{CommandError, CommandOutcome},
@@ -114,8 +115,15 @@ fn with_large_stack<T: Send>(
         let asked = thread::Builder::new()
             .name("query".to_owned())
             .stack_size(STACK_BYTES)
-            .spawn_scoped(scope, answer)
-            .unwrap_or_else(|_| memory::end_without_thread());
+            .spawn_scoped(scope, answer);
+        let asked = match asked {
+            Ok(asked) => asked,
+            Err(_) if invocation::is_program() => memory::end_without_thread(),
+            Err(err) => {
+                let hint = "end other programs, or raise the limit of threads (`ulimit -u`)";
+                return Err(CommandError::failed(err, Some(hint.to_owned())));
+            }
+        };
         asked.join().unwrap_or_else(|panicked| {
             if IS_OWN_PANIC.load(Ordering::Relaxed) {
                 panic::resume_unwind(panicked);

@@ -24,6 +24,7 @@ def save_recording(
     rate: float = 30.0,
     hand: str = "right",
     table: ArrayLike | None = None,
+    overwrite: bool = False,
 ) -> None: ...
 
 class Error(Exception):
@@ -225,7 +226,7 @@ class Function:
     def sample(
         self,
         object: Object,
-        n: int = 64,
+        n: int | None = None,
         *,
         seed: int = 7,
         hand: Hand | None = None,

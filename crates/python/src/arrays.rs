@@ -291,6 +291,16 @@ fn shown(shape: &[usize]) -> String {
     }
 }
 
+/// Reads a count or a place, an argument called `name`: a number of Python's from 0 on.
+///
+/// # Errors
+///
+/// Fails with an exception if it is below 0.
+pub(crate) fn count(name: &str, number: i64) -> PyResult<usize> {
+    usize::try_from(number)
+        .map_err(|_below_0| wrong(format!("`{name}` is {number}"), "pass a number from 0 on"))
+}
+
 /// Makes an array of vectors of three numbers.
 ///
 /// # Errors

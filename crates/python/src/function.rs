@@ -10,11 +10,11 @@ use pyo3::{
 };
 use sampling::PlacedFunction;
 use schemas::checkpoint;
-use serde_json::json;
+use serde_json::{Value, json};
 use stage_sample::{Drawing, SampleConfig};
 
 use crate::{
-    arrays::Rows,
+    arrays::{Rows, count},
     candidates::{Candidates, given},
     error::{failed, wrong},
     hand::Hand,
@@ -65,23 +65,25 @@ impl Function {
         learned.map(|one| one.name.as_str()).collect()
     }
 
-    /// Draws `n` motions to an object.
+    /// Draws `n` motions to an object; without `n` as many as `options` say as `per_object`, or 64.
     ///
     /// They are those that a stage `sample` draws with the pipeline's `seed`, to the bit. `options` are that stage's, such
     /// as `steps`, `duration_s` and `spread`. `hand` is needed only for `draws` above 1, where a motion that is deep in
     /// object or table is drawn again.
-    #[pyo3(signature = (object, n=64, *, seed=7, hand=None, options=None))]
+    #[pyo3(signature = (object, n=None, *, seed=7, hand=None, options=None))]
     fn sample(
         &self,
         py: Python<'_>,
         object: &Object,
-        n: usize,
+        n: Option<i64>,
         seed: u64,
         hand: Option<&Hand>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Candidates> {
         let file = hand.map(|hand| hand.path.clone()).unwrap_or_default();
-        let n = [("per_object", json!(n))];
+        let n = n.map(|n| count("n", n)).transpose()?;
+        let n = n.map(|n| ("per_object", json!(n)));
+        let n: Vec<(&str, Value)> = n.into_iter().collect();
         let config: SampleConfig = options::read(SAMPLE, options, Some(&file), &n)?;
         if config.draws > 1 && hand.is_none() {
             return Err(wrong(
@@ -95,18 +97,18 @@ impl Function {
         };
         let seed = seed_of(seed, SAMPLE, &object.object.name)?;
         let drawn = in_threads(py, |_| {
-            Drawing {
+            let drawn = Drawing {
                 config: &config,
                 cgf: &self.0,
                 object: &object.object,
                 shown: None,
                 field: field.as_deref(),
                 hand: hand.map(|hand| &hand.hand.model),
-            }
-            .draw(seed)
+            };
+            let (candidates, _) = drawn.draw(seed).map_err(|err| failed(&err, err.hint()))?;
+            Candidates::stored(candidates)
         })?;
-        let (candidates, _) = drawn.map_err(|err| failed(&err, err.hint()))?;
-        Candidates::stored(candidates)
+        Ok(drawn?.of(object))
     }
 
     /// Decodes latent codes `(n, latent)` at `times` `(steps,)`, in seconds, increasing from 0 or later to the grasp at
@@ -120,8 +122,9 @@ impl Function {
         codes: &Bound<'_, PyAny>,
         times: &Bound<'_, PyAny>,
         duration: f64,
-        rest: usize,
+        rest: i64,
     ) -> PyResult<Candidates> {
+        let rest = count("rest", rest)?;
         let codes = Rows::read("codes", codes, &[self.latent()])?;
         let times = Rows::read("times", times, &[])?;
         let times_s: Vec<f64> = (0..times.len()).map(|idx| times.row(idx)[0]).collect();
@@ -155,7 +158,7 @@ impl Function {
             PlacedFunction::new(&self.0, &sampled, rest.rest)?.decode(&latents, &times_s, duration)
         })?;
         let decoded = decoded.map_err(|err| {
-            let hint = "pass times that increase";
+            let hint = "pass times that increase, and codes of the size that samples have";
             failed(&err, Some(hint.to_owned()))
         })?;
         let placed = rest.rest.table_from_object();
@@ -163,11 +166,12 @@ impl Function {
         let motions = motions.map(|(number, (motion, code))| {
             given(&object.object.name, number, placed, code, motion)
         });
-        Ok(Candidates(schemas::candidates::Candidates {
+        let motions = schemas::candidates::Candidates {
             object: object.object.name.clone(),
             joints: self.joint_names().into(),
             candidates: motions.collect(),
-        }))
+        };
+        Ok(Candidates::from(motions).of(object))
     }
 
     fn __repr__(&self) -> String {

@@ -1,6 +1,6 @@
 //! Hands: motions refined and judged.
 
-use std::path::PathBuf;
+use std::path::{PathBuf, absolute};
 
 use dataflow::Diagnostic;
 use planning::{ArmSetup, Planner, PlannerConfig};
@@ -19,7 +19,7 @@ use stage_report::ObjectMesh;
 use stage_screen::ScreenConfig;
 
 use crate::{
-    arrays::{Array, Rows, corners, vector, vectors},
+    arrays::{Array, Rows, corners, count, vector, vectors},
     candidates::Candidates,
     error::{failed, wrong},
     object::{Object, seed_of},
@@ -47,6 +47,8 @@ impl Hand {
     /// Loads a hand with its meshes.
     #[new]
     fn new(path: PathBuf) -> PyResult<Self> {
+        // The file is read again for options: from wherever the process is then.
+        let path = absolute(&path).map_err(|err| failed(&err, None))?;
         let (hand, _) = own_hand::load(&path)?;
         let urdf = hand_files::urdf_of(&path).map_err(|err| failed(&err, err.hint()))?;
         Ok(Self { path, urdf, hand })
@@ -102,7 +104,7 @@ impl Hand {
         let config: RefineConfig = options::read("refine", options, Some(&self.path), &[])?;
         self.check("refine", object, candidates)?;
         let field = object.field(py)?;
-        let given = candidates.0.clone();
+        let given = candidates.motions.clone();
         let refined = in_threads(py, |cancellation| {
             Refinement {
                 config: &config,
@@ -112,14 +114,16 @@ impl Hand {
                 is_canceled: &|| cancellation.is_asked(),
             }
             .refine(given, RefusedDraws::default())
+            .map_err(|err| failed(&err, None))
+            .and_then(|refined| Candidates::stored(refined.candidates))
         })?;
-        let refined = refined.map_err(|err| failed(&err, None))?;
-        Candidates::stored(refined.candidates)
+        Ok(refined?.of(object))
     }
 
     /// Judges motions in physics: the verdicts of a stage `screen` with the pipeline's `seed`, to the bit.
     ///
-    /// `options` are that stage's. Each motion alone gets the same verdict.
+    /// `options` are that stage's. Each motion alone gets the same verdict. The object is set down as `table_from_object`
+    /// turns it, and the reach takes the protocol's time, whatever the motion's.
     #[pyo3(signature = (object, candidates, *, seed=7, options=None))]
     fn screen(
         &self,
@@ -131,7 +135,7 @@ impl Hand {
     ) -> PyResult<Rollouts> {
         let config = self.screen_config(object, candidates, options)?;
         let seed = seed_of(seed, SCREEN, &object.object.name)?;
-        let all = &candidates.0;
+        let all = &candidates.motions;
         let judged = in_threads(py, |cancellation| {
             let model = &self.hand.model;
             let screening = stage_screen::screening(&config, model, &object.object, all, seed);
@@ -156,13 +160,14 @@ impl Hand {
         py: Python<'_>,
         object: &Object,
         candidates: &Candidates,
-        number: usize,
+        number: i64,
         seed: u64,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Rollout> {
+        let number = count("number", number)?;
         let config = self.screen_config(object, candidates, options)?;
         let seed = seed_of(seed, SCREEN, &object.object.name)?;
-        let all = &candidates.0;
+        let all = &candidates.motions;
         let n = all.candidates.len();
         if number >= n {
             return Err(wrong(
@@ -223,7 +228,7 @@ impl Hand {
             failed(&err, Some(hint.to_owned()))
         })?;
         in_threads(py, |cancellation| {
-            let all = candidates.0.candidates.par_iter();
+            let all = candidates.motions.candidates.par_iter();
             let running = all.take_any_while(|_| !cancellation.is_asked());
             running
                 .map(|one| Plan(planner.plan(&one.motion, &one.table_from_object)))
@@ -253,7 +258,10 @@ impl Hand {
     /// Checks that motions move this hand's joints and grasp this object.
     fn check(&self, stage: &'static str, object: &Object, candidates: &Candidates) -> PyResult<()> {
         candidates.check_object(object)?;
-        let of_object = (candidates.0.object.as_str(), &candidates.0.joints[..]);
+        let of_object = (
+            candidates.motions.object.as_str(),
+            &candidates.motions.joints[..],
+        );
         HandMismatch::check(stage, of_object, (&self.urdf, &self.hand.model)).map_err(|err| {
             let hint = "pass motions of this hand's joints, in any order";
             failed(&err, Some(hint.to_owned()))

@@ -1,6 +1,9 @@
 //! Lakes: their tables as Arrow.
 
-use std::path::PathBuf;
+use std::{
+    path::PathBuf,
+    sync::{Mutex, MutexGuard, PoisonError},
+};
 
 use ::lake::ReadArtifact;
 use ::pipeline::{Direction, LineageOf, Wanted};
@@ -87,7 +90,13 @@ impl Lake {
     ///
     /// It is that of the newest run that made objects, or of `run`; `stage` names the stage if several made objects.
     #[pyo3(signature = (name, *, stage=None, run=None))]
-    fn object(&self, name: &str, stage: Option<&str>, run: Option<&str>) -> PyResult<Object> {
+    fn object(
+        &self,
+        py: Python<'_>,
+        name: &str,
+        stage: Option<&str>,
+        run: Option<&str>,
+    ) -> PyResult<Object> {
         let wanted = Wanted {
             artifact: schemas::objects::Object::NAME,
             stage,
@@ -95,7 +104,7 @@ impl Lake {
             run,
         };
         let object: schemas::objects::Object =
-            self.one(&wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
+            self.one(py, &wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
         Ok(object.into())
     }
 
@@ -104,6 +113,7 @@ impl Lake {
     #[pyo3(signature = (object, *, stage=None, run=None))]
     fn candidates(
         &self,
+        py: Python<'_>,
         object: &str,
         stage: Option<&str>,
         run: Option<&str>,
@@ -114,13 +124,20 @@ impl Lake {
             partition: Some(object),
             run,
         };
-        self.one(&wanted, |artifact| Ok(::lake::table::read(artifact)?))
-            .map(Candidates)
+        let motions: schemas::candidates::Candidates =
+            self.one(py, &wanted, |artifact| Ok(::lake::table::read(artifact)?))?;
+        Ok(motions.into())
     }
 
     /// Loads the function of the newest run that trained one, or of `run`; `epoch` is "last" or "best".
     #[pyo3(signature = (*, epoch="last", stage=None, run=None))]
-    fn function(&self, epoch: &str, stage: Option<&str>, run: Option<&str>) -> PyResult<Function> {
+    fn function(
+        &self,
+        py: Python<'_>,
+        epoch: &str,
+        stage: Option<&str>,
+        run: Option<&str>,
+    ) -> PyResult<Function> {
         let files = function::files(epoch)?;
         let wanted = Wanted {
             artifact: checkpoint::NAME,
@@ -128,13 +145,11 @@ impl Lake {
             partition: None,
             run,
         };
-        let [weights, description] = self.one(&wanted, |artifact| {
-            Ok([
-                artifact.path(files.weights)?.to_owned(),
-                artifact.path(files.description)?.to_owned(),
-            ])
-        })?;
-        Function::read(&weights, &description)
+        // Read while the artifact is kept.
+        self.one(py, &wanted, |artifact| {
+            let weights = artifact.path(files.weights)?;
+            Ok(Function::read(weights, artifact.path(files.description)?))
+        })?
     }
 
     /// Opens the recordings of an artifact, one after another: "demonstrations", "trajectories", "rollouts" or "executions",
@@ -142,6 +157,7 @@ impl Lake {
     #[pyo3(signature = (artifact, *, partition=None, stage=None, run=None))]
     fn recordings(
         &self,
+        py: Python<'_>,
         artifact: &str,
         partition: Option<&str>,
         stage: Option<&str>,
@@ -153,7 +169,7 @@ impl Lake {
             partition,
             run,
         };
-        let found = self.all(&wanted, |artifact| {
+        let found = self.all(py, &wanted, |artifact| {
             let files = artifact.files.iter();
             let recordings = files.filter(|(name, _)| name.ends_with(".mcap"));
             Ok(recordings
@@ -161,7 +177,7 @@ impl Lake {
                 .collect::<Vec<PathBuf>>())
         })?;
         let paths: Vec<PathBuf> = found.into_iter().flatten().collect();
-        Ok(Recordings(paths.into_iter()))
+        Ok(Recordings(Mutex::new(paths.into_iter())))
     }
 
     /// The lineage of an artifact, such as "screen.rollouts", and of its `partition` alone if that is given: a dict as
@@ -181,7 +197,7 @@ impl Lake {
             direction: if down { Direction::Down } else { Direction::Up },
             run,
         };
-        let found = pipeline::lineage(&self.path, &of);
+        let found = py.detach(|| pipeline::lineage(&self.path, &of));
         let json = found.map_err(|err| options::refused(&err))?.to_string();
         py.import("json")?.call_method1("loads", (json,))
     }
@@ -193,22 +209,24 @@ impl Lake {
 
 impl Lake {
     /// Reads artifacts.
-    fn all<T>(
+    fn all<T: Send>(
         &self,
+        py: Python<'_>,
         wanted: &Wanted<'_>,
-        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic>,
+        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic> + Send,
     ) -> PyResult<Vec<T>> {
-        let found = pipeline::read_artifacts(&self.path, wanted, read);
+        let found = py.detach(|| pipeline::read_artifacts(&self.path, wanted, read));
         found.map_err(|err| options::refused(&err))
     }
 
     /// Reads the first of the artifacts.
-    fn one<T>(
+    fn one<T: Send>(
         &self,
+        py: Python<'_>,
         wanted: &Wanted<'_>,
-        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic>,
+        read: impl FnMut(&Artifact) -> Result<T, BoxedDiagnostic> + Send,
     ) -> PyResult<T> {
-        let first = self.all(wanted, read)?.into_iter().next();
+        let first = self.all(py, wanted, read)?.into_iter().next();
         first.ok_or_else(|| {
             wrong(
                 format!("no `{}` of that run is kept", wanted.artifact),
@@ -219,8 +237,8 @@ impl Lake {
 }
 
 /// An iterator over recordings; each is opened when its turn comes.
-#[pyclass(module = "pipeline")]
-pub(crate) struct Recordings(std::vec::IntoIter<PathBuf>);
+#[pyclass(frozen, module = "pipeline")]
+pub(crate) struct Recordings(Mutex<std::vec::IntoIter<PathBuf>>);
 
 #[pymethods]
 impl Recordings {
@@ -228,13 +246,19 @@ impl Recordings {
         slf
     }
 
-    fn __next__(&mut self, py: Python<'_>) -> PyResult<Option<Recording>> {
-        let next = self.0.next();
+    fn __next__(&self, py: Python<'_>) -> PyResult<Option<Recording>> {
+        let next = self.left().next();
         next.map(|path| Recording::new(py, path)).transpose()
     }
 
     fn __len__(&self) -> usize {
-        self.0.len()
+        self.left().len()
+    }
+}
+
+impl Recordings {
+    fn left(&self) -> MutexGuard<'_, std::vec::IntoIter<PathBuf>> {
+        self.0.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
@@ -256,8 +280,8 @@ impl Table {
             .collect()
     }
 
-    /// A column as a numpy array `(n,)`: numbers as float64, where nulls are nan, truths without nulls as bool, texts as str,
-    /// where nulls are None.
+    /// A column as a numpy array `(n,)`: numbers as float64 (whole ones above 2⁵³ are rounded), where nulls are nan, truths
+    /// without nulls as bool, texts as objects, where nulls are None.
     fn column<'py>(&self, py: Python<'py>, name: &str) -> PyResult<Array<'py>> {
         let column = self.0.column_by_name(name).ok_or_else(|| {
             wrong(
@@ -273,7 +297,7 @@ impl Table {
         ) {
             let texts = cast(&DataType::Utf8)?;
             let texts: Vec<Option<&str>> = texts.as_string::<i32>().iter().collect();
-            return py.import("numpy")?.call_method1("array", (texts,));
+            return py.import("numpy")?.call_method1("array", (texts, "object"));
         }
         let is_truth = *kind == DataType::Boolean;
         if !kind.is_numeric() && !is_truth {

@@ -6,7 +6,7 @@ use std::{
     sync::{Arc, OnceLock},
 };
 
-use dataflow::unit_seed;
+use dataflow::{Digest, unit_seed};
 use geometry::{DistanceField, TriMesh};
 use nalgebra::Point3;
 use pyo3::{
@@ -28,6 +28,11 @@ use crate::{
 
 /// Stage whose seeds [`Object::from_mesh`] takes.
 const INGEST: &str = "ingest";
+/// Largest height of the lowest point of an object that stands, above or below the table, in meters: errors of
+/// perception are less.
+const STANDING_M: f64 = 0.02;
+/// Largest mass, in kilograms.
+const MAX_MASS_KG: f64 = 1000.0;
 /// Fewest points that span a body.
 const MIN_POINTS: usize = 4;
 
@@ -37,6 +42,8 @@ const MIN_POINTS: usize = 4;
 #[pyclass(frozen, module = "pipeline")]
 pub(crate) struct Object {
     pub(crate) object: schemas::objects::Object,
+    /// Of its mesh and mass.
+    pub(crate) digest: Digest,
     /// Distances from its surface, computed when they are first needed.
     field: OnceLock<Arc<DistanceField>>,
 }
@@ -206,7 +213,10 @@ impl Object {
 
 impl From<schemas::objects::Object> for Object {
     fn from(object: schemas::objects::Object) -> Self {
+        let numbers = object.vertices_m.iter().flatten().chain([&object.mass_kg]);
+        let bytes: Vec<u8> = numbers.flat_map(|number| number.to_le_bytes()).collect();
         Self {
+            digest: Digest::of_bytes(&bytes),
             object,
             field: OnceLock::new(),
         }
@@ -222,10 +232,10 @@ impl Object {
         mass_kg: f64,
         (seed, options): (u64, Option<&Bound<'_, PyDict>>),
     ) -> PyResult<Self> {
-        if !(mass_kg.is_finite() && mass_kg > 0.0) {
+        if !(0.0..=MAX_MASS_KG).contains(&mass_kg) || mass_kg == 0.0 {
             return Err(wrong(
                 format!("`mass` is {mass_kg}"),
-                "pass a mass in kilograms above 0",
+                "pass a mass in kilograms that a hand lifts, above 0 and at most 1000",
             ));
         }
         // Of the stage's options only those of the shape count here.
@@ -256,7 +266,7 @@ impl Object {
     ) -> PyResult<Pose<Table, spatial::Object>> {
         let name = "table_from_object";
         if let Some(given) = given {
-            return arrays::pose(name, &Rows::one(name, given, &[4, 4])?);
+            return self.standing(name, &Rows::one(name, given, &[4, 4])?);
         }
         let rest = self.object.rests.first().ok_or_else(|| {
             wrong(
@@ -265,6 +275,26 @@ impl Object {
             )
         })?;
         Ok(rest.rest.table_from_object())
+    }
+
+    /// Reads a pose on the table, of an argument called `name`: the object stands on it.
+    pub(crate) fn standing(
+        &self,
+        name: &str,
+        matrix: &[f64],
+    ) -> PyResult<Pose<Table, spatial::Object>> {
+        let pose: Pose<Table, spatial::Object> = arrays::pose(name, matrix)?;
+        let points = self.object.vertices_m.iter().map(|&at| Point3::from(at));
+        let lowest_m = points
+            .map(|at| (*pose * at).z)
+            .fold(f64::INFINITY, f64::min);
+        if lowest_m.abs() > STANDING_M {
+            return Err(wrong(
+                format!("in `{name}` the object's lowest point is {lowest_m:.3} m above the table"),
+                "pass a pose in which it stands on z = 0; `object.resting_poses` has some",
+            ));
+        }
+        Ok(pose)
     }
 
     /// Returns its mesh.

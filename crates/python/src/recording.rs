@@ -4,25 +4,29 @@ use std::{
     collections::BTreeMap,
     fs,
     path::{Path, PathBuf},
-    sync::Arc,
+    sync::{Arc, Mutex, PoisonError},
 };
 
 use ::lake::recording::{Contents, read};
 use dataflow::Diagnostic;
 use pyo3::{
     prelude::*,
-    types::{PyAny, PyDict},
+    types::{PyAny, PyBytes, PyDict},
 };
 use schemas::ros2::json_of;
 
 use crate::{
     arrays::{self, Rows},
-    error::{failed, wrong},
+    error::{self, failed, wrong},
     object::Object,
 };
 
 /// Coordinates of the 21 landmarks of a hand.
 const LANDMARKS: [usize; 2] = [21, 3];
+/// Folder of a dataset that has its objects' meshes.
+const MODELS: &str = "models";
+/// Rates of cameras that film a hand, in images per second.
+const RATES_HZ: std::ops::RangeInclusive<f64> = 1.0..=10_000.0;
 
 /// A recording: messages of ROS 2 in an MCAP file, in the order in which they were written.
 ///
@@ -73,7 +77,7 @@ impl Recording {
     fn __iter__(&self) -> Messages {
         Messages {
             contents: Arc::clone(&self.contents),
-            next: 0,
+            next: Mutex::new(0),
             topic: None,
         }
     }
@@ -108,10 +112,10 @@ impl Recording {
 }
 
 /// An iterator over the messages of a recording.
-#[pyclass(module = "pipeline")]
+#[pyclass(frozen, module = "pipeline")]
 pub(crate) struct Messages {
     contents: Arc<Contents>,
-    next: usize,
+    next: Mutex<usize>,
     topic: Option<String>,
 }
 
@@ -121,18 +125,19 @@ impl Messages {
         slf
     }
 
-    fn __next__<'py>(
-        &mut self,
-        py: Python<'py>,
-    ) -> PyResult<Option<(String, f64, Bound<'py, PyAny>)>> {
+    fn __next__<'py>(&self, py: Python<'py>) -> PyResult<Option<(String, f64, Bound<'py, PyAny>)>> {
         let wanted = self.topic.as_deref();
-        let left = self.contents.messages.iter().enumerate().skip(self.next);
-        let mut left =
-            left.filter(|(_, message)| wanted.is_none_or(|topic| message.topic == topic));
-        let Some((place, message)) = left.next() else {
-            return Ok(None);
+        let message = {
+            let mut next = self.next.lock().unwrap_or_else(PoisonError::into_inner);
+            let left = self.contents.messages.iter().enumerate().skip(*next);
+            let mut left =
+                left.filter(|(_, message)| wanted.is_none_or(|topic| message.topic == topic));
+            let Some((place, message)) = left.next() else {
+                return Ok(None);
+            };
+            *next = place + 1;
+            message
         };
-        self.next = place + 1;
         let fields = json_of(&message.message_type, &message.cdr).ok_or_else(|| {
             wrong(
                 format!(
@@ -159,9 +164,11 @@ impl Messages {
 /// meters, as a `Retargeter` takes them, and `object_poses` `(n, 4, 4)` the poses of the object, both in one frame and at
 /// `rate` images per second. `table` `(4, 4)` is the pose of the table in that frame, z up and z = 0 its surface; it may be
 /// left out if other objects show it. `hand` is the side of the person's hand. The object's mesh is stored beside, unless it
-/// is there.
+/// is there. A recording that is there is replaced only with `overwrite`.
 #[pyfunction]
-#[pyo3(signature = (root, subject, sequence, object, landmarks, object_poses, *, rate=30.0, hand="right", table=None))]
+#[pyo3(signature = (
+    root, subject, sequence, object, landmarks, object_poses, *, rate=30.0, hand="right", table=None, overwrite=false
+))]
 #[expect(
     clippy::too_many_arguments,
     clippy::needless_pass_by_value,
@@ -178,6 +185,7 @@ pub(crate) fn save_recording(
     rate: f64,
     hand: &str,
     table: Option<&Bound<'_, PyAny>>,
+    overwrite: bool,
 ) -> PyResult<()> {
     let shown = Rows::read("landmarks", landmarks, &LANDMARKS)?;
     let poses = Rows::read("object_poses", object_poses, &[4, 4])?;
@@ -185,13 +193,14 @@ pub(crate) fn save_recording(
     for (name, text) in [("subject", subject), ("sequence", sequence)] {
         let is_plain = !text.is_empty()
             && !text.starts_with('.')
+            && text != MODELS
             && text
                 .chars()
                 .all(|c| c.is_ascii_alphanumeric() || "_-.".contains(c));
         if !is_plain {
             return Err(wrong(
                 format!("`{name}` is {text:?}"),
-                "pass a name of letters, digits, `_`, `-` and `.`",
+                "pass a name of letters, digits, `_`, `-` and `.`, other than that of the folder `models`",
             ));
         }
     }
@@ -201,8 +210,17 @@ pub(crate) fn save_recording(
             "pass \"right\" or \"left\"",
         ));
     }
-    if !(rate.is_finite() && rate > 0.0) {
-        return Err(wrong(format!("`rate` is {rate}"), "pass images per second"));
+    if !RATES_HZ.contains(&rate) {
+        return Err(wrong(
+            format!("`rate` is {rate}"),
+            "pass images per second, from 1 to 10,000",
+        ));
+    }
+    if !shown.is_batch || shown.len() < 2 {
+        return Err(wrong(
+            "there are fewer than two images".to_owned(),
+            "pass landmarks (n, 21, 3) and poses (n, 4, 4) of two images or more",
+        ));
     }
     let mut about = format!(
         "object: {:?}\nhand: {hand}\nimages: {}\nrate_hz: {rate:?}\n",
@@ -221,7 +239,7 @@ pub(crate) fn save_recording(
     }
     let folder = root.join(subject).join(sequence);
     let mesh = root
-        .join("models")
+        .join(MODELS)
         .join(&object.object.name)
         .join("textured_simple.obj");
     let failed_at = |path: &Path, err: std::io::Error| {
@@ -236,9 +254,24 @@ pub(crate) fn save_recording(
     {
         fs::create_dir_all(folder).map_err(|err| failed_at(folder, err))?;
     }
+    let text = object.mesh().to_obj();
     if !mesh.exists() {
-        let text = object.mesh().to_obj();
-        ::lake::write_atomic(&mesh, text.as_bytes()).map_err(|err| failed(&err, err.hint()))?;
+        error::write(&mesh, text.as_bytes())?;
+    } else if fs::read(&mesh).is_ok_and(|there| there != text.as_bytes()) {
+        return Err(wrong(
+            format!(
+                "`{}` is the mesh of another object of this name",
+                mesh.display()
+            ),
+            "give the object a name of its own",
+        ));
+    }
+    let description = folder.join("track.yml");
+    if description.exists() && !overwrite {
+        return Err(wrong(
+            format!("there is a recording `{}`", folder.display()),
+            "pass another `sequence`, or `overwrite=True`",
+        ));
     }
     let arrays = PyDict::new(py);
     let n = Some(shown.len());
@@ -247,10 +280,17 @@ pub(crate) fn save_recording(
         .collect();
     arrays.set_item("keypoints_m", arrays::array(py, &all, n, &LANDMARKS)?)?;
     arrays.set_item("world_from_object", arrays::array(py, &numbers, n, &[7])?)?;
-    let track = folder.join("track.npz");
+    let archive = py.import("io")?.call_method0("BytesIO")?;
     py.import("numpy")?
-        .call_method("savez", (&track,), Some(&arrays))?;
-    // What makes the folder a recording comes last.
-    let description = folder.join("track.yml");
-    ::lake::write_atomic(&description, about.as_bytes()).map_err(|err| failed(&err, err.hint()))
+        .call_method("savez", (&archive,), Some(&arrays))?;
+    let archive = archive.call_method0("getvalue")?;
+    // What makes the folder a recording is gone before its track changes, and comes last.
+    if description.exists() {
+        fs::remove_file(&description).map_err(|err| failed_at(&description, err))?;
+    }
+    error::write(
+        &folder.join("track.npz"),
+        archive.cast::<PyBytes>()?.as_bytes(),
+    )?;
+    error::write(&description, about.as_bytes())
 }

@@ -11,7 +11,7 @@ use stage_report::{Contact, Moment, ObjectMesh, RecordedMotion};
 
 use crate::{
     arrays::{self, Array, array, vector, vectors},
-    error::failed,
+    error::{self, failed},
 };
 
 /// Verdicts on motions, and what was measured of each.
@@ -158,12 +158,15 @@ impl Rollout {
     fn contacts<'py>(
         &self,
         py: Python<'py>,
-        step: usize,
+        step: i64,
     ) -> PyResult<(Vec<String>, Array<'py>, Array<'py>)> {
         let n = self.steps.len();
-        let step = self.steps.get(step).ok_or_else(|| {
-            pyo3::exceptions::PyIndexError::new_err(format!("there is no step {step} of {n}"))
-        })?;
+        let step = self
+            .steps
+            .get(arrays::count("step", step)?)
+            .ok_or_else(|| {
+                pyo3::exceptions::PyIndexError::new_err(format!("there is no step {step} of {n}"))
+            })?;
         let links = self.hand.links();
         let names = step.contacts.iter().filter_map(|one| links.get(one.link));
         let points: Vec<[f64; 3]> = step
@@ -207,7 +210,7 @@ impl Rollout {
             };
             let bytes = shown.to_glb(&self.name, usize::MAX);
             let bytes = bytes.map_err(|err| failed(&err, err.hint()))?;
-            lake::write_atomic(&path, &bytes).map_err(|err| failed(&err, err.hint()))
+            error::write(&path, &bytes)
         })
     }
 

@@ -1,8 +1,9 @@
 //! Runs of pipeline files, each a process of its own.
 
 use std::{
+    ffi::OsString,
     io::{BufRead, BufReader, Read},
-    path::Path,
+    path::{Path, PathBuf},
     process::{Child, Command, ExitStatus, Stdio},
     sync::mpsc::{self, RecvTimeoutError},
     thread,
@@ -15,8 +16,14 @@ use pyo3::{
 };
 use rustix::process::{Pid, Signal, kill_process};
 
-use crate::{error::wrong, threads::signals};
+use crate::{
+    error::{raised, wrong},
+    threads::signals,
+};
 
+/// Starts the program of the module, whatever lies in the folder in which it runs.
+const PROGRAM: &str = "import sys; sys.path = [p for p in sys.path if p]; \
+                       from pipeline.__main__ import main; sys.exit(main())";
 /// Time after which a run looks for signals.
 const PATIENCE: Duration = Duration::from_millis(50);
 /// Exit code of a run of which items were skipped.
@@ -83,12 +90,10 @@ pub(crate) fn run(
             Ok(_) | Err(RecvTimeoutError::Timeout) => Ok(()),
             Err(RecvTimeoutError::Disconnected) => break,
         };
-        if let Err(err) = went_on.and_then(|()| signals(py))
-            && raised.is_none()
-        {
-            // It drops what it is making, and keeps the rest.
+        if let Err(err) = went_on.and_then(|()| signals(py)) {
+            // It drops what it is making, and keeps the rest; the second time it ends at once.
             interrupt(&child);
-            raised = Some(err);
+            raised.get_or_insert(err);
         }
     }
     let ended = py.detach(|| child.wait());
@@ -104,30 +109,61 @@ pub(crate) fn run(
 fn command(py: Python<'_>, lake: &Path, given: &Given<'_, '_>) -> PyResult<Command> {
     use std::os::unix::process::CommandExt;
 
-    let python: String = py.import("sys")?.getattr("executable")?.extract()?;
+    let python = py.import("sys")?.getattr("executable")?;
+    let python: PathBuf = python.extract().map_err(|_none: PyErr| {
+        wrong(
+            "nobody knows the program of this Python: `sys.executable` is not set".to_owned(),
+            "set `sys.executable` to the Python of the environment",
+        )
+    })?;
     let mut command = Command::new(python);
-    command.args(["-m", "pipeline", "--lake"]).arg(lake);
-    command.args(["run", "--format", "json"]).arg(given.file);
+    command.args(["-c", PROGRAM]).arg(joined("--lake=", lake));
+    command.args(["run", "--format=json"]);
+    command.env(pipeline::ENDS_WITH_PARENT, "1");
     command.stdin(Stdio::null());
     command.stdout(Stdio::piped()).stderr(Stdio::piped());
     command.process_group(0);
     for (option, value) in [("--profile", given.profile), ("--until", given.until)] {
-        command.args(value.into_iter().flat_map(|value| [option, value]));
+        command.args(value.map(|value| format!("{option}={value}")));
     }
-    if let Some(jobs) = given.jobs {
-        command.args(["--jobs", &jobs.to_string()]);
+    command.args(given.jobs.map(|jobs| format!("--jobs={jobs}")));
+    let mut values = Vec::new();
+    if let Some(set) = given.set {
+        flatten(set, "", &mut values)?;
     }
-    for (key, value) in given.set.into_iter().flat_map(|set| set.iter()) {
-        let (key, value) = (key.extract::<String>()?, value_text(&value)?);
-        command.args(["--set", &format!("{key}={value}")]);
-    }
+    command.args(values.iter().map(|value| format!("--set={value}")));
+    command.arg("--").arg(given.file);
     Ok(command)
+}
+
+/// Returns an option with a path as its value.
+fn joined(option: &str, path: &Path) -> OsString {
+    let mut word = OsString::from(option);
+    word.push(path);
+    word
+}
+
+/// Adds the values of a dict by their dotted keys, those of dicts in it too.
+fn flatten(set: &Bound<'_, PyDict>, above: &str, values: &mut Vec<String>) -> PyResult<()> {
+    for (key, value) in set {
+        let key = format!("{above}{}", key.extract::<String>()?);
+        match value.cast::<PyDict>() {
+            Ok(below) => flatten(below, &format!("{key}."), values)?,
+            Err(_) => values.push(format!("{key}={}", value_text(&value)?)),
+        }
+    }
+    Ok(())
 }
 
 /// Returns a value as the command line has it: lists and texts as in TOML, which are those of JSON.
 fn value_text(value: &Bound<'_, PyAny>) -> PyResult<String> {
     let json = value.py().import("json")?;
-    let text = json.call_method1("dumps", (value,)).map_err(|err| {
+    // A number of numpy is one of Python's.
+    let value = match value.getattr_opt("item")? {
+        Some(item) if value.getattr("ndim")?.eq(0)? => item.call0()?,
+        _ => value.clone(),
+    };
+    let text = json.call_method1("dumps", (&value,)).map_err(|err| {
         wrong(
             format!(
                 "`set` has a value that cannot be used: {}",
@@ -160,7 +196,8 @@ fn outcome(status: ExitStatus, said: &str) -> PyResult<bool> {
             } else {
                 what.trim().to_owned()
             };
-            Err(wrong(what, hint.trim()))
+            let hint = Some(hint.trim()).filter(|hint| !hint.is_empty());
+            Err(raised(what, hint.map(str::to_owned)))
         }
     }
 }

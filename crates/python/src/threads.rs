@@ -21,6 +21,8 @@ static POOL: Mutex<Option<Arc<ThreadPool>>> = Mutex::new(None);
 /// Time after which a long computation looks for signals: a person's Ctrl-C acts at once.
 const PATIENCE: Duration = Duration::from_millis(50);
 
+const MORE_THREADS: &str = "raise the limit of threads (`ulimit -u`), or set `RAYON_NUM_THREADS`";
+
 /// Whether a computation is to be given up.
 pub(crate) struct Cancellation(AtomicBool);
 
@@ -42,18 +44,16 @@ pub(crate) fn in_threads<T: Send>(
     compute: impl FnOnce(&Cancellation) -> T + Send,
 ) -> PyResult<T> {
     // With the interpreter's lock, so that no other thread of Python forks meanwhile.
-    let pool = pool().map_err(|err| {
-        let hint = "raise the limit of threads (`ulimit -u`), or set `RAYON_NUM_THREADS`";
-        failed(&err, Some(hint.to_owned()))
-    })?;
+    let pool = pool().map_err(|err| failed(&err, Some(MORE_THREADS.to_owned())))?;
     let cancellation = Cancellation(AtomicBool::new(false));
     py.detach(|| {
         thread::scope(|scope| {
             let (send, receive) = mpsc::channel();
             let (pool, cancellation) = (&pool, &cancellation);
-            scope.spawn(move || {
+            let started = thread::Builder::new().spawn_scoped(scope, move || {
                 let _none_waits = send.send(pool.install(|| compute(cancellation)));
             });
+            started.map_err(|err| failed(&err, Some(MORE_THREADS.to_owned())))?;
             let mut raised = None;
             loop {
                 match receive.recv_timeout(PATIENCE) {

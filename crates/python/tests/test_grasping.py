@@ -2,7 +2,10 @@
 
 import os
 import shutil
+import subprocess
+import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -271,16 +274,30 @@ class Grasping(unittest.TestCase):
         for wrong in [16, -17]:
             with self.assertRaises(IndexError):
                 motions[wrong]
+        mask = np.arange(16) % 3 == 0
+        np.testing.assert_array_equal(motions[mask].q, motions.q[mask])
+        np.testing.assert_array_equal(motions[mask.tolist()].q, motions.q[mask])
+        self.assertEqual(len(motions[[]]), 0)
+        for wrong in [True, mask[:3], [0.5], "0", None]:
+            with self.assertRaises(pipeline.Error):
+                motions[wrong]
 
     def test_what_is_wrong_is_said_with_its_remedy(self):
         motions = self.lake.candidates(self.object.name, stage="refine")
         cube = pipeline.Object.from_points(box((0.02, 0.02, 0.02)), 0.1, name="cube")
+        twice = pipeline.Object.from_points(box((0.04, 0.04, 0.04)), 0.1, name="cube")
         q, palm, times = np.zeros((2, 16)), np.tile(np.eye(4), (2, 1, 1)), [0.0, 1.0]
         joints = self.hand.joint_names
         other = pipeline.Candidates(self.object, ["a"] + joints[1:], times, palm, q)
         for call, what in [
             (lambda: self.hand.refine(cube, motions), "motions are to `.*the object is `cube`"),
             (lambda: self.hand.screen(self.object, other), "not for the hand"),
+            (lambda: self.hand.screen(twice, self.function.sample(cube, 2)), "another `cube`"),
+            (lambda: pipeline.Candidates(twice, joints, times, palm, q, table_from_object=np.eye(4)), "-0.040 m above"),
+            (lambda: pipeline.Candidates(cube, joints, [1.0, 2.0], palm, q), "from 0"),
+            (lambda: self.function.sample(cube, -1), "`n` is -1"),
+            (lambda: self.hand.rollout(self.object, motions, -1), "`number` is -1"),
+            (lambda: motions.export_glb("/nowhere/x.glb", self.hand, self.object), "folder that can be written"),
             (lambda: self.hand.refine(self.object, motions, options={"drawz": 4}), "`drawz`.*\n.*`draws`"),
             (lambda: self.hand.refine(self.object, motions, options={"draws": 0}), "`draws` is 0"),
             (lambda: self.function.sample(cube, 0), "`per_object` is 0"),
@@ -373,9 +390,14 @@ class Lakes(unittest.TestCase):
         self.assertGreater(len(stored), 11)
         trajectories = lake.query("select distinct sequence from trajectories")
         self.assertEqual(len(trajectories), 2)
-        for wrong in [("..", "a"), ("ann", "a/b")]:
+        for wrong in [("..", "a"), ("ann", "a/b"), ("models", "a")]:
             with self.assertRaisesRegex(pipeline.Error, "letters"):
                 pipeline.save_recording("sessions", *wrong, box_there, landmarks, poses)
+        with self.assertRaisesRegex(pipeline.Error, "there is a recording"):
+            pipeline.save_recording("sessions", "ann", "first", box_there, landmarks, poses)
+        other = pipeline.Object.from_points(box((0.02, 0.02, 0.02)), 0.3, name="box")
+        with self.assertRaisesRegex(pipeline.Error, "another object of this name"):
+            pipeline.save_recording("sessions", "ann", "third", other, landmarks, poses)
 
 
 class Runs(unittest.TestCase):
@@ -421,6 +443,38 @@ class Runs(unittest.TestCase):
             self.assertTrue(raised.exception.hint)
         with self.assertRaisesRegex(pipeline.Error, "nowhere.toml"):
             lake.run("nowhere.toml")
+        with self.assertRaises(pipeline.Error):
+            lake.run("--help")
+        Path("broken.toml").write_text("[stages.x")
+        for call in [lake.run, lambda file: pipeline.options(file, "x")]:
+            with self.assertRaisesRegex(pipeline.Error, "broken.toml:1"):
+                call("broken.toml")
+
+    def test_values_are_given_as_python_has_them(self):
+        lake = pipeline.Lake("values_lake")
+        values = {"ingest": {"points_n": np.int64(100), "objects": []}}
+        self.assertTrue(lake.run("pipelines/cgf.toml", set=values, until="ingest"))
+        name = lake.query("select object from objects").column("object")[0]
+        self.assertEqual(len(lake.object(name).points), 100)
+
+    def test_a_run_ends_with_the_process_that_started_it(self):
+        code = "import pipeline; pipeline.Lake('orphan_lake').run('pipelines/cgf.toml')"
+        parent = subprocess.Popen([sys.executable, "-c", code])
+        children = f"/proc/{parent.pid}/task/{parent.pid}/children"
+        for _ in range(600):
+            if found := Path(children).read_text().split():
+                break
+            time.sleep(0.05)
+        # It has to have come as far as to ask for it.
+        while not Path("orphan_lake").exists():
+            time.sleep(0.05)
+        parent.kill()
+        parent.wait()
+        for _ in range(600):
+            if not Path(f"/proc/{found[0]}").exists():
+                return
+            time.sleep(0.1)
+        self.fail("the run goes on")
 
 
 def texts(table: pipeline.Table) -> list[str]:

@@ -51,11 +51,20 @@ class Lakes(unittest.TestCase):
             self.assertTrue(raised.exception.hint, sql)
         with self.assertRaisesRegex(pipeline.Error, "nowhere"):
             pipeline.Lake("nowhere").query("select * from objects")
-        rows = self.lake.query("select object from objects")
+        rows = self.lake.query("select object, points_m from objects")
         with self.assertRaisesRegex(pipeline.Error, "no column `mass`"):
             rows.column("mass")
-        with self.assertRaisesRegex(pipeline.Error, "Utf8"):
-            rows.column("object")
+        with self.assertRaisesRegex(pipeline.Error, "List"):
+            rows.column("points_m")
+
+    def test_columns_are_arrays_of_numbers_truths_and_texts(self):
+        rows = self.lake.query("select 1 as n, true as t, 'a' as s, cast(null as double) as nothing")
+        self.assertEqual(rows.column("n").dtype, float)
+        self.assertEqual(rows.column("t").tolist(), [True])
+        self.assertEqual(rows.column("s").tolist(), ["a"])
+        self.assertNotEqual(rows.column("nothing")[0], rows.column("nothing")[0])
+        none = self.lake.query("select object from objects where object = 'nothing'")
+        self.assertEqual(none.column("object").tolist(), [])
 
 
 if __name__ == "__main__":

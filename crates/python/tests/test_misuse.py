@@ -6,6 +6,7 @@ import random
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 import unittest
 from pathlib import Path
@@ -123,6 +124,40 @@ class Misuse(unittest.TestCase):
         # After all that it works.
         hand.reset()
         self.assertLess(hand.step(landmarks[0])[2], 0.05)
+
+    def test_a_forked_process_asks_a_lake(self):
+        path = lab.done() / "data/lake"
+        pipeline.Lake(path).query("select * from rollouts")
+        if (child := os.fork()) == 0:
+            code = 1
+            try:
+                code = 0 if len(pipeline.Lake(path).query("select * from rollouts")) > 0 else 2
+            finally:
+                os._exit(code)
+        for _ in range(600):
+            done, status = os.waitpid(child, os.WNOHANG)
+            if done:
+                break
+            time.sleep(0.1)
+        else:
+            os.kill(child, signal.SIGKILL)
+            os.waitpid(child, 0)
+            self.fail("the child hangs")
+        self.assertEqual(os.waitstatus_to_exitcode(status), 0)
+
+    def test_a_damaged_recording_is_refused(self):
+        path = next(iter(pipeline.Lake(lab.done() / "data/lake").recordings("rollouts"))).path
+        whole = path.read_bytes()
+        rng = random.Random(3)
+        with tempfile.TemporaryDirectory() as folder:
+            damaged = Path(folder) / "damaged.mcap"
+            for _ in range(200):
+                at = rng.randrange(len(whole))
+                damaged.write_bytes(whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :])
+                try:
+                    list(pipeline.Recording(damaged))
+                except pipeline.Error as err:
+                    self.assertTrue(str(err))
 
     def test_what_is_wrong_is_said_with_its_remedy(self):
         q = np.zeros(16)

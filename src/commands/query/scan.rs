@@ -2,7 +2,12 @@
 //!
 //! No path is read as a pattern, and no folder's name as a value.
 
-use std::{path::PathBuf, sync::Arc};
+use std::{
+    mem,
+    path::PathBuf,
+    process, result,
+    sync::{Arc, Mutex, PoisonError},
+};
 
 use async_trait::async_trait;
 use datafusion::{
@@ -12,14 +17,14 @@ use datafusion::{
         datatypes::{DataType, Field, Float32Type, Float64Type, Schema, SchemaRef},
     },
     catalog::{Session, TableProvider},
-    common::Result,
+    common::{DataFusionError, Result},
     datasource::memory::MemorySourceConfig,
     logical_expr::{Expr, TableType},
     physical_plan::ExecutionPlan,
     scalar::ScalarValue,
 };
 use lake::{LakeError, TableFile};
-use rayon::prelude::*;
+use rayon::{ThreadPool, ThreadPoolBuildError, ThreadPoolBuilder, prelude::*};
 
 use super::{arithmetic, meaning::refused};
 
@@ -61,10 +66,9 @@ impl FileTable {
         parts: Vec<(usize, Values)>,
         first: &[&str],
     ) -> Result<Self, anyhow::Error> {
-        let files: Vec<TableFile> = files
-            .into_par_iter()
-            .map(TableFile::open)
-            .collect::<Result<_, LakeError>>()?;
+        let open = || files.into_par_iter().map(TableFile::open);
+        let files: Vec<TableFile> =
+            in_threads(|| open().collect::<result::Result<_, LakeError>>())??;
         let parts: Vec<Part> = parts
             .into_iter()
             .map(|(file, values)| Part { file, values })
@@ -108,17 +112,36 @@ impl FileTable {
         if let Some(rows) = &self.rows {
             return Ok(vec![completed(rows, &Vec::new(), schema)?]);
         }
-        let read: Vec<RecordBatch> = self
-            .files
-            .par_iter()
-            .map(|file| columns_of(file, schema))
-            .collect::<Result<_>>()?;
+        let read = || self.files.par_iter().map(|file| columns_of(file, schema));
+        let read: Vec<RecordBatch> = in_threads(|| read().collect::<Result<_>>())
+            .map_err(|err| DataFusionError::External(err.into()))??;
         let batches = self.parts.iter().filter_map(|part| {
             let rows = read.get(part.file)?;
             (rows.num_rows() > 0).then(|| completed(rows, &part.values, schema))
         });
         batches.collect()
     }
+}
+
+/// Computes in threads of this process: those of a process that it was forked from are not in it.
+fn in_threads<T: Send>(
+    compute: impl FnOnce() -> T + Send,
+) -> result::Result<T, ThreadPoolBuildError> {
+    /// The threads, and the process whose they are.
+    static POOL: Mutex<Option<(u32, Arc<ThreadPool>)>> = Mutex::new(None);
+    let pool = {
+        let mut made = POOL.lock().unwrap_or_else(PoisonError::into_inner);
+        match &*made {
+            Some((process, pool)) if *process == process::id() => Arc::clone(pool),
+            _ => {
+                let pool = Arc::new(ThreadPoolBuilder::new().build()?);
+                // Dropped, threads that are not in this process would be waited for.
+                mem::forget(made.replace((process::id(), Arc::clone(&pool))));
+                pool
+            }
+        }
+    };
+    Ok(pool.install(compute))
 }
 
 #[async_trait]

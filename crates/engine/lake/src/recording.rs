@@ -15,6 +15,7 @@ use mcap::{
     Attachment, Compression, McapError, Summary, WriteOptions, Writer,
     read::{MessageStream, Options, attachment, metadata},
     records::{MessageHeader, Metadata},
+    sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions},
 };
 use schemas::ros2::{
     CdrError, Message,
@@ -31,6 +32,11 @@ const METADATA: &str = "pipeline";
 
 /// Uncompressed size of a chunk: what a viewer loads to show one moment.
 const CHUNK_BYTES: u64 = 256 * 1024;
+
+/// Largest factor by which a part of a recording may be larger than the whole file, which is compressed, and the length
+/// that any part may have.
+const COMPRESSION: usize = 64;
+const LONGEST_BYTES: usize = 16 << 20;
 
 /// A recording being written.
 pub struct Recording {
@@ -300,7 +306,32 @@ pub fn read(path: &Path) -> Result<Contents, LakeError> {
     })
 }
 
+/// Checks every checksum and every length of a recording, before memory is asked for what a damaged one says.
+fn check(bytes: &[u8]) -> Result<(), McapError> {
+    let longest = bytes.len().saturating_mul(COMPRESSION).max(LONGEST_BYTES);
+    let options = LinearReaderOptions::default()
+        .with_prevalidate_chunk_crcs(true)
+        .with_validate_data_section_crc(true)
+        .with_validate_summary_section_crc(true)
+        .with_record_length_limit(longest);
+    let mut reader = LinearReader::new_with_options(options);
+    let mut left = bytes;
+    while let Some(event) = reader.next_event() {
+        match event? {
+            LinearReadEvent::ReadRequest(n) => {
+                let (read, rest) = left.split_at(n.min(left.len()));
+                reader.insert(read.len()).copy_from_slice(read);
+                reader.notify_read(read.len());
+                left = rest;
+            }
+            LinearReadEvent::Record { .. } => {}
+        }
+    }
+    Ok(())
+}
+
 fn parse(bytes: &[u8]) -> Result<Contents, McapError> {
+    check(bytes)?;
     let summary = Summary::read(bytes)?.ok_or(McapError::UnexpectedEof)?;
     let stream = MessageStream::new_with_options(bytes, Options::ValidateChunkCrcs.into())?;
     let messages = stream
@@ -413,6 +444,20 @@ mod tests {
             .map(|message| message.decode().unwrap().unwrap())
             .collect();
         assert_eq!(states, (0..N_STATES).map(state).collect::<Vec<_>>());
+    }
+
+    /// Lengths in a damaged file ask for no more memory than there is.
+    #[test]
+    fn a_flipped_byte_is_found_before_what_it_says_is_believed() {
+        let (_folder, path) = recorded();
+        let whole = fs::read(&path).unwrap();
+        for at in (0..whole.len()).step_by(211) {
+            let mut damaged = whole.clone();
+            damaged[at] ^= 0x80;
+            if let Ok(contents) = parse(&damaged) {
+                assert_eq!(contents.messages.len(), N_STATES + 1, "byte {at}");
+            }
+        }
     }
 
     #[test]
