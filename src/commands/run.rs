@@ -105,13 +105,7 @@ fn run_variant(
         (Some(processes), _) => Some(processes as &dyn Executor),
         (None, remote) => remote.as_ref().map(|it| it as &dyn Executor),
     };
-    let events = |event: &Event| {
-        screen.show(event);
-        if args.format == Format::Json {
-            // A reader that left misses the rest: the run goes on.
-            let _nobody_reads = report::json_line(event);
-        }
-    };
+    let events = |event: &Event| tell(&screen, args.format, event);
     let ran = dataflow::run(&pipeline, store, &options, executor, &events)?;
     if let Some(remote) = &remote {
         remote.tidy(&pipeline.name)?;
@@ -149,6 +143,15 @@ fn run_variant(
         report::line(Label::Report, format!("`{}`", page.display()));
     }
     Ok(VariantResult { outcome, summary })
+}
+
+/// Tells people of an event, and programs that ask for all of them.
+fn tell(screen: &Screen, format: Format, event: &Event) {
+    screen.show(event);
+    if format == Format::Json {
+        // A reader that left misses the rest: the run goes on.
+        let _nobody_reads = report::json_line(event);
+    }
 }
 
 /// Reports the end of a run, and what its last output is in words, in lines that are short enough.

@@ -325,10 +325,10 @@ pub(crate) fn corners<'py>(py: Python<'py>, triangles: &[[u32; 3]]) -> PyResult<
 /// # Errors
 ///
 /// Fails with an exception if there is no memory for it.
-pub(crate) fn poses<'py, A, B>(
-    py: Python<'py>,
+pub(crate) fn poses<A, B>(
+    py: Python<'_>,
     poses: impl ExactSizeIterator<Item = Pose<A, B>>,
-) -> PyResult<Array<'py>> {
+) -> PyResult<Array<'_>> {
     let n = poses.len();
     let numbers: Vec<f64> = poses.flat_map(|pose| pose_matrix(&pose)).collect();
     array(py, &numbers, Some(n), &[4, 4])

@@ -87,7 +87,7 @@ impl Candidates {
                 failed(&err, Some(hint.to_owned()))
             })?;
             Ok(given(
-                &object.object.name,
+                &object.stored.name,
                 number,
                 placed,
                 Vec::new(),
@@ -97,7 +97,7 @@ impl Candidates {
         let numbered = placed.into_iter().enumerate();
         let candidates = py.detach(|| numbered.map(motion).collect::<PyResult<_>>())?;
         let motions = schemas::candidates::Candidates {
-            object: object.object.name.clone(),
+            object: object.stored.name.clone(),
             candidates,
             joints: Arc::clone(&joints),
         };
@@ -214,9 +214,9 @@ impl Candidates {
         self.check_object(object)?;
         let candidate = &self.motions.candidates[self.place(number)?];
         py.detach(|| {
-            let model = &hand.hand.model;
+            let model = &hand.loaded.model;
             let shown =
-                stage_report::of_candidate(candidate, &self.motions.joints, &object.object, model);
+                stage_report::of_candidate(candidate, &self.motions.joints, &object.stored, model);
             let bytes = shown.and_then(|shown| shown.to_glb(&candidate.candidate_id, usize::MAX));
             let bytes = bytes.map_err(|err| failed(&err, dataflow::Diagnostic::hint(&err)))?;
             error::write(&path, &bytes)
@@ -301,7 +301,7 @@ impl Candidates {
 
     /// Checks that they grasp this object.
     pub(crate) fn check_object(&self, object: &Object) -> PyResult<()> {
-        if self.motions.object == object.object.name {
+        if self.motions.object == object.stored.name {
             if self.object.is_none_or(|made_for| made_for == object.digest) {
                 return Ok(());
             }
@@ -316,7 +316,7 @@ impl Candidates {
         Err(wrong(
             format!(
                 "the motions are to `{}`, and the object is `{}`",
-                self.motions.object, object.object.name
+                self.motions.object, object.stored.name
             ),
             "pass the object for which they were made",
         ))

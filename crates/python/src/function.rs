@@ -95,15 +95,15 @@ impl Function {
             Some(_) if config.draws > 1 => Some(Arc::clone(object.field(py)?)),
             _ => None,
         };
-        let seed = seed_of(seed, SAMPLE, &object.object.name)?;
+        let seed = seed_of(seed, SAMPLE, &object.stored.name)?;
         let drawn = in_threads(py, |_| {
             let drawn = Drawing {
                 config: &config,
                 cgf: &self.0,
-                object: &object.object,
+                object: &object.stored,
                 shown: None,
                 field: field.as_deref(),
-                hand: hand.map(|hand| &hand.hand.model),
+                hand: hand.map(|hand| &hand.loaded.model),
             };
             let (candidates, _) = drawn.draw(seed).map_err(|err| failed(&err, err.hint()))?;
             Candidates::stored(candidates)
@@ -143,7 +143,7 @@ impl Function {
                 "pass times from 0 to `duration`",
             ));
         }
-        let rests = &object.object.rests;
+        let rests = &object.stored.rests;
         let rest = rests.get(rest).ok_or_else(|| {
             wrong(
                 format!("there is no resting pose {rest} of {}", rests.len()),
@@ -154,7 +154,7 @@ impl Function {
             .map(|idx| codes.row(idx).to_vec())
             .collect();
         let decoded = in_threads(py, |_| {
-            let sampled = stage_sample::sampled_object(&object.object);
+            let sampled = stage_sample::sampled_object(&object.stored);
             PlacedFunction::new(&self.0, &sampled, rest.rest)?.decode(&latents, &times_s, duration)
         })?;
         let decoded = decoded.map_err(|err| {
@@ -164,10 +164,10 @@ impl Function {
         let placed = rest.rest.table_from_object();
         let motions = decoded.into_iter().zip(latents).enumerate();
         let motions = motions.map(|(number, (motion, code))| {
-            given(&object.object.name, number, placed, code, motion)
+            given(&object.stored.name, number, placed, code, motion)
         });
         let motions = schemas::candidates::Candidates {
-            object: object.object.name.clone(),
+            object: object.stored.name.clone(),
             joints: self.joint_names().into(),
             candidates: motions.collect(),
         };

@@ -39,38 +39,46 @@ const DISPATCH: &str = "dispatch";
 pub(crate) struct Hand {
     pub(crate) path: PathBuf,
     urdf: PathBuf,
-    pub(crate) hand: posture::Hand,
+    pub(crate) loaded: posture::Hand,
 }
 
 #[pymethods]
 impl Hand {
     /// Loads a hand with its meshes.
     #[new]
+    #[expect(
+        clippy::needless_pass_by_value,
+        reason = "Python's paths become owned ones"
+    )]
     fn new(path: PathBuf) -> PyResult<Self> {
         // The file is read again for options: from wherever the process is then.
         let path = absolute(&path).map_err(|err| failed(&err, None))?;
         let (hand, _) = own_hand::load(&path)?;
         let urdf = hand_files::urdf_of(&path).map_err(|err| failed(&err, err.hint()))?;
-        Ok(Self { path, urdf, hand })
+        Ok(Self {
+            path,
+            urdf,
+            loaded: hand,
+        })
     }
 
     /// The names of the joints.
     #[getter]
     fn joint_names(&self) -> Vec<String> {
-        self.hand.model.joint_names()
+        self.loaded.model.joint_names()
     }
 
     /// Least positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
     fn lower<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let joints = self.hand.model.joints().iter();
+        let joints = self.loaded.model.joints().iter();
         vector(py, &joints.map(|joint| joint.lower).collect::<Vec<_>>())
     }
 
     /// Greatest positions of the joints `(dof,)`, in radians (meters if prismatic).
     #[getter]
     fn upper<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let joints = self.hand.model.joints().iter();
+        let joints = self.loaded.model.joints().iter();
         vector(py, &joints.map(|joint| joint.upper).collect::<Vec<_>>())
     }
 
@@ -81,8 +89,9 @@ impl Hand {
         py: Python<'py>,
         q: &Bound<'py, PyAny>,
     ) -> PyResult<(Array<'py>, Array<'py>)> {
-        let q = Rows::one("q", q, &[self.hand.model.dof()])?;
-        let mesh = ObjectMesh::of_robot(&self.hand.model, &q).map_err(|err| failed(&err, None))?;
+        let q = Rows::one("q", q, &[self.loaded.model.dof()])?;
+        let mesh =
+            ObjectMesh::of_robot(&self.loaded.model, &q).map_err(|err| failed(&err, None))?;
         Ok((
             vectors(py, &mesh.vertices_m)?,
             corners(py, &mesh.triangles)?,
@@ -108,8 +117,8 @@ impl Hand {
         let refined = in_threads(py, |cancellation| {
             Refinement {
                 config: &config,
-                hand: &self.hand,
-                object: &object.object,
+                hand: &self.loaded,
+                object: &object.stored,
                 field,
                 is_canceled: &|| cancellation.is_asked(),
             }
@@ -134,11 +143,11 @@ impl Hand {
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Rollouts> {
         let config = self.screen_config(object, candidates, options)?;
-        let seed = seed_of(seed, SCREEN, &object.object.name)?;
+        let seed = seed_of(seed, SCREEN, &object.stored.name)?;
         let all = &candidates.motions;
         let judged = in_threads(py, |cancellation| {
-            let model = &self.hand.model;
-            let screening = stage_screen::screening(&config, model, &object.object, all, seed);
+            let model = &self.loaded.model;
+            let screening = stage_screen::screening(&config, model, &object.stored, all, seed);
             let scenes = screening.build_scenes()?;
             let numbers = (0..all.candidates.len()).into_par_iter();
             let running = numbers.take_any_while(|_| !cancellation.is_asked());
@@ -166,7 +175,7 @@ impl Hand {
     ) -> PyResult<Rollout> {
         let number = count("number", number)?;
         let config = self.screen_config(object, candidates, options)?;
-        let seed = seed_of(seed, SCREEN, &object.object.name)?;
+        let seed = seed_of(seed, SCREEN, &object.stored.name)?;
         let all = &candidates.motions;
         let n = all.candidates.len();
         if number >= n {
@@ -176,8 +185,8 @@ impl Hand {
             ));
         }
         let executed = in_threads(py, |_| {
-            let model = &self.hand.model;
-            let screening = stage_screen::screening(&config, model, &object.object, all, seed);
+            let model = &self.loaded.model;
+            let screening = stage_screen::screening(&config, model, &object.stored, all, seed);
             let scenes = screening.scenes(&config.scene, &[number])?;
             let rollout = screening.rollout(&scenes, number, TraceMode::Trace)?;
             let verdict = config.screening(seed).verdict(&rollout);
@@ -188,8 +197,8 @@ impl Hand {
             name: all.candidates[number].candidate_id.clone(),
             verdict,
             steps: rollout.trace.unwrap_or_default().steps,
-            hand: self.hand.model.clone(),
-            object: object.object.clone(),
+            hand: self.loaded.model.clone(),
+            object: object.stored.clone(),
         })
     }
 
@@ -214,7 +223,7 @@ impl Hand {
         let robot = arm.map(|arm| robot_meshes::load(&arm.robot)).transpose();
         let robot = robot.map_err(|err| failed(&err, err.hint()))?;
         let planner = Planner::new(&PlannerConfig {
-            hand: &self.hand.model,
+            hand: &self.loaded.model,
             arm: arm.zip(robot.as_ref()).map(|(config, robot)| ArmSetup {
                 config,
                 robot: &robot.model,
@@ -237,7 +246,7 @@ impl Hand {
     }
 
     fn __repr__(&self) -> String {
-        let model = &self.hand.model;
+        let model = &self.loaded.model;
         format!("<pipeline.Hand {:?}, {} joints>", model.name(), model.dof())
     }
 }
@@ -262,7 +271,7 @@ impl Hand {
             candidates.motions.object.as_str(),
             &candidates.motions.joints[..],
         );
-        HandMismatch::check(stage, of_object, (&self.urdf, &self.hand.model)).map_err(|err| {
+        HandMismatch::check(stage, of_object, (&self.urdf, &self.loaded.model)).map_err(|err| {
             let hint = "pass motions of this hand's joints, in any order";
             failed(&err, Some(hint.to_owned()))
         })

@@ -1,7 +1,7 @@
 //! Lakes: their tables as Arrow.
 
 use std::{
-    path::PathBuf,
+    path::{Path, PathBuf},
     sync::{Mutex, MutexGuard, PoisonError},
 };
 
@@ -63,8 +63,9 @@ impl Lake {
     /// a dict with its kind as `event`. The run is a process of its own; Ctrl-C ends it, and what was made before is kept.
     #[pyo3(signature = (file, *, set=None, profile=None, until=None, jobs=None, progress=None))]
     #[expect(
+        clippy::too_many_arguments,
         clippy::needless_pass_by_value,
-        reason = "Python's paths become owned ones"
+        reason = "they are Python's, with names"
     )]
     fn run(
         &self,
@@ -171,7 +172,9 @@ impl Lake {
         };
         let found = self.all(py, &wanted, |artifact| {
             let files = artifact.files.iter();
-            let recordings = files.filter(|(name, _)| name.ends_with(".mcap"));
+            let is_recording =
+                |name: &str| Path::new(name).extension().is_some_and(|end| end == "mcap");
+            let recordings = files.filter(|(name, _)| is_recording(name));
             Ok(recordings
                 .map(|(_, path)| path.clone())
                 .collect::<Vec<PathBuf>>())

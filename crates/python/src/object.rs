@@ -41,7 +41,8 @@ const MIN_POINTS: usize = 4;
 /// Lengths are in meters in the object's own frame, that of its mesh.
 #[pyclass(frozen, module = "pipeline")]
 pub(crate) struct Object {
-    pub(crate) object: schemas::objects::Object,
+    /// As a lake stores it.
+    pub(crate) stored: schemas::objects::Object,
     /// Of its mesh and mass.
     pub(crate) digest: Digest,
     /// Distances from its surface, computed when they are first needed.
@@ -80,7 +81,7 @@ impl Object {
         let (mesh, _) = stage_ingest::mesh(&file, &bytes).map_err(unusable)?;
         let stem = || path.file_stem().unwrap_or_default().to_string_lossy();
         let name = name.unwrap_or_else(|| stem().into_owned());
-        Self::of(py, &mesh, name, mass, (seed, options))
+        Self::of(py, &mesh, &name, mass, (seed, options))
     }
 
     /// Makes an object of points on its surface, `(n, 3)` in meters in any frame: the convex hull of all of them, with
@@ -119,70 +120,70 @@ impl Object {
                 Ok(hull)
             })
             .map_err(|err| unusable(err.to_string()))?;
-        Self::of(py, &hull, name.to_owned(), mass, (seed, options))
+        Self::of(py, &hull, name, mass, (seed, options))
     }
 
     /// The name.
     #[getter]
     fn name(&self) -> &str {
-        &self.object.name
+        &self.stored.name
     }
 
     /// Mass in kilograms.
     #[getter]
     fn mass(&self) -> f64 {
-        self.object.mass_kg
+        self.stored.mass_kg
     }
 
     /// Center of mass `(3,)`.
     #[getter]
     fn center_of_mass<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        vector(py, &self.object.center_of_mass_m)
+        vector(py, &self.stored.center_of_mass_m)
     }
 
     /// Inertia about the center of mass along the object's axes `(3, 3)`, in kilogram square meters.
     #[getter]
     fn inertia<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let [xx, yy, zz, xy, xz, yz] = self.object.inertia_kg_m2;
+        let [xx, yy, zz, xy, xz, yz] = self.stored.inertia_kg_m2;
         array(py, &[xx, xy, xz, xy, yy, yz, xz, yz, zz], None, &[3, 3])
     }
 
     /// Vertices of the mesh `(n, 3)`.
     #[getter]
     fn vertices<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        vectors(py, &self.object.vertices_m)
+        vectors(py, &self.stored.vertices_m)
     }
 
     /// Vertices of each triangle of the mesh `(n, 3)`, counterclockwise seen from outside; whole numbers.
     #[getter]
     fn triangles<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        corners(py, &self.object.triangles)
+        corners(py, &self.stored.triangles)
     }
 
     /// Points on the surface `(n, 3)`.
     #[getter]
     fn points<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        vectors(py, &self.object.points_m)
+        vectors(py, &self.stored.points_m)
     }
 
     /// Outward unit normal at each point `(n, 3)`.
     #[getter]
     fn normals<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        vectors(py, &self.object.normals)
+        vectors(py, &self.stored.normals)
     }
 
     /// Poses of the object as it rests on the table `(n, 4, 4)`: the table's top is at z = 0, and z is up. Those of
     /// demonstrations come first, the most frequent first, then the most probable.
     #[getter]
     fn resting_poses<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let rests = self.object.rests.iter();
+        let rests = self.stored.rests.iter();
         arrays::poses(py, rests.map(|known| known.rest.table_from_object()))
     }
 
     /// Share of random drops that end in each resting pose `(n,)`.
     #[getter]
     fn resting_probabilities<'py>(&self, py: Python<'py>) -> PyResult<Array<'py>> {
-        let rests = self.object.rests.iter();
+        let rests = self.stored.rests.iter();
         vector(py, &rests.map(|rest| rest.probability).collect::<Vec<_>>())
     }
 
@@ -204,9 +205,9 @@ impl Object {
     fn __repr__(&self) -> String {
         format!(
             "<pipeline.Object {:?}, {:.3} kg, {} triangles>",
-            self.object.name,
-            self.object.mass_kg,
-            self.object.triangles.len()
+            self.stored.name,
+            self.stored.mass_kg,
+            self.stored.triangles.len()
         )
     }
 }
@@ -217,7 +218,7 @@ impl From<schemas::objects::Object> for Object {
         let bytes: Vec<u8> = numbers.flat_map(|number| number.to_le_bytes()).collect();
         Self {
             digest: Digest::of_bytes(&bytes),
-            object,
+            stored: object,
             field: OnceLock::new(),
         }
     }
@@ -228,7 +229,7 @@ impl Object {
     fn of(
         py: Python<'_>,
         mesh: &TriMesh,
-        name: String,
+        name: &str,
         mass_kg: f64,
         (seed, options): (u64, Option<&Bound<'_, PyDict>>),
     ) -> PyResult<Self> {
@@ -241,10 +242,10 @@ impl Object {
         // Of the stage's options only those of the shape count here.
         let others = [("root", json!(".")), ("hand", json!("right"))];
         let config: IngestConfig = options::read(INGEST, options, None, &others)?;
-        let seed = seed_of(seed, INGEST, &name)?;
+        let seed = seed_of(seed, INGEST, name)?;
         let made = in_threads(py, |_| {
             MeshedObject {
-                name: &name,
+                name,
                 mass_kg,
                 mesh,
                 options: &config.shape,
@@ -255,7 +256,7 @@ impl Object {
         let object = made.map_err(|err| failed(&err, err.hint()))?;
         // As its readers find it in a lake.
         let stored = object.to_batch();
-        let stored = stored.and_then(|batch| schemas::objects::Object::from_batch(&name, &batch));
+        let stored = stored.and_then(|batch| schemas::objects::Object::from_batch(name, &batch));
         stored.map(Self::from).map_err(|err| failed(&err, None))
     }
 
@@ -268,9 +269,9 @@ impl Object {
         if let Some(given) = given {
             return self.standing(name, &Rows::one(name, given, &[4, 4])?);
         }
-        let rest = self.object.rests.first().ok_or_else(|| {
+        let rest = self.stored.rests.first().ok_or_else(|| {
             wrong(
-                format!("`{}` has no resting pose", self.object.name),
+                format!("`{}` has no resting pose", self.stored.name),
                 "pass `table_from_object`",
             )
         })?;
@@ -284,7 +285,7 @@ impl Object {
         matrix: &[f64],
     ) -> PyResult<Pose<Table, spatial::Object>> {
         let pose: Pose<Table, spatial::Object> = arrays::pose(name, matrix)?;
-        let points = self.object.vertices_m.iter().map(|&at| Point3::from(at));
+        let points = self.stored.vertices_m.iter().map(|&at| Point3::from(at));
         let lowest_m = points
             .map(|at| (*pose * at).z)
             .fold(f64::INFINITY, f64::min);
@@ -300,8 +301,8 @@ impl Object {
     /// Returns its mesh.
     pub(crate) fn mesh(&self) -> TriMesh {
         TriMesh {
-            vertices_m: self.object.vertices_m.iter().map(|&at| at.into()).collect(),
-            triangles: self.object.triangles.clone(),
+            vertices_m: self.stored.vertices_m.iter().map(|&at| at.into()).collect(),
+            triangles: self.stored.triangles.clone(),
         }
     }
 
@@ -317,7 +318,7 @@ impl Object {
         let surveyed = surveyed.map_err(|err| failed(&err, err.hint()))?;
         let surveyed = surveyed.ok_or_else(|| {
             wrong(
-                format!("the mesh of `{}` has no surface", self.object.name),
+                format!("the mesh of `{}` has no surface", self.stored.name),
                 "pass a mesh with triangles",
             )
         })?;

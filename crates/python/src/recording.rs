@@ -2,7 +2,7 @@
 
 use std::{
     collections::BTreeMap,
-    fs,
+    fs, io,
     path::{Path, PathBuf},
     sync::{Arc, Mutex, PoisonError},
 };
@@ -82,7 +82,7 @@ impl Recording {
         }
     }
 
-    /// Iterates over the messages of a topic, such as "/joint_states".
+    /// Iterates over the messages of a topic, such as "`/joint_states`".
     fn messages(&self, topic: String) -> PyResult<Messages> {
         let topics = self.topics();
         if !topics.contains_key(topic.as_str()) {
@@ -190,6 +190,52 @@ pub(crate) fn save_recording(
     let shown = Rows::read("landmarks", landmarks, &LANDMARKS)?;
     let poses = Rows::read("object_poses", object_poses, &[4, 4])?;
     shown.check_as_many("landmarks", &poses, "object_poses")?;
+    check_session((subject, sequence), &shown, rate, hand)?;
+    let about = about(object, shown.len(), rate, hand, table)?;
+    let mut numbers = Vec::with_capacity(7 * poses.len());
+    for idx in 0..poses.len() {
+        let pose = arrays::pose::<spatial::World, spatial::Object>("object_poses", poses.row(idx))?;
+        numbers.extend(pose.to_array());
+    }
+    let folder = root.join(subject).join(sequence);
+    fs::create_dir_all(&folder).map_err(|err| failed_at(&folder, &err))?;
+    store_mesh(&root, object)?;
+    let description = folder.join("track.yml");
+    if description.exists() && !overwrite {
+        return Err(wrong(
+            format!("there is a recording `{}`", folder.display()),
+            "pass another `sequence`, or `overwrite=True`",
+        ));
+    }
+    let arrays = PyDict::new(py);
+    let n = Some(shown.len());
+    let all: Vec<f64> = (0..shown.len())
+        .flat_map(|idx| shown.row(idx).to_vec())
+        .collect();
+    arrays.set_item("keypoints_m", arrays::array(py, &all, n, &LANDMARKS)?)?;
+    arrays.set_item("world_from_object", arrays::array(py, &numbers, n, &[7])?)?;
+    let archive = py.import("io")?.call_method0("BytesIO")?;
+    py.import("numpy")?
+        .call_method("savez", (&archive,), Some(&arrays))?;
+    let archive = archive.call_method0("getvalue")?;
+    // What makes the folder a recording is gone before its track changes, and comes last.
+    if description.exists() {
+        fs::remove_file(&description).map_err(|err| failed_at(&description, &err))?;
+    }
+    error::write(
+        &folder.join("track.npz"),
+        archive.cast::<PyBytes>()?.as_bytes(),
+    )?;
+    error::write(&description, about.as_bytes())
+}
+
+/// Checks what names a session and says of it.
+fn check_session(
+    (subject, sequence): (&str, &str),
+    shown: &Rows,
+    rate: f64,
+    hand: &str,
+) -> PyResult<()> {
     for (name, text) in [("subject", subject), ("sequence", sequence)] {
         let is_plain = !text.is_empty()
             && !text.starts_with('.')
@@ -222,38 +268,34 @@ pub(crate) fn save_recording(
             "pass landmarks (n, 21, 3) and poses (n, 4, 4) of two images or more",
         ));
     }
+    Ok(())
+}
+
+/// Returns the description of a session, `track.yml`.
+fn about(
+    object: &Object,
+    images: usize,
+    rate: f64,
+    hand: &str,
+    table: Option<&Bound<'_, PyAny>>,
+) -> PyResult<String> {
     let mut about = format!(
         "object: {:?}\nhand: {hand}\nimages: {}\nrate_hz: {rate:?}\n",
-        object.object.name,
-        shown.len()
+        object.stored.name, images
     );
     if let Some(table) = table {
         let numbers = Rows::one("table", table, &[4, 4])?;
         arrays::pose::<spatial::World, spatial::Table>("table", &numbers)?;
         about += &format!("table: {:?}\n", &numbers[..12]);
     }
-    let mut numbers = Vec::with_capacity(7 * poses.len());
-    for idx in 0..poses.len() {
-        let pose = arrays::pose::<spatial::World, spatial::Object>("object_poses", poses.row(idx))?;
-        numbers.extend(pose.to_array());
-    }
-    let folder = root.join(subject).join(sequence);
-    let mesh = root
-        .join(MODELS)
-        .join(&object.object.name)
-        .join("textured_simple.obj");
-    let failed_at = |path: &Path, err: std::io::Error| {
-        wrong(
-            format!("`{}` cannot be written: {err}", path.display()),
-            "pass a folder that can be written",
-        )
-    };
-    for folder in [Some(folder.as_path()), mesh.parent()]
-        .into_iter()
-        .flatten()
-    {
-        fs::create_dir_all(folder).map_err(|err| failed_at(folder, err))?;
-    }
+    Ok(about)
+}
+
+/// Stores an object's mesh in a dataset, unless it is there.
+fn store_mesh(root: &Path, object: &Object) -> PyResult<()> {
+    let folder = root.join(MODELS).join(&object.stored.name);
+    fs::create_dir_all(&folder).map_err(|err| failed_at(&folder, &err))?;
+    let mesh = folder.join("textured_simple.obj");
     let text = object.mesh().to_obj();
     if !mesh.exists() {
         error::write(&mesh, text.as_bytes())?;
@@ -266,31 +308,12 @@ pub(crate) fn save_recording(
             "give the object a name of its own",
         ));
     }
-    let description = folder.join("track.yml");
-    if description.exists() && !overwrite {
-        return Err(wrong(
-            format!("there is a recording `{}`", folder.display()),
-            "pass another `sequence`, or `overwrite=True`",
-        ));
-    }
-    let arrays = PyDict::new(py);
-    let n = Some(shown.len());
-    let all: Vec<f64> = (0..shown.len())
-        .flat_map(|idx| shown.row(idx).to_vec())
-        .collect();
-    arrays.set_item("keypoints_m", arrays::array(py, &all, n, &LANDMARKS)?)?;
-    arrays.set_item("world_from_object", arrays::array(py, &numbers, n, &[7])?)?;
-    let archive = py.import("io")?.call_method0("BytesIO")?;
-    py.import("numpy")?
-        .call_method("savez", (&archive,), Some(&arrays))?;
-    let archive = archive.call_method0("getvalue")?;
-    // What makes the folder a recording is gone before its track changes, and comes last.
-    if description.exists() {
-        fs::remove_file(&description).map_err(|err| failed_at(&description, err))?;
-    }
-    error::write(
-        &folder.join("track.npz"),
-        archive.cast::<PyBytes>()?.as_bytes(),
-    )?;
-    error::write(&description, about.as_bytes())
+    Ok(())
+}
+
+fn failed_at(path: &Path, err: &io::Error) -> PyErr {
+    wrong(
+        format!("`{}` cannot be written: {err}", path.display()),
+        "pass a folder that can be written",
+    )
 }
