@@ -297,7 +297,7 @@ class Grasping(unittest.TestCase):
             (lambda: pipeline.Candidates(cube, joints, [1.0, 2.0], palm, q), "from 0"),
             (lambda: self.function.sample(cube, -1), "`n` is -1"),
             (lambda: self.hand.rollout(self.object, motions, -1), "`number` is -1"),
-            (lambda: motions.export_glb("/nowhere/x.glb", self.hand, self.object), "folder that can be written"),
+            (lambda: motions.export_glb("/proc/nowhere/x.glb", self.hand, self.object), "folder that can be written"),
             (lambda: self.hand.refine(self.object, motions, options={"drawz": 4}), "`drawz`.*\n.*`draws`"),
             (lambda: self.hand.refine(self.object, motions, options={"draws": 0}), "`draws` is 0"),
             (lambda: self.function.sample(cube, 0), "`per_object` is 0"),
