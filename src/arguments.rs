@@ -441,7 +441,7 @@ pub(crate) struct RunArgs {
     /// Output format
     ///
     /// `json` writes each event of the run to stdout, one JSON object per line.
-    #[arg(long, value_enum, default_value_t = Format::Text)]
+    #[arg(long, value_enum, default_value_t = Format::Text, hide_short_help = true)]
     pub(crate) format: Format,
 }
 
