@@ -11,20 +11,20 @@
 //!   target_origin_link_names: [ base_link, base_link ]
 //!   target_task_link_names: [ link_15.0_tip, link_3.0_tip ]
 //!   target_link_human_indices: [ [ 0, 0 ], [ 4, 8 ] ]
-//!   scaling_factor: 1.6
+//!   scaling_factor: 1.0
 //!   low_pass_alpha: 0.2
 //! "
 //! .parse()?;
 //! let urdf = include_str!("../../../../data/robots/allegro_right.urdf");
 //! let problem = Problem::new(&config, urdf)?;
 //! let mut follower = Follower::new(&problem);
-//! // The wrist in the origin, the thumb to the left of the index finger, both 12 cm ahead.
+//! // The index finger straight, 12 cm ahead, and the thumb bent before the palm.
 //! let mut landmarks_m = [[0.0; 3]; 21];
-//! landmarks_m[4] = [0.02, 0.06, 0.08];
+//! landmarks_m[4] = [0.06, 0.05, 0.03];
 //! landmarks_m[8] = [0.0, 0.03, 0.12];
 //! let followed = follower.step(&landmarks_m)?;
 //! assert_eq!(followed.posture.q.len(), problem.model().dof());
-//! assert!(followed.error_m < 0.05, "{}", followed.error_m);
+//! assert!(followed.error_m < 0.03, "{}", followed.error_m);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 //!
