@@ -1,33 +1,26 @@
 #!/bin/sh
-# Builds the wheel that is given on, for x86_64 or aarch64 with the C library 2.28 or later: optimized for size.
+# Builds the wheel that is given on, for x86_64 with the C library 2.28 or later: optimized for size.
 # It takes 20 minutes, and needs `pip install maturin ziglang auditwheel`.
 set -eu
 crate=$(dirname "$0")
-processor=${1:-x86_64}
-wheels=${2:-wheels}
+wheels=${1:-wheels}
 profile=${PROFILE:-wheel}
-if [ "$processor" = x86_64 ]; then
-    # Linked as usual, but with the C library's symbols as zig has them of an old one: zig's own linker folds no equal
-    # functions, which are a tenth of the program.
-    stubs=$(mktemp -d)
-    trap 'rm -rf "$stubs"' EXIT
-    echo > "$stubs/nothing.c"
-    ZIG_GLOBAL_CACHE_DIR="$stubs/zig" ZIG_LOCAL_CACHE_DIR="$stubs/zig" python3 -m ziglang cc -shared \
-        -target x86_64-linux-gnu.2.28 "$stubs/nothing.c" -o "$stubs/nothing.so" -lm -ldl -lpthread -lrt -lutil
-    find "$stubs/zig" -name 'lib*.so.*' -exec cp {} "$stubs" \;
-    find "$stubs/zig" -name libc_nonshared.a -exec cp {} "$stubs" \;
-    for library in m dl pthread rt util; do
-        ln -s "$(basename "$stubs"/lib$library.so.*)" "$stubs/lib$library.so"
-    done
-    echo "GROUP ( libc.so.6 libc_nonshared.a )" > "$stubs/libc.so"
-    maturin build --profile "$profile" --manifest-path "$crate/Cargo.toml" --out "$wheels" \
-        --compatibility manylinux_2_28 -- "-Clink-arg=-L$stubs" -Clink-arg=-Wl,--icf=all
-else
-    rustup target add "$processor-unknown-linux-gnu"
-    maturin build --profile "$profile" --manifest-path "$crate/Cargo.toml" --out "$wheels" \
-        --compatibility manylinux_2_28 --zig --target "$processor-unknown-linux-gnu"
-fi
-for wheel in "$wheels"/*manylinux_2_28_"$processor".whl; do
+# Linked as usual, but with the C library's symbols as zig has them of an old one: zig's own linker folds no equal
+# functions, which are a tenth of the program.
+stubs=$(mktemp -d)
+trap 'rm -rf "$stubs"' EXIT
+echo > "$stubs/nothing.c"
+ZIG_GLOBAL_CACHE_DIR="$stubs/zig" ZIG_LOCAL_CACHE_DIR="$stubs/zig" python3 -m ziglang cc -shared \
+    -target x86_64-linux-gnu.2.28 "$stubs/nothing.c" -o "$stubs/nothing.so" -lm -ldl -lpthread -lrt -lutil
+find "$stubs/zig" -name 'lib*.so.*' -exec cp {} "$stubs" \;
+find "$stubs/zig" -name libc_nonshared.a -exec cp {} "$stubs" \;
+for library in m dl pthread rt util; do
+    ln -s "$(basename "$stubs"/lib$library.so.*)" "$stubs/lib$library.so"
+done
+echo "GROUP ( libc.so.6 libc_nonshared.a )" > "$stubs/libc.so"
+maturin build --profile "$profile" --manifest-path "$crate/Cargo.toml" --out "$wheels" \
+    --compatibility manylinux_2_28 -- "-Clink-arg=-L$stubs" -Clink-arg=-Wl,--icf=all
+for wheel in "$wheels"/*manylinux_2_28_x86_64.whl; do
     ls -l "$wheel"
-    auditwheel show "$wheel" | grep -F "\"manylinux_2_28_$processor\""
+    auditwheel show "$wheel" | grep -F '"manylinux_2_28_x86_64"'
 done
