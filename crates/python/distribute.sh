@@ -1,6 +1,6 @@
 #!/bin/sh
 # Builds the wheel that is given on, for x86_64 with the C library 2.28 or later: optimized for size.
-# It takes 20 minutes, and needs `pip install maturin ziglang auditwheel`.
+# It compiles everything in a profile of its own, and needs `pip install maturin ziglang auditwheel`.
 set -eu
 crate=$(dirname "$0")
 wheels=${1:-wheels}

@@ -161,10 +161,8 @@ class Grasping(unittest.TestCase):
             np.testing.assert_array_equal(getattr(found, array), getattr(expected, array), array)
         self.assertEqual(found.name, "extra")
         self.assertEqual(len(found.resting_poses), 4)
-        volume = 0.08 * 0.07 * 0.06 / 6
         np.testing.assert_allclose(found.center_of_mass, np.mean(corners, axis=0), atol=1e-9)
         self.assertAlmostEqual(found.distance([0.01, 0.01, -0.01]), 0.01, places=3)
-        self.assertGreater(volume, 0)
 
     def test_points_on_a_box_make_that_box(self):
         half = (0.02, 0.03, 0.05)
@@ -216,7 +214,7 @@ class Grasping(unittest.TestCase):
             with self.assertRaises(pipeline.Error):
                 pipeline.Retargeter(file, **wrong)
 
-    def test_retargeted_motions_are_those_of_the_stage(self):
+    def test_retargeted_motions_are_near_those_of_the_stage_whose_object_stood_a_little_off(self):
         options = self.options("retarget")
         columns = "sequence, step, time_s"
         shown = self.lake.query(
@@ -262,6 +260,7 @@ class Grasping(unittest.TestCase):
         arm["arm"]["robot"] = "data/robots/xarm6_allegro.urdf"
         carried = self.hand.plan(self.object, motions, options=arm)
         feasible = [plan for plan in carried if plan.reason is None]
+        self.assertGreater(len(feasible), 0)
         for plan in feasible:
             self.assertEqual(plan.arm_q.shape, (len(plan.arm_times), 6))
             self.assertEqual(len(plan.arm_names), 6)
@@ -346,7 +345,7 @@ class Lakes(unittest.TestCase):
             with self.assertRaisesRegex(pipeline.Error, "/joint_states"):
                 recording.messages("/nowhere")
         self.assertEqual(recording.about["schema"].split("/")[0], "rollouts")
-        self.assertIs(pipeline.Recording(recording.path).about == recording.about, True)
+        self.assertEqual(pipeline.Recording(recording.path).about, recording.about)
 
     def test_lineage_leads_from_a_verdict_to_the_recordings(self):
         object = pairs(self.lake.query("select object from rollouts limit 1"))[0][0]
