@@ -5,7 +5,6 @@ use std::{
     sync::{Arc, Mutex, MutexGuard, PoisonError},
 };
 
-use ::options::Options;
 use dataflow::{Diagnostic, with_causes};
 use hand_files::HandFile;
 use posture::{Environment, Hand};
@@ -13,7 +12,8 @@ use pyo3::{prelude::*, types::PyDict};
 use retargeting::{LiveRetargeting, RetargetingConfig, RetargetingError};
 use schemas::demonstrations::Side;
 use self_cell::self_cell;
-use serde_json::Value;
+use serde_json::json;
+use stage_retarget::RetargetConfig;
 
 use crate::{
     error::{failed, wrong},
@@ -53,7 +53,10 @@ impl OwnHand {
         environment: Environment,
     ) -> PyResult<Self> {
         let (hand, side) = load(path)?;
-        let config = config(options)?;
+        // The hand is given, whatever its file.
+        let hands = ["hand", "hand_table"].map(|file| (file, json!("")));
+        let config: RetargetConfig = options::read("retarget", options, None, &hands)?;
+        let config = config.retargeting;
         let environment = Arc::new(environment);
         let work = Work {
             hand: hand.clone(),
@@ -102,28 +105,6 @@ pub(crate) fn load(path: &Path) -> PyResult<(Hand, Side)> {
     let hand = Hand::check(&loaded.model).and_then(|()| Hand::new(loaded.model, &file.table));
     let hand = hand.map_err(|err| failed(&err, err.hint()))?;
     Ok((hand, file.table.side))
-}
-
-/// Reads options: those of the stage `retarget`.
-fn config(options: Option<&Bound<'_, PyDict>>) -> PyResult<RetargetingConfig> {
-    let Some(options) = options else {
-        return Ok(RetargetingConfig::default());
-    };
-    let unusable = |problem: String| {
-        wrong(
-            format!("`options` cannot be used: {problem}"),
-            "`pipeline stages retarget` lists the options with their units",
-        )
-    };
-    let mut given = options::json(options)?;
-    // Of a stage's options those that say what it reads, or when it skips, do not count here.
-    given.retain(|key, _| !["field_spacing_m", "max_keypoint_error_m"].contains(&key.as_str()));
-    let config: RetargetingConfig =
-        serde_json::from_value(Value::Object(given)).map_err(|err| unusable(err.to_string()))?;
-    match config.faults().first() {
-        Some(fault) => Err(unusable(fault.to_string())),
-        None => Ok(config),
-    }
 }
 
 /// Returns the exception for a motion that cannot be retargeted.

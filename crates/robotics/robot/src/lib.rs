@@ -73,6 +73,7 @@ pub use hand_collision::{Clearance, Depth, HandCollision, HandSphere, LinkDepth,
 pub use hand_layout::HandLayout;
 pub use joint_order::{JointMismatch, JointOrder};
 pub use model::{Collision, Inertial, Joint, JointKind, Link, Mesh, RobotModel, Shape};
+pub use near_names::near_names;
 pub use self_collision::{SelfCollision, SelfGap, SelfGaps};
 pub use shape_pairs::{HandShape, Kinship, ShapePair};
 pub use surface::{SurfacePoint, surface_points};

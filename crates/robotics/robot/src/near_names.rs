@@ -7,7 +7,7 @@ const MAX_LENGTH: usize = 200;
 
 /// Returns the names that lie nearest to `name`, nearest first; none that share next to nothing, and
 /// none that are too long for a person to have written.
-pub(crate) fn near_names<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
+pub fn near_names<'a>(name: &str, candidates: impl Iterator<Item = &'a str>) -> Vec<String> {
     if name.len() > MAX_LENGTH {
         return Vec::new();
     }
