@@ -17,7 +17,7 @@ pub enum ConfigError {
         /// The key.
         key: String,
         /// The nearest one that exists.
-        near: Option<&'static str>,
+        near: Option<String>,
     },
     /// The library knows no such type of objective.
     #[error("`type` is `{0}`")]
@@ -104,7 +104,7 @@ impl ConfigError {
                 "the file is one table `retargeting:`, as those that dex-retargeting ships".to_owned(),
             ),
             Self::UnknownKey { near, .. } => {
-                near.map(|near| format!("did you mean `{near}`?"))
+                near.as_ref().map(|near| format!("did you mean `{near}`?"))
             }
             Self::UnknownType(_) => {
                 Some("`type` is `position`, `vector` or `dexpilot`".to_owned())

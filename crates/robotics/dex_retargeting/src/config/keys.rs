@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, fmt};
 
+use robot::near_names;
 use serde::{
     Deserialize, Deserializer,
     de::{DeserializeOwned, IgnoredAny, SeqAccess, Visitor},
@@ -198,7 +199,7 @@ pub(super) fn parse(text: &str) -> Result<File, ConfigError> {
         .find(|key| !KEYS.contains(&key.as_str()))
     {
         return Err(ConfigError::UnknownKey {
-            near: nearest(&key),
+            near: near_names(&key, KEYS.into_iter()).into_iter().next(),
             key,
         });
     }
@@ -220,13 +221,4 @@ fn read<T: DeserializeOwned>(text: &str) -> Result<T, ConfigError> {
         let message = err.to_string();
         ConfigError::Syntax(message.lines().next().unwrap_or_default().to_owned())
     })
-}
-
-/// Returns the key that is spelled most nearly so; `None` if none shares more than half of it.
-fn nearest(key: &str) -> Option<&'static str> {
-    let distances = KEYS
-        .iter()
-        .map(|&known| (strsim::levenshtein(key, known), known));
-    let (distance, near) = distances.min()?;
-    (2 * distance <= key.len().max(near.len())).then_some(near)
 }
