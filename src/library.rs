@@ -73,9 +73,9 @@ impl From<Problem> for Refusal {
 /// Fails at the first option that a stage would refuse.
 pub fn stage_options<C: Any + Clone>(kind: &str, options: &Value) -> Result<C, Refusal> {
     let all = kinds();
-    let kind = all.iter().find(|known| known.name == kind);
-    let kind = kind.ok_or_else(|| Refusal {
-        message: "there is no such kind of stage".to_owned(),
+    let known = all.iter().find(|known| known.name == kind);
+    let kind = known.ok_or_else(|| Refusal {
+        message: format!("no kind of stage `{kind}`"),
         hint: Some("`pipeline stages` lists the kinds".to_owned()),
     })?;
     let unusable = |problem: String| Refusal {

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use dataflow::{Artifact, BoxedDiagnostic, UnitRef, did_you_mean};
+use dataflow::{Artifact, BoxedDiagnostic, RunStatus, UnitRef, did_you_mean};
 use lake::{Lake, Run};
 
 use super::lookup;
@@ -70,13 +70,16 @@ fn artifacts(lake: &Lake, wanted: &Wanted<'_>) -> Result<Vec<Artifact>, CommandE
     Ok(vec![kept])
 }
 
-/// Returns the run of the name, or the newest that has what is wanted, or else the newest.
+/// Returns the run of the name, or the newest finished one that has what is wanted, or else the newest.
 fn run_with(lake: &Lake, wanted: &Wanted<'_>) -> Result<Run, CommandError> {
     if wanted.run.is_none() {
         for number in lake.runs()?.into_iter().rev() {
             // A damaged record of one run does not hide others.
             let run = lake.run(number).ok();
-            let run = run.filter(|run| run.record.units.iter().any(|unit| wanted.is(unit)));
+            let run = run.filter(|run| {
+                let mut units = run.record.units.iter();
+                run.record.status == RunStatus::Finished && units.any(|unit| wanted.is(unit))
+            });
             if let Some(run) = run {
                 return Ok(run);
             }
