@@ -96,7 +96,7 @@ impl Function {
             _ => None,
         };
         let seed = seed_of(seed, SAMPLE, &object.stored.name)?;
-        let drawn = in_threads(py, |_| {
+        let drawn = in_threads(py, |cancellation| {
             let drawn = Drawing {
                 config: &config,
                 cgf: &self.0,
@@ -104,6 +104,7 @@ impl Function {
                 shown: None,
                 field: field.as_deref(),
                 hand: hand.map(|hand| &hand.loaded.model),
+                is_canceled: &|| cancellation.is_asked(),
             };
             let (candidates, _) = drawn.draw(seed).map_err(|err| failed(&err, err.hint()))?;
             Candidates::stored(candidates)
@@ -153,9 +154,11 @@ impl Function {
         let latents: Vec<Vec<f64>> = (0..codes.len())
             .map(|idx| codes.row(idx).to_vec())
             .collect();
-        let decoded = in_threads(py, |_| {
+        let decoded = in_threads(py, |cancellation| {
             let sampled = stage_sample::sampled_object(&object.stored);
-            PlacedFunction::new(&self.0, &sampled, rest.rest)?.decode(&latents, &times_s, duration)
+            let placed = PlacedFunction::new(&self.0, &sampled, rest.rest)?;
+            let is_canceled = || cancellation.is_asked();
+            placed.decode(&latents, &times_s, duration, &is_canceled)
         })?;
         let decoded = decoded.map_err(|err| {
             let hint = "pass times that increase, and codes of the size that samples have";

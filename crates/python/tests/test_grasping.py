@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -141,6 +142,25 @@ class Grasping(unittest.TestCase):
         decoded = self.function.decode(self.object, drawn.codes, drawn.times[0])
         np.testing.assert_allclose(decoded.q, drawn.q, atol=1e-5)
         np.testing.assert_allclose(decoded.palm, drawn.palm, atol=1e-5)
+
+    def test_the_rest_of_many_motions_is_left_at_a_signal(self):
+        class Interrupted(Exception):
+            pass
+
+        def handle(*_):
+            raise Interrupted
+
+        before = signal.signal(signal.SIGALRM, handle)
+        self.addCleanup(signal.signal, signal.SIGALRM, before)
+        # Minutes of work.
+        codes = np.zeros((1_000_000, self.function.latent))
+        for call in [
+            lambda: self.function.sample(self.object, len(codes)),
+            lambda: self.function.decode(self.object, codes, [0, 0.75, 1.5]),
+        ]:
+            signal.setitimer(signal.ITIMER_REAL, 1)
+            with self.assertRaises(Interrupted):
+                call()
 
     def test_an_object_of_a_mesh_is_the_one_that_ingest_makes(self):
         mesh = Path("extra.obj")

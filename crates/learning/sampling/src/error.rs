@@ -8,6 +8,9 @@ use robot::WrongDof;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum SamplingError {
+    /// The rest of the motions was to be left.
+    #[error("the sampling was canceled")]
+    Canceled,
     /// An object has no resting orientation.
     #[error("object `{0}` has no resting orientation")]
     NoRest(String),

@@ -67,6 +67,7 @@
 //!     shown: None,
 //!     redraws: None,
 //!     seed: 7,
+//!     is_canceled: &|| false,
 //! })?;
 //! assert_eq!(sampled.motions.len(), 3);
 //! let motion = &sampled.motions[0].motion;
@@ -75,7 +76,7 @@
 //!
 //! // The same code at other times.
 //! let placed = PlacedFunction::new(&function, &object, rest)?;
-//! let decoded = placed.decode(&[sampled.motions[0].latent.clone()], &[0.3, 1.5], 1.5)?;
+//! let decoded = placed.decode(&[sampled.motions[0].latent.clone()], &[0.3, 1.5], 1.5, &|| false)?;
 //! assert!((decoded[0].grasp().q_rad[0] - motion.grasp().q_rad[0]).abs() < 1e-6);
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```

@@ -29,7 +29,12 @@ pub struct SamplingTask<'a> {
     pub redraws: Option<Redraws<'a>>,
     /// Seed of all random numbers.
     pub seed: u64,
+    /// Whether the rest of the motions is to be left.
+    pub is_canceled: &'a (dyn Fn() -> bool + Sync),
 }
+
+/// Codes that are decoded between two looks at whether the sampling was canceled.
+const CHUNK: usize = 256;
 
 /// The motions of one object.
 #[derive(Debug, Clone, PartialEq)]
@@ -73,8 +78,8 @@ pub struct Draw {
 ///
 /// # Errors
 ///
-/// Fails if a named demonstration is unknown, the shown object has no resting orientation, or the function cannot be
-/// applied to the object.
+/// Fails if a named demonstration is unknown, the shown object has no resting orientation, the function cannot be
+/// applied to the object, or it is canceled.
 pub fn sample(task: &SamplingTask<'_>) -> Result<SampledMotions, SamplingError> {
     let &SamplingTask {
         options, cgf, seed, ..
@@ -185,12 +190,14 @@ impl<'a> PlacedFunction<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if a code has another width, if times do not increase or one is not finite, and if an output is no motion.
+    /// Fails if a code has another width, if times do not increase or one is not finite, if an output is no motion, and
+    /// if it is canceled.
     pub fn decode(
         &self,
         latents: &[Vec<f64>],
         times_s: &[f64],
         duration_s: f64,
+        is_canceled: &dyn Fn() -> bool,
     ) -> Result<Vec<Motion<Object>>, SamplingError> {
         let times: Vec<f64> = times_s
             .iter()
@@ -199,15 +206,20 @@ impl<'a> PlacedFunction<'a> {
         let description = self.cgf.description();
         let joints: Arc<[String]> = description.joints.as_slice().into();
         let placed = MotionPlacement::new(&self.rest, &description.joint_ranges, duration_s);
-        let decoded = self.cgf.decode_with_rates(&self.feature, latents, &times)?;
-        let motions = decoded.into_iter().map(|motion| {
-            let (mut steps, _excess) = placed.steps(motion, &times);
-            for (step, &time_s) in steps.iter_mut().zip(times_s) {
-                step.time_s = time_s;
+        let mut motions = Vec::with_capacity(latents.len());
+        for latents in latents.chunks(CHUNK) {
+            if is_canceled() {
+                return Err(SamplingError::Canceled);
             }
-            Ok(Motion::of_joints(Arc::clone(&joints), steps)?)
-        });
-        motions.collect()
+            for motion in (self.cgf).decode_with_rates(&self.feature, latents, &times)? {
+                let (mut steps, _excess) = placed.steps(motion, &times);
+                for (step, &time_s) in steps.iter_mut().zip(times_s) {
+                    step.time_s = time_s;
+                }
+                motions.push(Motion::of_joints(Arc::clone(&joints), steps)?);
+            }
+        }
+        Ok(motions)
     }
 }
 
@@ -224,6 +236,7 @@ struct Decoder<'a> {
     features: Vec<ObjectFeature>,
     times: Vec<f64>,
     seed: u64,
+    is_canceled: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl<'a> Decoder<'a> {
@@ -248,6 +261,7 @@ impl<'a> Decoder<'a> {
             features: Vec::new(),
             times: Cgf::times(task.options.steps),
             seed: task.seed,
+            is_canceled: task.is_canceled,
         };
         if task.options.point_noise == 0.0 {
             let points = decoder.shown.points();
@@ -289,7 +303,9 @@ impl<'a> Decoder<'a> {
         for (rest, feature) in self.features.iter().enumerate() {
             let codes: Vec<&(usize, Code)> =
                 codes.iter().filter(|(_, code)| code.rest == rest).collect();
-            motions.extend(self.decode_resting_pose(feature, rest, &codes)?);
+            for codes in codes.chunks(CHUNK) {
+                motions.extend(self.decode_resting_pose(feature, rest, codes)?);
+            }
         }
         Ok(motions)
     }
@@ -301,6 +317,9 @@ impl<'a> Decoder<'a> {
         rest: usize,
         codes: &[&(usize, Code)],
     ) -> Result<Vec<(usize, SampledMotion)>, SamplingError> {
+        if (self.is_canceled)() {
+            return Err(SamplingError::Canceled);
+        }
         let latents: Vec<Vec<f64>> = codes.iter().map(|(_, code)| code.latent.clone()).collect();
         let decoded = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
         let (rest, _) = self.rests[rest];

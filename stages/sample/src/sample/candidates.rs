@@ -115,6 +115,7 @@ pub(super) fn make(
         shown,
         field: field.as_ref(),
         hand: hand.as_ref().map(|hand| &hand.model),
+        is_canceled: &|| false,
     };
     let (drawn, every_draw) = drawing.draw(cx.seed())?;
     cx.write(&drawn)?;
@@ -153,6 +154,8 @@ pub struct Drawing<'a> {
     pub field: Option<&'a DistanceField>,
     /// The hand, if motions are to be drawn again.
     pub hand: Option<&'a RobotModel>,
+    /// Whether the rest of the motions is to be left.
+    pub is_canceled: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Drawing<'_> {
@@ -182,6 +185,7 @@ impl Drawing<'_> {
             shown: self.shown.map(sampled_object),
             redraws,
             seed,
+            is_canceled: self.is_canceled,
         })?;
         let (candidates, every_draw) = draws_of(&self.object.name, sampled);
         let drawn = Candidates {

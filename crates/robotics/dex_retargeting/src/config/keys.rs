@@ -14,6 +14,8 @@ use crate::ConfigError;
 const MAX_NODES: usize = 10_000;
 /// Maximum number of lists and maps within each other; the library's own have four.
 const MAX_DEPTH: usize = 16;
+/// Maximum number of aliases, and of anchors; the library's own have none.
+const MAX_ALIASES: usize = 16;
 
 /// A whole file.
 #[derive(Debug, Deserialize)]
@@ -213,6 +215,8 @@ fn read<T: DeserializeOwned>(text: &str) -> Result<T, ConfigError> {
             max_events: 4 * MAX_NODES,
             max_recorded_anchor_events: 4 * MAX_NODES,
             max_depth: MAX_DEPTH,
+            max_aliases: MAX_ALIASES,
+            max_anchors: MAX_ALIASES,
             max_documents: 1,
         },
         with_snippet: false,
