@@ -16,6 +16,7 @@ use stage_retarget::report::RetargetReport;
 use stage_rrt::Rrt;
 use stage_sample::report::SampleReport;
 use stage_screen::report::ScreenReport;
+use stage_shapes::Shapes;
 use stage_train::report::TrainReport;
 use stage_transfer::Transfer;
 
@@ -37,6 +38,7 @@ pub fn kinds() -> Vec<Kind> {
             Kind::reported::<RetargetReport>([code!("stage-retarget"), code!("report-retarget")]),
             &["hand_table"],
         ),
+        Kind::of::<Shapes>(code!("stage-shapes")),
         Kind::of::<Replay>(code!("stage-replay")),
         Kind::of::<Transfer>(code!("stage-transfer")),
         with_hand_file(

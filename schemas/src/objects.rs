@@ -15,6 +15,10 @@ use crate::{
 /// readers that do not depend on the object's resting poses.
 pub const MESH: &str = "mesh.obj";
 
+/// The label of a generated object: the objects that nothing was learned from, and that it is unlike, by name, with
+/// commas between.
+pub const APART_FROM: &str = "apart_from";
+
 /// An object's surface and how it rests: what training reads, whatever the object's mass.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Surface {

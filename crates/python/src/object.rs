@@ -9,6 +9,7 @@ use std::{
 use dataflow::{Digest, unit_seed};
 use geometry::{DistanceField, TriMesh};
 use nalgebra::Point3;
+use object_shapes::MeshedObject;
 use pyo3::{
     prelude::*,
     types::{PyAny, PyDict},
@@ -16,7 +17,7 @@ use pyo3::{
 use schemas::Table as _;
 use serde_json::json;
 use spatial::{Pose, Table};
-use stage_ingest::{IngestConfig, MeshedObject};
+use stage_ingest::IngestConfig;
 use stage_retarget::RetargetConfig;
 
 use crate::{
@@ -78,7 +79,7 @@ impl Object {
         };
         let bytes = fs::read(&path).map_err(|err| unusable(err.to_string()))?;
         let file = path.file_name().unwrap_or_default().to_string_lossy();
-        let (mesh, _) = stage_ingest::mesh(&file, &bytes).map_err(unusable)?;
+        let (mesh, _) = object_shapes::mesh(&file, &bytes).map_err(unusable)?;
         let stem = || path.file_stem().unwrap_or_default().to_string_lossy();
         let name = name.unwrap_or_else(|| stem().into_owned());
         Self::of(py, &mesh, &name, mass, (seed, options))

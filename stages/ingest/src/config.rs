@@ -2,6 +2,7 @@
 
 use std::{collections::BTreeMap, path::PathBuf};
 
+use object_shapes::ShapeOptions;
 use options::{OptionFaults, Options, above, options};
 use schemars::JsonSchema;
 use schemas::demonstrations::Side;
@@ -11,10 +12,6 @@ use crate::selection::Split;
 
 /// Maximum number of images of a recording that options speak of: nine hours at 30 per second.
 const MAX_IMAGES: usize = 1_000_000;
-/// Maximum number of points on a surface: 48 MB of them with their normals.
-const MAX_SURFACE_POINTS: usize = 1_000_000;
-/// Maximum number of convex parts of an object.
-const MAX_PARTS: usize = 4096;
 /// Maximum number of objects of a scene.
 const MAX_OBJECTS: usize = 1000;
 /// Greatest length, angle, factor or mass.
@@ -132,33 +129,6 @@ pub struct IngestConfig {
     /// Objects missing from the dataset, or with a replacement mesh, by name
     #[option(default)]
     pub meshes: BTreeMap<String, AddedMesh>,
-}
-
-/// What is made of an object's mesh.
-#[options]
-pub struct ShapeOptions {
-    /// Points on each object's surface: as many as the paper's network sees, and a few more
-    #[option(
-        default = 2048, range = 1..=MAX_SURFACE_POINTS,
-        why = "they are sampled and held in memory for each object"
-    )]
-    pub points_n: usize,
-    /// Most convex parts of each object, for physics: enough for a mug's handle; time per contact
-    /// grows with them
-    #[option(
-        default = 64, range = 1..=MAX_PARTS,
-        why = "each is a collision shape in every physics step"
-    )]
-    pub max_convex_parts_n: usize,
-    /// Largest distance between a convex part and its simplification (m), the faces on which the object rests being
-    /// exact: every firm rest is kept; 0 for at most 32 corners of each part, up to 4 mm off, with which a motion's
-    /// screening takes a tenth less time for boxes and a third less for bottles, but these roll off a side on which they
-    /// stand
-    #[option(
-        default = 1e-4, range = 0.0..=MAX_SETTING,
-        why = "a larger value exceeds any scene"
-    )]
-    pub part_tolerance_m: f64,
 }
 
 impl IngestConfig {

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
+use object_shapes::ShapeOptions;
 use schemas::demonstrations::Side;
 
 use crate::{
-    config::{Format, IngestConfig, Landmarks, ReachRule, ShapeOptions, TableRule},
+    config::{Format, IngestConfig, Landmarks, ReachRule, TableRule},
     selection::Split,
 };
 
@@ -42,24 +43,4 @@ pub(crate) fn config() -> IngestConfig {
         masses_kg: BTreeMap::new(),
         meshes: BTreeMap::new(),
     }
-}
-
-/// A box with these edges in meters, its middle shifted from the origin, as Wavefront OBJ.
-pub(crate) fn brick(edges_m: [f64; 3], middle_m: [f64; 3]) -> String {
-    let mut text = String::new();
-    for corner in 0..8 {
-        text.push('v');
-        for (axis, (edge, middle)) in edges_m.iter().zip(middle_m).enumerate() {
-            let side = if corner & (1 << axis) == 0 { -0.5 } else { 0.5 };
-            text += &format!(" {}", side * edge + middle);
-        }
-        text.push('\n');
-    }
-    for face in [
-        "1 3 2", "2 3 4", "5 6 7", "6 8 7", "1 2 5", "2 6 5", "3 7 4", "4 7 8", "1 5 3", "3 5 7",
-        "2 4 6", "4 8 6",
-    ] {
-        text += &format!("f {face}\n");
-    }
-    text
 }

@@ -33,14 +33,12 @@ mod labels;
 mod mano;
 mod mirror;
 mod npz;
-mod objects;
 mod place;
 mod reach;
 pub mod read;
 mod reader;
 mod recording;
 pub mod report;
-mod rests;
 mod selection;
 mod table_pose;
 mod terms;
@@ -48,13 +46,12 @@ mod tracks;
 mod yaml;
 mod ycb;
 
-pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, ShapeOptions, TableRule};
+pub use config::{AddedMesh, Format, IngestConfig, Landmarks, ReachRule, TableRule};
 pub use error::{IngestError, RecordingError};
 pub use ingest::{
     Agreement, DemonstrationMetrics, Demonstrations, Ingest, Objects, ShapeMetrics, Shapes,
 };
 pub use mano::{ManoError, ManoModel, ShapedHand};
 pub use npz::NpzError;
-pub use objects::{MeshedObject, mesh};
 pub use selection::Split;
 pub use yaml::YamlError;

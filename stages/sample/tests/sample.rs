@@ -15,8 +15,8 @@ use std::{
 use ::motion::{Motion, Step};
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, RestingObject,
-    Schedule, Times, TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet,
+    JointOutputs, LatentNoise, LatentPrior, LatentVariance, NetworkConfig, Outputs, Reduction,
+    RestingObject, Schedule, Times, TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet,
 };
 use dataflow::{Artifact, Context, Inputs, Outcome, Output, SourceFile, Stage, Summary};
 use geometry::{DistanceField, TriMesh};
@@ -160,6 +160,7 @@ fn write_checkpoint(folder: &Path) {
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
+        prior: LatentPrior::Normal,
         joints: JointOutputs::Free,
     };
     let training = TrainingConfig {

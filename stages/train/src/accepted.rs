@@ -9,12 +9,17 @@ use lake::ReadInputs;
 use schemas::{
     Table,
     candidates::Candidates,
+    objects::{APART_FROM, Surface},
     rollouts::{Rollouts, Verdict},
+    training::Split,
 };
 
 use spatial::{Pose, RestingPose};
 
-use crate::{TrainError, training_set::track};
+use crate::{
+    TrainError,
+    training_set::{self, track},
+};
 
 /// Returns the partitions of candidates and rollouts that are learned from; none if neither is wired.
 ///
@@ -49,22 +54,64 @@ pub(crate) fn partitions(
     Ok(candidates.into_iter().collect())
 }
 
+/// Returns the generated objects, from which motions are learned without any recording.
+///
+/// # Errors
+///
+/// Fails if one of them may be like an unseen object.
+pub(crate) fn shapes<'a>(
+    scope: &'a Scope,
+    unseen: &BTreeSet<&str>,
+) -> Result<BTreeSet<&'a str>, BoxedDiagnostic> {
+    let mut shapes = BTreeSet::new();
+    for object in scope.partitions(Surface::NAME) {
+        let Some(apart_from) = object.label(APART_FROM) else {
+            continue;
+        };
+        let apart_from: BTreeSet<&str> = apart_from.split(',').collect();
+        if let Some(unseen) = unseen.iter().find(|name| !apart_from.contains(*name)) {
+            return Err(TrainError::LikeUnseen {
+                shape: object.key.to_string(),
+                unseen: (*unseen).to_owned(),
+            }
+            .into());
+        }
+        shapes.insert(object.key.as_str());
+    }
+    Ok(shapes)
+}
+
 /// Smallest cosine of the angle between up directions at which an object lies as in a scene.
 const LIES_ALIKE: f64 = 1.0 - 1e-9;
 
 /// Reads the first `per_object` accepted motions of each object, of those in which the object lies as in a
-/// trajectory.
+/// trajectory; the scenes of an object without trajectories are added.
 ///
 /// # Errors
 ///
-/// Fails if a table cannot be read, a motion has no rollout, or it is of another hand.
+/// Fails if a table cannot be read, a motion has no rollout, it is of another hand, or it was carried over from an
+/// unseen object.
 pub(crate) fn read(
     inputs: &Inputs,
-    set: &TrainingSet,
+    set: &mut TrainingSet,
     joints: &[String],
     per_object: usize,
 ) -> Result<Vec<TrainingMotion>, BoxedDiagnostic> {
     let mut found = Vec::new();
+    let objects: Vec<Surface> = inputs.all()?;
+    let mut unseen = BTreeSet::new();
+    for track in set
+        .tracks
+        .iter()
+        .filter(|track| track.split == Split::Unseen)
+    {
+        unseen.insert(track.name.clone());
+    }
+    let demonstrated: BTreeSet<String> = set
+        .scenes
+        .iter()
+        .map(|scene| scene.object.clone())
+        .collect();
     let candidates: Vec<Candidates> = inputs.all()?;
     let rollouts: Vec<Rollouts> = inputs.all()?;
     for (candidates, rollouts) in candidates.iter().zip(&rollouts) {
@@ -75,15 +122,38 @@ pub(crate) fn read(
             let rollout = rollout.ok_or_else(|| TrainError::NoRollout {
                 candidate: id.clone(),
             })?;
+            if unseen.contains(&candidate.source.demonstration) {
+                return Err(TrainError::OfUnseen {
+                    candidate: id.clone(),
+                    demonstration: candidate.source.demonstration.clone(),
+                }
+                .into());
+            }
             if rollout.verdict == Verdict::Held {
                 accepted.push(candidate);
             }
         }
-        let in_scenes = accepted.into_iter().filter_map(|candidate| {
-            let scene = scene(set, &candidates.object, &candidate.table_from_object)?;
-            Some((candidate, scene))
+        let generated = objects.iter().find(|object| {
+            object.name == candidates.object && !demonstrated.contains(&object.name)
         });
-        for (candidate, scene) in in_scenes.take(per_object) {
+        let mut in_scenes = Vec::new();
+        for candidate in accepted {
+            if in_scenes.len() == per_object {
+                break;
+            }
+            let found = scene(set, &candidates.object, &candidate.table_from_object);
+            let scene = match (found, generated) {
+                (Some(found), _) => found,
+                (None, None) => continue,
+                (None, Some(object)) => {
+                    let rest = RestingPose::of(&candidate.table_from_object);
+                    set.scenes.push(training_set::scene(object, rest));
+                    set.scenes.len() - 1
+                }
+            };
+            in_scenes.push((candidate, scene));
+        }
+        for (candidate, scene) in in_scenes {
             let table_from_object = set.scenes[scene].rest.table_from_object();
             let motion = candidate.motion.with_rates(|_| ());
             let motion = motion.map(|one| one.expressed_in(&table_from_object));

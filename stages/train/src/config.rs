@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use cgf::{NetworkConfig, TrainingConfig};
+use folds::UnseenObjects;
 use options::{OptionFaults, Options, options};
-
-use crate::unseen::Fold;
 
 /// Largest number of accepted motions of an object that are learned from.
 const MAX_ACCEPTED_PER_OBJECT: usize = 10_000;
@@ -19,13 +18,9 @@ pub struct TrainConfig {
     /// Objects to train on, by name; empty: all
     #[option(default)]
     pub objects: Vec<String>,
-    /// Objects excluded from training, by name, to be unseen in sampling
-    #[option(default)]
-    pub unseen_objects: Vec<String>,
-    /// Fold of the objects that is excluded too, e.g. `2/4`: every fourth by name, from the second; with
-    /// `--set train.unseen_fold=1/4,2/4,3/4,4/4`, every object is unseen once
-    #[option(default)]
-    pub unseen_fold: Option<Fold>,
+    /// The objects that nothing is learned from
+    #[option(flatten)]
+    pub unseen: UnseenObjects,
     /// Share of the other trajectories that are held out for validation, in 0..1: enough to tell
     /// learning from memorizing
     #[option(default = 0.1, range = 0.0..1.0, why = "it is a share")]
@@ -53,7 +48,7 @@ impl TrainConfig {
 
     /// Says whether trajectories of this object are read.
     pub(crate) fn takes(&self, object: &str) -> bool {
-        let mut named = self.objects.iter().chain(&self.unseen_objects);
+        let mut named = self.objects.iter().chain(&self.unseen.unseen_objects);
         self.objects.is_empty() || named.any(|name| name == object)
     }
 }

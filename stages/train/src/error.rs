@@ -4,10 +4,9 @@ use std::{io, path::PathBuf};
 
 use cgf::CgfError;
 use dataflow::Diagnostic;
+use folds::Fold;
 use motion::MotionError;
 use robot::{JointMismatch, WrongDof};
-
-use crate::Fold;
 
 /// Why no grasping function could be trained.
 #[derive(Debug, thiserror::Error)]
@@ -54,6 +53,24 @@ pub enum TrainError {
     NoRollout {
         /// Its name.
         candidate: String,
+    },
+    /// A generated object may be like one that nothing is learned from.
+    #[error("shape `{shape}` was not kept apart from the unseen object `{unseen}`")]
+    LikeUnseen {
+        /// The generated object.
+        shape: String,
+        /// The unseen object.
+        unseen: String,
+    },
+    /// A motion to learn from was made of a demonstration that is not learned from.
+    #[error(
+        "candidate `{candidate}` was carried over from `{demonstration}`, whose object is unseen"
+    )]
+    OfUnseen {
+        /// The candidate.
+        candidate: String,
+        /// The demonstration.
+        demonstration: String,
     },
     /// A trajectory or an accepted motion belongs to another hand.
     #[error("motion `{sequence}` was made for another hand")]
@@ -104,6 +121,10 @@ impl Diagnostic for TrainError {
             }
             Self::OneOfTwo { .. } | Self::NoRollout { .. } => Some(
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
+                    .to_owned(),
+            ),
+            Self::LikeUnseen { .. } | Self::OfUnseen { .. } => Some(
+                "give `shapes`, `transfer` and `train` the same `unseen_objects` and `unseen_fold`"
                     .to_owned(),
             ),
             Self::HandMismatch { .. } => {

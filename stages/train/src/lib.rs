@@ -13,10 +13,8 @@ pub mod report;
 mod resume;
 mod train;
 pub mod training_set;
-mod unseen;
 
 pub use by_split::BySplit;
 pub use config::TrainConfig;
 pub use error::TrainError;
 pub use train::{Train, TrainMetrics, hand};
-pub use unseen::Fold;

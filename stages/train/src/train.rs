@@ -18,7 +18,6 @@ use crate::{
     BySplit, TrainConfig, TrainError, accepted,
     resume::{self, SavedTraining, Saver},
     training_set,
-    unseen::unseen,
 };
 
 /// Learns a continuous grasping function from trajectories.
@@ -92,7 +91,7 @@ impl Output for Train {
     const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        for names in [&config.objects, &config.unseen_objects] {
+        for names in [&config.objects, &config.unseen.unseen_objects] {
             scope.chosen(Surface::NAME, Surface::PARTITION, names)?;
         }
         let trajectories = scope.partitions(Trajectory::NAME);
@@ -111,7 +110,10 @@ impl Output for Train {
                 terms.insert(trajectory.label(TERMS).unwrap_or(UNSTATED));
             }
         }
-        let of_fold = config.unseen_fold.map(|fold| (fold, fold.of(&objects)));
+        let of_fold = config
+            .unseen
+            .unseen_fold
+            .map(|fold| (fold, fold.of(&objects)));
         if let Some((fold, _)) = of_fold.filter(|(_, objects)| objects.is_empty()) {
             return Err(TrainError::EmptyFold {
                 fold,
@@ -119,16 +121,18 @@ impl Output for Train {
             }
             .into());
         }
-        let unseen = unseen(config, &objects);
+        let unseen = config.unseen.of(&objects);
         if unseen.len() == objects.len() {
             return Err(TrainError::NoTrajectories {
                 found: trajectories.len(),
             }
             .into());
         }
+        let shapes = accepted::shapes(scope, &unseen)?;
         let accepted = accepted::partitions(scope, |object| {
-            objects.contains(object) && !unseen.contains(object)
+            objects.contains(object) && !unseen.contains(object) || shapes.contains(object)
         })?;
+        objects.extend(accepted.iter().copied());
         let keeps_out = config.training.penetration_weight > 0.0;
         let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
         let unit = Unit::new(MODEL)
@@ -165,7 +169,7 @@ impl Output for Train {
         training_set::split(&mut set, config, cx.seed());
         let accepted = accepted::read(
             inputs,
-            &set,
+            &mut set,
             &hand.joint_names(),
             config.accepted_per_object,
         )?;

@@ -17,7 +17,7 @@ use schemas::{
 };
 use spatial::RestingPose;
 
-use crate::{TrainConfig, TrainError, unseen::unseen};
+use crate::{TrainConfig, TrainError};
 
 /// Stream of the random numbers that say which motions are held out.
 const HELD_OUT: u64 = 3;
@@ -43,7 +43,7 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, BoxedDiag
             .insert(artifact.key.to_string(), Arc::new(field));
     }
     let mut scenes = BTreeMap::new();
-    for artifact in inputs.artifacts("trajectories") {
+    for artifact in inputs.artifacts(Trajectory::NAME) {
         let trajectory: Trajectory = table::read(artifact)?;
         let object = known.get(&trajectory.object).ok_or_else(|| {
             let known = known.keys().map(String::as_str);
@@ -69,7 +69,7 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, BoxedDiag
 /// Says which motions are learned from.
 pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
     let objects = set.scenes.iter().map(|scene| scene.object.as_str());
-    let unseen = unseen(config, &objects.collect());
+    let unseen = config.unseen.of(&objects.collect());
     for track in &mut set.tracks {
         if unseen.contains(set.scenes[track.scene].object.as_str()) {
             track.split = Split::Unseen;
@@ -106,7 +106,7 @@ fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
     }
 }
 
-fn scene(object: &Surface, rest: RestingPose) -> RestingObject {
+pub(crate) fn scene(object: &Surface, rest: RestingPose) -> RestingObject {
     RestingObject {
         object: object.name.clone(),
         rest,

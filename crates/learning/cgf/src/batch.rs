@@ -8,7 +8,10 @@ use schemas::training::Split;
 use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
-    config::{EncoderRotation, EncoderTimes, LatentNoise, NetworkConfig, Times, TrainingConfig},
+    config::{
+        EncoderRotation, EncoderTimes, LatentNoise, LatentPrior, NetworkConfig, Times,
+        TrainingConfig,
+    },
     data::{NetworkFrame, TrainingMotion, View, turned},
     hand_numbers::{self, Normalization},
     model::equal_times,
@@ -70,6 +73,10 @@ pub(crate) struct Batch {
     /// `(batch, latent)` or `(batch × times, latent)` from the standard normal distribution; empty to
     /// decode the mean codes.
     pub(crate) noise: Vec<f32>,
+    /// `(batch, latent)` from the standard normal distribution and `(batch)` in 0..1, at which the flow is learned;
+    /// empty if there is none.
+    pub(crate) flow_noise: Vec<f32>,
+    pub(crate) flow_times: Vec<f32>,
 }
 
 impl NetworkMotions {
@@ -154,6 +161,11 @@ impl Batches<'_> {
             };
             let noise = (0..draws * self.network.latent_dim).map(|_| narrow(random.normal()));
             batch.noise.extend(noise);
+            if self.network.prior == LatentPrior::Flow {
+                let noise = (0..self.network.latent_dim).map(|_| narrow(random.normal()));
+                batch.flow_noise.extend(noise);
+                batch.flow_times.push(narrow(random.uniform()));
+            }
         }
         batch
     }
@@ -205,6 +217,8 @@ impl Batches<'_> {
             physical: Vec::new(),
             targets: Vec::new(),
             noise: Vec::new(),
+            flow_noise: Vec::new(),
+            flow_times: Vec::new(),
         }
     }
 

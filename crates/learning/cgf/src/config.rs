@@ -88,6 +88,10 @@ pub struct NetworkConfig {
     /// a training; paper: "free"
     #[option(default)]
     pub latent_variance: LatentVariance,
+    /// Distribution of an object's latent codes: "flow" is trained to the posteriors of the motions of such objects, so
+    /// that a small `kl_weight` leaves no codes that no motion has; paper: "normal"
+    #[option(default)]
+    pub prior: LatentPrior,
     /// Range of the decoder's joint positions: within limits, so that a controller can execute every
     /// motion; paper: "free"
     #[option(default)]
@@ -137,6 +141,18 @@ pub enum LatentVariance {
     /// At most the prior's variance, which is 1: `sigmoid(x)` of the last layer's x.
     #[default]
     BelowPrior,
+}
+
+/// Distribution of an object's latent codes, from which motions are sampled.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum LatentPrior {
+    /// The standard normal distribution, whatever the object.
+    #[default]
+    Normal,
+    /// A flow from the standard normal distribution, given the object's feature (Lipman et al., *Flow Matching for
+    /// Generative Modeling*, 2023).
+    Flow,
 }
 
 /// Range of the decoder's joint positions.

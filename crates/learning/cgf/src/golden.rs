@@ -10,8 +10,8 @@ use nalgebra::Point3;
 use robot::RobotModel;
 
 use crate::{
-    Activation, Contact, EncoderRotation, EncoderTimes, InputFrame, JointOutputs, LatentVariance,
-    NetworkConfig,
+    Activation, Contact, EncoderRotation, EncoderTimes, InputFrame, JointOutputs, LatentPrior,
+    LatentVariance, NetworkConfig,
     kinematics::{LinkParts, LinkPoses},
     loss,
     network::{Network, constant},
@@ -55,6 +55,7 @@ fn network_config(activation: Activation, encoder_rotation: EncoderRotation) -> 
         encoder_times: EncoderTimes::Equal,
         encoder_rotation,
         latent_variance: LatentVariance::Free,
+        prior: LatentPrior::Normal,
         joints: JointOutputs::Free,
     }
 }

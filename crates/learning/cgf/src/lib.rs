@@ -41,8 +41,8 @@ mod weights;
 
 pub use config::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction, Schedule, Times,
-    TrainingConfig, TrainingDevice,
+    JointOutputs, LatentNoise, LatentPrior, LatentVariance, NetworkConfig, Outputs, Reduction,
+    Schedule, Times, TrainingConfig, TrainingDevice,
 };
 pub use curve::Epoch;
 pub use data::{RestingObject, TrainingMotion};

@@ -12,7 +12,7 @@ use spatial::{Pose, RestingPose, Table};
 use crate::{
     CgfError, Epoch, HandMotionState, RestingObject, TrainingMotion, TrainingSet,
     batch::{encoder_motion, encoder_times},
-    config::{NetworkConfig, TrainingConfig},
+    config::{LatentPrior, NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
     decoder::Decoder,
     files::{self, read},
@@ -20,6 +20,7 @@ use crate::{
     limits::{JointRange, Limits},
     network::{self, Network, constant},
     point_net::{Clouds, PointNet, Statistics},
+    precision::narrow,
     weights::{WeightTensors, Weights},
 };
 
@@ -152,6 +153,28 @@ impl Cgf {
             values: net.forward(&clouds, Statistics::Stored).features,
             table_from_network: view.table_from_network,
         })
+    }
+
+    /// Takes numbers of the standard normal distribution to codes of an object's motions: themselves, or along the flow.
+    ///
+    /// # Errors
+    ///
+    /// Fails if one does not have the network's width.
+    pub fn prior_codes(
+        &self,
+        feature: &ObjectFeature,
+        noise: Vec<Vec<f64>>,
+    ) -> Result<Vec<Vec<f64>>, CgfError> {
+        let width = self.description.network.latent_dim;
+        if self.description.network.prior == LatentPrior::Normal || noise.is_empty() {
+            return Ok(noise);
+        }
+        let numbers = noise.iter().flatten().copied().map(narrow).collect();
+        let noise = constant(numbers, &[noise.len(), width])?;
+        let feature = constant(feature.values.clone(), &[1, feature.values.len()])?;
+        let codes = self.network().flowed(noise, &feature)?.to_vec2::<f32>()?;
+        let wide = |code: Vec<f32>| code.into_iter().map(f64::from).collect();
+        Ok(codes.into_iter().map(wide).collect())
     }
 
     /// Decodes latent codes at `times` in 0..=1 (1 far, 0 the grasp): for each code, the hand at each

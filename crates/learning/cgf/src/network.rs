@@ -1,13 +1,14 @@
 //! The encoder and the continuous decoder, on candle's tape (section III-B of the paper).
 
-use candle_core::{Device, Tensor};
+use candle_core::{DType, Device, Tensor};
 
 use crate::{
     CgfError,
-    config::{Activation, Initialization, LatentVariance, NetworkConfig},
+    config::{Activation, Initialization, LatentPrior, LatentVariance, NetworkConfig},
     dense_product::product,
     hand_numbers::PALM_WIDTH,
     point_net,
+    precision::narrow,
     random::Random,
     weights::{WeightTensors, Weights, leaf},
 };
@@ -54,10 +55,20 @@ pub(crate) fn initialize(
     layers.linear(&name, PALM_WIDTH + dof, &[("weight", decoder)]);
     if initialization == Initialization::Centered {
         // Start near the mean of all motions.
-        weights.scale(&format!("{name}.weight"), 0.1);
+        layers.weights.scale(&format!("{name}.weight"), 0.1);
+    }
+    if config.prior == LatentPrior::Flow {
+        let widest = layers.stack("prior", &PRIOR_WIDTHS, &inputs);
+        let name = format!("prior.{}", PRIOR_WIDTHS.len());
+        layers.linear(&name, config.latent_dim, &[("weight", widest)]);
     }
     weights
 }
+
+/// Widths of the flow's hidden layers.
+const PRIOR_WIDTHS: [usize; 2] = [256, 256];
+/// Steps in which the flow is followed.
+const FLOW_STEPS: u32 = 10;
 
 /// Linear layers whose numbers are made at random, one after another.
 struct LinearLayers<'a> {
@@ -158,22 +169,73 @@ impl Network<'_> {
         features: &Tensor,
         scenes: &Tensor,
     ) -> Result<Tensor, CgfError> {
+        let hidden = self.config.decoder_widths.len();
+        self.curve(("decoder", hidden), times, latents, features, scenes)
+    }
+
+    /// Computes the flow's velocity of codes `(batch, latent)` at its `times` `(batch, 1)`, `(batch, latent)`.
+    pub(crate) fn velocity(
+        &self,
+        times: &Tensor,
+        codes: &Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<Tensor, CgfError> {
+        self.curve(
+            ("prior", PRIOR_WIDTHS.len()),
+            times,
+            codes,
+            features,
+            scenes,
+        )
+    }
+
+    /// Takes numbers of the standard normal distribution `(batch, latent)` along the flow of an object's feature
+    /// `(1, feature)`, by the midpoint rule.
+    pub(crate) fn flowed(&self, noise: Tensor, feature: &Tensor) -> Result<Tensor, CgfError> {
+        let batch = noise.dim(0)?;
+        let scenes = Tensor::zeros(batch, DType::U32, noise.device())?;
+        let step = 1.0 / f64::from(FLOW_STEPS);
+        let mut codes = noise;
+        for number in 0..FLOW_STEPS {
+            let at = |share: f64| {
+                let time = narrow((f64::from(number) + share) * step);
+                Tensor::full(time, (batch, 1), codes.device())
+            };
+            let slope = self.velocity(&at(0.0)?, &codes, feature, &scenes)?;
+            let middle = (&codes + (slope * (0.5 * step))?)?;
+            let slope = self.velocity(&at(0.5)?, &middle, feature, &scenes)?;
+            codes = (codes + (slope * step)?)?;
+        }
+        Ok(codes)
+    }
+
+    /// Computes a part of the network that is a function of time, given a code and an object:
+    /// `(batch × n, outputs)`, for the name and the number of its hidden layers.
+    fn curve(
+        &self,
+        (name, hidden): (&str, usize),
+        times: &Tensor,
+        latents: &Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<Tensor, CgfError> {
         let (batch, n) = times.dims2()?;
-        let feature = self.times("decoder.0", "feature", features)?;
-        let motion = (self.times("decoder.0", "latent", latents)?
-            + feature.index_select(scenes, 0)?)?
-        .broadcast_add(self.leaf("decoder.0", "bias")?)?;
+        let first = format!("{name}.0");
+        let feature = self.times(&first, "feature", features)?;
+        let motion = (self.times(&first, "latent", latents)? + feature.index_select(scenes, 0)?)?
+            .broadcast_add(self.leaf(&first, "bias")?)?;
         let width = motion.dim(1)?;
         let time = product(
             &times.reshape((batch * n, 1))?,
-            &self.leaf("decoder.0", "time")?.t()?,
+            &self.leaf(&first, "time")?.t()?,
         )?;
         let mut x = time
             .reshape((batch, n, width))?
             .broadcast_add(&motion.unsqueeze(1)?)?
             .reshape((batch * n, width))?;
-        for layer in 1..=self.config.decoder_widths.len() {
-            x = self.linear(&format!("decoder.{layer}"), &self.activate(&x)?)?;
+        for layer in 1..=hidden {
+            x = self.linear(&format!("{name}.{layer}"), &self.activate(&x)?)?;
         }
         Ok(x)
     }

@@ -42,6 +42,9 @@ pub struct Losses {
     pub contact: f32,
     /// Squared depths of the links in object and table, in m²; 0 if they have no weight.
     pub penetration: f32,
+    /// Squared error of the flow's velocity; 0 without a flow, and where it is not learned from.
+    #[serde(default)]
+    pub prior: f32,
 }
 
 /// Training objective: the weighted sum of the losses.
@@ -129,7 +132,8 @@ impl Objective<'_> {
         let training = self.training;
         let outputs = PALM_WIDTH + self.hand.dof();
         let rows = batch.size * batch.n_times;
-        let (decoded, mean, log_variance) = self.decoded(batch, tape, features)?;
+        let (decoded, codes, [mean, log_variance]) = self.decoded(batch, tape, features)?;
+        let prior = self.prior(batch, tape, &codes, features)?;
         let (decoded, physical) = self.within_limits(decoded, normalization)?;
         let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
@@ -187,6 +191,8 @@ impl Objective<'_> {
                 (penetration * count(n_times * n_links))?,
                 training.penetration_weight,
             ),
+            // No other weights depend on it.
+            (prior, 1.0),
         ];
         self.weighted_sum(&terms)
     }
@@ -210,16 +216,25 @@ impl Objective<'_> {
 
     /// Sums terms by their weights, in the order of the fields of [`Losses`] after the total; a term
     /// without a weight is measured only.
-    fn weighted_sum(&self, terms: &[(Tensor, f64); 7]) -> Result<(Tensor, Losses), CgfError> {
+    fn weighted_sum(&self, terms: &[(Tensor, f64); 8]) -> Result<(Tensor, Losses), CgfError> {
         let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
-        let mut numbers = [0.0; 7];
+        let mut numbers = [0.0; 8];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {
             *number = term.to_scalar::<f32>()?;
             if *weight > 0.0 {
                 total = (total + (term * *weight)?)?;
             }
         }
-        let [q, translation, origins, rotations, kl, contact, penetration] = numbers;
+        let [
+            q,
+            translation,
+            origins,
+            rotations,
+            kl,
+            contact,
+            penetration,
+            prior,
+        ] = numbers;
         let losses = Losses {
             total: total.to_scalar()?,
             q,
@@ -229,18 +244,42 @@ impl Objective<'_> {
             kl,
             contact,
             penetration,
+            prior,
         };
         Ok((total, losses))
     }
 
-    /// Encodes a batch's motions and decodes their codes: outputs `(batch × times, outputs)`, mean and
-    /// log-variance `(batch, latent)`.
+    /// Computes the flow's loss: the squared error of its velocity on the line from a number of the standard normal
+    /// distribution to a motion's code (Lipman et al., *Flow Matching for Generative Modeling*, 2023, section 4.1).
+    /// Codes and features are taken as they are.
+    fn prior(
+        &self,
+        batch: &Batch,
+        tape: &Network,
+        codes: &Tensor,
+        features: &Tensor,
+    ) -> Result<Tensor, CgfError> {
+        if batch.flow_times.is_empty() {
+            return Ok(Tensor::zeros((), candle_core::DType::F32, &self.device)?);
+        }
+        let shape = [batch.size, self.network.latent_dim];
+        let views = Tensor::from_slice(&batch.views, batch.size, &self.device)?;
+        let from = self.constant(batch.flow_noise.clone(), &shape)?;
+        let times = self.constant(batch.flow_times.clone(), &[batch.size, 1])?;
+        let wanted = (codes.detach() - &from)?;
+        let between = (from + wanted.broadcast_mul(&times)?)?;
+        let found = tape.velocity(&times, &between, &features.detach(), &views)?;
+        Ok((found - wanted)?.sqr()?.mean_all()?)
+    }
+
+    /// Encodes a batch's motions and decodes their codes: outputs `(batch × times, outputs)`, the codes
+    /// `(batch, latent)`, and their means and log-variances.
     fn decoded(
         &self,
         batch: &Batch,
         tape: &Network,
         features: &Tensor,
-    ) -> Result<(Tensor, Tensor, Tensor), CgfError> {
+    ) -> Result<(Tensor, Tensor, [Tensor; 2]), CgfError> {
         let (size, n_times) = (batch.size, batch.n_times);
         let latent_dim = self.network.latent_dim;
         let views = Tensor::from_slice(&batch.views, size, &self.device)?;
@@ -251,6 +290,7 @@ impl Objective<'_> {
         )?;
         let (mean, log_variance) = tape.encode(&motions, features, &views)?;
         let times = self.constant(batch.times.clone(), &[size, n_times])?;
+        let mut codes = mean.clone();
         let decoded = if batch.noise.is_empty() {
             tape.decode(&times, &mean, features, &views)?
         } else {
@@ -258,8 +298,8 @@ impl Objective<'_> {
             match self.training.latent_noise {
                 LatentNoise::PerMotion => {
                     let noise = self.constant(batch.noise.clone(), &[size, latent_dim])?;
-                    let latents = (&mean + (deviation * noise)?)?;
-                    tape.decode(&times, &latents, features, &views)?
+                    codes = (&mean + (deviation * noise)?)?;
+                    tape.decode(&times, &codes, features, &views)?
                 }
                 LatentNoise::PerTime => {
                     // Every time is a motion of its own.
@@ -277,7 +317,7 @@ impl Objective<'_> {
                 }
             }
         };
-        Ok((decoded, mean, log_variance))
+        Ok((decoded, codes, [mean, log_variance]))
     }
 
     /// Keeps the joints of decoded hands within their limits, if they are: the hands in the network's
@@ -371,6 +411,7 @@ impl Losses {
             kl,
             contact,
             penetration,
+            prior,
         } = other;
         self.total += share * total;
         self.q += share * q;
@@ -380,5 +421,6 @@ impl Losses {
         self.kl += share * kl;
         self.contact += share * contact;
         self.penetration += share * penetration;
+        self.prior += share * prior;
     }
 }

@@ -4,9 +4,9 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, HandDistance,
-    Initialization, InputFrame, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs,
-    Reduction, RestingObject, Schedule, Times, Trainer, TrainingConfig, TrainingDevice,
-    TrainingMotion, TrainingSet, train,
+    Initialization, InputFrame, JointOutputs, LatentNoise, LatentPrior, LatentVariance,
+    NetworkConfig, Outputs, Random, Reduction, RestingObject, Schedule, Times, Trainer,
+    TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet, train,
 };
 use geometry::{DistanceField, TriMesh};
 use motion::{Motion, Step};
@@ -99,6 +99,7 @@ fn network() -> NetworkConfig {
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
+        prior: LatentPrior::Normal,
         joints: JointOutputs::Free,
     }
 }
@@ -181,6 +182,50 @@ fn motions_of_different_codes_differ() {
         error.position_m < 1e-5 && error.joints_rad < 1e-5,
         "{error:?}"
     );
+}
+
+#[test]
+fn a_flow_draws_the_codes_of_the_motions_of_the_object_that_it_sees() {
+    let set = set();
+    let network = NetworkConfig {
+        prior: LatentPrior::Flow,
+        ..network()
+    };
+    let training = TrainingConfig {
+        kl_weight: 1e-5,
+        ..training(800)
+    };
+    let cgf = train(&set, &hand(), &network, &training, 7, |_| {})
+        .unwrap()
+        .last;
+    let mut random = Random::new(3, 0);
+    let mut draw = || (0..4).map(|_| random.normal()).collect();
+    let noise: Vec<Vec<f64>> = (0..64).map(|_| draw()).collect();
+    for (scene, track) in set.scenes.iter().zip(&set.tracks) {
+        let feature = cgf.feature(scene).unwrap();
+        let codes = cgf.prior_codes(&feature, noise.clone()).unwrap();
+        assert_eq!(codes, cgf.prior_codes(&feature, noise.clone()).unwrap());
+        let own = cgf
+            .description()
+            .demonstrations
+            .iter()
+            .find(|one| one.name == track.name);
+        let mean = &own.unwrap().latent_mean;
+        // The root of the mean square distance from the only code that such an object has.
+        let off = |codes: &[Vec<f64>]| {
+            let squares = codes.iter().flat_map(|code| code.iter().zip(mean));
+            (squares.map(|(a, b)| (a - b).powi(2)).sum::<f64>() / 64.0).sqrt()
+        };
+        assert!(
+            off(&codes) < 0.3 * off(&noise),
+            "{} {}",
+            off(&codes),
+            off(&noise)
+        );
+    }
+    let normal = trained(1);
+    let feature = normal.feature(&set.scenes[0]).unwrap();
+    assert_eq!(normal.prior_codes(&feature, noise.clone()).unwrap(), noise);
 }
 
 #[test]

@@ -310,6 +310,23 @@ impl<'a> Decoder<'a> {
         Ok(motions)
     }
 
+    /// Returns the latent codes: those of the prior as the function draws them for the object.
+    fn latents(
+        &self,
+        feature: &ObjectFeature,
+        codes: &[&(usize, Code)],
+    ) -> Result<Vec<Vec<f64>>, SamplingError> {
+        let is_prior = |code: &Code| code.origin == CodeOrigin::Prior;
+        let noise = codes.iter().filter(|(_, code)| is_prior(code));
+        let noise = noise.map(|(_, code)| code.latent.clone()).collect();
+        let mut drawn = self.cgf.prior_codes(feature, noise)?.into_iter();
+        let of = |(_, code): &&(usize, Code)| {
+            let drawn = is_prior(code).then(|| drawn.next()).flatten();
+            drawn.unwrap_or_else(|| code.latent.clone())
+        };
+        Ok(codes.iter().map(of).collect())
+    }
+
     /// Decodes the codes of one resting pose.
     fn decode_resting_pose(
         &self,
@@ -320,7 +337,7 @@ impl<'a> Decoder<'a> {
         if (self.is_canceled)() {
             return Err(SamplingError::Canceled);
         }
-        let latents: Vec<Vec<f64>> = codes.iter().map(|(_, code)| code.latent.clone()).collect();
+        let latents = self.latents(feature, codes)?;
         let decoded = self.cgf.decode_with_rates(feature, &latents, &self.times)?;
         let (rest, _) = self.rests[rest];
         let ranges = &self.cgf.description().joint_ranges;

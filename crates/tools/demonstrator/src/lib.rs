@@ -35,7 +35,6 @@ mod reach;
 mod recipe;
 mod sample;
 mod scene;
-mod solid;
 
 pub use error::DemonstratorError;
 pub use objects::object_meshes;

@@ -4,10 +4,14 @@
 //! the middle nor the base. Sizes are nominal ones (Calli et al., "Benchmarking in manipulation
 //! research: the YCB object and model set", 2015), shapes are simplified.
 
-use geometry::TriMesh;
+use geometry::{
+    TriMesh,
+    solid::{
+        Builder, Ring, ellipse, level_set, loft, oriented_ellipse, rounded_box, rounded_rectangle,
+        smooth_min, tapered,
+    },
+};
 use nalgebra::{Point3, Vector3};
-
-use crate::solid::{Builder, Ring, ellipse, level_set, loft, oriented_ellipse, rounded_rectangle};
 
 /// Placement and grasp of objects of a kind.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -423,24 +427,6 @@ fn power_drill() -> TriMesh {
         8.0 * MM,
     );
     moved(mesh, Vector3::new(1.0, 0.5, 1.9))
-}
-
-/// Distance to the hull of two balls, nearly: a cone with round ends.
-fn tapered(p: &Point3<f64>, a: Point3<f64>, b: Point3<f64>, ra: f64, rb: f64) -> f64 {
-    let along = ((p - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
-    (a + (b - a) * along - p).norm() - (ra + (rb - ra) * along)
-}
-
-/// Distance to a box with rounded edges, about the origin.
-fn rounded_box(p: &Point3<f64>, half: Vector3<f64>, edge: f64) -> f64 {
-    let beyond = p.coords.abs() - half.add_scalar(-edge);
-    beyond.map(|x| x.max(0.0)).norm() + beyond.max().min(0.0) - edge
-}
-
-/// The smaller of two distances with a fillet of the given size.
-fn smooth_min(a: f64, b: f64, size: f64) -> f64 {
-    let near = (size - (a - b).abs()).max(0.0) / size;
-    a.min(b) - near * near * size / 4.0
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Options of `kind = "transfer"`.
 
+use folds::UnseenObjects;
 use options::options;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -13,6 +14,9 @@ pub struct TransferConfig {
     /// Demonstrations that are transferred to an object
     #[option(default)]
     pub from: TransferSource,
+    /// The objects whose demonstrations are not transferred, as in `train`
+    #[option(flatten)]
+    pub unseen: UnseenObjects,
     /// Objects that get motions, by name; empty: all
     #[option(default)]
     pub objects: Vec<String>,

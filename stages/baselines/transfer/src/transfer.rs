@@ -1,5 +1,7 @@
 //! The stage: one unit per object.
 
+use std::collections::BTreeSet;
+
 use dataflow::{
     BoxedDiagnostic, Context, InputError, Line, OptionsUsed, Outcome, Output, Outputs, Partition,
     Scope, Stage, Sum, Unit,
@@ -72,20 +74,28 @@ impl Output for Transfer {
         let candidates = summary.metrics.candidates;
         format!("{} objects → {candidates} candidates", summary.n_made)
     });
-    /// `objects` only chooses units.
-    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects"]);
+    /// These choose units, or what they read.
+    const OPTIONS: OptionsUsed = OptionsUsed::Except(&["objects", "unseen_objects", "unseen_fold"]);
 
     fn units(config: &TransferConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        let objects_of = scope.partitions(Trajectory::NAME).iter();
+        let demonstrated: BTreeSet<&str> = objects_of.filter_map(|one| one.label(OBJECT)).collect();
+        let unseen = config.unseen.of(&demonstrated);
         let added = |unit: Unit| {
             let object = unit.partition.clone();
             let is_own = |one: &&Partition| one.label(OBJECT) == Some(object.as_str());
-            let trajectories = scope.partitions(Trajectory::NAME).iter();
+            let is_seen =
+                |one: &&Partition| !one.label(OBJECT).is_some_and(|of| unseen.contains(of));
+            let trajectories = scope.partitions(Trajectory::NAME).iter().filter(is_seen);
             if config.from == TransferSource::Mean {
                 let own = trajectories.filter(is_own);
                 return unit.reading(Trajectory::NAME, own.map(|one| &one.key));
             }
             let others = scope.partitions(Object::NAME).iter();
-            let others = others.filter(|other| other.key != *object);
+            let others = others.filter(|other| {
+                let name = other.key.as_str();
+                name != object && demonstrated.contains(name) && !unseen.contains(name)
+            });
             let shown = trajectories.filter(|one| !is_own(one));
             unit.reading(Object::NAME, others.map(|one| &one.key))
                 .reading(Trajectory::NAME, shown.map(|one| &one.key))
@@ -295,6 +305,7 @@ mod tests {
     use std::{collections::BTreeMap, path::Path};
 
     use dataflow::{Artifact, Inputs, Partition};
+    use folds::UnseenObjects;
     use motion::Step;
     use nalgebra::{Isometry3, UnitQuaternion, Vector3};
     use schemas::{
@@ -304,6 +315,13 @@ mod tests {
     use spatial::Pose;
 
     use super::*;
+
+    fn unseen(names: &[&str]) -> UnseenObjects {
+        UnseenObjects {
+            unseen_objects: names.iter().map(|&name| name.to_owned()).collect(),
+            unseen_fold: None,
+        }
+    }
 
     /// A box that stands on its own -z: these sides, its center at its origin.
     fn object(name: &str, sides: [f64; 3]) -> Object {
@@ -385,6 +403,7 @@ mod tests {
         ]);
         let config = TransferConfig {
             from,
+            unseen: unseen(&[]),
             objects: Vec::new(),
             per_object: 10,
         };
@@ -498,6 +517,7 @@ mod tests {
         let units = |from: TransferSource, object: &str| {
             let config = TransferConfig {
                 from,
+                unseen: unseen(&[]),
                 objects: vec![object.to_owned()],
                 per_object: 1,
             };
@@ -512,5 +532,34 @@ mod tests {
                 .to_string()
                 .contains("`cup`")
         );
+    }
+
+    #[test]
+    fn demonstrations_of_unseen_objects_are_not_read() {
+        let partition = |key: &str, object: &str| {
+            let labels = BTreeMap::from([(OBJECT.to_owned(), object.to_owned())]);
+            Partition::new(key.parse().unwrap(), labels)
+        };
+        let objects = ["can", "shape", "tin", "wall"].map(|name| partition(name, name));
+        let shown = [("a", "can"), ("b", "tin"), ("c", "wall")];
+        let scope = Scope::new(BTreeMap::from([
+            (Object::NAME.to_owned(), objects.to_vec()),
+            (
+                Trajectory::NAME.to_owned(),
+                shown.map(|(key, of)| partition(key, of)).to_vec(),
+            ),
+        ]));
+        let config = TransferConfig {
+            from: TransferSource::Other,
+            unseen: unseen(&["tin"]),
+            objects: Vec::new(),
+            per_object: 10,
+        };
+        let units = Transfer::units(&config, &scope).unwrap();
+        let of = |object: &str| units.iter().find(|unit| unit.partition == object).unwrap();
+        assert_eq!(of("shape").reads[Trajectory::NAME], ["a", "c"]);
+        // It reads itself first.
+        assert_eq!(of("shape").reads[Object::NAME], ["shape", "can", "wall"]);
+        assert_eq!(of("can").reads[Trajectory::NAME], ["c"]);
     }
 }

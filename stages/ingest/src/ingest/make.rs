@@ -5,6 +5,7 @@ use std::mem;
 use dataflow::{BoxedDiagnostic, Context, Inputs, Outcome, Output, SourceFile};
 use geometry::{Repairs, TriMesh};
 use lake::{LakeError, WriteArtifact};
+use object_shapes::MeshedObject;
 use schemas::{
     demonstrations::Demonstration,
     objects::{Object, Surface},
@@ -19,12 +20,10 @@ use crate::{
     config::{Format, IngestConfig},
     demonstration_recording,
     error::RecordingError,
-    mirror,
-    objects::{self, MeshedObject},
-    reach,
+    mirror, reach,
     reader::{self, MAX_MESH_BYTES, MODELS},
     recording::Recording,
-    rests, table_pose,
+    table_pose,
 };
 
 /// Name of the recording in a demonstration's artifact.
@@ -54,7 +53,7 @@ pub(super) fn shape(
         reason,
     };
     let made = reader::read(file, MAX_MESH_BYTES).and_then(|bytes| {
-        let (mesh, repairs) = objects::mesh(&file.name, &bytes).map_err(unusable)?;
+        let (mesh, repairs) = object_shapes::mesh(&file.name, &bytes).map_err(unusable)?;
         let meshed = MeshedObject {
             name,
             mass_kg,
@@ -170,7 +169,7 @@ fn mesh_among(files: &[SourceFile]) -> Option<TriMesh> {
     let is_mesh = |file: &&SourceFile| [MODELS, MESHES].iter().any(|f| file.name.starts_with(f));
     let file = files.iter().find(is_mesh)?;
     let bytes = reader::read(file, MAX_MESH_BYTES).ok()?;
-    let (mesh, _) = objects::mesh(&file.name, &bytes).ok()?;
+    let (mesh, _) = object_shapes::mesh(&file.name, &bytes).ok()?;
     Some(mesh)
 }
 
@@ -195,7 +194,7 @@ pub(super) fn object(
         return Ok(Outcome::skipped(missing.to_string()));
     };
     let mut object: Object = lake::table::read(shape)?;
-    object.rests = rests::rests(&object, &seen_up);
+    object.rests = object_shapes::rests(&object, &seen_up);
     let mesh = TriMesh {
         vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
         triangles: object.triangles.clone(),

@@ -10,13 +10,14 @@ use dataflow::{
     Artifact, BoxedDiagnostic, Context, Inputs, Labels, MetricValues, Outcome, Output, Partition,
     Scope, Stage, Unit,
 };
+use object_shapes::ShapeOptions;
 use schemas::{
     demonstrations::{Demonstration, Side},
     objects::Object,
 };
 use stage_ingest::{
-    Demonstrations, Format, Ingest, IngestConfig, Landmarks, Objects, ReachRule, ShapeOptions,
-    Shapes, Split, TableRule,
+    Demonstrations, Format, Ingest, IngestConfig, Landmarks, Objects, ReachRule, Shapes, Split,
+    TableRule,
 };
 use tempfile::TempDir;
 

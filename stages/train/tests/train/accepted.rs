@@ -5,6 +5,7 @@ use std::path::Path;
 use dataflow::BoxedDiagnostic;
 use schemas::{
     candidates::{Candidate, Candidates, DrawSource},
+    objects::APART_FROM,
     rollouts::{Rollout, Rollouts, Verdict},
 };
 
@@ -49,6 +50,7 @@ fn rollouts(candidates: &Candidates, verdicts: &[Verdict]) -> Rollouts {
 
 /// The trajectories' inputs and these.
 fn with_accepted(folder: &Path, candidates: &Candidates, rollouts: &Rollouts) -> Inputs {
+    let object = candidates.object.as_str();
     let [of_candidates, of_rollouts] = ["candidates", "rollouts"].map(|name| folder.join(name));
     for folder in [&of_candidates, &of_rollouts] {
         std::fs::create_dir(folder).unwrap();
@@ -56,11 +58,11 @@ fn with_accepted(folder: &Path, candidates: &Candidates, rollouts: &Rollouts) ->
     let mut by_name = BTreeMap::from([
         (
             "candidates".to_owned(),
-            vec![artifact(&of_candidates, "can", "can", candidates)],
+            vec![artifact(&of_candidates, object, object, candidates)],
         ),
         (
             "rollouts".to_owned(),
-            vec![artifact(&of_rollouts, "can", "can", rollouts)],
+            vec![artifact(&of_rollouts, object, object, rollouts)],
         ),
     ]);
     let given = inputs(folder);
@@ -132,9 +134,91 @@ fn accepted_motions_of_unseen_objects_are_not_read() {
     let reads =
         |config: &TrainConfig| Train::units(config, &both).unwrap()[0].reads["rollouts"].clone();
     assert_eq!(reads(&config), ["can", "tin"]);
-    config.unseen_objects = vec!["can".to_owned()];
+    config.unseen.unseen_objects = vec!["can".to_owned()];
     assert_eq!(reads(&config), ["tin"]);
     // A screen of other candidates is refused.
     let err = Train::units(&config, &known(&["can", "tin"], &["can"])).unwrap_err();
     assert!(err.to_string().contains("`tin`"), "{err}");
+}
+
+/// The scope of the trajectories with a generated object, on which a motion was accepted.
+fn with_shape(apart_from: &str) -> Scope {
+    let partition = |labels: &[(&str, &str)]| {
+        let labels = labels
+            .iter()
+            .map(|(name, value)| ((*name).to_owned(), (*value).to_owned()));
+        Partition::new("shape_00000".parse().unwrap(), labels.collect())
+    };
+    let mut partitions: BTreeMap<String, Vec<Partition>> = ["objects", "trajectories"]
+        .map(|name| (name.to_owned(), scope().partitions(name).to_vec()))
+        .into();
+    let labels = [("object", "shape_00000"), (APART_FROM, apart_from)];
+    partitions
+        .entry("objects".to_owned())
+        .or_default()
+        .push(partition(&labels));
+    for name in ["candidates", "rollouts"] {
+        partitions.insert(name.to_owned(), vec![partition(&[])]);
+    }
+    Scope::new(partitions)
+}
+
+#[test]
+fn a_generated_shape_is_read_if_it_was_kept_apart_from_every_unseen_object() {
+    let mut config = config();
+    config.unseen.unseen_objects = vec!["can".to_owned()];
+    let unit = &Train::units(&config, &with_shape("can")).unwrap()[0];
+    assert_eq!(unit.reads["rollouts"], ["shape_00000"]);
+    assert!(unit.reads["objects"].contains(&"shape_00000".to_owned()));
+    for apart_from in ["", "tin", "candle"] {
+        let err = Train::units(&config, &with_shape(apart_from)).unwrap_err();
+        assert!(err.to_string().contains("`shape_00000`"), "{err}");
+        assert!(err.hint().unwrap().contains("unseen_fold"));
+    }
+}
+
+#[test]
+fn motions_on_a_generated_shape_are_learned_however_it_lies() {
+    use Verdict::{Held, Slipped};
+    let shaped = Candidates {
+        object: "shape_00000".to_owned(),
+        ..candidates(&[Vector3::z(), Vector3::y(), Vector3::x()])
+    };
+    let rollouts = rollouts(&shaped, &[Slipped, Held, Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let given = with_accepted(folder.path(), &shaped, &rollouts);
+    let surfaces = folder.path().join("shapes");
+    std::fs::create_dir(&surfaces).unwrap();
+    let shape = artifact(
+        &surfaces,
+        "shape_00000",
+        "shape_00000",
+        &surface("shape_00000"),
+    );
+    let names = ["candidates", "objects", "rollouts", "trajectories"];
+    let mut by_name: BTreeMap<String, Vec<Artifact>> = names
+        .map(|name| (name.to_owned(), given.artifacts(name).to_vec()))
+        .into();
+    by_name.entry("objects".to_owned()).or_default().push(shape);
+    let inputs = Inputs::new(by_name, given.files().to_vec());
+    let (accepted, names) = made(&inputs).unwrap();
+    assert_eq!(accepted, Some(2.0));
+    assert_eq!(names, ["a", "b", "c", "can-1", "can-2"]);
+}
+
+#[test]
+fn a_motion_carried_over_from_an_unseen_object_is_an_error() {
+    let candidates = candidates(&[Vector3::z()]);
+    let rollouts = rollouts(&candidates, &[Verdict::Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let inputs = with_accepted(folder.path(), &candidates, &rollouts);
+    let mut config = config();
+    config.unseen.unseen_objects = vec!["can".to_owned()];
+    let out = tempfile::tempdir().unwrap();
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
+    let err = Train::make(&config, &inputs, &cx).unwrap_err();
+    assert!(
+        err.to_string().contains("`can-0`") && err.to_string().contains("`a`"),
+        "{err}"
+    );
 }

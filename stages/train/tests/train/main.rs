@@ -7,10 +7,11 @@ use std::{collections::BTreeMap, path::Path};
 
 use cgf::{
     Activation, Augmentation, Cgf, Contact, EncoderRotation, EncoderTimes, Initialization,
-    InputFrame, JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Reduction,
-    Schedule, Times, TrainingConfig, TrainingDevice,
+    InputFrame, JointOutputs, LatentNoise, LatentPrior, LatentVariance, NetworkConfig, Outputs,
+    Reduction, Schedule, Times, TrainingConfig, TrainingDevice,
 };
 use dataflow::{Artifact, Context, Inputs, Outcome, Output, Partition, Scope, SourceFile};
+use folds::UnseenObjects;
 use lake::LakeError;
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Vector3};
@@ -31,8 +32,10 @@ fn config() -> TrainConfig {
     TrainConfig {
         hand: Path::new(env!("CARGO_MANIFEST_DIR")).join("../../data/robots/allegro_right.urdf"),
         objects: Vec::new(),
-        unseen_objects: Vec::new(),
-        unseen_fold: None,
+        unseen: UnseenObjects {
+            unseen_objects: Vec::new(),
+            unseen_fold: None,
+        },
         held_out_share: 0.0,
         accepted_per_object: 2,
         network: NetworkConfig {
@@ -48,6 +51,7 @@ fn config() -> TrainConfig {
             encoder_times: EncoderTimes::Equal,
             encoder_rotation: EncoderRotation::Columns,
             latent_variance: LatentVariance::Free,
+            prior: LatentPrior::Normal,
             joints: JointOutputs::Free,
         },
         training: TrainingConfig {
@@ -208,12 +212,12 @@ fn one_unit_reads_the_chosen_objects() {
     let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units.len(), 1);
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
-    config.unseen_objects = vec!["can".to_owned()];
+    config.unseen.unseen_objects = vec!["can".to_owned()];
     let units = Train::units(&config, &scope()).unwrap();
     // What is kept back is read as well, to measure with.
     assert_eq!(units[0].reads["trajectories"], ["a", "b", "c"]);
     config.objects = vec!["tin".to_owned()];
-    config.unseen_objects = Vec::new();
+    config.unseen.unseen_objects = Vec::new();
     let units = Train::units(&config, &scope()).unwrap();
     assert_eq!(units[0].reads["trajectories"], ["c"]);
     assert_eq!(units[0].reads["objects"], ["tin"]);
@@ -253,7 +257,7 @@ fn a_damaged_distance_field_is_named() {
 #[test]
 fn choices_that_leave_nothing_are_refused_with_a_hint() {
     let mut config = config();
-    config.unseen_objects = vec!["can".to_owned(), "tin".to_owned()];
+    config.unseen.unseen_objects = vec!["can".to_owned(), "tin".to_owned()];
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(
         matches!(
@@ -261,11 +265,11 @@ fn choices_that_leave_nothing_are_refused_with_a_hint() {
             Some(TrainError::NoTrajectories { found: 3 })
         ) && err.hint().is_some()
     );
-    config.unseen_objects = vec!["cup".to_owned()];
+    config.unseen.unseen_objects = vec!["cup".to_owned()];
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(err.hint().unwrap().contains("can, tin"), "{err}");
-    config.unseen_objects = vec!["can".to_owned()];
-    config.unseen_fold = Some("3/3".parse().unwrap());
+    config.unseen.unseen_objects = vec!["can".to_owned()];
+    config.unseen.unseen_fold = Some("3/3".parse().unwrap());
     let err = Train::units(&config, &scope()).unwrap_err();
     assert!(
         matches!(

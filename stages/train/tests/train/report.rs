@@ -6,6 +6,7 @@ use cgf::Description;
 use dataflow::{
     Artifact, BoxedDiagnostic, Context, Inputs, Outcome, Output, Partition, Report, Scope, Summary,
 };
+use folds::UnseenObjects;
 use schemas::{
     Table, checkpoint,
     latents::Latents,
@@ -21,8 +22,10 @@ use crate::{config, inputs, scope};
 /// Two objects, one of them unseen; nothing is held out.
 fn unseen() -> TrainConfig {
     TrainConfig {
-        unseen_objects: Vec::new(),
-        unseen_fold: Some("2/2".parse().unwrap()),
+        unseen: UnseenObjects {
+            unseen_objects: Vec::new(),
+            unseen_fold: Some("2/2".parse().unwrap()),
+        },
         ..config()
     }
 }

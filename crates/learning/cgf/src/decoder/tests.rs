@@ -7,7 +7,8 @@ use spatial::{Pose, Table};
 use super::*;
 use crate::{
     config::{
-        EncoderRotation, EncoderTimes, Initialization, InputFrame, JointOutputs, LatentVariance,
+        EncoderRotation, EncoderTimes, Initialization, InputFrame, JointOutputs, LatentPrior,
+        LatentVariance,
     },
     limits::JointRange,
     network,
@@ -32,6 +33,7 @@ fn config(activation: Activation) -> NetworkConfig {
         encoder_times: EncoderTimes::Equal,
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
+        prior: LatentPrior::Normal,
         joints: match activation {
             Activation::Relu => JointOutputs::Free,
             Activation::Silu => JointOutputs::WithinLimits,

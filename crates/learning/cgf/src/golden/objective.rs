@@ -136,6 +136,7 @@ fn check_losses(arrays: &Weights, folder: &str, losses: &Losses) {
         kl,
         contact,
         penetration: _,
+        prior: _,
     } = *losses;
     for (name, found) in [
         ("total", total),
@@ -188,6 +189,8 @@ fn batch(arrays: &Weights, network: &NetworkConfig) -> Batch {
         physical: values("physical"),
         targets: values("targets"),
         noise: values("noise"),
+        flow_noise: Vec::new(),
+        flow_times: Vec::new(),
     }
 }
 

@@ -17,7 +17,7 @@ const MIN_PROBABILITY: f64 = 0.02;
 ///
 /// `seen` holds the up direction of each demonstration, in the object frame; `object` has the
 /// orientations in which it is stable. Heights always follow from the mesh.
-pub(crate) fn rests(object: &Object, seen: &[Unit<Vector3<f64>>]) -> Vec<RestingOrientation> {
+pub fn rests(object: &Object, seen: &[Unit<Vector3<f64>>]) -> Vec<RestingOrientation> {
     let stable = &object.rests;
     let mut found: Vec<RestingOrientation> = Vec::new();
     for (up, seen_n) in clusters(seen) {
@@ -110,16 +110,20 @@ fn lying(object: &Object, up_in_object: Unit<Vector3<f64>>) -> RestingPose {
 
 #[cfg(test)]
 mod tests {
-    use nalgebra::Rotation3;
+    use nalgebra::{Point3, Rotation3};
 
     use super::*;
-    use crate::{ShapeOptions, fixture, objects};
+    use crate::{MeshedObject, ShapeOptions};
 
     /// A box of 4 × 6 × 20 cm about the origin, shifted up by 1 cm.
     fn brick() -> Object {
-        let mesh = fixture::brick([0.04, 0.06, 0.20], [0.0, 0.0, 0.01]);
-        let (mesh, _) = objects::mesh("brick.obj", mesh.as_bytes()).unwrap();
-        let meshed = objects::MeshedObject {
+        let section = |z: f64| {
+            [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
+                .map(|(x, y)| Point3::new(0.02 * x, 0.03 * y, z))
+                .to_vec()
+        };
+        let mesh = geometry::solid::loft(&[section(-0.09), section(0.11)]);
+        let meshed = MeshedObject {
             name: "brick",
             mass_kg: 0.5,
             mesh: &mesh,

@@ -1,34 +1,35 @@
-//! Closed triangle meshes of simple solids: lofts, tubes and level sets.
+//! Closed triangle meshes of simple solids: lofts, tubes and level sets, and the distances that level sets are of.
 
 use std::{collections::BTreeMap, f64::consts::TAU};
 
-use geometry::TriMesh;
 use nalgebra::{Point3, Vector3};
 
+use crate::TriMesh;
+
 /// A closed curve of points, counterclockwise seen against the direction in which a loft advances.
-pub(crate) type Ring = Vec<Point3<f64>>;
+pub type Ring = Vec<Point3<f64>>;
 
 /// A mesh in the making.
 #[derive(Default)]
-pub(crate) struct Builder {
+pub struct Builder {
     vertices_m: Vec<Point3<f64>>,
     triangles: Vec<[u32; 3]>,
 }
 
 impl Builder {
     /// Adds a vertex and returns its index.
-    pub(crate) fn vertex(&mut self, point: Point3<f64>) -> u32 {
+    pub fn vertex(&mut self, point: Point3<f64>) -> u32 {
         self.vertices_m.push(point);
         u32::try_from(self.vertices_m.len() - 1).unwrap_or(u32::MAX)
     }
 
     /// Adds the vertices of a ring.
-    pub(crate) fn ring(&mut self, points: &[Point3<f64>]) -> Vec<u32> {
+    pub fn ring(&mut self, points: &[Point3<f64>]) -> Vec<u32> {
         points.iter().map(|&point| self.vertex(point)).collect()
     }
 
     /// Joins two rings of equal length, except where `leave_out` says so.
-    pub(crate) fn strip(&mut self, low: &[u32], high: &[u32], leave_out: &[usize]) {
+    pub fn strip(&mut self, low: &[u32], high: &[u32], leave_out: &[usize]) {
         for idx in 0..low.len() {
             if leave_out.contains(&idx) {
                 continue;
@@ -40,7 +41,7 @@ impl Builder {
     }
 
     /// Closes a ring with a fan whose normal is the direction in which the loft advances.
-    pub(crate) fn cap(&mut self, ring: &[u32]) {
+    pub fn cap(&mut self, ring: &[u32]) {
         let sum: Vector3<f64> = ring
             .iter()
             .map(|&idx| self.vertices_m[idx as usize].coords)
@@ -53,7 +54,7 @@ impl Builder {
     }
 
     /// Returns the mesh.
-    pub(crate) fn build(self) -> TriMesh {
+    pub fn build(self) -> TriMesh {
         TriMesh {
             vertices_m: self.vertices_m,
             triangles: self.triangles,
@@ -62,7 +63,7 @@ impl Builder {
 }
 
 /// Returns the solid between consecutive rings of equal length, closed at both ends.
-pub(crate) fn loft(rings: &[Ring]) -> TriMesh {
+pub fn loft(rings: &[Ring]) -> TriMesh {
     let mut builder = Builder::default();
     let rings: Vec<Vec<u32>> = rings.iter().map(|ring| builder.ring(ring)).collect();
     for (low, high) in rings.iter().zip(rings.iter().skip(1)) {
@@ -79,7 +80,7 @@ pub(crate) fn loft(rings: &[Ring]) -> TriMesh {
 
 /// Returns a horizontal rounded rectangle with half sides `a` and `b`, corner radius `r`, at height
 /// `z`, all in meters.
-pub(crate) fn rounded_rectangle(a: f64, b: f64, r: f64, z: f64) -> Ring {
+pub fn rounded_rectangle(a: f64, b: f64, r: f64, z: f64) -> Ring {
     /// Points per corner and per side between corners.
     const ARC: u32 = 4;
     const SIDE: u32 = 4;
@@ -111,7 +112,7 @@ pub(crate) fn rounded_rectangle(a: f64, b: f64, r: f64, z: f64) -> Ring {
 
 /// Returns a horizontal ellipse with half axes `a` and `b` at height `z`; `squareness` 2 is an
 /// ellipse, more is closer to a rectangle.
-pub(crate) fn ellipse(a: f64, b: f64, squareness: f64, z: f64, n: u32) -> Ring {
+pub fn ellipse(a: f64, b: f64, squareness: f64, z: f64, n: u32) -> Ring {
     (0..n)
         .map(|idx| {
             let (sin, cos) = (TAU * f64::from(idx) / f64::from(n)).sin_cos();
@@ -124,12 +125,7 @@ pub(crate) fn ellipse(a: f64, b: f64, squareness: f64, z: f64, n: u32) -> Ring {
 
 /// Returns a ring about `center` in the plane of `u` and `v`, whose cross product is the direction
 /// in which the loft advances.
-pub(crate) fn oriented_ellipse(
-    center: Point3<f64>,
-    u: Vector3<f64>,
-    v: Vector3<f64>,
-    n: u32,
-) -> Ring {
+pub fn oriented_ellipse(center: Point3<f64>, u: Vector3<f64>, v: Vector3<f64>, n: u32) -> Ring {
     (0..n)
         .map(|idx| {
             let (sin, cos) = (TAU * f64::from(idx) / f64::from(n)).sin_cos();
@@ -140,7 +136,7 @@ pub(crate) fn oriented_ellipse(
 
 /// Returns the surface where `distance_m` is zero, inside the box from `low` to `high`, as naive
 /// surface nets (Gibson, "Constrained elastic surface nets", 1998) moved onto the level set.
-pub(crate) fn level_set(
+pub fn level_set(
     distance_m: impl Fn(&Point3<f64>) -> f64,
     low: Point3<f64>,
     high: Point3<f64>,
@@ -222,6 +218,24 @@ fn onto_level(
     }
     let moved = (point - middle).map(|x| x.clamp(-0.75 * cell_m, 0.75 * cell_m));
     middle + moved
+}
+
+/// Distance to the hull of two balls, nearly: a cone with round ends.
+pub fn tapered(p: &Point3<f64>, a: Point3<f64>, b: Point3<f64>, ra: f64, rb: f64) -> f64 {
+    let along = ((p - a).dot(&(b - a)) / (b - a).norm_squared()).clamp(0.0, 1.0);
+    (a + (b - a) * along - p).norm() - (ra + (rb - ra) * along)
+}
+
+/// Distance to a box with rounded edges, about the origin.
+pub fn rounded_box(p: &Point3<f64>, half: Vector3<f64>, edge: f64) -> f64 {
+    let beyond = p.coords.abs() - half.add_scalar(-edge);
+    beyond.map(|x| x.max(0.0)).norm() + beyond.max().min(0.0) - edge
+}
+
+/// The smaller of two distances with a fillet of the given size.
+pub fn smooth_min(a: f64, b: f64, size: f64) -> f64 {
+    let near = (size - (a - b).abs()).max(0.0) / size;
+    a.min(b) - near * near * size / 4.0
 }
 
 #[cfg(test)]

@@ -35,7 +35,11 @@ impl MeshedObject<'_> {
     }
 
     /// Makes the object's shape, with all orientations in which it is stable.
-    pub(crate) fn shape(&self) -> Result<Object, GeometryError> {
+    ///
+    /// # Errors
+    ///
+    /// Fails if the mesh spans no volume.
+    pub fn shape(&self) -> Result<Object, GeometryError> {
         let (mesh, options) = (self.mesh, self.options);
         let mass = geometry::mass_properties(mesh, self.mass_kg);
         let stable = geometry::stable_rests(mesh, &mass.center_of_mass_m);

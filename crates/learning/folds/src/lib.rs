@@ -1,11 +1,19 @@
 //! Objects excluded from training, to be unseen in sampling.
+//!
+//! ```
+//! use folds::UnseenObjects;
+//!
+//! let excluded = UnseenObjects { unseen_objects: vec!["cup".into()], unseen_fold: Some("2/3".parse()?) };
+//! let demonstrated = ["bowl", "box", "can", "cup", "drill"].into();
+//! assert_eq!(excluded.of(&demonstrated), ["box", "cup", "drill"].into());
+//! # Ok::<(), String>(())
+//! ```
 
 use std::{collections::BTreeSet, fmt, str::FromStr};
 
+use options::options;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
-
-use crate::TrainConfig;
 
 /// One of several parts of the objects, e.g. `2/4`: taking the objects in the order of their names, the
 /// second, the sixth, the tenth, ….
@@ -23,7 +31,7 @@ pub struct Fold {
 
 impl Fold {
     /// Returns the names that belong to this fold.
-    pub(crate) fn of<'a>(self, names: &BTreeSet<&'a str>) -> Vec<&'a str> {
+    pub fn of<'a>(self, names: &BTreeSet<&'a str>) -> Vec<&'a str> {
         let names = names.iter().skip(self.number - 1).step_by(self.folds_n);
         names.copied().collect()
     }
@@ -63,15 +71,29 @@ impl From<Fold> for String {
     }
 }
 
-/// Returns the objects excluded from training, of those that have trajectories.
-pub(crate) fn unseen<'a>(config: &TrainConfig, objects: &BTreeSet<&'a str>) -> BTreeSet<&'a str> {
-    let named = |object: &&str| config.unseen_objects.iter().any(|name| name == object);
-    let named = objects.iter().copied().filter(named);
-    let fold = config
-        .unseen_fold
-        .into_iter()
-        .flat_map(|fold| fold.of(objects));
-    named.chain(fold).collect()
+/// Objects that nothing is learned from, to be unseen in sampling.
+#[options]
+#[derive(PartialEq, Eq)]
+pub struct UnseenObjects {
+    /// Objects excluded from training, by name, to be unseen in sampling
+    #[option(default)]
+    pub unseen_objects: Vec<String>,
+    /// Fold of the objects that is excluded too, e.g. `2/4`: every fourth by name, from the second; with
+    /// `--set train.unseen_fold=1/4,2/4,3/4,4/4`, every object is unseen once
+    #[option(default)]
+    pub unseen_fold: Option<Fold>,
+}
+
+impl UnseenObjects {
+    /// Returns the excluded ones of the objects that were demonstrated.
+    pub fn of<'a>(&self, demonstrated: &BTreeSet<&'a str>) -> BTreeSet<&'a str> {
+        let named = |object: &&str| self.unseen_objects.iter().any(|name| name == object);
+        let named = demonstrated.iter().copied().filter(named);
+        let fold = self.unseen_fold.into_iter();
+        named
+            .chain(fold.flat_map(|fold| fold.of(demonstrated)))
+            .collect()
+    }
 }
 
 #[cfg(test)]
