@@ -54,7 +54,7 @@ pub struct SampleConfig {
     )]
     pub duration_s: f64,
     /// Share of the motions whose latent code is sampled from a demonstration's posterior, in 0..=1, the
-    /// others from the standard normal distribution: half seen grasps, half new ones; paper: 0
+    /// others from the function's prior: half seen grasps, half new ones; paper: 0
     #[option(default = 0.5, range = 0.0..=1.0, why = "it is a share")]
     pub demonstrated_share: f64,
     /// Names of these demonstrations, of any object; empty: all training demonstrations of the same

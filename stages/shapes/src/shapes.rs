@@ -82,7 +82,8 @@ impl Output for Shapes {
             &config.unseen.unseen_objects,
         )?;
         let unseen = config.unseen.of(&demonstrated);
-        let apart_from = Vec::from_iter(unseen.iter().copied()).join(",");
+        let names: Vec<&str> = unseen.iter().copied().collect();
+        let apart_from = names.join(",");
         let passed_on = objects.iter().map(|object| {
             let unit = Unit::new(&object.key).with_labels_of(object);
             unit.reading(Object::NAME, [&object.key])

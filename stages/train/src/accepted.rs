@@ -8,7 +8,7 @@ use dataflow::{BoxedDiagnostic, Inputs, Scope};
 use lake::ReadInputs;
 use schemas::{
     Table,
-    candidates::Candidates,
+    candidates::{Candidate, Candidates},
     objects::{APART_FROM, Surface},
     rollouts::{Rollouts, Verdict},
     training::Split,
@@ -98,16 +98,13 @@ pub(crate) fn read(
     per_object: usize,
 ) -> Result<Vec<TrainingMotion>, BoxedDiagnostic> {
     let mut found = Vec::new();
-    let objects: Vec<Surface> = inputs.all()?;
-    let mut unseen = BTreeSet::new();
-    for track in set
+    let surfaces: Vec<Surface> = inputs.all()?;
+    let of_unseen = set
         .tracks
         .iter()
-        .filter(|track| track.split == Split::Unseen)
-    {
-        unseen.insert(track.name.clone());
-    }
-    let demonstrated: BTreeSet<String> = set
+        .filter(|track| track.split == Split::Unseen);
+    let unseen: BTreeSet<String> = of_unseen.map(|track| track.name.clone()).collect();
+    let recorded: BTreeSet<String> = set
         .scenes
         .iter()
         .map(|scene| scene.object.clone())
@@ -115,52 +112,56 @@ pub(crate) fn read(
     let candidates: Vec<Candidates> = inputs.all()?;
     let rollouts: Vec<Rollouts> = inputs.all()?;
     for (candidates, rollouts) in candidates.iter().zip(&rollouts) {
-        let mut accepted = Vec::new();
-        for candidate in &candidates.candidates {
-            let id = &candidate.candidate_id;
-            let rollout = rollouts.iter().find(|rollout| rollout.candidate_id == *id);
-            let rollout = rollout.ok_or_else(|| TrainError::NoRollout {
-                candidate: id.clone(),
-            })?;
-            if unseen.contains(&candidate.source.demonstration) {
-                return Err(TrainError::OfUnseen {
-                    candidate: id.clone(),
-                    demonstration: candidate.source.demonstration.clone(),
-                }
-                .into());
-            }
-            if rollout.verdict == Verdict::Held {
-                accepted.push(candidate);
-            }
-        }
-        let generated = objects.iter().find(|object| {
-            object.name == candidates.object && !demonstrated.contains(&object.name)
-        });
-        let mut in_scenes = Vec::new();
-        for candidate in accepted {
-            if in_scenes.len() == per_object {
+        let object = &candidates.object;
+        let shape = surfaces.iter().find(|surface| surface.name == *object);
+        let shape = shape.filter(|_| !recorded.contains(object));
+        let mut left = per_object;
+        for candidate in held(candidates, rollouts, &unseen)? {
+            if left == 0 {
                 break;
             }
-            let found = scene(set, &candidates.object, &candidate.table_from_object);
-            let scene = match (found, generated) {
-                (Some(found), _) => found,
-                (None, None) => continue,
-                (None, Some(object)) => {
-                    let rest = RestingPose::of(&candidate.table_from_object);
-                    set.scenes.push(training_set::scene(object, rest));
-                    set.scenes.len() - 1
-                }
+            let Some(scene) = scene(set, object, &candidate.table_from_object).or_else(|| {
+                let rest = RestingPose::of(&candidate.table_from_object);
+                set.scenes.push(training_set::scene(shape?, rest));
+                Some(set.scenes.len() - 1)
+            }) else {
+                continue;
             };
-            in_scenes.push((candidate, scene));
-        }
-        for (candidate, scene) in in_scenes {
             let table_from_object = set.scenes[scene].rest.table_from_object();
             let motion = candidate.motion.with_rates(|_| ());
             let motion = motion.map(|one| one.expressed_in(&table_from_object));
             found.push(track(&candidate.candidate_id, scene, motion, joints)?);
+            left -= 1;
         }
     }
     Ok(found)
+}
+
+/// Returns the motions that hold their object.
+fn held<'a>(
+    candidates: &'a Candidates,
+    rollouts: &Rollouts,
+    unseen: &BTreeSet<String>,
+) -> Result<Vec<&'a Candidate>, TrainError> {
+    let mut held = Vec::new();
+    for candidate in &candidates.candidates {
+        let id = &candidate.candidate_id;
+        let demonstration = &candidate.source.demonstration;
+        if unseen.contains(demonstration) {
+            return Err(TrainError::OfUnseen {
+                candidate: id.clone(),
+                demonstration: demonstration.clone(),
+            });
+        }
+        let rollout = rollouts.iter().find(|rollout| rollout.candidate_id == *id);
+        let rollout = rollout.ok_or_else(|| TrainError::NoRollout {
+            candidate: id.clone(),
+        })?;
+        if rollout.verdict == Verdict::Held {
+            held.push(candidate);
+        }
+    }
+    Ok(held)
 }
 
 /// Returns the scene in which an object lies like this; `None` if it does in no trajectory.

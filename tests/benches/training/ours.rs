@@ -4,9 +4,9 @@ use std::{collections::BTreeMap, fs, sync::Arc};
 
 use cgf::{
     Activation, Augmentation, Contact, EncoderRotation, EncoderTimes, Initialization, InputFrame,
-    JointOutputs, LatentNoise, LatentVariance, NetworkConfig, Outputs, Random, Reduction,
-    RestingObject, Schedule, Times, Trainer, TrainingConfig, TrainingDevice, TrainingMotion,
-    TrainingSet,
+    JointOutputs, LatentNoise, LatentPrior, LatentVariance, NetworkConfig, Outputs, Random,
+    Reduction, RestingObject, Schedule, Times, Trainer, TrainingConfig, TrainingDevice,
+    TrainingMotion, TrainingSet,
 };
 use motion::{Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
@@ -101,6 +101,7 @@ fn network() -> NetworkConfig {
         encoder_times: EncoderTimes::Recorded,
         encoder_rotation: EncoderRotation::AxisAngle,
         latent_variance: LatentVariance::Free,
+        prior: LatentPrior::Normal,
         joints: JointOutputs::Free,
     }
 }

@@ -155,7 +155,8 @@ impl Cgf {
         })
     }
 
-    /// Takes numbers of the standard normal distribution to codes of an object's motions: themselves, or along the flow.
+    /// Takes numbers of the standard normal distribution to codes of an object's motions: themselves, or along the
+    /// flow.
     ///
     /// # Errors
     ///

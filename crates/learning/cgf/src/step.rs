@@ -158,12 +158,7 @@ impl Objective<'_> {
             _ => Tensor::zeros((), candle_core::DType::F32, &self.device)?,
         };
         let kl = loss::kl_divergence(&mean, &log_variance)?;
-        let tips_of = match training.contact {
-            Contact::TouchCenter | Contact::TouchSurface => &reached.origins,
-            Contact::Demonstrated => &wanted.origins,
-        };
-        let (tips, surfaces) = self.tips_at_grasp(batch, tips_of)?;
-        let contact = loss::contact(&tips, &surfaces, training.contact, training.tip_radius_m)?;
+        let contact = self.contact(batch, &reached, &wanted)?;
         let penetration = self.penetration(&physical, batch, &row_weights)?;
         // A sum is a mean of so many more.
         let count = |n: usize| match training.reduction {
@@ -336,6 +331,22 @@ impl Objective<'_> {
         };
         let decoded = within.broadcast_sub(&shift)?.broadcast_div(&scale)?;
         Ok((decoded, within))
+    }
+
+    /// Computes the contact loss of hands, given their links and those of the recorded ones, in m².
+    fn contact(
+        &self,
+        batch: &Batch,
+        reached: &LinkTensors,
+        wanted: &LinkTensors,
+    ) -> Result<Tensor, CgfError> {
+        let tips_of = match self.training.contact {
+            Contact::TouchCenter | Contact::TouchSurface => &reached.origins,
+            Contact::Demonstrated => &wanted.origins,
+        };
+        let (tips, surfaces) = self.tips_at_grasp(batch, tips_of)?;
+        let (contact, radius_m) = (self.training.contact, self.training.tip_radius_m);
+        loss::contact(&tips, &surfaces, contact, radius_m)
     }
 
     /// Computes the penetration loss of hands in object and table: the weighted mean of squared depths

@@ -9,7 +9,7 @@ use crate::{Orientations, SampledObject, SamplingError, SamplingOptions};
 /// Origin of a latent code.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum CodeOrigin {
-    /// The standard normal distribution.
+    /// The function's prior.
     Prior,
     /// The posterior of a demonstration.
     Posterior {

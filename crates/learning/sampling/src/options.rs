@@ -15,7 +15,7 @@ pub struct SamplingOptions {
     /// Time from the first step to the grasp, in seconds.
     pub duration_s: f64,
     /// Share of the motions whose latent code is sampled from a demonstration's posterior, in 0..=1; the codes of
-    /// the others are sampled from the standard normal distribution.
+    /// the others are sampled from the function's prior.
     pub posterior_share: f64,
     /// Names of these demonstrations, of any object; empty: all training demonstrations of the object.
     pub demonstrations: Vec<String>,

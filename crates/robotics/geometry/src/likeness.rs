@@ -16,8 +16,8 @@ const FINE_STARTS: usize = 4;
 const FINE_STEPS: usize = 12;
 
 /// Returns the mean distance between the surfaces of two bodies, in meters at the size of the second: the first is
-/// scaled to its spread, and moved to where the distance is least, by iterated closest points (Besl and McKay, "A
-/// method for registration of 3-D shapes", 1992) from 48 rotations between the principal axes.
+/// scaled to its spread, and moved to where the distance is least, by iterated closest points (P. J. Besl and N. D.
+/// `McKay`, "A method for registration of 3-D shapes", 1992) from 48 rotations between the principal axes.
 ///
 /// `seed` is that of the points. Bodies without area are infinitely far apart.
 pub fn mean_distance(mesh: &TriMesh, other: &TriMesh, seed: u64) -> f64 {
