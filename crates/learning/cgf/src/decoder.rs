@@ -309,7 +309,12 @@ impl<T: Number> Decoder<T> {
     }
 }
 
-fn check_width(what: &'static str, found: usize, expected: usize) -> Result<(), CgfError> {
+/// Checks the width of a row of numbers.
+pub(crate) fn check_width(
+    what: &'static str,
+    found: usize,
+    expected: usize,
+) -> Result<(), CgfError> {
     if found == expected {
         return Ok(());
     }

@@ -14,7 +14,7 @@ use crate::{
     batch::{encoder_motion, encoder_times},
     config::{LatentPrior, NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
-    decoder::Decoder,
+    decoder::{Decoder, check_width},
     files::{self, read},
     hand_numbers::{Normalization, PALM_WIDTH},
     limits::{JointRange, Limits},
@@ -169,6 +169,9 @@ impl Cgf {
         let width = self.description.network.latent_dim;
         if self.description.network.prior == LatentPrior::Normal || noise.is_empty() {
             return Ok(noise);
+        }
+        for row in &noise {
+            check_width("latent", row.len(), width)?;
         }
         let numbers = noise.iter().flatten().copied().map(narrow).collect();
         let noise = constant(numbers, &[noise.len(), width])?;

@@ -26,7 +26,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Losses {
-    /// Weighted sum.
+    /// Weighted sum of the others but `prior`.
     pub total: f32,
     /// `L_q`, in the units of the network's outputs.
     pub q: f32,
@@ -42,7 +42,7 @@ pub struct Losses {
     pub contact: f32,
     /// Squared depths of the links in object and table, in m²; 0 if they have no weight.
     pub penetration: f32,
-    /// Squared error of the flow's velocity; 0 without a flow, and where it is not learned from.
+    /// Squared error of the flow's velocity, which only the flow learns from; 0 without one, and in measuring.
     #[serde(default)]
     pub prior: f32,
 }
@@ -88,7 +88,7 @@ impl Objective<'_> {
         };
         let (total, losses) = self.losses(batch, normalization, &tape, &features)?;
         let mut gradients = Gradients::new();
-        if losses.total.is_finite() {
+        if losses.is_finite() {
             let by = total.backward()?;
             for (name, leaf) in &leaves {
                 if let Some(gradient) = by.get(leaf) {
@@ -133,7 +133,6 @@ impl Objective<'_> {
         let outputs = PALM_WIDTH + self.hand.dof();
         let rows = batch.size * batch.n_times;
         let (decoded, codes, [mean, log_variance]) = self.decoded(batch, tape, features)?;
-        let prior = self.prior(batch, tape, &codes, features)?;
         let (decoded, physical) = self.within_limits(decoded, normalization)?;
         let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
@@ -186,10 +185,16 @@ impl Objective<'_> {
                 (penetration * count(n_times * n_links))?,
                 training.penetration_weight,
             ),
-            // No other weights depend on it.
-            (prior, 1.0),
         ];
-        self.weighted_sum(&terms)
+        let (total, losses) = self.weighted_sum(&terms)?;
+        let Some(prior) = self.prior(batch, tape, &codes, features)? else {
+            return Ok((total, losses));
+        };
+        let losses = Losses {
+            prior: prior.to_scalar()?,
+            ..losses
+        };
+        Ok(((total + prior)?, losses))
     }
 
     /// Computes the link poses of the decoded hands, given in physical units, and of the recorded ones.
@@ -211,25 +216,16 @@ impl Objective<'_> {
 
     /// Sums terms by their weights, in the order of the fields of [`Losses`] after the total; a term
     /// without a weight is measured only.
-    fn weighted_sum(&self, terms: &[(Tensor, f64); 8]) -> Result<(Tensor, Losses), CgfError> {
+    fn weighted_sum(&self, terms: &[(Tensor, f64); 7]) -> Result<(Tensor, Losses), CgfError> {
         let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
-        let mut numbers = [0.0; 8];
+        let mut numbers = [0.0; 7];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {
             *number = term.to_scalar::<f32>()?;
             if *weight > 0.0 {
                 total = (total + (term * *weight)?)?;
             }
         }
-        let [
-            q,
-            translation,
-            origins,
-            rotations,
-            kl,
-            contact,
-            penetration,
-            prior,
-        ] = numbers;
+        let [q, translation, origins, rotations, kl, contact, penetration] = numbers;
         let losses = Losses {
             total: total.to_scalar()?,
             q,
@@ -239,23 +235,23 @@ impl Objective<'_> {
             kl,
             contact,
             penetration,
-            prior,
+            prior: 0.0,
         };
         Ok((total, losses))
     }
 
-    /// Computes the flow's loss: the squared error of its velocity on the line from a number of the standard normal
-    /// distribution to a motion's code (Lipman et al., *Flow Matching for Generative Modeling*, 2023, section 4.1).
-    /// Codes and features are taken as they are.
+    /// Computes the flow's loss, if there is a flow: the squared error of its velocity on the line from a number of the
+    /// standard normal distribution to a motion's code (Lipman et al., *Flow Matching for Generative Modeling*, 2023,
+    /// section 4.1). Codes and features are constants of it: it moves no other weights.
     fn prior(
         &self,
         batch: &Batch,
         tape: &Network,
         codes: &Tensor,
         features: &Tensor,
-    ) -> Result<Tensor, CgfError> {
+    ) -> Result<Option<Tensor>, CgfError> {
         if batch.flow_times.is_empty() {
-            return Ok(Tensor::zeros((), candle_core::DType::F32, &self.device)?);
+            return Ok(None);
         }
         let shape = [batch.size, self.network.latent_dim];
         let views = Tensor::from_slice(&batch.views, batch.size, &self.device)?;
@@ -264,7 +260,7 @@ impl Objective<'_> {
         let wanted = (codes.detach() - &from)?;
         let between = (from + wanted.broadcast_mul(&times)?)?;
         let found = tape.velocity(&times, &between, &features.detach(), &views)?;
-        Ok((found - wanted)?.sqr()?.mean_all()?)
+        Ok(Some((found - wanted)?.sqr()?.mean_all()?))
     }
 
     /// Encodes a batch's motions and decodes their codes: outputs `(batch × times, outputs)`, the codes
@@ -411,6 +407,11 @@ fn split(poses: &Tensor, parts: LinkParts, rows: usize) -> Result<LinkTensors, C
 }
 
 impl Losses {
+    /// Says whether all that is learned from is a number.
+    pub(crate) fn is_finite(&self) -> bool {
+        self.total.is_finite() && self.prior.is_finite()
+    }
+
     /// Adds a share of others.
     pub(crate) fn add(&mut self, other: &Self, share: f32) {
         let Self {

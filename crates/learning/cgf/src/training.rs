@@ -230,7 +230,7 @@ impl<'a> Trainer<'a> {
         for items in equal_chunks(&order, self.config().batch) {
             let share = items.len() as f32 / order.len() as f32;
             losses.add(&self.step(items, learning_rate, &mut random)?, share);
-            if !losses.total.is_finite() {
+            if !losses.is_finite() {
                 break;
             }
         }
@@ -238,7 +238,7 @@ impl<'a> Trainer<'a> {
             .curve
             .first()
             .map_or(losses.total, |e| e.training.total);
-        if !losses.total.is_finite() || losses.total > DIVERGED * first {
+        if !losses.is_finite() || losses.total > DIVERGED * first {
             return Err(CgfError::Diverged {
                 epoch: number + 1,
                 loss: losses.total,
@@ -299,7 +299,7 @@ impl<'a> Trainer<'a> {
             &batch,
             self.statistics,
         )?;
-        if losses.total.is_finite() {
+        if losses.is_finite() {
             if let Some(max_norm) = self.config().max_gradient_norm {
                 adam::shorten(&mut gradients, max_norm);
             }
