@@ -301,10 +301,7 @@ impl Object {
 
     /// Returns its mesh.
     pub(crate) fn mesh(&self) -> TriMesh {
-        TriMesh {
-            vertices_m: self.stored.vertices_m.iter().map(|&at| at.into()).collect(),
-            triangles: self.stored.triangles.clone(),
-        }
+        object_shapes::mesh_of(&self.stored)
     }
 
     /// Returns the distances from its surface, those of the stage `retarget`.

@@ -1,10 +1,13 @@
 """A project that the wheel made, in which the small main job has run: one for all tests."""
 
 import atexit
+import contextlib
 import functools
 import re
+import signal
 import subprocess
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
@@ -28,6 +31,26 @@ pose_errors_per_object = 1
 
 def run(*words: str, cwd: Path, program: str = "pipeline") -> subprocess.CompletedProcess[str]:
     return subprocess.run([program, *words], cwd=cwd, capture_output=True, text=True)
+
+
+class Interrupted(Exception):
+    """What the handler of a signal raises."""
+
+
+@contextlib.contextmanager
+def interrupting(after: float) -> Iterator[None]:
+    """Raises `Interrupted` in what runs so many seconds later, as Ctrl-C would."""
+
+    def handle(*_):
+        raise Interrupted
+
+    before = signal.signal(signal.SIGALRM, handle)
+    signal.setitimer(signal.ITIMER_REAL, after)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def setting(values: list[str]) -> list[str]:

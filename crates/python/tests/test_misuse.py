@@ -224,20 +224,11 @@ sys.exit(os.waitpid(child, 0)[1])
             subprocess.run(words, check=True, timeout=60)
 
     def test_what_a_handler_raises_ends_a_long_call(self):
-        class Interrupted(Exception):
-            pass
-
-        def handle(*_):
-            raise Interrupted
-
-        before = signal.signal(signal.SIGALRM, handle)
-        self.addCleanup(signal.signal, signal.SIGALRM, before)
         recordings = [(r["times"], r["landmarks"]) for r in map(recording, range(20))]
         started = time.monotonic()
         # Half a second of work for each processor.
         many = recordings * (40 * (os.cpu_count() or 1))
-        signal.setitimer(signal.ITIMER_REAL, 0.05)
-        with self.assertRaises(Interrupted):
+        with self.assertRaises(lab.Interrupted), lab.interrupting(0.05):
             self.hand.retarget_all(many)
         self.assertLess(time.monotonic() - started, 60)
         # And the next one works.

@@ -88,7 +88,12 @@ impl Output for Shapes {
             let unit = Unit::new(&object.key).with_labels_of(object);
             unit.reading(Object::NAME, [&object.key])
         });
-        let keys: Vec<&str> = objects.iter().map(|object| object.key.as_str()).collect();
+        // An object that nobody demonstrated is unseen to every function.
+        let keys: Vec<&str> = objects
+            .iter()
+            .map(|object| object.key.as_str())
+            .filter(|key| demonstrated.contains(key))
+            .collect();
         let generated = (0..config.count).map(|number| {
             Unit::new(format!("shape_{number:05}"))
                 .with_label(OBJECT, format!("shape_{number:05}"))
@@ -142,7 +147,7 @@ impl Output for Shapes {
             }
         }
         Ok(Outcome::filtered(
-            "every draw is like an unseen object, or rests nowhere",
+            "every draw is similar to an unseen object, or rests nowhere",
         ))
     }
 }
@@ -172,10 +177,7 @@ fn write(
     object: &Object,
     generated: f64,
 ) -> Result<Outcome<ShapesMetrics>, BoxedDiagnostic> {
-    let mesh = TriMesh {
-        vertices_m: object.vertices_m.iter().map(|&at| at.into()).collect(),
-        triangles: object.triangles.clone(),
-    };
+    let mesh = object_shapes::mesh_of(object);
     cx.write(object)?;
     cx.write(&Surface::from(object))?;
     cx.write_file(MESH, mesh.to_obj().as_bytes())?;
@@ -222,7 +224,9 @@ mod tests {
         Scope::new(BTreeMap::from([
             (
                 Object::NAME.to_owned(),
-                vec![partition("box", "box"), partition("can", "can")],
+                ["added", "box", "can"]
+                    .map(|name| partition(name, name))
+                    .to_vec(),
             ),
             (
                 Demonstration::NAME.to_owned(),
@@ -280,13 +284,14 @@ mod tests {
     fn objects_are_passed_on_and_shapes_say_what_they_were_kept_apart_from() {
         let units = Shapes::units(&config(&["can"]), &scope()).unwrap();
         let names: Vec<&str> = units.iter().map(|unit| unit.partition.as_str()).collect();
-        let expected = ["box", "can", "shape_00000", "shape_00001", "shape_00002"];
-        assert_eq!(names, expected);
-        assert_eq!(units[0].reads[Object::NAME], ["box"]);
-        assert_eq!(units[0].labels.as_ref().unwrap()[OBJECT], "box");
-        assert!(!units[0].labels.as_ref().unwrap().contains_key(APART_FROM));
-        assert_eq!(units[2].reads[Object::NAME], ["box", "can"]);
-        assert_eq!(units[2].labels.as_ref().unwrap()[APART_FROM], "can");
+        let generated = ["shape_00000", "shape_00001", "shape_00002"];
+        assert_eq!(names, [&["added", "box", "can"][..], &generated].concat());
+        assert_eq!(units[1].reads[Object::NAME], ["box"]);
+        assert_eq!(units[1].labels.as_ref().unwrap()[OBJECT], "box");
+        assert!(!units[1].labels.as_ref().unwrap().contains_key(APART_FROM));
+        // Nothing is made of an object without demonstrations.
+        assert_eq!(units[3].reads[Object::NAME], ["box", "can"]);
+        assert_eq!(units[3].labels.as_ref().unwrap()[APART_FROM], "can");
         let err = Shapes::units(&config(&["cup"]), &scope()).unwrap_err();
         assert!(err.to_string().contains("cup"), "{err}");
     }
@@ -319,11 +324,8 @@ mod tests {
             stretched_share: 1.0,
             ..config(&[])
         };
-        let likeness = |object: &Object| {
-            let mesh = TriMesh {
-                vertices_m: object.vertices_m.iter().map(|&at| at.into()).collect(),
-                triangles: object.triangles.clone(),
-            };
+        let distance_m = |object: &Object| {
+            let mesh = object_shapes::mesh_of(object);
             mean_distance(&mesh, &carton(0.022, 0.032, 0.08), 99)
         };
         let name = |number: u64| format!("shape_{number:05}");
@@ -334,11 +336,11 @@ mod tests {
         };
         let free = all(&with(""));
         assert_eq!(free.len(), 8);
-        assert!(free.iter().any(|object| likeness(object) < 0.004));
+        assert!(free.iter().any(|object| distance_m(object) < 0.004));
         let apart = all(&with("brick"));
         assert!(!apart.is_empty());
         // Other points of the surfaces: half a millimeter for chance.
-        assert!(apart.iter().all(|object| likeness(object) > 0.0045));
+        assert!(apart.iter().all(|object| distance_m(object) > 0.0045));
         // Equal seeds give equal shapes.
         assert_eq!(free, all(&with("")));
         assert_ne!(free[0].vertices_m, free[1].vertices_m);

@@ -58,7 +58,7 @@ pub(crate) fn partitions(
 ///
 /// # Errors
 ///
-/// Fails if one of them may be like an unseen object.
+/// Fails if one of them may be similar to an unseen object.
 pub(crate) fn shapes<'a>(
     scope: &'a Scope,
     unseen: &BTreeSet<&str>,
@@ -70,7 +70,7 @@ pub(crate) fn shapes<'a>(
         };
         let apart_from: BTreeSet<&str> = apart_from.split(',').collect();
         if let Some(unseen) = unseen.iter().find(|name| !apart_from.contains(*name)) {
-            return Err(TrainError::LikeUnseen {
+            return Err(TrainError::SimilarToUnseen {
                 shape: object.key.to_string(),
                 unseen: (*unseen).to_owned(),
             }

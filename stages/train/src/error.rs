@@ -54,9 +54,9 @@ pub enum TrainError {
         /// Its name.
         candidate: String,
     },
-    /// A generated object may be like one that nothing is learned from.
+    /// A generated object may be similar to one that nothing is learned from.
     #[error("shape `{shape}` was not kept apart from the unseen object `{unseen}`")]
-    LikeUnseen {
+    SimilarToUnseen {
         /// The generated object.
         shape: String,
         /// The unseen object.
@@ -123,7 +123,7 @@ impl Diagnostic for TrainError {
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
                     .to_owned(),
             ),
-            Self::LikeUnseen { .. } | Self::OfUnseen { .. } => Some(
+            Self::SimilarToUnseen { .. } | Self::OfUnseen { .. } => Some(
                 "give `shapes`, `transfer` and `train` the same `unseen_objects` and `unseen_fold`"
                     .to_owned(),
             ),

@@ -88,8 +88,8 @@ pub struct NetworkConfig {
     /// a training; paper: "free"
     #[option(default)]
     pub latent_variance: LatentVariance,
-    /// Distribution of an object's latent codes: "flow" is trained to the posteriors of the motions of such objects, so
-    /// that a small `kl_weight` leaves no codes that no motion has; paper: "normal"
+    /// Distribution of an object's latent codes: "flow" follows the posteriors, so that sampled codes are those of
+    /// motions also with a small `kl_weight`; paper: "normal"
     #[option(default)]
     pub prior: LatentPrior,
     /// Range of the decoder's joint positions: within limits, so that a controller can execute every

@@ -27,5 +27,5 @@ mod objects;
 mod rests;
 
 pub use config::ShapeOptions;
-pub use objects::{MeshedObject, mesh};
+pub use objects::{MeshedObject, mesh, mesh_of};
 pub use rests::rests;

@@ -79,6 +79,14 @@ impl MeshedObject<'_> {
     }
 }
 
+/// Returns the mesh of a stored object.
+pub fn mesh_of(object: &Object) -> TriMesh {
+    TriMesh {
+        vertices_m: object.vertices_m.iter().map(|&at| at.into()).collect(),
+        triangles: object.triangles.clone(),
+    }
+}
+
 fn of_shape(stable: &StablePose) -> RestingOrientation {
     RestingOrientation {
         rest: stable.rest,

@@ -195,10 +195,7 @@ pub(super) fn object(
     };
     let mut object: Object = lake::table::read(shape)?;
     object.rests = object_shapes::rests(&object, &seen_up);
-    let mesh = TriMesh {
-        vertices_m: object.vertices_m.iter().map(|&v| v.into()).collect(),
-        triangles: object.triangles.clone(),
-    };
+    let mesh = object_shapes::mesh_of(&object);
     write_object(cx, &object, &mesh, Repairs::default())
 }
 
