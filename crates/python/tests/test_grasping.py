@@ -143,7 +143,7 @@ class Grasping(unittest.TestCase):
         np.testing.assert_allclose(decoded.palm, drawn.palm, atol=1e-5)
 
     def test_the_rest_of_many_motions_is_left_at_a_signal(self):
-        codes = np.zeros((30_000, self.function.latent))
+        codes = np.zeros((4_000, self.function.latent))
         times = np.linspace(0, 1.5, 40)
         for call in [
             lambda: self.function.sample(self.object, len(codes)),
