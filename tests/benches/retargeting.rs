@@ -3,11 +3,13 @@
 //!
 //! `PIPELINE_PEER_DATA` names the folder of the three recorded problems, `HAND_position.npz`;
 //! `PIPELINE_REAL_DATA` the folder with the hands' URDFs in `urdf`; `PIPELINE_PYTHON` the Python that
-//! has `dex_retargeting` 0.5.0, `python3` where it is not set. What is missing is skipped.
+//! has `dex_retargeting` 0.5.0 and the wheel, `python3` where it is not set. What is missing is skipped.
 
 #![expect(clippy::print_stdout, reason = "a bench prints what it measured")]
 #![expect(clippy::unwrap_used, reason = "a bench may break off")]
 
+#[path = "retargeting/batch.rs"]
+mod batch;
 mod limits;
 #[path = "retargeting/ours.rs"]
 mod ours;
@@ -50,6 +52,9 @@ fn main() -> ExitCode {
             }
             Err(reason) => println!("{name}: skipped, {reason}"),
         }
+    }
+    if let Err(reason) = batch::race(&mut limits) {
+        println!("a recording in one call: skipped, {reason}");
     }
     limits.end()
 }

@@ -137,8 +137,18 @@ fn single(number: f64) -> f64 {
     f64::from(number as f32)
 }
 
+/// Reads the peer's recording of a person's hand and names its file: 21 landmarks a frame, in meters.
+pub(crate) fn landmarks() -> Result<(PathBuf, Vec<[[f64; 3]; 21]>), String> {
+    let path = folder("PIPELINE_PEER_DATA")?.join("human_joint_right_621x21x3.npy");
+    let bytes = fs::read(&path);
+    let bytes = bytes.map_err(|err| format!("cannot read `{}`: {err}", path.display()))?;
+    let numbers = Array::of(bytes).numbers();
+    let (points, _) = numbers.as_chunks::<3>();
+    Ok((path, points.as_chunks::<21>().0.to_vec()))
+}
+
 /// Returns the folder that a variable names; an error says what belongs into it.
-fn folder(variable: &str) -> Result<PathBuf, String> {
+pub(crate) fn folder(variable: &str) -> Result<PathBuf, String> {
     let holds = match variable {
         "PIPELINE_PEER_DATA" => "the recorded problems, `HAND_position.npz`",
         _ => "the hands' URDFs in `urdf`",
@@ -162,6 +172,15 @@ struct Array {
 }
 
 impl Array {
+    /// Reads the bytes of a `.npy` file, with a header of version 1.
+    fn of(mut bytes: Vec<u8>) -> Self {
+        let header_len = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+        let header = String::from_utf8_lossy(&bytes[10..10 + header_len]).into_owned();
+        let kind = header.split('\'').nth(3).unwrap_or_default().to_owned();
+        bytes.drain(..10 + header_len);
+        Self { kind, bytes }
+    }
+
     fn numbers(&self) -> Vec<f64> {
         let eight = || self.bytes.chunks_exact(8).map(|b| b.try_into().unwrap());
         match self.kind.as_str() {
@@ -191,7 +210,7 @@ impl Array {
     }
 }
 
-/// Reads the arrays of an `npz` file, each with a header of version 1.
+/// Reads the arrays of an `npz` file.
 fn arrays(path: &Path) -> Result<BTreeMap<String, Array>, String> {
     let said = |err: &dyn std::fmt::Display| {
         format!(
@@ -208,11 +227,7 @@ fn arrays(path: &Path) -> Result<BTreeMap<String, Array>, String> {
         let name = name.trim_end_matches(".npy").to_owned();
         let mut bytes = Vec::new();
         entry.read_to_end(&mut bytes).map_err(|err| said(&err))?;
-        let header_len = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
-        let header = String::from_utf8_lossy(&bytes[10..10 + header_len]).into_owned();
-        let kind = header.split('\'').nth(3).unwrap_or_default().to_owned();
-        bytes.drain(..10 + header_len);
-        arrays.insert(name, Array { kind, bytes });
+        arrays.insert(name, Array::of(bytes));
     }
     Ok(arrays)
 }
