@@ -193,6 +193,7 @@ impl Ours {
             name: name.to_owned(),
             scene: 0,
             split: schemas::training::Split::Training,
+            code: None,
             motion: Motion::new(
                 &hand.joint_names(),
                 (0..20)

@@ -125,6 +125,7 @@ fn write_checkpoint(folder: &Path) {
         name: name.to_owned(),
         scene: 0,
         split: Split::Training,
+        code: None,
         motion: Motion::new(
             &RobotModel::from_urdf(HAND).unwrap().joint_names(),
             (0..10)
@@ -155,6 +156,9 @@ fn write_checkpoint(folder: &Path) {
         encoder_widths: vec![16],
         latent_dim: 3,
         decoder_widths: vec![16, 16],
+        local_points: 0,
+        local_passes: 1,
+        local_widths: vec![16],
         activation: Activation::Silu,
         frame: InputFrame::Resting,
         encoder_times: EncoderTimes::Equal,
@@ -189,6 +193,8 @@ fn write_checkpoint(folder: &Path) {
         contact_weight: 0.0,
         fixed_statistics_after: 0.5,
         penetration_weight: 0.0,
+        local_noise_m: 0.01,
+        drawn_weight: 0.0,
         contact: Contact::TouchCenter,
         tips: vec!["tip".to_owned()],
         tip_radius_m: 0.0,

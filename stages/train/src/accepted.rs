@@ -85,7 +85,8 @@ pub(crate) fn shapes<'a>(
 const LIES_ALIKE: f64 = 1.0 - 1e-9;
 
 /// Reads the first `per_object` accepted motions of each object, of those in which the object lies as in a
-/// trajectory; the scenes of an object without trajectories are added.
+/// trajectory; the scenes of an object without trajectories are added. Those that were drawn keep their codes if the
+/// training goes on from the function that drew them: it learns to give at once what refinement made of them.
 ///
 /// # Errors
 ///
@@ -96,6 +97,7 @@ pub(crate) fn read(
     set: &mut TrainingSet,
     joints: &[String],
     per_object: usize,
+    keeps_codes: bool,
 ) -> Result<Vec<TrainingMotion>, BoxedDiagnostic> {
     let mut found = Vec::new();
     let surfaces: Vec<Surface> = inputs.all()?;
@@ -130,7 +132,11 @@ pub(crate) fn read(
             let table_from_object = set.scenes[scene].rest.table_from_object();
             let motion = candidate.motion.with_rates(|_| ());
             let motion = motion.map(|one| one.expressed_in(&table_from_object));
-            found.push(track(&candidate.candidate_id, scene, motion, joints)?);
+            let is_drawn = !candidate.latent.is_empty();
+            found.push(TrainingMotion {
+                code: (keeps_codes && is_drawn).then(|| candidate.latent.clone()),
+                ..track(&candidate.candidate_id, scene, motion, joints)?
+            });
             left -= 1;
         }
     }

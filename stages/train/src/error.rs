@@ -105,6 +105,14 @@ pub enum TrainError {
         /// Why it failed.
         source: io::Error,
     },
+    /// The function from which the training goes on has learned from an object that is unseen here.
+    #[error(
+        "the checkpoint from which the training goes on has learned from object `{object}`, which is unseen here"
+    )]
+    LearnedUnseen {
+        /// The object.
+        object: String,
+    },
     /// Training failed.
     #[error(transparent)]
     Cgf(#[from] CgfError),
@@ -123,7 +131,7 @@ impl Diagnostic for TrainError {
                 "wire `inputs.candidates` and `inputs.rollouts` to the candidates that were screened and to that screen"
                     .to_owned(),
             ),
-            Self::SimilarToUnseen { .. } | Self::OfUnseen { .. } => Some(
+            Self::SimilarToUnseen { .. } | Self::OfUnseen { .. } | Self::LearnedUnseen { .. } => Some(
                 "give `shapes`, `transfer` and `train` the same `unseen_objects` and `unseen_fold`"
                     .to_owned(),
             ),

@@ -10,13 +10,12 @@ mod training;
 
 use cgf::Description;
 use dataflow::{
-    BoxedDiagnostic, Inputs, Lines, Output, Outputs, PartitionKey, Report, Scope, Summary, Unit,
-    counted,
+    BoxedDiagnostic, Inputs, Lines, Outputs, PartitionKey, Report, Scope, Summary, Unit, counted,
 };
 use lake::{ReadArtifact, ReadInputs};
 use schemas::{checkpoint, training::Split};
 
-use crate::{Train, TrainConfig, TrainError, TrainMetrics};
+use crate::{Train, TrainConfig, TrainError, TrainMetrics, train::what_is_learned_from};
 
 pub use latents::{LatentMetrics, LatentsReport};
 pub use reconstruction::{ReconstructionMetrics, ReconstructionReport};
@@ -94,9 +93,9 @@ fn trained(
     config: &TrainConfig,
     scope: &Scope,
 ) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, BoxedDiagnostic> {
-    let units = Train::units(config, scope)?.into_iter();
+    let unit = what_is_learned_from(config, scope)?;
     let models = scope.partitions(checkpoint::NAME).iter();
-    Ok(units.zip(models.map(|model| model.key.clone())))
+    Ok(models.map(move |model| (unit.clone(), model.key.clone())))
 }
 
 /// Name of a split in charts.

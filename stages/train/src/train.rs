@@ -2,16 +2,16 @@
 
 use std::{collections::BTreeSet, sync::Arc, time::Instant};
 
-use cgf::{CgfError, HandDistance, Trainer, TrainingDevice, TrainingResult, TrainingSet};
+use cgf::{Cgf, CgfError, HandDistance, Trainer, TrainingDevice, TrainingResult, TrainingSet};
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Max, Mean, Outcome, Output, Outputs, Scope, SourceFile,
     Stage, Sum, Unit,
 };
-use lake::ReadInputs;
+use lake::{ReadArtifact, ReadInputs};
 use robot::RobotModel;
 use schemas::{
     Table, candidates::Candidates, checkpoint, demonstrations::TERMS, distance_fields::FieldInfo,
-    objects::Surface, rollouts::Rollouts, trajectories::Trajectory,
+    objects::Surface, rollouts::Rollouts, training::Split, trajectories::Trajectory,
 };
 
 use crate::{
@@ -58,7 +58,8 @@ impl Stage for Train {
     const KIND: &'static str = "train";
     const ABOUT: &'static str = "Learns a continuous grasping function from robot trajectories";
     const INPUTS: &'static [&'static str] = &[Trajectory::NAME, Surface::NAME, FieldInfo::NAME];
-    const OPTIONAL_INPUTS: &'static [&'static str] = &[Candidates::NAME, Rollouts::NAME];
+    const OPTIONAL_INPUTS: &'static [&'static str] =
+        &[Candidates::NAME, Rollouts::NAME, checkpoint::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     /// Checks the hand's description, that it has the links that are named as tips, and that this program can
@@ -91,71 +92,16 @@ impl Output for Train {
     const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        for names in [&config.objects, &config.unseen.unseen_objects] {
-            scope.chosen(Surface::NAME, Surface::PARTITION, names)?;
+        let unit = what_is_learned_from(config, scope)?;
+        let continued = scope.partitions(checkpoint::NAME).iter();
+        let continued: Vec<_> = continued.map(|partition| &partition.key).collect();
+        if continued.is_empty() {
+            return Ok(vec![unit]);
         }
-        let trajectories = scope.partitions(Trajectory::NAME);
-        let mut objects = BTreeSet::new();
-        let mut keys = Vec::new();
-        let mut terms = BTreeSet::new();
-        for trajectory in trajectories {
-            let object = trajectory
-                .label("object")
-                .ok_or_else(|| TrainError::NoObject {
-                    sequence: trajectory.key.to_string(),
-                })?;
-            if config.takes(object) {
-                objects.insert(object);
-                keys.push(&trajectory.key);
-                terms.insert(trajectory.label(TERMS).unwrap_or(UNSTATED));
-            }
-        }
-        let of_fold = config
-            .unseen
-            .unseen_fold
-            .map(|fold| (fold, fold.of(&objects)));
-        if let Some((fold, _)) = of_fold.filter(|(_, objects)| objects.is_empty()) {
-            return Err(TrainError::EmptyFold {
-                fold,
-                objects_n: objects.len(),
-            }
-            .into());
-        }
-        let unseen = config.unseen.of(&objects);
-        if unseen.len() == objects.len() {
-            return Err(TrainError::NoTrajectories {
-                found: trajectories.len(),
-            }
-            .into());
-        }
-        let shapes = accepted::shapes(scope, &unseen)?;
-        let accepted = accepted::partitions(scope, |object| {
-            objects.contains(object) && !unseen.contains(object) || shapes.contains(object)
-        })?;
-        objects.extend(accepted.iter().copied());
-        let keeps_out = config.training.penetration_weight > 0.0;
-        let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
-        let unit = Unit::new(MODEL)
-            .with_fact(TERMS, Vec::from_iter(terms).join("\n"))
-            .reading(Trajectory::NAME, keys)
-            .only_files(Trajectory::NAME, [lake::table::FILE])
-            .reading(Surface::NAME, objects)
-            .only_files(Surface::NAME, [Surface::FILE])
-            .reading(FieldInfo::NAME, fields)
-            .with_file_of_form(
-                SourceFile::named("hand", &config.hand),
-                robot_meshes::MODEL_FORM,
-            );
-        let unit = if accepted.is_empty() {
-            unit
-        } else {
-            unit.reading(Candidates::NAME, accepted.iter().copied())
-                .reading(Rollouts::NAME, accepted)
-        };
+        let files = [checkpoint::LAST.weights, checkpoint::LAST.description];
         Ok(vec![
-            robot_meshes::sources(&config.hand)?
-                .into_iter()
-                .fold(unit, Unit::with_file),
+            unit.reading(checkpoint::NAME, continued)
+                .only_files(checkpoint::NAME, files),
         ])
     }
 
@@ -167,15 +113,17 @@ impl Output for Train {
         let hand = Arc::new(hand(inputs)?);
         let mut set = training_set::read(inputs, &hand.joint_names())?;
         training_set::split(&mut set, config, cx.seed());
+        let continued = continued(inputs, &set)?;
         let accepted = accepted::read(
             inputs,
             &mut set,
             &hand.joint_names(),
             config.accepted_per_object,
+            continued.is_some(),
         )?;
         let accepted_n = accepted.len();
         set.tracks.extend(accepted);
-        let mut trained = train(config, &set, &hand, cx)?;
+        let mut trained = train(config, &set, &hand, continued.as_ref(), cx)?;
         let terms = inputs.fact(TERMS).unwrap_or_default();
         for (cgf, files) in [
             (&mut trained.best, checkpoint::BEST),
@@ -193,6 +141,80 @@ impl Output for Train {
     }
 }
 
+/// Returns a unit that reads the hand, and everything that is learned from.
+///
+/// # Errors
+///
+/// Fails if the options do not fit the inputs, or if something would be learned of an unseen object.
+pub(crate) fn what_is_learned_from(
+    config: &TrainConfig,
+    scope: &Scope,
+) -> Result<Unit, BoxedDiagnostic> {
+    for names in [&config.objects, &config.unseen.unseen_objects] {
+        scope.chosen(Surface::NAME, Surface::PARTITION, names)?;
+    }
+    let trajectories = scope.partitions(Trajectory::NAME);
+    let mut objects = BTreeSet::new();
+    let mut keys = Vec::new();
+    let mut terms = BTreeSet::new();
+    for trajectory in trajectories {
+        let object = trajectory
+            .label("object")
+            .ok_or_else(|| TrainError::NoObject {
+                sequence: trajectory.key.to_string(),
+            })?;
+        if config.takes(object) {
+            objects.insert(object);
+            keys.push(&trajectory.key);
+            terms.insert(trajectory.label(TERMS).unwrap_or(UNSTATED));
+        }
+    }
+    let of_fold = config
+        .unseen
+        .unseen_fold
+        .map(|fold| (fold, fold.of(&objects)));
+    if let Some((fold, _)) = of_fold.filter(|(_, objects)| objects.is_empty()) {
+        return Err(TrainError::EmptyFold {
+            fold,
+            objects_n: objects.len(),
+        }
+        .into());
+    }
+    let unseen = config.unseen.of(&objects);
+    if unseen.len() == objects.len() {
+        return Err(TrainError::NoTrajectories {
+            found: trajectories.len(),
+        }
+        .into());
+    }
+    let shapes = accepted::shapes(scope, &unseen)?;
+    let accepted = accepted::partitions(scope, |object| {
+        objects.contains(object) && !unseen.contains(object) || shapes.contains(object)
+    })?;
+    objects.extend(accepted.iter().copied());
+    let keeps_out = config.training.penetration_weight > 0.0;
+    let fields: Vec<&str> = objects.iter().copied().filter(|_| keeps_out).collect();
+    let unit = Unit::new(MODEL)
+        .with_fact(TERMS, Vec::from_iter(terms).join("\n"))
+        .reading(Trajectory::NAME, keys)
+        .only_files(Trajectory::NAME, [lake::table::FILE])
+        .reading(Surface::NAME, objects)
+        .only_files(Surface::NAME, [Surface::FILE])
+        .reading(FieldInfo::NAME, fields)
+        .with_file_of_form(
+            SourceFile::named("hand", &config.hand),
+            robot_meshes::MODEL_FORM,
+        );
+    let unit = if accepted.is_empty() {
+        unit
+    } else {
+        unit.reading(Candidates::NAME, accepted.iter().copied())
+            .reading(Rollouts::NAME, accepted)
+    };
+    let meshes = robot_meshes::sources(&config.hand)?.into_iter();
+    Ok(meshes.fold(unit, Unit::with_file))
+}
+
 /// Reads the hand that a unit was given.
 ///
 /// # Errors
@@ -202,17 +224,49 @@ pub fn hand(inputs: &Inputs) -> Result<RobotModel, BoxedDiagnostic> {
     Ok(robot_meshes::load(&inputs.source("hand")?.path)?.model)
 }
 
+/// Reads the function from which the training goes on, if one is wired.
+///
+/// # Errors
+///
+/// Fails if it cannot be read, or if it has learned from an object that is unseen here.
+fn continued(inputs: &Inputs, set: &TrainingSet) -> Result<Option<Cgf>, BoxedDiagnostic> {
+    let Some(artifact) = inputs.artifacts(checkpoint::NAME).first() else {
+        return Ok(None);
+    };
+    let weights = artifact.path(checkpoint::LAST.weights)?;
+    let description = artifact.path(checkpoint::LAST.description)?;
+    let cgf = Cgf::load(weights, description).map_err(TrainError::from)?;
+    let unseen = set.tracks.iter();
+    let unseen = unseen.filter(|track| track.split == Split::Unseen);
+    let unseen: BTreeSet<&str> = unseen
+        .map(|track| set.scenes[track.scene].object.as_str())
+        .collect();
+    let leaked = cgf
+        .description()
+        .of_split(Split::Training)
+        .find(|one| unseen.contains(one.object.as_str()))
+        .map(|one| one.object.clone());
+    match leaked {
+        Some(object) => Err(TrainError::LearnedUnseen { object }.into()),
+        None => Ok(Some(cgf)),
+    }
+}
+
 /// Trains epoch after epoch.
 fn train(
     config: &TrainConfig,
     set: &TrainingSet,
     hand: &Arc<RobotModel>,
+    continued: Option<&Cgf>,
     cx: &Context,
 ) -> Result<TrainingResult, BoxedDiagnostic> {
     let epochs = config.training.epochs;
     let (network, training) = (&config.network, &config.training);
     let mut trainer =
         Trainer::new(set, hand, network, training, cx.seed()).map_err(TrainError::from)?;
+    if let Some(cgf) = continued {
+        trainer.continue_from(cgf).map_err(TrainError::from)?;
+    }
     let (mut saver, found) = Saver::resume(cx, &mut trainer)?;
     let resumed = trainer.curve().len();
     let share = |done: usize| done as f64 / epochs as f64;

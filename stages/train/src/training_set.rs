@@ -141,5 +141,6 @@ pub(crate) fn track(
                 source,
             },
         })?,
+        code: None,
     })
 }

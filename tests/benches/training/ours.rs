@@ -82,6 +82,7 @@ fn track(number: usize, dof: usize) -> TrainingMotion {
         name: format!("motion {number}"),
         scene: number,
         split: schemas::training::Split::Training,
+        code: None,
         motion: Motion::new(&joints, steps.collect()).unwrap(),
     }
 }
@@ -96,6 +97,9 @@ fn network() -> NetworkConfig {
         encoder_widths: vec![256, 256],
         latent_dim: 256,
         decoder_widths: vec![256, 512, 256],
+        local_points: 0,
+        local_passes: 1,
+        local_widths: vec![512],
         activation: Activation::Relu,
         frame: InputFrame::Object,
         encoder_times: EncoderTimes::Recorded,
@@ -134,6 +138,8 @@ fn training() -> TrainingConfig {
         kl_weight: 1e-3,
         contact_weight: 50.0,
         penetration_weight: 0.0,
+        local_noise_m: 0.0,
+        drawn_weight: 0.0,
         contact: Contact::TouchCenter,
         tips: [
             "link_3.0_tip",

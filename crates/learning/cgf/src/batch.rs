@@ -4,10 +4,12 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use nalgebra::{Point3, UnitQuaternion};
 use schemas::training::Split;
+use spatial::Pose;
 
 use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
+    basis_points::{self, Surroundings},
     config::{
         EncoderRotation, EncoderTimes, LatentNoise, LatentPrior, NetworkConfig, Times,
         TrainingConfig,
@@ -17,7 +19,7 @@ use crate::{
     model::equal_times,
     penetration::PenetrationScene,
     point_net::Clouds,
-    precision::{narrow, row_index},
+    precision::{narrow, narrow_all, row_index},
     random::Random,
 };
 
@@ -59,6 +61,8 @@ pub(crate) struct Batch {
     /// The object clouds, one for each view of the batch, and their surfaces.
     pub(crate) clouds: Arc<Clouds>,
     pub(crate) surfaces: Vec<Vec<Point3<f64>>>,
+    /// The same as a second decoder sees them, by view; empty without one.
+    pub(crate) local: Vec<Surroundings>,
     /// Index of each motion's view, by motion.
     pub(crate) views: Vec<u32>,
     /// Distance field of the object and pose of the table, by motion; empty if the set has no fields.
@@ -73,10 +77,19 @@ pub(crate) struct Batch {
     /// `(batch, latent)` or `(batch × times, latent)` from the standard normal distribution; empty to
     /// decode the mean codes.
     pub(crate) noise: Vec<f32>,
+    /// Codes that are given, `(batch, latent)`, and 1 where a motion's code is the encoder's, 0 where it is given,
+    /// `(batch)`.
+    pub(crate) codes: Vec<f32>,
+    pub(crate) is_encoded: Vec<f32>,
     /// `(batch, latent)` from the standard normal distribution and `(batch)` in 0..1, at which the flow is learned;
     /// empty if there is none.
     pub(crate) flow_noise: Vec<f32>,
     pub(crate) flow_times: Vec<f32>,
+    /// Noise on the grasps from which a second decoder starts, `(batch, 6 + dof)` from the standard normal distribution;
+    /// empty for none.
+    pub(crate) local_noise: Vec<f32>,
+    /// Of which codes are drawn, `(batch, latent)` from the standard normal distribution; empty for none.
+    pub(crate) drawn_noise: Vec<f32>,
 }
 
 impl NetworkMotions {
@@ -138,13 +151,21 @@ impl Batches<'_> {
     pub(crate) fn to_learn(&self, items: &[(usize, usize)], random: &mut Random) -> Batch {
         let mut batch = self.empty();
         // Redrawn rotations are shared by the motions of an object, and so is its cloud.
-        let mut shared: BTreeMap<usize, (usize, UnitQuaternion<f64>)> = BTreeMap::new();
+        let mut shared: BTreeMap<(usize, bool), (usize, UnitQuaternion<f64>)> = BTreeMap::new();
         for &(idx, repeat) in items {
             let seen = &self.seen.tracks[idx];
+            // What a code means depends on how the object lies, so that a motion of a given code is not turned.
+            let is_given = seen.track.code.is_some();
             let (view, rotation) = match self.rotations.fixed(idx, repeat) {
-                Some(rotation) => (self.add_view(&mut batch, seen.view, &rotation), rotation),
-                None => *shared.entry(seen.view).or_insert_with(|| {
-                    let rotation = self.rotations.draw(random);
+                Some(rotation) if !is_given => {
+                    (self.add_view(&mut batch, seen.view, &rotation), rotation)
+                }
+                _ => *shared.entry((seen.view, is_given)).or_insert_with(|| {
+                    let rotation = if is_given {
+                        UnitQuaternion::identity()
+                    } else {
+                        self.rotations.draw(random)
+                    };
                     (self.add_view(&mut batch, seen.view, &rotation), rotation)
                 }),
             };
@@ -165,6 +186,15 @@ impl Batches<'_> {
                 let noise = (0..self.network.latent_dim).map(|_| narrow(random.normal()));
                 batch.flow_noise.extend(noise);
                 batch.flow_times.push(narrow(random.uniform()));
+            }
+            if self.training.drawn_weight > 0.0 {
+                let noise = (0..self.network.latent_dim).map(|_| narrow(random.normal()));
+                batch.drawn_noise.extend(noise);
+            }
+            if self.network.local_points > 0 {
+                let width = basis_points::noise_width(seen.track.motion.joints().len());
+                let noise = (0..width).map(|_| narrow(random.normal()));
+                batch.local_noise.extend(noise);
             }
         }
         batch
@@ -210,6 +240,7 @@ impl Batches<'_> {
                 xyz: Vec::new(),
             }),
             surfaces: Vec::new(),
+            local: Vec::new(),
             views: Vec::new(),
             surroundings: Vec::new(),
             motions: Vec::new(),
@@ -217,8 +248,12 @@ impl Batches<'_> {
             physical: Vec::new(),
             targets: Vec::new(),
             noise: Vec::new(),
+            codes: Vec::new(),
+            is_encoded: Vec::new(),
             flow_noise: Vec::new(),
             flow_times: Vec::new(),
+            local_noise: Vec::new(),
+            drawn_noise: Vec::new(),
         }
     }
 
@@ -228,7 +263,12 @@ impl Batches<'_> {
         let cloud = view.cloud(self.network.points, rotation);
         Arc::make_mut(&mut batch.clouds).xyz.extend(cloud);
         let surface = view.points_in_network.iter().map(|point| rotation * point);
-        batch.surfaces.push(surface.collect());
+        let surface: Vec<_> = surface.collect();
+        if self.network.local_points > 0 {
+            let table = Pose::new(*view.table_from_network * rotation.inverse());
+            batch.local.push(Surroundings::new(&surface, table));
+        }
+        batch.surfaces.push(surface);
         batch.surfaces.len() - 1
     }
 
@@ -241,6 +281,12 @@ impl Batches<'_> {
         times: &[f64],
     ) {
         batch.size += 1;
+        let code = seen.track.code.as_deref();
+        batch
+            .is_encoded
+            .push(if code.is_some() { 0.0 } else { 1.0 });
+        let none = vec![0.0; self.network.latent_dim];
+        batch.codes.extend(narrow_all(code.unwrap_or(&none)));
         batch.views.push(row_index(view));
         let surroundings = seen
             .surroundings

@@ -5,7 +5,7 @@ use options::{OptionFault, OptionFaults, options};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CgfError, hand_numbers::PALM_WIDTH};
+use crate::{CgfError, basis_points, hand_numbers::PALM_WIDTH};
 
 /// Fewest surface points that still show an object's shape.
 const MIN_POINTS: usize = 32;
@@ -13,6 +13,10 @@ const MIN_POINTS: usize = 32;
 const MAX_POINTS: usize = 65_536;
 /// Maximum number of outputs of a layer, sixteen times the paper's widest.
 const MAX_WIDTH: usize = 16_384;
+/// Maximum number of starts of the second decoder.
+const MAX_LOCAL_PASSES: usize = 64;
+/// Maximum number of points about the palm, thirty times what a hand needs.
+const MAX_LOCAL_POINTS: usize = 4096;
 /// Maximum number of layers of one part of the network.
 const MAX_LAYERS: usize = 64;
 /// Maximum number of weights: 5 GiB with gradients, Adam's moments and the best weights so far.
@@ -69,6 +73,16 @@ pub struct NetworkConfig {
     /// Widths of the decoder's hidden layers, those of the released code; paper: [512, 256]
     #[option(default = vec![256, 512, 256])]
     pub decoder_widths: Vec<usize>,
+    /// Points about the palm of the decoder's grasp, from which a second decoder sees the object: its motion
+    /// replaces the first one's; paper: 0, no second decoder
+    #[option(default = 0, range = 0..=MAX_LOCAL_POINTS, why = OF_WIDTHS)]
+    pub local_points: usize,
+    /// Times that the second decoder starts: each but the first from its own grasp
+    #[option(default = 1, range = 1..=MAX_LOCAL_PASSES, why = "each sees the object anew")]
+    pub local_passes: usize,
+    /// Widths of the second decoder's hidden layers
+    #[option(default = vec![512, 512, 512])]
+    pub local_widths: Vec<usize>,
     /// Activation of encoder and decoder: "silu" gives motions accelerations; paper: "relu", which has
     /// no second derivative in time
     #[option(default)]
@@ -290,6 +304,14 @@ pub struct TrainingConfig {
     /// where distances are centimeters; paper: 0
     #[option(default = 5000.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub penetration_weight: f64,
+    /// Weight of the contact and penetration losses of as many motions of drawn codes, relative to those of the
+    /// demonstrated ones; paper: 0
+    #[option(default = 0.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
+    pub drawn_weight: f64,
+    /// Standard deviation of the noise on the grasp from which the second decoder starts, of points 0.1 m from the
+    /// palm, m: as large as the first one's misses with new codes; unused without `network.local_points`
+    #[option(default = 0.01, range = 0.0..=MAX_VALUE, why = SQUARES)]
+    pub local_noise_m: f64,
     /// Target of the contact loss for the fingertips at the grasp: they touch, and do not penetrate by
     /// their radius; paper: "`touch_center`"
     #[option(default)]
@@ -458,6 +480,7 @@ impl NetworkConfig {
             ("hand_widths", &self.hand_widths),
             ("encoder_widths", &self.encoder_widths),
             ("decoder_widths", &self.decoder_widths),
+            ("local_widths", &self.local_widths),
         ];
         for (key, widths) in parts {
             let is_width = |width: &usize| (1..=MAX_WIDTH).contains(width);
@@ -485,12 +508,6 @@ impl NetworkConfig {
 
     /// Returns the approximate number of weights; those of a hand's joints are not counted.
     fn weight_count(&self) -> usize {
-        let layers = |inputs: usize, widths: &[usize]| {
-            let below = std::iter::once(&inputs).chain(widths);
-            let products = below.zip(widths).map(|(a, b)| a.saturating_mul(*b));
-            products.fold(0, usize::saturating_add)
-        };
-        let last = |widths: &[usize]| widths.last().copied().unwrap_or(0);
         let feature = last(&self.point_widths);
         let motion = last(&self.hand_widths).saturating_mul(self.encoder_steps);
         [
@@ -502,10 +519,29 @@ impl NetworkConfig {
                 feature.saturating_add(self.latent_dim),
                 &self.decoder_widths,
             ),
+            layers(
+                if self.local_points > 0 {
+                    basis_points::width(self.local_points, 0) + feature + self.latent_dim
+                } else {
+                    0
+                },
+                &self.local_widths,
+            ),
         ]
         .into_iter()
         .fold(0, usize::saturating_add)
     }
+}
+
+/// Returns the number of weights of layers of these widths, one on another.
+fn layers(inputs: usize, widths: &[usize]) -> usize {
+    let below = std::iter::once(&inputs).chain(widths);
+    let products = below.zip(widths).map(|(a, b)| a.saturating_mul(*b));
+    products.fold(0, usize::saturating_add)
+}
+
+fn last(widths: &[usize]) -> usize {
+    widths.last().copied().unwrap_or(0)
 }
 
 impl TrainingConfig {
@@ -523,6 +559,11 @@ impl TrainingConfig {
                 .encoder_steps
                 .saturating_mul(sum(&network.hand_widths)),
             times.saturating_mul(sum(&network.decoder_widths)),
+            times.saturating_mul(if network.local_points > 0 {
+                sum(&network.local_widths)
+            } else {
+                0
+            }),
         ];
         let of_motion = of_motion.into_iter().fold(0, usize::saturating_add);
         let numbers = of_motion.saturating_mul(self.batch);

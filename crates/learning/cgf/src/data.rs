@@ -91,6 +91,8 @@ pub struct TrainingMotion<F = Table> {
     pub split: Split,
     /// The hand over time, its joints in the hand's order; the last step is the grasp.
     pub motion: Motion<F, ()>,
+    /// The latent code whose motion it is to become; none: the encoder's.
+    pub code: Option<Vec<f64>>,
 }
 
 impl TrainingMotion {
@@ -104,6 +106,7 @@ impl TrainingMotion {
             scene: self.scene,
             split: self.split,
             motion: self.motion.expressed_in(&table_from_network.inverse()),
+            code: self.code.clone(),
         }
     }
 }
@@ -222,6 +225,7 @@ mod tests {
             scene: 0,
             split: Split::Training,
             motion: Motion::new(&["a"], steps).unwrap(),
+            code: None,
         };
         for (t, step) in [(0.0, 2), (0.75, 1), (1.0, 0)] {
             let error =

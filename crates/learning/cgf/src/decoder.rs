@@ -17,7 +17,6 @@ mod rates;
 
 use motion::HandState;
 use rayon::prelude::*;
-use spatial::Table;
 
 pub use self::rates::{HandDerivative, HandMotionState};
 use self::{
@@ -25,8 +24,8 @@ use self::{
     number::Number,
 };
 use crate::{
-    CgfError, ObjectFeature,
-    config::{Activation, NetworkConfig},
+    CgfError,
+    config::Activation,
     hand_numbers::{self, Normalization},
     limits::Limits,
     product::{LANES, PackedMatrix, Row, Sparse},
@@ -66,13 +65,14 @@ struct Layer<T> {
 }
 
 impl<T: Number> Decoder<T> {
-    /// Lays out the weights of a network.
+    /// Lays out the weights of a decoder of this name and number of hidden layers.
     ///
     /// # Errors
     ///
     /// Fails if one is missing.
     pub(crate) fn new(
-        config: &NetworkConfig,
+        (decoder, hidden): (&str, usize),
+        activation: Activation,
         normalization: &Normalization,
         limits: Limits,
         weights: &Weights,
@@ -103,25 +103,23 @@ impl<T: Number> Decoder<T> {
             Ok(PackedMatrix::new(width, n_inputs, entry))
         };
         let layer = |idx: usize| -> Result<Layer<T>, CgfError> {
-            let bias = numbers(&format!("decoder.{idx}.bias"))?;
+            let bias = numbers(&format!("{decoder}.{idx}.bias"))?;
             Ok(Layer {
-                weights: packed(&format!("decoder.{idx}.weight"))?,
+                weights: packed(&format!("{decoder}.{idx}.weight"))?,
                 zeros: vec![T::zero(); bias.len()],
                 bias,
             })
         };
-        let layers = (1..=config.decoder_widths.len())
-            .map(layer)
-            .collect::<Result<Vec<_>, _>>()?;
+        let layers = (1..=hidden).map(layer).collect::<Result<Vec<_>, _>>()?;
         let last_bias = layers.last().map_or(&[][..], |layer| &layer.bias);
         let shift = normalization.mean.iter().zip(&normalization.scale);
         let shift = shift.zip(last_bias);
         Ok(Self {
-            activation: config.activation,
-            per_time: numbers("decoder.0.time")?,
-            by_latent: packed("decoder.0.latent")?,
-            by_feature: turned("decoder.0.feature")?.0,
-            first_bias: numbers("decoder.0.bias")?,
+            activation,
+            per_time: numbers(&format!("{decoder}.0.time"))?,
+            by_latent: packed(&format!("{decoder}.0.latent"))?,
+            by_feature: turned(&format!("{decoder}.0.feature"))?.0,
+            first_bias: numbers(&format!("{decoder}.0.bias"))?,
             shift: shift
                 .map(|((mean, scale), bias)| mean + scale * bias.to_f64())
                 .collect(),
@@ -132,17 +130,17 @@ impl<T: Number> Decoder<T> {
     }
 
     /// Decodes latent codes at `times` in 0..=1 (1 far, 0 the grasp): for each code, the hand at each
-    /// time, above the table.
+    /// time, in the frame of the outputs.
     ///
     /// # Errors
     ///
     /// Fails if a code or the feature does not have the network's width or the outputs are not a rotation.
-    pub(crate) fn decode(
+    pub(crate) fn decode<F: Send>(
         &self,
-        feature: &ObjectFeature,
+        feature: &[f32],
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<HandState<Table>>>, CgfError> {
+    ) -> Result<Vec<Vec<HandState<F>>>, CgfError> {
         let level = DerivativeLevel::Values;
         self.motions(feature, latents, times, level, &|[outputs, ..]| {
             let outputs = outputs.iter().zip(self.scale.iter().zip(&self.shift));
@@ -150,8 +148,7 @@ impl<T: Number> Decoder<T> {
                 .map(|(y, (scale, shift))| y.to_f64() * scale + shift)
                 .collect();
             self.limits.apply(&mut numbers);
-            let grasp = hand_numbers::to_hand(&numbers)?;
-            Some(grasp.expressed_in(&feature.table_from_network))
+            hand_numbers::to_hand(&numbers)
         })
     }
 
@@ -160,12 +157,12 @@ impl<T: Number> Decoder<T> {
     /// # Errors
     ///
     /// Fails as it does.
-    pub(crate) fn decode_with_rates(
+    pub(crate) fn decode_with_rates<F: Send>(
         &self,
-        feature: &ObjectFeature,
+        feature: &[f32],
         latents: &[Vec<f64>],
         times: &[f64],
-    ) -> Result<Vec<Vec<HandMotionState>>, CgfError> {
+    ) -> Result<Vec<Vec<HandMotionState<F>>>, CgfError> {
         let level = DerivativeLevel::Derivatives;
         self.motions(feature, latents, times, level, &|[
             values,
@@ -181,8 +178,7 @@ impl<T: Number> Decoder<T> {
                 *x += shift;
             }
             self.limits.apply_with_rates(&mut numbers);
-            let moving = rates::moving_grasp(&numbers)?;
-            Some(moving.expressed_in(&feature.table_from_network))
+            rates::moving_grasp(&numbers)
         })
     }
 
@@ -190,7 +186,7 @@ impl<T: Number> Decoder<T> {
     /// second derivatives if `level` asks for them.
     fn motions<G: Send>(
         &self,
-        feature: &ObjectFeature,
+        feature: &[f32],
         latents: &[Vec<f64>],
         times: &[f64],
         level: DerivativeLevel,
@@ -199,7 +195,7 @@ impl<T: Number> Decoder<T> {
         if times.is_empty() {
             return Ok(latents.iter().map(|_| Vec::new()).collect());
         }
-        let object = self.object(&feature.values)?;
+        let object = self.object(feature)?;
         let times: Vec<T> = times.iter().map(|&t| T::from_f64(t)).collect();
         let motions: Vec<Vec<Vec<G>>> = latents
             .par_chunks((ROWS / times.len()).max(1))

@@ -8,6 +8,11 @@ use robot::spheres;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum CgfError {
+    /// A checkpoint has a second decoder without its units.
+    #[error(
+        "the checkpoint's `network.local_points` asks for a second decoder, and `local_normalization` is missing"
+    )]
+    NoLocalNormalization,
     /// There are too few trajectories to learn from.
     #[error("{found} trajectories to train on, at least 2 are needed")]
     TooFewTrajectories {
@@ -140,6 +145,9 @@ pub enum CgfError {
         /// Description of the tensor expected.
         expected: String,
     },
+    /// A training cannot go on from a checkpoint of another network.
+    #[error("the checkpoint is of another `network`")]
+    AnotherNetwork,
     /// The checkpoint belongs to another hand.
     #[error("the checkpoint is of a hand with joints {found:?}, expected {expected:?}")]
     AnotherHand {

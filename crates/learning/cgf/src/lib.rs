@@ -12,10 +12,12 @@
 
 mod adam;
 mod augmentation;
+mod basis_points;
 mod batch;
 mod config;
 mod curve;
 mod data;
+mod decoded;
 mod decoder;
 mod dense_product;
 mod error;

@@ -5,12 +5,14 @@ use std::path::Path;
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
 use options::Options;
+use rayon::prelude::*;
 use schemas::{checkpoint::VERSION, training::Split};
 use serde::{Deserialize, Serialize};
 use spatial::{Pose, RestingPose, Table};
 
 use crate::{
     CgfError, Epoch, HandMotionState, RestingObject, TrainingMotion, TrainingSet,
+    basis_points::{self, GraspFrame, Surroundings},
     batch::{encoder_motion, encoder_times},
     config::{LatentPrior, NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
@@ -31,6 +33,23 @@ pub struct Cgf {
     weights: Weights,
     leaves: WeightTensors,
     decoder: Decoder<f32>,
+    local: Option<Local>,
+}
+
+/// The second decoder.
+#[derive(Debug, Clone)]
+struct Local {
+    decoder: Decoder<f32>,
+    /// The points about the palm from which it sees the object.
+    points: Vec<f32>,
+}
+
+/// Where the second decoder starts, by motion.
+struct Starts {
+    /// The palms of the grasps before.
+    palms: Vec<Pose<Table, GraspFrame>>,
+    /// The latent codes, each followed by the object as seen from the palm.
+    codes: Vec<Vec<f64>>,
 }
 
 /// Everything about a grasping function but its weights: the checkpoint's JSON.
@@ -53,6 +72,9 @@ pub struct Description {
     pub seed: u64,
     /// Units of the outputs: translation (m), two columns of the rotation, joint positions (rad).
     pub normalization: Normalization,
+    /// Those of the second decoder, whose palm is relative to that of the first one's grasp.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub local_normalization: Option<Normalization>,
     /// Sources of the motions and their terms of use, as their datasets state them.
     pub data: Vec<String>,
     /// Encoded motions: those that it was trained on and the held-out ones.
@@ -101,6 +123,8 @@ pub struct ObjectFeature {
     pub(crate) values: Vec<f32>,
     /// Pose of the frame in which the network's outputs for this object are.
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
+    /// The object as the second decoder sees it.
+    pub(crate) surroundings: Surroundings,
 }
 
 /// The distribution of a motion's latent code: independent normal distributions.
@@ -116,13 +140,30 @@ impl Cgf {
     pub(crate) fn new(description: Description, weights: Weights) -> Result<Self, CgfError> {
         let leaves = weights.constants()?;
         let limits = Limits::new(description.network.joints, &description.joint_ranges);
-        let normalization = &description.normalization;
-        let decoder = Decoder::new(&description.network, normalization, limits, &weights)?;
+        let network = &description.network;
+        let local = description.local_normalization.as_ref();
+        let local = local.map(|normalization| {
+            let hidden = network.local_widths.len();
+            let (name, limits) = (("local", hidden), limits.clone());
+            Ok::<_, CgfError>(Local {
+                decoder: Decoder::new(name, network.activation, normalization, limits, &weights)?,
+                points: weights.array(basis_points::NAME)?.values.clone(),
+            })
+        });
+        let local = local.transpose()?;
+        let decoder = Decoder::new(
+            ("decoder", network.decoder_widths.len()),
+            network.activation,
+            &description.normalization,
+            limits,
+            &weights,
+        )?;
         Ok(Self {
             description,
             weights,
             leaves,
             decoder,
+            local,
         })
     }
 
@@ -152,6 +193,7 @@ impl Cgf {
         Ok(ObjectFeature {
             values: net.forward(&clouds, Statistics::Stored).features,
             table_from_network: view.table_from_network,
+            surroundings: Surroundings::new(&view.points_in_network, view.table_from_network),
         })
     }
 
@@ -176,7 +218,15 @@ impl Cgf {
         let numbers = noise.iter().flatten().copied().map(narrow).collect();
         let noise = constant(numbers, &[noise.len(), width])?;
         let feature = constant(feature.values.clone(), &[1, feature.values.len()])?;
-        let codes = self.network().flowed(noise, &feature)?.to_vec2::<f32>()?;
+        let scenes = candle_core::Tensor::zeros(
+            noise.dim(0)?,
+            candle_core::DType::U32,
+            &candle_core::Device::Cpu,
+        )?;
+        let codes = self
+            .network()
+            .flowed(noise, &feature, &scenes)?
+            .to_vec2::<f32>()?;
         let wide = |code: Vec<f32>| code.into_iter().map(f64::from).collect();
         Ok(codes.into_iter().map(wide).collect())
     }
@@ -193,7 +243,19 @@ impl Cgf {
         latents: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Vec<Vec<HandState<Table>>>, CgfError> {
-        self.decoder.decode(feature, latents, times)
+        let values = &feature.values;
+        let Some(local) = &self.local else {
+            let motions = self.decoder.decode(values, latents, times)?;
+            let above =
+                |hand: HandState<NetworkFrame>| hand.expressed_in(&feature.table_from_network);
+            return Ok(mapped(motions, |_| above));
+        };
+        let starts = self.starts(local, feature, latents)?;
+        let motions = local.decoder.decode(values, &starts.codes, times)?;
+        Ok(mapped(motions, |idx| {
+            let palm = &starts.palms[idx];
+            move |hand: HandState<GraspFrame>| hand.expressed_in(palm)
+        }))
     }
 
     /// Decodes as [`Cgf::decode`], with velocity and acceleration: exact first and second derivatives
@@ -209,7 +271,56 @@ impl Cgf {
         latents: &[Vec<f64>],
         times: &[f64],
     ) -> Result<Vec<Vec<HandMotionState>>, CgfError> {
-        self.decoder.decode_with_rates(feature, latents, times)
+        let values = &feature.values;
+        let Some(local) = &self.local else {
+            let motions = self.decoder.decode_with_rates(values, latents, times)?;
+            let above = |hand: HandMotionState<NetworkFrame>| {
+                hand.expressed_in(&feature.table_from_network)
+            };
+            return Ok(mapped(motions, |_| above));
+        };
+        let starts = self.starts(local, feature, latents)?;
+        let motions = (local.decoder).decode_with_rates(values, &starts.codes, times)?;
+        Ok(mapped(motions, |idx| {
+            let palm = &starts.palms[idx];
+            move |hand: HandMotionState<GraspFrame>| hand.expressed_in(palm)
+        }))
+    }
+
+    /// Returns where the second decoder starts for these latent codes.
+    fn starts(
+        &self,
+        local: &Local,
+        feature: &ObjectFeature,
+        latents: &[Vec<f64>],
+    ) -> Result<Starts, CgfError> {
+        let grasps = self.decoder.decode(&feature.values, latents, &[0.0])?;
+        let mut grasps: Vec<HandState<NetworkFrame>> = grasps.into_iter().flatten().collect();
+        let seen_from = |grasps: &[HandState<NetworkFrame>]| -> Vec<Vec<f64>> {
+            let pairs = latents.par_iter().zip(grasps);
+            let codes = pairs.map(|(latent, grasp)| {
+                let seen = feature.surroundings.code(&local.points, grasp);
+                let seen = seen.into_iter().map(f64::from);
+                latent.iter().copied().chain(seen).collect()
+            });
+            codes.collect()
+        };
+        for _ in 1..self.description.network.local_passes {
+            let codes = seen_from(&grasps);
+            let nearer = local.decoder.decode(&feature.values, &codes, &[0.0])?;
+            let nearer = nearer.into_iter().flatten().zip(&grasps);
+            let nearer = nearer.map(|(hand, grasp): (HandState<GraspFrame>, _)| {
+                hand.expressed_in(&Pose::new(*grasp.frame_from_palm))
+            });
+            grasps = nearer.collect();
+        }
+        let palm = |grasp: &HandState<NetworkFrame>| {
+            Pose::new(*(feature.table_from_network * grasp.frame_from_palm))
+        };
+        Ok(Starts {
+            palms: grasps.iter().map(palm).collect(),
+            codes: seen_from(&grasps),
+        })
     }
 
     /// Returns the distribution of a motion's latent code.
@@ -268,7 +379,13 @@ impl Cgf {
         let mut demonstrations = Vec::with_capacity(set.tracks.len());
         for track in &set.tracks {
             let (scene, feature) = (&set.scenes[track.scene], &features[track.scene]);
-            let posterior = self.encode(feature, track)?;
+            let posterior = match &track.code {
+                None => self.encode(feature, track)?,
+                Some(code) => Posterior {
+                    mean: code.clone(),
+                    deviation: vec![0.0; code.len()],
+                },
+            };
             let decoded = self.decode(feature, std::slice::from_ref(&posterior.mean), &[0.0])?;
             let shown = track.at(0.0);
             let grasp_error = decoded.first().and_then(|motion| motion.first()).map_or(
@@ -323,6 +440,11 @@ impl Cgf {
         let expected = network::initialize(&description.network, dof, initialization, 0);
         weights.check_like(&expected)?;
         description.normalization.check(outputs)?;
+        match &description.local_normalization {
+            Some(local) => local.check(outputs)?,
+            None if description.network.local_points == 0 => {}
+            None => return Err(CgfError::NoLocalNormalization),
+        }
         Self::new(description, weights)
     }
 
@@ -346,6 +468,14 @@ impl Cgf {
     pub fn times(steps: usize) -> Vec<f64> {
         equal_times(steps).collect()
     }
+}
+
+/// Maps the hands of motions, those of a motion by its function.
+fn mapped<A, B, M: Fn(A) -> B>(motions: Vec<Vec<A>>, of: impl Fn(usize) -> M) -> Vec<Vec<B>> {
+    let motions = motions.into_iter().enumerate();
+    motions
+        .map(|(idx, hands)| hands.into_iter().map(of(idx)).collect())
+        .collect()
 }
 
 /// Returns `n` times from 1 (far) to 0 (the grasp).

@@ -1,9 +1,9 @@
 //! The encoder and the continuous decoder, on candle's tape (section III-B of the paper).
 
-use candle_core::{DType, Device, Tensor};
+use candle_core::{Device, Tensor};
 
 use crate::{
-    CgfError,
+    CgfError, basis_points,
     config::{Activation, Initialization, LatentPrior, LatentVariance, NetworkConfig},
     dense_product::product,
     hand_numbers::PALM_WIDTH,
@@ -56,6 +56,20 @@ pub(crate) fn initialize(
     if initialization == Initialization::Centered {
         // Start near the mean of all motions.
         layers.weights.scale(&format!("{name}.weight"), 0.1);
+    }
+    if config.local_points > 0 {
+        let local = config.latent_dim + basis_points::width(config.local_points, dof);
+        let inputs = [("time", 1), ("latent", local), ("feature", feature)];
+        let widest = layers.stack("local", &config.local_widths, &inputs);
+        let name = format!("local.{}", config.local_widths.len());
+        layers.linear(&name, PALM_WIDTH + dof, &[("weight", widest)]);
+        if initialization == Initialization::Centered {
+            layers.weights.scale(&format!("{name}.weight"), 0.1);
+        }
+        let zeros = vec![0.0; 3 * config.local_points];
+        layers
+            .weights
+            .set(basis_points::NAME, &[config.local_points, 3], zeros);
     }
     if config.prior == LatentPrior::Flow {
         let widest = layers.stack("prior", &PRIOR_WIDTHS, &inputs);
@@ -173,6 +187,18 @@ impl Network<'_> {
         self.curve(("decoder", hidden), times, latents, features, scenes)
     }
 
+    /// Decodes as [`Network::decode`], by the second decoder, with codes `(batch, latent + local)`.
+    pub(crate) fn decode_locally(
+        &self,
+        times: &Tensor,
+        codes: &Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<Tensor, CgfError> {
+        let hidden = self.config.local_widths.len();
+        self.curve(("local", hidden), times, codes, features, scenes)
+    }
+
     /// Computes the flow's velocity of codes `(batch, latent)` at its `times` `(batch, 1)`, `(batch, latent)`.
     pub(crate) fn velocity(
         &self,
@@ -190,11 +216,15 @@ impl Network<'_> {
         )
     }
 
-    /// Takes numbers of the standard normal distribution `(batch, latent)` along the flow of an object's feature
-    /// `(1, feature)`, by the midpoint rule.
-    pub(crate) fn flowed(&self, noise: Tensor, feature: &Tensor) -> Result<Tensor, CgfError> {
+    /// Takes numbers of the standard normal distribution `(batch, latent)` along the flow of the objects' features, by
+    /// the midpoint rule.
+    pub(crate) fn flowed(
+        &self,
+        noise: Tensor,
+        features: &Tensor,
+        scenes: &Tensor,
+    ) -> Result<Tensor, CgfError> {
         let batch = noise.dim(0)?;
-        let scenes = Tensor::zeros(batch, DType::U32, noise.device())?;
         let step = 1.0 / f64::from(FLOW_STEPS);
         let mut codes = noise;
         for number in 0..FLOW_STEPS {
@@ -202,9 +232,9 @@ impl Network<'_> {
                 let time = narrow((f64::from(number) + share) * step);
                 Tensor::full(time, (batch, 1), codes.device())
             };
-            let slope = self.velocity(&at(0.0)?, &codes, feature, &scenes)?;
+            let slope = self.velocity(&at(0.0)?, &codes, features, scenes)?;
             let middle = (&codes + (slope * (0.5 * step))?)?;
-            let slope = self.velocity(&at(0.5)?, &middle, feature, &scenes)?;
+            let slope = self.velocity(&at(0.5)?, &middle, features, scenes)?;
             codes = (codes + (slope * step)?)?;
         }
         Ok(codes)

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use crate::{
     CgfError,
     batch::Batch,
-    config::{Contact, LatentNoise, NetworkConfig, Reduction, TrainingConfig},
+    config::{Contact, NetworkConfig, Reduction, TrainingConfig},
+    decoded::Decoded,
     hand_numbers::{Normalization, PALM_WIDTH},
     kinematics::{LinkParts, LinkPoses},
     limits::Limits,
@@ -18,7 +19,7 @@ use crate::{
     network::{Network, constant},
     penetration::Body,
     point_net::{self, Measured, PointNet, Statistics},
-    precision::{narrow_all, row_index},
+    precision::row_index,
     weights::Weights,
 };
 
@@ -26,7 +27,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Losses {
-    /// Weighted sum of the others but `prior`.
+    /// Weighted sum of the others but `drawn` and `prior`.
     pub total: f32,
     /// `L_q`, in the units of the network's outputs.
     pub q: f32,
@@ -42,6 +43,12 @@ pub struct Losses {
     pub contact: f32,
     /// Squared depths of the links in object and table, in m²; 0 if they have no weight.
     pub penetration: f32,
+    /// Squared error of the first decoder's grasp, in the units of the network's outputs; 0 without a second one.
+    #[serde(default)]
+    pub coarse: f32,
+    /// Weighted sum of the losses of motions of drawn codes; 0 without a weight, and in measuring.
+    #[serde(default)]
+    pub drawn: f32,
     /// Squared error of the flow's velocity, which only the flow learns from; 0 without one, and in measuring.
     #[serde(default)]
     pub prior: f32,
@@ -58,6 +65,8 @@ pub(crate) struct Objective<'a> {
     pub(crate) body: Option<Body>,
     /// Map from the decoder's numbers to joint positions.
     pub(crate) limits: Limits,
+    /// Units of the second decoder, if there is one.
+    pub(crate) local_normalization: Option<Normalization>,
     /// Device on which it is computed.
     pub(crate) device: Device,
 }
@@ -118,7 +127,7 @@ impl Objective<'_> {
         Ok(self.losses(batch, normalization, &tape, &features)?.1)
     }
 
-    fn constant(&self, values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
+    pub(crate) fn constant(&self, values: Vec<f32>, shape: &[usize]) -> Result<Tensor, CgfError> {
         Ok(Tensor::from_vec(values, shape, &self.device)?)
     }
 
@@ -132,8 +141,12 @@ impl Objective<'_> {
         let training = self.training;
         let outputs = PALM_WIDTH + self.hand.dof();
         let rows = batch.size * batch.n_times;
-        let (decoded, codes, [mean, log_variance]) = self.decoded(batch, tape, features)?;
-        let (decoded, physical) = self.within_limits(decoded, normalization)?;
+        let (codes, [mean, log_variance]) = self.encoded(batch, tape, features)?;
+        let Decoded {
+            rows: decoded,
+            physical,
+            coarse,
+        } = self.decoded(batch, normalization, tape, features, &codes)?;
         let targets = self.constant(batch.targets.clone(), &[rows, outputs])?;
         let row_weights = loss::row_weights(
             batch.size,
@@ -185,16 +198,42 @@ impl Objective<'_> {
                 (penetration * count(n_times * n_links))?,
                 training.penetration_weight,
             ),
+            (coarse, training.q_weight),
         ];
-        let (total, losses) = self.weighted_sum(&terms)?;
-        let Some(prior) = self.prior(batch, tape, &codes, features)? else {
-            return Ok((total, losses));
+        let (mut total, mut losses) = self.weighted_sum(&terms)?;
+        if let Some(drawn) = self.of_drawn(batch, normalization, tape, features, &row_weights)? {
+            losses.drawn = drawn.to_scalar()?;
+            total = (total + drawn)?;
+        }
+        if let Some(prior) = self.prior(batch, tape, &codes.of_motions, features)? {
+            losses.prior = prior.to_scalar()?;
+            total = (total + prior)?;
+        }
+        Ok((total, losses))
+    }
+
+    /// Computes the weighted losses of motions of drawn codes, if some are drawn: there is nothing that they are to
+    /// follow, but they are to touch and not to penetrate.
+    fn of_drawn(
+        &self,
+        batch: &Batch,
+        normalization: &Normalization,
+        tape: &Network,
+        features: &Tensor,
+        row_weights: &Tensor,
+    ) -> Result<Option<Tensor>, CgfError> {
+        let Some(codes) = self.drawn(batch, tape, features)? else {
+            return Ok(None);
         };
-        let losses = Losses {
-            prior: prior.to_scalar()?,
-            ..losses
-        };
-        Ok(((total + prior)?, losses))
+        let decoded = self.decoded(batch, normalization, tape, features, &codes)?;
+        let physical = decoded.physical.to_device(&Device::Cpu)?;
+        let [reached, wanted] = self.link_poses(&physical, batch)?;
+        let contact = (self.contact(batch, &reached, &wanted)? * self.training.contact_weight)?;
+        let penetration = self.penetration(&physical, batch, row_weights)?;
+        let penetration = (penetration * self.training.penetration_weight)?;
+        Ok(Some(
+            ((contact + penetration)? * self.training.drawn_weight)?,
+        ))
     }
 
     /// Computes the link poses of the decoded hands, given in physical units, and of the recorded ones.
@@ -216,16 +255,25 @@ impl Objective<'_> {
 
     /// Sums terms by their weights, in the order of the fields of [`Losses`] after the total; a term
     /// without a weight is measured only.
-    fn weighted_sum(&self, terms: &[(Tensor, f64); 7]) -> Result<(Tensor, Losses), CgfError> {
+    fn weighted_sum(&self, terms: &[(Tensor, f64); 8]) -> Result<(Tensor, Losses), CgfError> {
         let mut total = Tensor::zeros((), candle_core::DType::F32, &self.device)?;
-        let mut numbers = [0.0; 7];
+        let mut numbers = [0.0; 8];
         for ((term, weight), number) in terms.iter().zip(&mut numbers) {
             *number = term.to_scalar::<f32>()?;
             if *weight > 0.0 {
                 total = (total + (term * *weight)?)?;
             }
         }
-        let [q, translation, origins, rotations, kl, contact, penetration] = numbers;
+        let [
+            q,
+            translation,
+            origins,
+            rotations,
+            kl,
+            contact,
+            penetration,
+            coarse,
+        ] = numbers;
         let losses = Losses {
             total: total.to_scalar()?,
             q,
@@ -235,6 +283,8 @@ impl Objective<'_> {
             kl,
             contact,
             penetration,
+            coarse,
+            drawn: 0.0,
             prior: 0.0,
         };
         Ok((total, losses))
@@ -261,72 +311,6 @@ impl Objective<'_> {
         let between = (from + wanted.broadcast_mul(&times)?)?;
         let found = tape.velocity(&times, &between, &features.detach(), &views)?;
         Ok(Some((found - wanted)?.sqr()?.mean_all()?))
-    }
-
-    /// Encodes a batch's motions and decodes their codes: outputs `(batch × times, outputs)`, the codes
-    /// `(batch, latent)`, and their means and log-variances.
-    fn decoded(
-        &self,
-        batch: &Batch,
-        tape: &Network,
-        features: &Tensor,
-    ) -> Result<(Tensor, Tensor, [Tensor; 2]), CgfError> {
-        let (size, n_times) = (batch.size, batch.n_times);
-        let latent_dim = self.network.latent_dim;
-        let views = Tensor::from_slice(&batch.views, size, &self.device)?;
-        let inputs = self.network.encoder_inputs(self.hand.dof());
-        let motions = self.constant(
-            batch.motions.clone(),
-            &[size, self.network.encoder_steps, inputs],
-        )?;
-        let (mean, log_variance) = tape.encode(&motions, features, &views)?;
-        let times = self.constant(batch.times.clone(), &[size, n_times])?;
-        let mut codes = mean.clone();
-        let decoded = if batch.noise.is_empty() {
-            tape.decode(&times, &mean, features, &views)?
-        } else {
-            let deviation = (&log_variance * 0.5)?.exp()?;
-            match self.training.latent_noise {
-                LatentNoise::PerMotion => {
-                    let noise = self.constant(batch.noise.clone(), &[size, latent_dim])?;
-                    codes = (&mean + (deviation * noise)?)?;
-                    tape.decode(&times, &codes, features, &views)?
-                }
-                LatentNoise::PerTime => {
-                    // Every time is a motion of its own.
-                    let repeat: Vec<u32> = (0..size)
-                        .flat_map(|motion| std::iter::repeat_n(row_index(motion), n_times))
-                        .collect();
-                    let repeat = Tensor::new(repeat, &self.device)?;
-                    let noise =
-                        self.constant(batch.noise.clone(), &[size * n_times, latent_dim])?;
-                    let deviation = deviation.index_select(&repeat, 0)?;
-                    let latents = (mean.index_select(&repeat, 0)? + (deviation * noise)?)?;
-                    let views = views.index_select(&repeat, 0)?;
-                    let times = times.reshape((size * n_times, 1))?;
-                    tape.decode(&times, &latents, features, &views)?
-                }
-            }
-        };
-        Ok((decoded, codes, [mean, log_variance]))
-    }
-
-    /// Keeps the joints of decoded hands within their limits, if they are: the hands in the network's
-    /// units and in physical ones, `(rows, outputs)` each.
-    fn within_limits(
-        &self,
-        decoded: Tensor,
-        normalization: &Normalization,
-    ) -> Result<(Tensor, Tensor), CgfError> {
-        let outputs = normalization.scale.len();
-        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
-        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
-        let physical = decoded.broadcast_mul(&scale)?.broadcast_add(&shift)?;
-        let Some(within) = self.limits.on_tape(&physical)? else {
-            return Ok((decoded, physical));
-        };
-        let decoded = within.broadcast_sub(&shift)?.broadcast_div(&scale)?;
-        Ok((decoded, within))
     }
 
     /// Computes the contact loss of hands, given their links and those of the recorded ones, in m².
@@ -409,7 +393,7 @@ fn split(poses: &Tensor, parts: LinkParts, rows: usize) -> Result<LinkTensors, C
 impl Losses {
     /// Says whether all that is learned from is a number.
     pub(crate) fn is_finite(&self) -> bool {
-        self.total.is_finite() && self.prior.is_finite()
+        self.total.is_finite() && self.drawn.is_finite() && self.prior.is_finite()
     }
 
     /// Adds a share of others.
@@ -423,6 +407,8 @@ impl Losses {
             kl,
             contact,
             penetration,
+            coarse,
+            drawn,
             prior,
         } = other;
         self.total += share * total;
@@ -433,6 +419,8 @@ impl Losses {
         self.kl += share * kl;
         self.contact += share * contact;
         self.penetration += share * penetration;
+        self.coarse += share * coarse;
+        self.drawn += share * drawn;
         self.prior += share * prior;
     }
 }

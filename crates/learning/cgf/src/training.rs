@@ -11,10 +11,12 @@ use crate::{
     Cgf, CgfError,
     adam::{self, Adam},
     augmentation::Rotations,
+    basis_points,
     batch::{Batches, NetworkMotions},
     config::{Initialization, NetworkConfig, TrainingConfig},
     curve::Epoch,
     data::{RestingObject, TrainingMotion, turned},
+    decoder::check_width,
     hand_numbers::{self, Normalization},
     limits::{JointRange, Limits},
     model::Description,
@@ -67,6 +69,8 @@ pub struct Trainer<'a> {
     pub(crate) statistics: Statistics,
     pub(crate) curve: Vec<Epoch>,
     pub(crate) best: Option<Best>,
+    /// Whether it goes on from another training's function.
+    is_continued: bool,
 }
 
 /// The weights with the least loss on held-out motions so far.
@@ -122,18 +126,8 @@ impl<'a> Trainer<'a> {
         network.check()?;
         training.check()?;
         training.check_memory(network)?;
-        for track in &set.tracks {
-            track.check(hand.dof())?;
-            assert!(track.scene < set.scenes.len(), "scene of `{}`", track.name);
-        }
-        let tips = training
-            .tips
-            .iter()
-            .map(|tip| {
-                hand.link(tip)
-                    .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
-            })
-            .collect::<Result<Vec<_>, _>>()?;
+        check(set, hand, network)?;
+        let tips = tips(hand, training)?;
         let motions = NetworkMotions::of(set, network, training, seed)?;
         let training_tracks = motions.of_split(Split::Training);
         if training_tracks.len() < 2 {
@@ -150,6 +144,14 @@ impl<'a> Trainer<'a> {
         let mut random = Random::new(seed, BEFORE);
         let samples = samples(&motions, &training_tracks, &rotations, &mut random);
         let initialization = training.initialization;
+        let mut weights = network::initialize(network, hand.dof(), initialization, seed);
+        let learned = training_tracks
+            .iter()
+            .map(|&idx| &motions.tracks[idx].track);
+        let local_normalization = (network.local_points > 0).then(|| {
+            basis_points::choose(&mut weights, network.local_points, hand, learned.clone());
+            Normalization::measure(training.outputs, &basis_points::samples(learned))
+        });
         let mut trainer = Self {
             set,
             batches: Batches {
@@ -167,19 +169,41 @@ impl<'a> Trainer<'a> {
                 tips,
                 body,
                 limits: Limits::new(network.joints, &ranges(hand)),
+                local_normalization,
                 device: training.device.open()?,
             },
             training_tracks,
-            weights: network::initialize(network, hand.dof(), initialization, seed),
+            weights,
             adam: Adam::default(),
             statistics: Statistics::Measured,
             curve: Vec::new(),
             best: None,
+            is_continued: false,
         };
         if initialization == Initialization::Centered {
             trainer.center_features(&mut random)?;
         }
         Ok(trainer)
+    }
+
+    /// Goes on from a function of the same hand and network: with its weights, units and statistics.
+    ///
+    /// # Errors
+    ///
+    /// Fails if it is of another hand or network.
+    pub fn continue_from(&mut self, cgf: &Cgf) -> Result<(), CgfError> {
+        cgf.check_hand(&self.objective.hand.joint_names())?;
+        let description = cgf.description();
+        if description.network != *self.batches.network {
+            return Err(CgfError::AnotherNetwork);
+        }
+        self.weights = cgf.weights().clone();
+        self.batches.normalization = description.normalization.clone();
+        let local = &description.local_normalization;
+        self.objective.local_normalization.clone_from(local);
+        self.statistics = Statistics::Stored;
+        self.is_continued = true;
+        Ok(())
     }
 
     /// Returns the epochs that are done.
@@ -198,7 +222,8 @@ impl<'a> Trainer<'a> {
 
     /// Says whether an epoch, counted from 0, leaves the point network's statistics as they are.
     pub(crate) fn is_fixed_in(&self, epoch: usize) -> bool {
-        epoch as f64 / self.config().epochs as f64 >= self.config().fixed_statistics_after
+        let share = epoch as f64 / self.config().epochs as f64;
+        self.is_continued || share >= self.config().fixed_statistics_after
     }
 
     /// Starts with features of mean 0 over the objects.
@@ -344,6 +369,7 @@ impl<'a> Trainer<'a> {
             training: self.batches.training.clone(),
             seed: self.batches.seed,
             normalization: self.batches.normalization.clone(),
+            local_normalization: self.objective.local_normalization.clone(),
             data: Vec::new(),
             demonstrations: Vec::new(),
             training_curve: self.curve.clone(),
@@ -360,6 +386,28 @@ impl<'a> Trainer<'a> {
         };
         Ok(TrainingResult { best, last })
     }
+}
+
+/// Checks the motions of a set.
+fn check(set: &TrainingSet, hand: &RobotModel, network: &NetworkConfig) -> Result<(), CgfError> {
+    for track in &set.tracks {
+        track.check(hand.dof())?;
+        if let Some(code) = &track.code {
+            check_width("latent", code.len(), network.latent_dim)?;
+        }
+        assert!(track.scene < set.scenes.len(), "scene of `{}`", track.name);
+    }
+    Ok(())
+}
+
+/// Returns the links that are fingertips.
+fn tips(hand: &RobotModel, training: &TrainingConfig) -> Result<Vec<usize>, CgfError> {
+    let tips = training.tips.iter();
+    tips.map(|tip| {
+        hand.link(tip)
+            .ok_or_else(|| CgfError::UnknownLink { link: tip.clone() })
+    })
+    .collect()
 }
 
 /// Returns the room that the hand takes up, to keep it out of the objects of a set.

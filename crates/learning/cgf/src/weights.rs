@@ -26,7 +26,7 @@ pub struct Weights {
 pub(crate) type WeightTensors = BTreeMap<String, Tensor>;
 
 /// Names that end so are measured, not learned.
-const MEASURED: [&str; 2] = [".mean", ".variance"];
+const MEASURED: [&str; 3] = [".mean", ".variance", ".points"];
 
 impl Weights {
     /// Returns an array.

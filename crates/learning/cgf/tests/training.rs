@@ -4,16 +4,16 @@ use std::{collections::BTreeMap, sync::Arc};
 
 use cgf::{
     Activation, Augmentation, Cgf, CgfError, Contact, EncoderRotation, EncoderTimes, HandDistance,
-    Initialization, InputFrame, JointOutputs, LatentNoise, LatentPrior, LatentVariance,
-    NetworkConfig, Outputs, Random, Reduction, RestingObject, Schedule, Times, Trainer,
-    TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet, train,
+    HandMotionState, Initialization, InputFrame, JointOutputs, LatentNoise, LatentPrior,
+    LatentVariance, NetworkConfig, Outputs, Random, Reduction, RestingObject, Schedule, Times,
+    Trainer, TrainingConfig, TrainingDevice, TrainingMotion, TrainingSet, train,
 };
 use geometry::{DistanceField, TriMesh};
-use motion::{Motion, Step};
+use motion::{HandState, Motion, Step};
 use nalgebra::{Isometry3, Point3, Vector3};
 use robot::RobotModel;
 use schemas::training::Split;
-use spatial::{Pose, RestingPose};
+use spatial::{Pose, RestingPose, Table};
 
 const HAND: &str = r#"<robot name="h">
   <link name="palm"/><link name="a"/><link name="tip">
@@ -68,6 +68,7 @@ fn track(name: &str, scene: usize, toward: Vector3<f64>, angle: f64) -> Training
         scene,
         split: Split::Training,
         motion: Motion::new(&["a", "b"], steps.collect()).unwrap(),
+        code: None,
     }
 }
 
@@ -94,6 +95,9 @@ fn network() -> NetworkConfig {
         encoder_widths: vec![32],
         latent_dim: 4,
         decoder_widths: vec![64, 64],
+        local_points: 0,
+        local_passes: 1,
+        local_widths: vec![64],
         activation: Activation::Silu,
         frame: InputFrame::Resting,
         encoder_times: EncoderTimes::Equal,
@@ -131,6 +135,8 @@ fn training(epochs: usize) -> TrainingConfig {
         kl_weight: 1e-3,
         contact_weight: 0.0,
         penetration_weight: 0.0,
+        local_noise_m: 0.01,
+        drawn_weight: 0.0,
         contact: Contact::TouchSurface,
         tips: vec!["tip".to_owned()],
         tip_radius_m: 0.01,
@@ -226,6 +232,171 @@ fn a_flow_draws_the_codes_of_the_motions_of_the_object_that_it_sees() {
     let normal = trained(1);
     let feature = normal.feature(&set.scenes[0]).unwrap();
     assert_eq!(normal.prior_codes(&feature, noise.clone()).unwrap(), noise);
+}
+
+#[test]
+fn a_training_goes_on_from_a_function_and_gives_codes_the_motions_that_are_asked_for() {
+    let set = set();
+    let (network, training) = (network(), training(150));
+    let first = train(&set, &hand(), &network, &training, 7, |_| {});
+    let first = first.unwrap().last;
+    let code = vec![1.2, -0.7, 0.3, 0.9];
+    let wanted = track("wanted", 0, Vector3::new(0.01, 0.03, 0.2), -0.2);
+    let off = |cgf: &Cgf| {
+        let feature = cgf.feature(&set.scenes[0]).unwrap();
+        let motion = cgf
+            .decode(&feature, std::slice::from_ref(&code), &[0.0])
+            .unwrap();
+        HandDistance::between(&motion[0][0], &wanted.at(0.0)).position_m
+    };
+    let more = TrainingSet {
+        tracks: vec![
+            set.tracks[0].clone(),
+            TrainingMotion {
+                code: Some(code.clone()),
+                ..wanted.clone()
+            },
+        ],
+        ..set.clone()
+    };
+    let (hand, longer) = (
+        hand(),
+        TrainingConfig {
+            epochs: 600,
+            // The motion of a code is not turned.
+            augmentation: Augmentation::Vertical,
+            ..training.clone()
+        },
+    );
+    let mut trainer = Trainer::new(&more, &hand, &network, &longer, 8).unwrap();
+    trainer.continue_from(&first).unwrap();
+    while !trainer.is_done() {
+        trainer.train_epoch().unwrap();
+    }
+    let second = trainer.finish().unwrap().last;
+    assert!(
+        off(&first) > 0.02 && off(&second) < 0.006,
+        "{} {}",
+        off(&first),
+        off(&second)
+    );
+    let normalization = |cgf: &Cgf| cgf.description().normalization.clone();
+    assert_eq!(normalization(&first), normalization(&second));
+    let other = local_network();
+    let mut trainer = Trainer::new(&more, &hand, &other, &training, 8).unwrap();
+    assert!(matches!(
+        trainer.continue_from(&first),
+        Err(CgfError::AnotherNetwork)
+    ));
+}
+
+/// With a second decoder, which sees the object from the palm.
+fn local_network() -> NetworkConfig {
+    NetworkConfig {
+        local_points: 12,
+        local_widths: vec![64, 64],
+        ..network()
+    }
+}
+
+/// Decodes a demonstration's mean code.
+fn decoded(cgf: &Cgf, set: &TrainingSet, idx: usize, times: &[f64]) -> Vec<HandState<Table>> {
+    let track = &set.tracks[idx];
+    let feature = cgf.feature(&set.scenes[track.scene]).unwrap();
+    let mean = cgf.description().demonstrations[idx].latent_mean.clone();
+    cgf.decode(&feature, &[mean], times).unwrap().remove(0)
+}
+
+#[test]
+fn a_second_decoder_learns_motions_by_heart_in_the_palms_frame() {
+    let set = set();
+    let training = TrainingConfig {
+        local_noise_m: 0.0,
+        ..training(800)
+    };
+    let cgf = train(&set, &hand(), &local_network(), &training, 7, |_| {});
+    let cgf = cgf.unwrap().last;
+    let times = Cgf::times(9);
+    for (idx, track) in set.tracks.iter().enumerate() {
+        for (grasp, &t) in decoded(&cgf, &set, idx, &times).iter().zip(&times) {
+            let error = HandDistance::between(grasp, &track.at(t));
+            assert!(error.position_m < 0.03, "t = {t}: {error:?}");
+            assert!(error.rotation_rad < 0.1, "t = {t}: {error:?}");
+        }
+    }
+}
+
+/// On the tape the second decoder's palm is composed by products of tensors, and otherwise by poses.
+#[test]
+fn a_second_decoder_is_the_same_on_the_tape() {
+    let check = |local_passes| {
+        let network = NetworkConfig {
+            local_passes,
+            ..local_network()
+        };
+        check_on_tape(&network);
+    };
+    check(1);
+    check(3);
+}
+
+fn check_on_tape(network: &NetworkConfig) {
+    let mut set = set();
+    set.tracks[1].split = Split::HeldOut;
+    set.tracks
+        .push(track("c", 0, Vector3::new(0.03, 0.01, 0.12), 0.1));
+    let training = training(5);
+    let cgf = train(&set, &hand(), network, &training, 7, |_| {});
+    let cgf = cgf.unwrap().last;
+    let epoch = cgf.description().training_curve.last().unwrap();
+    let expected = f64::from(epoch.held_out.unwrap().translation);
+    let track = &set.tracks[1];
+    let mut times = track.times().split_off(25);
+    times.extend(Cgf::times(10));
+    let weights = |at: usize| if at < 5 { 3.0 } else { 1.0 };
+    let (mut squares, mut total) = (0.0, 0.0);
+    for (at, grasp) in decoded(&cgf, &set, 1, &times).iter().enumerate() {
+        let wanted = track.at(times[at]).frame_from_palm.translation.vector;
+        let off = grasp.frame_from_palm.translation.vector - wanted;
+        let unit = cgf.description().normalization.scale[0];
+        squares += weights(at) * (off / unit).norm_squared() / 3.0;
+        total += weights(at);
+    }
+    let found = squares / total;
+    assert!(
+        (found - expected).abs() < 1e-4 * expected,
+        "{found} {expected}"
+    );
+}
+
+#[test]
+fn a_second_decoder_sees_what_is_near_the_palm_and_has_exact_derivatives() {
+    const H: f64 = 1e-3;
+    let set = set();
+    let cgf = train(&set, &hand(), &local_network(), &training(30), 7, |_| {});
+    let cgf = cgf.unwrap().last;
+    let code = vec![vec![0.4; 4]];
+    let mut scene = set.scenes[0].clone();
+    let grasp = |scene: &RestingObject| {
+        let feature = cgf.feature(scene).unwrap();
+        cgf.decode(&feature, &code, &[0.0]).unwrap()[0][0].clone()
+    };
+    let before = grasp(&scene);
+    // The first decoder sees the first 96 of 128 points, and this is another.
+    let near = scene.rest.table_from_object().inverse() * before.frame_from_palm;
+    scene.points_in_object[100] = Point3::from(near.translation.vector);
+    assert_ne!(before, grasp(&scene));
+    let feature = cgf.feature(&scene).unwrap();
+    let at = |t: f64| cgf.decode_with_rates(&feature, &code, &[t]).unwrap()[0][0].clone();
+    let (here, back, ahead) = (at(0.4), at(0.4 - H), at(0.4 + H));
+    let place = |state: &HandMotionState| state.grasp.frame_from_palm.translation.vector;
+    let slope = (place(&ahead) - place(&back)) / (2.0 * H);
+    let off = (slope - here.velocity.palm.linear).norm();
+    assert!(off < 0.01 * slope.norm() + 1e-4, "{off} of {slope}");
+    let turn = ahead.grasp.frame_from_palm.rotation * back.grasp.frame_from_palm.rotation.inverse();
+    let spin = turn.scaled_axis() / (2.0 * H);
+    let off = (spin - here.velocity.palm.angular).norm();
+    assert!(off < 0.01 * spin.norm() + 1e-3, "{off} of {spin}");
 }
 
 #[test]

@@ -28,6 +28,7 @@
 //! #     name: "reach".to_owned(),
 //! #     scene: 0,
 //! #     split: schemas::training::Split::Training,
+//! #     code: None,
 //! #     motion: Motion::new(&["knuckle"], vec![above(0.0), above(0.5), above(1.0)])?,
 //! # };
 //! # let set = TrainingSet {

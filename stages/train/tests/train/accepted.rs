@@ -222,3 +222,73 @@ fn a_motion_carried_over_from_an_unseen_object_is_an_error() {
         "{err}"
     );
 }
+
+/// A checkpoint of the training in `folder`, as an artifact.
+fn trained(folder: &Path, config: &TrainConfig) -> Artifact {
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, folder);
+    let given = tempfile::tempdir().unwrap();
+    let Outcome::Made(_) = Train::make(config, &inputs(given.path()), &cx).unwrap() else {
+        panic!("nothing was made");
+    };
+    let names = [checkpoint::LAST.weights, checkpoint::LAST.description];
+    let files = names.map(|name| (name.to_owned(), folder.join(name)));
+    Artifact {
+        key: "cgf".parse().unwrap(),
+        labels: BTreeMap::new(),
+        files: files.into(),
+    }
+}
+
+/// The same inputs, and a checkpoint from which to go on.
+fn going_on(inputs: &Inputs, checkpoint: Artifact) -> Inputs {
+    let mut by_name = BTreeMap::from([("checkpoint".to_owned(), vec![checkpoint])]);
+    for name in ["objects", "trajectories", "candidates", "rollouts"] {
+        by_name.insert(name.to_owned(), inputs.artifacts(name).to_vec());
+    }
+    Inputs::new(by_name, vec![SourceFile::named("hand", &config().hand)])
+}
+
+#[test]
+fn a_training_that_goes_on_keeps_the_codes_of_motions_that_were_drawn() {
+    let code = vec![0.25; config().network.latent_dim];
+    let mut candidates = candidates(&[Vector3::z(), Vector3::z()]);
+    candidates.candidates[1].latent.clone_from(&code);
+    let rollouts = rollouts(&candidates, &[Verdict::Held, Verdict::Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let alone = with_accepted(folder.path(), &candidates, &rollouts);
+    let of_first = tempfile::tempdir().unwrap();
+    let both = going_on(&alone, trained(of_first.path(), &config()));
+    let code_of = |inputs: &Inputs, name: &str| {
+        let out = tempfile::tempdir().unwrap();
+        let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
+        assert!(matches!(
+            Train::make(&config(), inputs, &cx).unwrap(),
+            Outcome::Made(_)
+        ));
+        let description = cgf::Description::read(&out.path().join(checkpoint::LAST.description));
+        let demonstrations = description.unwrap().demonstrations;
+        let one = demonstrations.iter().find(|one| one.name == name);
+        one.unwrap().latent_mean.clone()
+    };
+    assert_eq!(code_of(&both, "can-1"), code);
+    assert_ne!(code_of(&both, "can-0"), code);
+    // Of another function the codes say nothing.
+    assert_ne!(code_of(&alone, "can-1"), code);
+}
+
+#[test]
+fn a_training_does_not_go_on_from_a_function_that_knows_an_unseen_object() {
+    let candidates = candidates(&[Vector3::z()]);
+    let rollouts = rollouts(&candidates, &[Verdict::Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let of_first = tempfile::tempdir().unwrap();
+    let inputs = with_accepted(folder.path(), &candidates, &rollouts);
+    let inputs = going_on(&inputs, trained(of_first.path(), &config()));
+    let mut config = config();
+    config.unseen.unseen_objects = vec!["tin".to_owned()];
+    let out = tempfile::tempdir().unwrap();
+    let cx = Context::detached(&"cgf".parse().unwrap(), 7, out.path());
+    let err = Train::make(&config, &inputs, &cx).unwrap_err();
+    assert!(err.to_string().contains("object `tin`"), "{err}");
+    assert!(err.hint().unwrap().contains("unseen_objects"));
+}

@@ -4,7 +4,7 @@ use motion::HandState;
 use nalgebra::{Matrix3, Rotation3, UnitQuaternion, Vector3};
 use spatial::{Pose, Table, Twist};
 
-use crate::{data::NetworkFrame, hand_numbers::PALM_WIDTH};
+use crate::hand_numbers::PALM_WIDTH;
 
 /// State, velocity and acceleration of a hand at one time of a motion.
 #[derive(Debug, Clone, PartialEq)]
@@ -29,7 +29,7 @@ pub struct HandDerivative<F = Table> {
 
 impl<F> HandMotionState<F> {
     /// Returns the same hand in another frame, which does not move in the first.
-    pub(super) fn expressed_in<G>(self, other_from_frame: &Pose<G, F>) -> HandMotionState<G> {
+    pub(crate) fn expressed_in<G>(self, other_from_frame: &Pose<G, F>) -> HandMotionState<G> {
         let along = |rate: HandDerivative<F>| HandDerivative {
             palm: rate.palm.expressed_in(other_from_frame),
             q: rate.q,
@@ -46,7 +46,7 @@ impl<F> HandMotionState<F> {
 type Moving = [Vector3<f64>; 3];
 
 /// Reads a hand's numbers, their first and their second derivatives; `None` if the rotation is none.
-pub(super) fn moving_grasp(numbers: &[Vec<f64>; 3]) -> Option<HandMotionState<NetworkFrame>> {
+pub(super) fn moving_grasp<F>(numbers: &[Vec<f64>; 3]) -> Option<HandMotionState<F>> {
     let vector = |at: usize| -> Option<Moving> {
         let mut parts = [Vector3::zeros(); 3];
         for (part, numbers) in parts.iter_mut().zip(numbers) {

@@ -1,14 +1,14 @@
 use candle_core::{Device, Tensor};
 use motion::HandState;
-use nalgebra::{Isometry3, UnitQuaternion, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rayon::ThreadPoolBuilder;
-use spatial::{Pose, Table};
+use spatial::Table;
 
 use super::*;
 use crate::{
     config::{
         EncoderRotation, EncoderTimes, Initialization, InputFrame, JointOutputs, LatentPrior,
-        LatentVariance,
+        LatentVariance, NetworkConfig,
     },
     limits::JointRange,
     network,
@@ -34,6 +34,9 @@ fn config(activation: Activation) -> NetworkConfig {
         encoder_rotation: EncoderRotation::Columns,
         latent_variance: LatentVariance::Free,
         prior: LatentPrior::Normal,
+        local_points: 0,
+        local_passes: 1,
+        local_widths: vec![8],
         joints: match activation {
             Activation::Relu => JointOutputs::Free,
             Activation::Silu => JointOutputs::WithinLimits,
@@ -80,7 +83,8 @@ fn normalization() -> Normalization {
 fn decoder<T: Number>(activation: Activation) -> Decoder<T> {
     let config = config(activation);
     Decoder::new(
-        &config,
+        ("decoder", config.decoder_widths.len()),
+        activation,
         &normalization(),
         limits(&config),
         &weights(&config),
@@ -88,16 +92,9 @@ fn decoder<T: Number>(activation: Activation) -> Decoder<T> {
     .unwrap()
 }
 
-/// An object that lies on its side: the network's frame is not the table's.
-fn feature() -> ObjectFeature {
+fn feature() -> Vec<f32> {
     let mut random = Random::new(1, 0);
-    ObjectFeature {
-        values: (0..48).map(|_| random.normal() as f32).collect(),
-        table_from_network: Pose::new(Isometry3::new(
-            Vector3::new(0.0, 0.0, 0.1),
-            Vector3::new(1.2, 0.3, 0.0),
-        )),
-    }
+    (0..48).map(|_| random.normal() as f32).collect()
 }
 
 fn latents(n: usize) -> Vec<Vec<f64>> {
@@ -285,7 +282,7 @@ fn one_thread_and_two_give_the_same_bytes() {
             .unwrap();
         pool.install(|| {
             decoder
-                .decode_with_rates(&feature(), &latents, &times)
+                .decode_with_rates::<Table>(&feature(), &latents, &times)
                 .unwrap()
         })
     };
@@ -301,8 +298,14 @@ fn decoding_agrees_with_the_tape() {
             mean: vec![0.0; OUTPUTS],
             scale: vec![1.0; OUTPUTS],
         };
-        let decoder =
-            Decoder::<f32>::new(&config, &normalization, limits(&config), &weights).unwrap();
+        let decoder = Decoder::<f32>::new(
+            ("decoder", 3),
+            activation,
+            &normalization,
+            limits(&config),
+            &weights,
+        )
+        .unwrap();
         let (n, times) = (9, equal_times(33));
         let latents = latents(n);
         let finish = |[values, ..]: [&[f32]; 3]| {
@@ -324,7 +327,7 @@ fn decoding_agrees_with_the_tape() {
             .decode(
                 &constant(narrow(&times.repeat(n)), &[n, times.len()]).unwrap(),
                 &constant(narrow(&latents.concat()), &[n, 12]).unwrap(),
-                &constant(feature().values, &[1, 48]).unwrap(),
+                &constant(feature(), &[1, 48]).unwrap(),
                 &Tensor::zeros(n, candle_core::DType::U32, &Device::Cpu).unwrap(),
             )
             .unwrap()
@@ -343,24 +346,22 @@ fn decoding_agrees_with_the_tape() {
 fn codes_of_another_width_and_broken_rotations_are_refused() {
     let decoder = decoder::<f32>(Activation::Silu);
     let err = decoder
-        .decode(&feature(), &[vec![0.0; 5]], &[0.0])
+        .decode::<Table>(&feature(), &[vec![0.0; 5]], &[0.0])
         .unwrap_err();
     assert!(err.to_string().contains("`latent` has 5 numbers"), "{err}");
-    let narrow = ObjectFeature {
-        values: vec![0.0; 3],
-        ..feature()
-    };
-    let err = decoder.decode(&narrow, &latents(1), &[0.0]).unwrap_err();
+    let err = decoder
+        .decode::<Table>(&[0.0; 3], &latents(1), &[0.0])
+        .unwrap_err();
     assert!(err.to_string().contains("`feature` has 3 numbers"), "{err}");
     let err = decoder
-        .decode(&feature(), &[vec![f64::NAN; 12]], &[0.0])
+        .decode::<Table>(&feature(), &[vec![f64::NAN; 12]], &[0.0])
         .unwrap_err();
     assert!(err.to_string().contains("a decoded rotation"), "{err}");
-    let err = decoder.decode_with_rates(&feature(), &[vec![f64::NAN; 12]], &[0.0]);
+    let err = decoder.decode_with_rates::<Table>(&feature(), &[vec![f64::NAN; 12]], &[0.0]);
     assert!(err.unwrap_err().to_string().contains("a decoded rotation"));
     assert!(
         decoder
-            .decode(&feature(), &latents(2), &[])
+            .decode::<Table>(&feature(), &latents(2), &[])
             .unwrap()
             .iter()
             .all(Vec::is_empty)

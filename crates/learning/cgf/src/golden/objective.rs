@@ -97,6 +97,7 @@ fn check(golden: &Weights, hand: &Arc<RobotModel>, case: &Case) {
             .map(|tip| hand.link(tip).unwrap())
             .to_vec(),
         body: None,
+        local_normalization: None,
         limits: Limits::new(network.joints, &ranges(hand)),
         device: Device::Cpu,
     };
@@ -137,6 +138,8 @@ fn check_losses(arrays: &Weights, folder: &str, losses: &Losses) {
         contact,
         penetration: _,
         prior: _,
+        coarse: _,
+        drawn: _,
     } = *losses;
     for (name, found) in [
         ("total", total),
@@ -189,8 +192,13 @@ fn batch(arrays: &Weights, network: &NetworkConfig) -> Batch {
         physical: values("physical"),
         targets: values("targets"),
         noise: values("noise"),
+        codes: vec![0.0; 3 * network.latent_dim],
+        is_encoded: vec![1.0; 3],
         flow_noise: Vec::new(),
         flow_times: Vec::new(),
+        local: Vec::new(),
+        local_noise: Vec::new(),
+        drawn_noise: Vec::new(),
     }
 }
 
@@ -223,6 +231,8 @@ fn training(arrays: &Weights, case: &Case) -> TrainingConfig {
         kl_weight: weight("kl"),
         contact_weight: weight("contact"),
         penetration_weight: 0.0,
+        local_noise_m: 0.0,
+        drawn_weight: 0.0,
         contact: case.contact,
         tips: Vec::new(),
         tip_radius_m: number(arrays, "tip_radius_m").into(),
