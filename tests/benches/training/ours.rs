@@ -98,7 +98,6 @@ fn network() -> NetworkConfig {
         latent_dim: 256,
         decoder_widths: vec![256, 512, 256],
         local_points: 0,
-        local_passes: 1,
         local_widths: vec![512],
         activation: Activation::Relu,
         frame: InputFrame::Object,
@@ -139,7 +138,6 @@ fn training() -> TrainingConfig {
         contact_weight: 50.0,
         penetration_weight: 0.0,
         local_noise_m: 0.0,
-        drawn_weight: 0.0,
         contact: Contact::TouchCenter,
         tips: [
             "link_3.0_tip",

@@ -88,8 +88,6 @@ pub(crate) struct Batch {
     /// Noise on the grasps from which a second decoder starts, `(batch, 6 + dof)` from the standard normal distribution;
     /// empty for none.
     pub(crate) local_noise: Vec<f32>,
-    /// Of which codes are drawn, `(batch, latent)` from the standard normal distribution; empty for none.
-    pub(crate) drawn_noise: Vec<f32>,
 }
 
 impl NetworkMotions {
@@ -187,10 +185,6 @@ impl Batches<'_> {
                 batch.flow_noise.extend(noise);
                 batch.flow_times.push(narrow(random.uniform()));
             }
-            if self.training.drawn_weight > 0.0 {
-                let noise = (0..self.network.latent_dim).map(|_| narrow(random.normal()));
-                batch.drawn_noise.extend(noise);
-            }
             if self.network.local_points > 0 {
                 let width = basis_points::noise_width(seen.track.motion.joints().len());
                 let noise = (0..width).map(|_| narrow(random.normal()));
@@ -253,7 +247,6 @@ impl Batches<'_> {
             flow_noise: Vec::new(),
             flow_times: Vec::new(),
             local_noise: Vec::new(),
-            drawn_noise: Vec::new(),
         }
     }
 

@@ -13,8 +13,6 @@ const MIN_POINTS: usize = 32;
 const MAX_POINTS: usize = 65_536;
 /// Maximum number of outputs of a layer, sixteen times the paper's widest.
 const MAX_WIDTH: usize = 16_384;
-/// Maximum number of starts of the second decoder.
-const MAX_LOCAL_PASSES: usize = 64;
 /// Maximum number of points about the palm, thirty times what a hand needs.
 const MAX_LOCAL_POINTS: usize = 4096;
 /// Maximum number of layers of one part of the network.
@@ -77,9 +75,6 @@ pub struct NetworkConfig {
     /// replaces the first one's; paper: 0, no second decoder
     #[option(default = 0, range = 0..=MAX_LOCAL_POINTS, why = OF_WIDTHS)]
     pub local_points: usize,
-    /// Times that the second decoder starts: each but the first from its own grasp
-    #[option(default = 1, range = 1..=MAX_LOCAL_PASSES, why = "each sees the object anew")]
-    pub local_passes: usize,
     /// Widths of the second decoder's hidden layers
     #[option(default = vec![512, 512, 512])]
     pub local_widths: Vec<usize>,
@@ -304,10 +299,6 @@ pub struct TrainingConfig {
     /// where distances are centimeters; paper: 0
     #[option(default = 5000.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
     pub penetration_weight: f64,
-    /// Weight of the contact and penetration losses of as many motions of drawn codes, relative to those of the
-    /// demonstrated ones; paper: 0
-    #[option(default = 0.0, range = 0.0..=MAX_VALUE, why = SQUARES)]
-    pub drawn_weight: f64,
     /// Standard deviation of the noise on the grasp from which the second decoder starts, of points 0.1 m from the
     /// palm, m: as large as the first one's misses with new codes; unused without `network.local_points`
     #[option(default = 0.01, range = 0.0..=MAX_VALUE, why = SQUARES)]

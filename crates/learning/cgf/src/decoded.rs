@@ -7,7 +7,7 @@ use rayon::prelude::*;
 use crate::{
     CgfError, basis_points,
     batch::Batch,
-    config::{LatentNoise, LatentPrior},
+    config::LatentNoise,
     data::NetworkFrame,
     hand_numbers::{Normalization, PALM_WIDTH},
     network::Network,
@@ -86,29 +86,6 @@ impl Objective<'_> {
         Ok((codes, [mean, log_variance]))
     }
 
-    /// Draws codes for the objects of a batch as they are drawn in sampling, constants on the tape; none if there is no
-    /// noise for it.
-    pub(crate) fn drawn(
-        &self,
-        batch: &Batch,
-        tape: &Network,
-        features: &Tensor,
-    ) -> Result<Option<Codes>, CgfError> {
-        if batch.drawn_noise.is_empty() {
-            return Ok(None);
-        }
-        let shape = [batch.size, self.network.latent_dim];
-        let mut codes = self.constant(batch.drawn_noise.clone(), &shape)?;
-        if self.network.prior == LatentPrior::Flow {
-            let views = Tensor::from_slice(&batch.views, batch.size, &self.device)?;
-            codes = tape.flowed(codes, &features.detach(), &views)?.detach();
-        }
-        Ok(Some(Codes {
-            of_motions: codes,
-            of_times: None,
-        }))
-    }
-
     /// Decodes the codes of a batch's motions.
     pub(crate) fn decoded(
         &self,
@@ -147,26 +124,14 @@ impl Objective<'_> {
             });
         };
         let codes = &codes.of_motions;
-        let (mut grasps, coarse) = self.grasps(batch, normalization, tape, features, codes)?;
+        let (grasps, coarse) = self.grasps(batch, normalization, tape, features, codes)?;
         let points = leaf(tape.leaves, basis_points::NAME)?.flatten_all()?;
         let points = points.to_vec1::<f32>()?;
-        let seen_from = |grasps: &[HandState<NetworkFrame>]| {
-            let seen = grasps.par_iter().zip(&batch.views);
-            let seen = seen.map(|(grasp, &view)| batch.local[view as usize].code(&points, grasp));
-            let seen = seen.collect::<Vec<_>>().concat();
-            let width = seen.len() / size;
-            self.constant(seen, &[size, width])
-        };
-        let at_grasp = Tensor::zeros((size, 1), DType::F32, &self.device)?;
-        for _ in 1..self.network.local_passes {
-            let codes = Tensor::cat(&[codes, &seen_from(&grasps)?], 1)?;
-            let rows = tape.decode_locally(&at_grasp, &codes, features, &views)?;
-            let physical = from_grasps(&self.physical(&rows, units)?, &grasps, 1)?;
-            let (_, physical) = self.within_limits(physical, normalization)?;
-            let rows = physical.flatten_all()?.to_vec1::<f32>()?;
-            grasps = basis_points::grasps(&rows, normalization.scale.len(), &[], 0.0)?;
-        }
-        let seen = seen_from(&grasps)?;
+        let seen = grasps.par_iter().zip(&batch.views);
+        let seen = seen.map(|(grasp, &view)| batch.local[view as usize].code(&points, grasp));
+        let seen = seen.collect::<Vec<_>>().concat();
+        let width = seen.len() / size;
+        let seen = self.constant(seen, &[size, width])?;
         let rows = decode(&|a, b, c, d| tape.decode_locally(a, b, c, d), Some(&seen))?;
         let physical = from_grasps(&self.physical(&rows, units)?, &grasps, n_times)?;
         let (rows, physical) = self.within_limits(physical, normalization)?;

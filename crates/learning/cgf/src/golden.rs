@@ -51,7 +51,6 @@ fn network_config(activation: Activation, encoder_rotation: EncoderRotation) -> 
         latent_dim: 3,
         decoder_widths: vec![9, 11],
         local_points: 0,
-        local_passes: 1,
         local_widths: vec![8],
         activation,
         frame: InputFrame::Resting,

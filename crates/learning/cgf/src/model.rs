@@ -99,7 +99,7 @@ pub struct EncodedDemonstration {
     pub rest_height_m: f64,
     /// Mean of its latent code.
     pub latent_mean: Vec<f64>,
-    /// Standard deviation of its latent code.
+    /// Standard deviation of its latent code; 0 if the code was given, and not the encoder's.
     pub latent_deviation: Vec<f64>,
     /// Reconstruction error at the grasp: the motion decoded from the mean code against the original.
     pub grasp_error: HandDistance,
@@ -295,31 +295,19 @@ impl Cgf {
         latents: &[Vec<f64>],
     ) -> Result<Starts, CgfError> {
         let grasps = self.decoder.decode(&feature.values, latents, &[0.0])?;
-        let mut grasps: Vec<HandState<NetworkFrame>> = grasps.into_iter().flatten().collect();
-        let seen_from = |grasps: &[HandState<NetworkFrame>]| -> Vec<Vec<f64>> {
-            let pairs = latents.par_iter().zip(grasps);
-            let codes = pairs.map(|(latent, grasp)| {
-                let seen = feature.surroundings.code(&local.points, grasp);
-                let seen = seen.into_iter().map(f64::from);
-                latent.iter().copied().chain(seen).collect()
-            });
-            codes.collect()
-        };
-        for _ in 1..self.description.network.local_passes {
-            let codes = seen_from(&grasps);
-            let nearer = local.decoder.decode(&feature.values, &codes, &[0.0])?;
-            let nearer = nearer.into_iter().flatten().zip(&grasps);
-            let nearer = nearer.map(|(hand, grasp): (HandState<GraspFrame>, _)| {
-                hand.expressed_in(&Pose::new(*grasp.frame_from_palm))
-            });
-            grasps = nearer.collect();
-        }
+        let grasps: Vec<HandState<NetworkFrame>> = grasps.into_iter().flatten().collect();
+        let pairs = latents.par_iter().zip(&grasps);
+        let codes = pairs.map(|(latent, grasp)| {
+            let seen = feature.surroundings.code(&local.points, grasp);
+            let seen = seen.into_iter().map(f64::from);
+            latent.iter().copied().chain(seen).collect()
+        });
         let palm = |grasp: &HandState<NetworkFrame>| {
             Pose::new(*(feature.table_from_network * grasp.frame_from_palm))
         };
         Ok(Starts {
             palms: grasps.iter().map(palm).collect(),
-            codes: seen_from(&grasps),
+            codes: codes.collect(),
         })
     }
 
@@ -517,6 +505,13 @@ impl EncodedDemonstration {
     /// Whether the direction against gravity is one, about a unit vector.
     fn has_rest(&self) -> bool {
         (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
+    }
+
+    /// Says whether its code is the encoder's: otherwise it was given.
+    pub fn is_encoded(&self) -> bool {
+        self.latent_deviation
+            .iter()
+            .any(|&deviation| deviation > 0.0)
     }
 
     /// Says whether the network was trained on it.

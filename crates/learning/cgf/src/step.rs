@@ -27,7 +27,7 @@ use crate::{
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Losses {
-    /// Weighted sum of the others but `drawn` and `prior`.
+    /// Weighted sum of the others but `prior`.
     pub total: f32,
     /// `L_q`, in the units of the network's outputs.
     pub q: f32,
@@ -46,9 +46,6 @@ pub struct Losses {
     /// Squared error of the first decoder's grasp, in the units of the network's outputs; 0 without a second one.
     #[serde(default)]
     pub coarse: f32,
-    /// Weighted sum of the losses of motions of drawn codes; 0 without a weight, and in measuring.
-    #[serde(default)]
-    pub drawn: f32,
     /// Squared error of the flow's velocity, which only the flow learns from; 0 without one, and in measuring.
     #[serde(default)]
     pub prior: f32,
@@ -201,39 +198,11 @@ impl Objective<'_> {
             (coarse, training.q_weight),
         ];
         let (mut total, mut losses) = self.weighted_sum(&terms)?;
-        if let Some(drawn) = self.of_drawn(batch, normalization, tape, features, &row_weights)? {
-            losses.drawn = drawn.to_scalar()?;
-            total = (total + drawn)?;
-        }
         if let Some(prior) = self.prior(batch, tape, &codes.of_motions, features)? {
             losses.prior = prior.to_scalar()?;
             total = (total + prior)?;
         }
         Ok((total, losses))
-    }
-
-    /// Computes the weighted losses of motions of drawn codes, if some are drawn: there is nothing that they are to
-    /// follow, but they are to touch and not to penetrate.
-    fn of_drawn(
-        &self,
-        batch: &Batch,
-        normalization: &Normalization,
-        tape: &Network,
-        features: &Tensor,
-        row_weights: &Tensor,
-    ) -> Result<Option<Tensor>, CgfError> {
-        let Some(codes) = self.drawn(batch, tape, features)? else {
-            return Ok(None);
-        };
-        let decoded = self.decoded(batch, normalization, tape, features, &codes)?;
-        let physical = decoded.physical.to_device(&Device::Cpu)?;
-        let [reached, wanted] = self.link_poses(&physical, batch)?;
-        let contact = (self.contact(batch, &reached, &wanted)? * self.training.contact_weight)?;
-        let penetration = self.penetration(&physical, batch, row_weights)?;
-        let penetration = (penetration * self.training.penetration_weight)?;
-        Ok(Some(
-            ((contact + penetration)? * self.training.drawn_weight)?,
-        ))
     }
 
     /// Computes the link poses of the decoded hands, given in physical units, and of the recorded ones.
@@ -284,7 +253,6 @@ impl Objective<'_> {
             contact,
             penetration,
             coarse,
-            drawn: 0.0,
             prior: 0.0,
         };
         Ok((total, losses))
@@ -393,7 +361,7 @@ fn split(poses: &Tensor, parts: LinkParts, rows: usize) -> Result<LinkTensors, C
 impl Losses {
     /// Says whether all that is learned from is a number.
     pub(crate) fn is_finite(&self) -> bool {
-        self.total.is_finite() && self.drawn.is_finite() && self.prior.is_finite()
+        self.total.is_finite() && self.prior.is_finite()
     }
 
     /// Adds a share of others.
@@ -408,7 +376,6 @@ impl Losses {
             contact,
             penetration,
             coarse,
-            drawn,
             prior,
         } = other;
         self.total += share * total;
@@ -420,7 +387,6 @@ impl Losses {
         self.contact += share * contact;
         self.penetration += share * penetration;
         self.coarse += share * coarse;
-        self.drawn += share * drawn;
         self.prior += share * prior;
     }
 }

@@ -230,6 +230,11 @@ fn trained(folder: &Path, config: &TrainConfig) -> Artifact {
     let Outcome::Made(_) = Train::make(config, &inputs(given.path()), &cx).unwrap() else {
         panic!("nothing was made");
     };
+    trained_in(folder)
+}
+
+/// The checkpoint in a folder.
+fn trained_in(folder: &Path) -> Artifact {
     let names = [checkpoint::LAST.weights, checkpoint::LAST.description];
     let files = names.map(|name| (name.to_owned(), folder.join(name)));
     Artifact {
@@ -265,6 +270,20 @@ fn a_training_that_goes_on_keeps_the_codes_of_motions_that_were_drawn() {
             Train::make(&config(), inputs, &cx).unwrap(),
             Outcome::Made(_)
         ));
+        let model = trained_in(out.path());
+        let of_model = BTreeMap::from([("checkpoint".to_owned(), vec![model])]);
+        let reported = tempfile::tempdir().unwrap();
+        let cx = Context::detached(&"cgf".parse().unwrap(), 7, reported.path());
+        let made = stage_train::report::LatentsReport::make(
+            &config(),
+            &Inputs::new(of_model, Vec::new()),
+            &cx,
+        );
+        let Outcome::Made(made) = made.unwrap() else {
+            panic!("nothing was made");
+        };
+        // Codes that were given diverge from nothing.
+        assert!(made.kl_nats.is_finite() && made.kl_nats > 0.0);
         let description = cgf::Description::read(&out.path().join(checkpoint::LAST.description));
         let demonstrations = description.unwrap().demonstrations;
         let one = demonstrations.iter().find(|one| one.name == name);

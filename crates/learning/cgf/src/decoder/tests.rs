@@ -35,7 +35,6 @@ fn config(activation: Activation) -> NetworkConfig {
         latent_variance: LatentVariance::Free,
         prior: LatentPrior::Normal,
         local_points: 0,
-        local_passes: 1,
         local_widths: vec![8],
         joints: match activation {
             Activation::Relu => JointOutputs::Free,

@@ -139,7 +139,6 @@ fn check_losses(arrays: &Weights, folder: &str, losses: &Losses) {
         penetration: _,
         prior: _,
         coarse: _,
-        drawn: _,
     } = *losses;
     for (name, found) in [
         ("total", total),
@@ -198,7 +197,6 @@ fn batch(arrays: &Weights, network: &NetworkConfig) -> Batch {
         flow_times: Vec::new(),
         local: Vec::new(),
         local_noise: Vec::new(),
-        drawn_noise: Vec::new(),
     }
 }
 
@@ -232,7 +230,6 @@ fn training(arrays: &Weights, case: &Case) -> TrainingConfig {
         contact_weight: weight("contact"),
         penetration_weight: 0.0,
         local_noise_m: 0.0,
-        drawn_weight: 0.0,
         contact: case.contact,
         tips: Vec::new(),
         tip_radius_m: number(arrays, "tip_radius_m").into(),
