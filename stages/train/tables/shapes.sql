@@ -2,7 +2,7 @@
 -- squeeze: means over the objects of the share that succeeds by `full_contact`. Fifteen objects are seen and five unseen,
 -- by the first fold; one seed. The tips' error is that of decoded demonstrations at the grasp.
 --
--- pipeline run pipelines/studies/shapes.toml --set ingest.root=$DEXYCB
+-- pipeline run pipelines/studies/shapes_functions.toml --set ingest.root=$DEXYCB
 with
     variants as (
         select run as of_run, case when overrides like '%flow%' then 3 when overrides like '%accepted_per_object=0"%' then 1
