@@ -8,7 +8,7 @@ use serde_json::json;
 
 use crate::{
     limits::Limits,
-    problem::{folder, landmarks},
+    problem::{folder, landmarks, landmarks_file},
     python::{self, Script},
 };
 
@@ -28,7 +28,8 @@ const MOST: f64 = 1.3;
 
 /// Times both sides; an error says what is missing.
 pub(crate) fn race(limits: &mut Limits) -> Result<(), String> {
-    let (recording, frames) = landmarks()?;
+    let recording = landmarks_file()?;
+    let frames = landmarks(&recording)?;
     let urdfs = folder("PIPELINE_REAL_DATA")?.join("urdf");
     let folder = tempfile::tempdir().map_err(|err| err.to_string())?;
     let file = folder.path().join("allegro.yml");
@@ -55,7 +56,7 @@ pub(crate) fn race(limits: &mut Limits) -> Result<(), String> {
         let took = script.ask_again("again");
         let took: f64 = took
             .parse()
-            .map_err(|_| format!("the script said `{took}`"))?;
+            .map_err(|err| format!("the script said `{took}`: {err}"))?;
         pythons = pythons.min(took);
     }
     let us = |seconds: f64| 1e6 * seconds / steps.len() as f64;

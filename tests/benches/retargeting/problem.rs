@@ -137,14 +137,18 @@ fn single(number: f64) -> f64 {
     f64::from(number as f32)
 }
 
-/// Reads the peer's recording of a person's hand and names its file: 21 landmarks a frame, in meters.
-pub(crate) fn landmarks() -> Result<(PathBuf, Vec<[[f64; 3]; 21]>), String> {
-    let path = folder("PIPELINE_PEER_DATA")?.join("human_joint_right_621x21x3.npy");
-    let bytes = fs::read(&path);
+/// Names the peer's recording of a person's hand.
+pub(crate) fn landmarks_file() -> Result<PathBuf, String> {
+    Ok(folder("PIPELINE_PEER_DATA")?.join("human_joint_right_621x21x3.npy"))
+}
+
+/// Reads such a recording: 21 landmarks a frame, in meters.
+pub(crate) fn landmarks(path: &Path) -> Result<Vec<[[f64; 3]; 21]>, String> {
+    let bytes = fs::read(path);
     let bytes = bytes.map_err(|err| format!("cannot read `{}`: {err}", path.display()))?;
     let numbers = Array::of(bytes).numbers();
     let (points, _) = numbers.as_chunks::<3>();
-    Ok((path, points.as_chunks::<21>().0.to_vec()))
+    Ok(points.as_chunks::<21>().0.to_vec())
 }
 
 /// Returns the folder that a variable names; an error says what belongs into it.
