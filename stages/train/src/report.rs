@@ -15,7 +15,7 @@ use dataflow::{
 use lake::{ReadArtifact, ReadInputs};
 use schemas::{checkpoint, training::Split};
 
-use crate::{Train, TrainConfig, TrainError, TrainMetrics, train::what_is_learned_from};
+use crate::{Train, TrainConfig, TrainError, TrainMetrics, train::training_unit};
 
 pub use latents::{LatentMetrics, LatentsReport};
 pub use reconstruction::{ReconstructionMetrics, ReconstructionReport};
@@ -93,7 +93,7 @@ fn trained(
     config: &TrainConfig,
     scope: &Scope,
 ) -> Result<impl Iterator<Item = (Unit, PartitionKey)>, BoxedDiagnostic> {
-    let unit = what_is_learned_from(config, scope)?;
+    let unit = training_unit(config, scope)?;
     let models = scope.partitions(checkpoint::NAME).iter();
     Ok(models.map(move |model| (unit.clone(), model.key.clone())))
 }

@@ -92,7 +92,7 @@ impl Output for Train {
     const PARTITION: &'static str = checkpoint::PARTITION;
 
     fn units(config: &TrainConfig, scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        let unit = what_is_learned_from(config, scope)?;
+        let unit = training_unit(config, scope)?;
         let continued = scope.partitions(checkpoint::NAME).iter();
         let continued: Vec<_> = continued.map(|partition| &partition.key).collect();
         if continued.is_empty() {
@@ -146,10 +146,7 @@ impl Output for Train {
 /// # Errors
 ///
 /// Fails if the options do not fit the inputs, or if something would be learned of an unseen object.
-pub(crate) fn what_is_learned_from(
-    config: &TrainConfig,
-    scope: &Scope,
-) -> Result<Unit, BoxedDiagnostic> {
+pub(crate) fn training_unit(config: &TrainConfig, scope: &Scope) -> Result<Unit, BoxedDiagnostic> {
     for names in [&config.objects, &config.unseen.unseen_objects] {
         scope.chosen(Surface::NAME, Surface::PARTITION, names)?;
     }

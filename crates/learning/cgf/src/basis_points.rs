@@ -46,13 +46,13 @@ pub(crate) fn width(points: usize, dof: usize) -> usize {
 
 /// An object's surface above a table, both in the network's frame.
 #[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Surroundings {
+pub(crate) struct NearSurface {
     /// Coordinates of the points: all x, all y, all z.
     axes: [Vec<f32>; 3],
     table_from_network: Pose<Table, NetworkFrame>,
 }
 
-impl Surroundings {
+impl NearSurface {
     pub(crate) fn new(
         surface: &[Point3<f64>],
         table_from_network: Pose<Table, NetworkFrame>,
@@ -124,7 +124,7 @@ pub(crate) fn grasps(
     noise: &[f32],
     noise_m: f64,
 ) -> Result<Vec<HandState<NetworkFrame>>, CgfError> {
-    let width = 6 + outputs - PALM_WIDTH;
+    let width = noise_width(outputs - PALM_WIDTH);
     rows.chunks_exact(outputs)
         .enumerate()
         .map(|(idx, row)| {

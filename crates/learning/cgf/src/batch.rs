@@ -9,7 +9,7 @@ use spatial::Pose;
 use crate::{
     CgfError, TrainingSet,
     augmentation::Rotations,
-    basis_points::{self, Surroundings},
+    basis_points::{self, NearSurface},
     config::{
         EncoderRotation, EncoderTimes, LatentNoise, LatentPrior, NetworkConfig, Times,
         TrainingConfig,
@@ -62,7 +62,7 @@ pub(crate) struct Batch {
     pub(crate) clouds: Arc<Clouds>,
     pub(crate) surfaces: Vec<Vec<Point3<f64>>>,
     /// The same as a second decoder sees them, by view; empty without one.
-    pub(crate) local: Vec<Surroundings>,
+    pub(crate) local: Vec<NearSurface>,
     /// Index of each motion's view, by motion.
     pub(crate) views: Vec<u32>,
     /// Distance field of the object and pose of the table, by motion; empty if the set has no fields.
@@ -259,7 +259,7 @@ impl Batches<'_> {
         let surface: Vec<_> = surface.collect();
         if self.network.local_points > 0 {
             let table = Pose::new(*view.table_from_network * rotation.inverse());
-            batch.local.push(Surroundings::new(&surface, table));
+            batch.local.push(NearSurface::new(&surface, table));
         }
         batch.surfaces.push(surface);
         batch.surfaces.len() - 1

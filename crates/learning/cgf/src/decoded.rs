@@ -10,14 +10,11 @@ use crate::{
     config::LatentNoise,
     data::NetworkFrame,
     hand_numbers::{Normalization, PALM_WIDTH},
-    network::Network,
+    network::{Curve, Network},
     precision::{narrow, narrow_all},
     step::Objective,
     weights::leaf,
 };
-
-/// A decoder on the tape: of times, codes, features and views.
-type CodesToRows<'t> = dyn Fn(&Tensor, &Tensor, &Tensor, &Tensor) -> Result<Tensor, CgfError> + 't;
 
 /// The codes of a batch's motions.
 pub(crate) struct Codes {
@@ -98,25 +95,24 @@ impl Objective<'_> {
         let (size, n_times) = (batch.size, batch.n_times);
         let views = Tensor::from_slice(&batch.views, size, &self.device)?;
         let times = self.constant(batch.times.clone(), &[size, n_times])?;
-        let decode = |decoder: &CodesToRows<'_>, seen: Option<&Tensor>| {
+        let decode = |part: Curve, seen: Option<&Tensor>| {
             let with = |codes: &Tensor, seen: Option<Tensor>| match seen {
                 Some(seen) => Ok::<_, CgfError>(Tensor::cat(&[codes, &seen], 1)?),
                 None => Ok(codes.clone()),
             };
             let Some(of_times) = &codes.of_times else {
                 let codes = with(&codes.of_motions, seen.cloned())?;
-                return decoder(&times, &codes, features, &views);
+                return tape.curve(part, &times, &codes, features, &views);
             };
             let repeated = views.unsqueeze(1)?.broadcast_as((size, n_times))?;
             let views = repeated.flatten_all()?;
             let times = times.reshape((size * n_times, 1))?;
             let seen = seen.map(|seen| per_time(seen, n_times)).transpose()?;
-            decoder(&times, &with(of_times, seen)?, features, &views)
+            tape.curve(part, &times, &with(of_times, seen)?, features, &views)
         };
         let Some(units) = &self.local_normalization else {
-            let rows = decode(&|a, b, c, d| tape.decode(a, b, c, d), None)?;
-            let physical = self.physical(&rows, normalization)?;
-            let (rows, physical) = self.within_limits(physical, normalization)?;
+            let rows = decode(Curve::Decoder, None)?;
+            let (rows, physical) = self.within_limits(rows, normalization)?;
             return Ok(Decoded {
                 rows,
                 physical,
@@ -132,9 +128,10 @@ impl Objective<'_> {
         let seen = seen.collect::<Vec<_>>().concat();
         let width = seen.len() / size;
         let seen = self.constant(seen, &[size, width])?;
-        let rows = decode(&|a, b, c, d| tape.decode_locally(a, b, c, d), Some(&seen))?;
+        let rows = decode(Curve::Local, Some(&seen))?;
         let physical = from_grasps(&self.physical(&rows, units)?, &grasps, n_times)?;
-        let (rows, physical) = self.within_limits(physical, normalization)?;
+        let physical = self.limits.on_tape(&physical)?.unwrap_or(physical);
+        let rows = self.normalized(&physical, normalization)?;
         Ok(Decoded {
             rows,
             physical,
@@ -156,9 +153,8 @@ impl Objective<'_> {
         let outputs = normalization.scale.len();
         let views = Tensor::from_slice(&batch.views, size, &self.device)?;
         let times = Tensor::zeros((size, 1), DType::F32, &self.device)?;
-        let rows = tape.decode(&times, codes, features, &views)?;
-        let physical = self.physical(&rows, normalization)?;
-        let (rows, physical) = self.within_limits(physical, normalization)?;
+        let rows = tape.curve(Curve::Decoder, &times, codes, features, &views)?;
+        let (rows, physical) = self.within_limits(rows, normalization)?;
         let at = self.training.grasp_steps - 1;
         let targets = batch.targets.chunks_exact(outputs);
         let targets = targets.skip(at).step_by(batch.n_times).flatten().copied();
@@ -172,25 +168,33 @@ impl Objective<'_> {
 
     /// Takes a decoder's outputs to physical units.
     fn physical(&self, rows: &Tensor, units: &Normalization) -> Result<Tensor, CgfError> {
-        let outputs = units.scale.len();
-        let scale = self.constant(narrow_all(&units.scale), &[outputs])?;
-        let shift = self.constant(narrow_all(&units.mean), &[outputs])?;
+        let [scale, shift] = self.units(units)?;
         Ok(rows.broadcast_mul(&scale)?.broadcast_add(&shift)?)
     }
 
-    /// Keeps the joints of decoded hands, in physical units, within their limits, if they are: the hands in the
-    /// network's units and in physical ones, `(rows, outputs)` each.
+    /// Takes hands in physical units to the network's.
+    fn normalized(&self, physical: &Tensor, units: &Normalization) -> Result<Tensor, CgfError> {
+        let [scale, shift] = self.units(units)?;
+        Ok(physical.broadcast_sub(&shift)?.broadcast_div(&scale)?)
+    }
+
+    fn units(&self, units: &Normalization) -> Result<[Tensor; 2], CgfError> {
+        let row = |numbers: &[f64]| self.constant(narrow_all(numbers), &[numbers.len()]);
+        Ok([row(&units.scale)?, row(&units.mean)?])
+    }
+
+    /// Keeps the joints of decoded hands within their limits, if they are: the hands in the network's
+    /// units and in physical ones, `(rows, outputs)` each.
     fn within_limits(
         &self,
-        physical: Tensor,
-        normalization: &Normalization,
+        decoded: Tensor,
+        units: &Normalization,
     ) -> Result<(Tensor, Tensor), CgfError> {
-        let outputs = normalization.scale.len();
-        let scale = self.constant(narrow_all(&normalization.scale), &[outputs])?;
-        let shift = self.constant(narrow_all(&normalization.mean), &[outputs])?;
-        let physical = self.limits.on_tape(&physical)?.unwrap_or(physical);
-        let decoded = physical.broadcast_sub(&shift)?.broadcast_div(&scale)?;
-        Ok((decoded, physical))
+        let physical = self.physical(&decoded, units)?;
+        match self.limits.on_tape(&physical)? {
+            None => Ok((decoded, physical)),
+            Some(within) => Ok((self.normalized(&within, units)?, within)),
+        }
     }
 }
 

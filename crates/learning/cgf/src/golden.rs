@@ -14,7 +14,7 @@ use crate::{
     LatentVariance, NetworkConfig,
     kinematics::{LinkParts, LinkPoses},
     loss,
-    network::{Network, constant},
+    network::{Curve, Network, constant},
     point_net::{self, Clouds, PointNet, Statistics},
     weights::{Array, Weights},
 };
@@ -159,7 +159,13 @@ fn encoder_and_decoder_equal_pytorch_with_either_activation() {
             .encode(&tensor(array("motions")), &features, &views)
             .unwrap();
         let decoded = network
-            .decode(&tensor(array("times")), &latents, &features, &views)
+            .curve(
+                Curve::Decoder,
+                &tensor(array("times")),
+                &latents,
+                &features,
+                &views,
+            )
             .unwrap();
         let outputs = [
             ("mean", &mean),

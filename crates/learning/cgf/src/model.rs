@@ -12,7 +12,7 @@ use spatial::{Pose, RestingPose, Table};
 
 use crate::{
     CgfError, Epoch, HandMotionState, RestingObject, TrainingMotion, TrainingSet,
-    basis_points::{self, GraspFrame, Surroundings},
+    basis_points::{self, GraspFrame, NearSurface},
     batch::{encoder_motion, encoder_times},
     config::{LatentPrior, NetworkConfig, TrainingConfig},
     data::{NetworkFrame, View},
@@ -124,7 +124,7 @@ pub struct ObjectFeature {
     /// Pose of the frame in which the network's outputs for this object are.
     pub(crate) table_from_network: Pose<Table, NetworkFrame>,
     /// The object as the second decoder sees it.
-    pub(crate) surroundings: Surroundings,
+    pub(crate) surface: NearSurface,
 }
 
 /// The distribution of a motion's latent code: independent normal distributions.
@@ -193,7 +193,7 @@ impl Cgf {
         Ok(ObjectFeature {
             values: net.forward(&clouds, Statistics::Stored).features,
             table_from_network: view.table_from_network,
-            surroundings: Surroundings::new(&view.points_in_network, view.table_from_network),
+            surface: NearSurface::new(&view.points_in_network, view.table_from_network),
         })
     }
 
@@ -298,7 +298,7 @@ impl Cgf {
         let grasps: Vec<HandState<NetworkFrame>> = grasps.into_iter().flatten().collect();
         let pairs = latents.par_iter().zip(&grasps);
         let codes = pairs.map(|(latent, grasp)| {
-            let seen = feature.surroundings.code(&local.points, grasp);
+            let seen = feature.surface.code(&local.points, grasp);
             let seen = seen.into_iter().map(f64::from);
             latent.iter().copied().chain(seen).collect()
         });
@@ -459,8 +459,11 @@ impl Cgf {
 }
 
 /// Maps the hands of motions, those of a motion by its function.
-fn mapped<A, B, M: Fn(A) -> B>(motions: Vec<Vec<A>>, of: impl Fn(usize) -> M) -> Vec<Vec<B>> {
-    let motions = motions.into_iter().enumerate();
+fn mapped<A: Send, B: Send, M: Fn(A) -> B>(
+    motions: Vec<Vec<A>>,
+    of: impl Fn(usize) -> M + Sync,
+) -> Vec<Vec<B>> {
+    let motions = motions.into_par_iter().enumerate();
     motions
         .map(|(idx, hands)| hands.into_iter().map(of(idx)).collect())
         .collect()

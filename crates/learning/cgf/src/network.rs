@@ -129,6 +129,17 @@ impl LinearLayers<'_> {
     }
 }
 
+/// A part of the network that is a function of time.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum Curve {
+    /// The decoder, of latent codes.
+    Decoder,
+    /// The second decoder, of latent codes and the object as seen from the palm.
+    Local,
+    /// The flow's velocity, of its codes.
+    Flow,
+}
+
 /// The parts of the network that live on the tape.
 pub(crate) struct Network<'a> {
     pub(crate) config: &'a NetworkConfig,
@@ -173,49 +184,6 @@ impl Network<'_> {
         Ok((mean, log_variance))
     }
 
-    /// Decodes latent codes `(batch, latent)` at `times` `(batch, n)`, giving `(batch × n, outputs)`.
-    ///
-    /// The first layer's parts of the code and the object are computed once per motion, not per time.
-    pub(crate) fn decode(
-        &self,
-        times: &Tensor,
-        latents: &Tensor,
-        features: &Tensor,
-        scenes: &Tensor,
-    ) -> Result<Tensor, CgfError> {
-        let hidden = self.config.decoder_widths.len();
-        self.curve(("decoder", hidden), times, latents, features, scenes)
-    }
-
-    /// Decodes as [`Network::decode`], by the second decoder, with codes `(batch, latent + local)`.
-    pub(crate) fn decode_locally(
-        &self,
-        times: &Tensor,
-        codes: &Tensor,
-        features: &Tensor,
-        scenes: &Tensor,
-    ) -> Result<Tensor, CgfError> {
-        let hidden = self.config.local_widths.len();
-        self.curve(("local", hidden), times, codes, features, scenes)
-    }
-
-    /// Computes the flow's velocity of codes `(batch, latent)` at its `times` `(batch, 1)`, `(batch, latent)`.
-    pub(crate) fn velocity(
-        &self,
-        times: &Tensor,
-        codes: &Tensor,
-        features: &Tensor,
-        scenes: &Tensor,
-    ) -> Result<Tensor, CgfError> {
-        self.curve(
-            ("prior", PRIOR_WIDTHS.len()),
-            times,
-            codes,
-            features,
-            scenes,
-        )
-    }
-
     /// Takes numbers of the standard normal distribution `(batch, latent)` along the flow of the objects' features, by
     /// the midpoint rule.
     pub(crate) fn flowed(
@@ -232,28 +200,35 @@ impl Network<'_> {
                 let time = narrow((f64::from(number) + share) * step);
                 Tensor::full(time, (batch, 1), codes.device())
             };
-            let slope = self.velocity(&at(0.0)?, &codes, features, scenes)?;
+            let slope = self.curve(Curve::Flow, &at(0.0)?, &codes, features, scenes)?;
             let middle = (&codes + (slope * (0.5 * step))?)?;
-            let slope = self.velocity(&at(0.5)?, &middle, features, scenes)?;
+            let slope = self.curve(Curve::Flow, &at(0.5)?, &middle, features, scenes)?;
             codes = (codes + (slope * step)?)?;
         }
         Ok(codes)
     }
 
-    /// Computes a part of the network that is a function of time, given a code and an object:
-    /// `(batch × n, outputs)`, for the name and the number of its hidden layers.
-    fn curve(
+    /// Computes a part of the network that is a function of time, for codes of a row each and the objects' features:
+    /// `(batch × n, outputs)` at `times` `(batch, n)`.
+    ///
+    /// The first layer's parts of the code and the object are computed once per motion, not per time.
+    pub(crate) fn curve(
         &self,
-        (name, hidden): (&str, usize),
+        part: Curve,
         times: &Tensor,
-        latents: &Tensor,
+        codes: &Tensor,
         features: &Tensor,
         scenes: &Tensor,
     ) -> Result<Tensor, CgfError> {
+        let (name, hidden) = match part {
+            Curve::Decoder => ("decoder", self.config.decoder_widths.len()),
+            Curve::Local => ("local", self.config.local_widths.len()),
+            Curve::Flow => ("prior", PRIOR_WIDTHS.len()),
+        };
         let (batch, n) = times.dims2()?;
         let first = format!("{name}.0");
         let feature = self.times(&first, "feature", features)?;
-        let motion = (self.times(&first, "latent", latents)? + feature.index_select(scenes, 0)?)?
+        let motion = (self.times(&first, "latent", codes)? + feature.index_select(scenes, 0)?)?
             .broadcast_add(self.leaf(&first, "bias")?)?;
         let width = motion.dim(1)?;
         let time = product(

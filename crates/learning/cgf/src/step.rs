@@ -16,7 +16,7 @@ use crate::{
     kinematics::{LinkParts, LinkPoses},
     limits::Limits,
     loss,
-    network::{Network, constant},
+    network::{Curve, Network, constant},
     penetration::Body,
     point_net::{self, Measured, PointNet, Statistics},
     precision::row_index,
@@ -277,7 +277,7 @@ impl Objective<'_> {
         let times = self.constant(batch.flow_times.clone(), &[batch.size, 1])?;
         let wanted = (codes.detach() - &from)?;
         let between = (from + wanted.broadcast_mul(&times)?)?;
-        let found = tape.velocity(&times, &between, &features.detach(), &views)?;
+        let found = tape.curve(Curve::Flow, &times, &between, &features.detach(), &views)?;
         Ok(Some((found - wanted)?.sqr()?.mean_all()?))
     }
 

@@ -310,7 +310,7 @@ fn a_second_decoder_learns_motions_by_heart_in_the_palms_frame() {
     let set = set();
     let training = TrainingConfig {
         local_noise_m: 0.0,
-        ..training(800)
+        ..training(1600)
     };
     let cgf = train(&set, &hand(), &local_network(), &training, 7, |_| {});
     let cgf = cgf.unwrap().last;
@@ -318,7 +318,7 @@ fn a_second_decoder_learns_motions_by_heart_in_the_palms_frame() {
     for (idx, track) in set.tracks.iter().enumerate() {
         for (grasp, &t) in decoded(&cgf, &set, idx, &times).iter().zip(&times) {
             let error = HandDistance::between(grasp, &track.at(t));
-            assert!(error.position_m < 0.03, "t = {t}: {error:?}");
+            assert!(error.position_m < 0.02, "t = {t}: {error:?}");
             assert!(error.rotation_rad < 0.1, "t = {t}: {error:?}");
         }
     }

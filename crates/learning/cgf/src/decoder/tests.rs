@@ -12,7 +12,7 @@ use crate::{
     },
     limits::JointRange,
     network,
-    network::{Network, constant},
+    network::{Curve, Network, constant},
     random::Random,
 };
 
@@ -323,7 +323,8 @@ fn decoding_agrees_with_the_tape() {
         };
         let narrow = |numbers: &[f64]| numbers.iter().map(|&x| x as f32).collect::<Vec<f32>>();
         let expected = tape
-            .decode(
+            .curve(
+                Curve::Decoder,
                 &constant(narrow(&times.repeat(n)), &[n, times.len()]).unwrap(),
                 &constant(narrow(&latents.concat()), &[n, 12]).unwrap(),
                 &constant(feature(), &[1, 48]).unwrap(),
