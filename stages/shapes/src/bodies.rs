@@ -1,7 +1,8 @@
 //! Bodies of the families, in meters, about their origin.
 //!
 //! Sizes are those of household things that one hand takes: closed bodies are 10 to 100 mm across at their narrowest,
-//! vessels up to 170 mm, and none is longer than 300 mm, as the objects of the YCB set (Calli et al., "Benchmarking in manipulation research: the YCB object and model set", 2015).
+//! vessels up to 170 mm, and none is longer than 300 mm, as the objects of the YCB set (Calli et al., "Benchmarking in
+//! manipulation research: the YCB object and model set", 2015).
 
 use std::f64::consts::{FRAC_PI_2, TAU};
 
