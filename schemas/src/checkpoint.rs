@@ -5,7 +5,7 @@
 //! reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
-pub const VERSION: &str = "checkpoint/4";
+pub const VERSION: &str = "checkpoint/5";
 /// Name of the artifact.
 pub const NAME: &str = "checkpoint";
 /// Kind of item that one partition holds.

@@ -27,12 +27,13 @@ columns! {
         kl_nats: f64 ["nat"] => "divergence of the latent codes from the standard normal",
         contact_m2: f64 ["m²"] => "squared distances of the finger tips from contact",
         penetration_m2: f64 ["m²"] => "squared depths of the links in object and table",
+        coarse: f64 ["1"] => "squared errors of the first decoder's grasp, in the network's units; 0 without a second decoder",
     }
 }
 
 /// The losses of one training.
 pub type Training = Vec<EpochLosses>;
-table! {"training", 2, per "model", rows: EpochLosses}
+table! {"training", 3, per "model", rows: EpochLosses}
 
 words! {
     /// Whether a motion is learned from, or what it is kept back for.

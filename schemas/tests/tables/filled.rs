@@ -439,6 +439,7 @@ pub(crate) fn training() -> Vec<training::EpochLosses> {
         kl_nats: 7.0,
         contact_m2: 8.0,
         penetration_m2: 2e-5,
+        coarse: 9.0,
     };
     vec![
         row(1, Split::Training),

@@ -102,7 +102,7 @@ fn unreadable_and_unwritable_tables_are_errors_with_a_hint() {
     check(
         table::read::<Training>(&artifact("cgf", folder.path())).unwrap_err(),
         "the table of `cgf` does not follow the schema of `training`",
-        Some("table has schema `latents/1`, expected `training/2`"),
+        Some("table has schema `latents/1`, expected `training/3`"),
         true,
     );
     let gone = artifact("cgf", folder.path());

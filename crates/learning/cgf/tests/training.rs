@@ -335,7 +335,10 @@ fn a_second_decoder_is_the_same_on_the_tape() {
     let cgf = train(&set, &hand(), &local_network(), &training, 7, |_| {});
     let cgf = cgf.unwrap().last;
     let epoch = cgf.description().training_curve.last().unwrap();
-    let expected = f64::from(epoch.held_out.unwrap().translation);
+    let losses = epoch.held_out.unwrap();
+    let sum = losses.q + 100.0 * losses.origins + 1e-3 * losses.kl + losses.coarse;
+    assert!(losses.coarse > 0.0 && (losses.total - sum).abs() < 1e-5 * sum);
+    let expected = f64::from(losses.translation);
     let track = &set.tracks[1];
     let mut times = track.times().split_off(25);
     times.extend(Cgf::times(10));

@@ -19,7 +19,7 @@ use crate::{BySplit, Train, TrainConfig};
 type Term = (&'static str, fn(&Losses) -> f32, fn(&TrainingConfig) -> f64);
 
 /// The terms that are weighted and summed.
-const TERMS: [Term; 7] = [
+const TERMS: [Term; 8] = [
     ("outputs", |losses| losses.q, |config| config.q_weight),
     (
         "translation",
@@ -50,6 +50,11 @@ const TERMS: [Term; 7] = [
         "penetration",
         |losses| losses.penetration,
         |config| config.penetration_weight,
+    ),
+    (
+        "first decoder",
+        |losses| losses.coarse,
+        |config| config.q_weight,
     ),
 ];
 
@@ -141,6 +146,7 @@ fn rows(curve: &[Epoch]) -> Vec<EpochLosses> {
                 kl_nats: losses.kl.into(),
                 contact_m2: losses.contact.into(),
                 penetration_m2: losses.penetration.into(),
+                coarse: losses.coarse.into(),
             });
         }
     }
@@ -219,7 +225,7 @@ fn draw(description: &Description, cx: &Context) -> Result<(), LakeError> {
                 let weighted = weight * f64::from(number(epoch.losses(split)?));
                 Some([epoch.epoch as f64, weighted])
             });
-            series(name, measured.filter(|_| weight > 0.0))
+            series(name, measured.filter(|[_, weighted]| *weighted > 0.0))
         });
         let captions = captions(title, "weighted");
         cx.write_chart(file, lines(&captions, Scale::Log, &measured(terms)))?;
