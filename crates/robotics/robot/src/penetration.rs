@@ -11,7 +11,8 @@ use crate::distance::{Corner, Simplex};
 const MAX_CORNERS: usize = 64;
 /// Number of triangles of a closed surface with so many corners.
 const MAX_FACES: usize = 2 * MAX_CORNERS - 4;
-/// The depth is known this well, in meters, unless rounding or the number of corners keeps it from that.
+/// The depth is known this well, in meters, unless rounding or the number of corners keeps it from that; then it is
+/// that of the shortest way out found.
 const CLOSE_M: f64 = 1e-10;
 /// Corners nearer than this to a plane are on it, in meters.
 const FLAT_M: f64 = 1e-12;
@@ -54,13 +55,19 @@ pub(crate) fn way_out(
 ) -> Option<Separation> {
     let first = tetrahedron(&farthest, within)?;
     let mut polytope = Polytope::of(&first)?;
+    let mut best = None;
     loop {
         let nearest = polytope.nearest()?;
         let corner = farthest(&nearest.outward);
-        let off_m = corner.difference.dot(&nearest.outward);
-        let is_on_boundary = off_m - nearest.off_m <= CLOSE_M;
-        if is_on_boundary || polytope.n_corners == MAX_CORNERS || !polytope.grow(corner) {
-            return Some(polytope.way_out(&nearest));
+        let found = polytope.way_out(&nearest, &corner);
+        if found.depth_m - nearest.off_m <= CLOSE_M {
+            return Some(found);
+        }
+        if best.is_none_or(|best: Separation| found.depth_m < best.depth_m) {
+            best = Some(found);
+        }
+        if polytope.n_corners == MAX_CORNERS || !polytope.grow(corner) {
+            return best;
         }
     }
 }
@@ -197,8 +204,9 @@ impl Polytope {
                 .all(|&[from, to]| self.add([from, to, number]))
     }
 
-    /// Returns the way out through the point of a face's plane nearest to the origin.
-    fn way_out(&self, face: &Face) -> Separation {
+    /// Returns the way out along a face's normal, as long as the boundary's `corner` farthest along it asks: where the
+    /// bodies are curved the face itself lies within the boundary. It is through the face's point nearest to the origin.
+    fn way_out(&self, face: &Face, corner: &Corner) -> Separation {
         let [a, b, c] = face.corners.map(|corner| self.corners[corner]);
         let [p, q, r] = [a, b, c].map(|corner| corner.difference);
         let foot = face.outward * face.off_m;
@@ -207,11 +215,13 @@ impl Polytope {
         };
         let shares = [share(q, r), share(r, p), share(p, q)];
         let sum = shares[0] + shares[1] + shares[2];
+        let on_face =
+            (a.on_first * shares[0] + b.on_first * shares[1] + c.on_first * shares[2]) / sum;
+        let to_boundary_m = (corner.on_first - on_face).dot(&face.outward);
         Separation {
-            depth_m: face.off_m.max(0.0),
+            depth_m: corner.difference.dot(&face.outward).max(0.0),
             along: face.outward,
-            on_first: (a.on_first * shares[0] + b.on_first * shares[1] + c.on_first * shares[2])
-                / sum,
+            on_first: on_face + face.outward * to_boundary_m,
         }
     }
 }
