@@ -19,8 +19,8 @@ const PROJECT: [(&str, &[&str]); 6] = [
     ("pipelines", &[".toml"]),
 ];
 
-/// Programs of this repository: a pipeline file that runs one is an example, and stays out too.
-const EXAMPLES: &str = "stages/program/examples/";
+/// Programs and trained functions of this repository: a pipeline file that needs one stays out too.
+const OF_REPOSITORY: [&str; 2] = ["stages/program/examples/", "data/checkpoints/"];
 
 fn main() -> Result<(), Box<dyn Error>> {
     code_digest::emit();
@@ -65,10 +65,11 @@ fn list(
             let below = entry?.file_name();
             list(root, &format!("{name}/{}", below.display()), endings, files)?;
         }
-    } else if endings.iter().any(|ending| name.ends_with(ending))
-        && !fs::read_to_string(&path)?.contains(EXAMPLES)
-    {
-        files.insert(name.to_owned(), path);
+    } else if endings.iter().any(|ending| name.ends_with(ending)) {
+        let text = fs::read_to_string(&path)?;
+        if !OF_REPOSITORY.iter().any(|place| text.contains(place)) {
+            files.insert(name.to_owned(), path);
+        }
     }
     Ok(())
 }

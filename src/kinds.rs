@@ -8,6 +8,7 @@ use stage_force_closure::ForceClosure;
 use stage_grasp_tta::GraspTta;
 use stage_ingest::report::IngestReport;
 use stage_interpolate::Interpolate;
+use stage_pretrained::Pretrained;
 use stage_program::{Program, ProjectArtifacts};
 use stage_refine::Refine;
 use stage_replay::Replay;
@@ -45,6 +46,7 @@ pub fn kinds() -> Vec<Kind> {
             Kind::reported::<TrainReport>([code!("stage-train"), code!("report-train")]),
             &["training.tips", "training.tip_radius_m"],
         ),
+        Kind::of::<Pretrained>(code!("stage-pretrained")),
         with_hand_file(
             Kind::reported::<SampleReport>([code!("stage-sample"), code!("report-sample")]),
             &[],

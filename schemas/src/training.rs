@@ -28,6 +28,7 @@ columns! {
         contact_m2: f64 ["m²"] => "squared distances of the finger tips from contact",
         penetration_m2: f64 ["m²"] => "squared depths of the links in object and table",
         coarse: f64 ["1"] => "squared errors of the first decoder's grasp, in the network's units; 0 without a second decoder",
+        prior: f64 ["1"] => "squared errors of the flow's velocity, not in total; 0 without a flow, and where it is not measured",
     }
 }
 

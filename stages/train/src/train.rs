@@ -38,7 +38,7 @@ dataflow::metrics! {
         trajectories: BySplit<Sum>,
         /// Number of accepted motions among those learned from.
         accepted: Option<Sum>,
-        /// Mean error of the palm's position at the grasp that the mean codes give, in meters.
+        /// Mean error of the palm's position at the grasp that the mean codes of encoded motions give, in meters.
         position_error_m: BySplit<Mean>,
         /// Mean error of the palm's rotation there, in radians.
         rotation_error_rad: BySplit<Mean>,
@@ -136,7 +136,7 @@ impl Output for Train {
         }
         Ok(Outcome::Made(TrainMetrics {
             accepted: (accepted_n > 0).then_some(accepted_n as f64),
-            ..TrainMetrics::of(&trained)
+            ..TrainMetrics::of(&trained, &set)
         }))
     }
 }
@@ -238,12 +238,9 @@ fn continued(inputs: &Inputs, set: &TrainingSet) -> Result<Option<Cgf>, BoxedDia
     let unseen: BTreeSet<&str> = unseen
         .map(|track| set.scenes[track.scene].object.as_str())
         .collect();
-    let leaked = cgf
-        .description()
-        .of_split(Split::Training)
-        .find(|one| unseen.contains(one.object.as_str()))
-        .map(|one| one.object.clone());
-    match leaked {
+    let known = &cgf.description().objects;
+    let leaked = known.iter().find(|object| unseen.contains(object.as_str()));
+    match leaked.cloned() {
         Some(object) => Err(TrainError::LearnedUnseen { object }.into()),
         None => Ok(Some(cgf)),
     }
@@ -292,7 +289,7 @@ fn train(
 }
 
 impl TrainMetrics {
-    fn of(trained: &TrainingResult) -> Self {
+    fn of(trained: &TrainingResult, set: &TrainingSet) -> Self {
         let description = trained.last.description();
         let mean = |error: fn(&HandDistance) -> f64| {
             BySplit::of(|split| {
@@ -310,7 +307,10 @@ impl TrainMetrics {
             best_epoch: trained.best.description().epoch as f64,
             loss: BySplit::of(|split| Some(last?.losses(split)?.total.into())),
             kl: last.map(|last| f64::from(last.training.kl)),
-            trajectories: BySplit::of(|split| Some(description.of_split(split).count() as f64)),
+            trajectories: BySplit::of(|split| {
+                let of_split = set.tracks.iter().filter(|track| track.split == split);
+                Some(of_split.count() as f64)
+            }),
             accepted: None,
             position_error_m: mean(|error| error.position_m),
             rotation_error_rad: mean(|error| error.rotation_rad),

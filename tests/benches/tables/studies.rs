@@ -15,8 +15,9 @@ use super::query::{self, Query};
 /// The dataset's root in commands.
 const DATASET: &str = "$DEXYCB";
 /// Files that decide results, beside the program and the dataset.
-const SOURCES: [&str; 4] = [
+const SOURCES: [&str; 5] = [
     "pipelines",
+    "data/checkpoints",
     "data/hands",
     "data/robots",
     "data/sample/recipe.toml",

@@ -1,6 +1,6 @@
 //! A trained grasping function: decoding, encoding, and its two files.
 
-use std::path::Path;
+use std::{collections::BTreeSet, path::Path};
 
 use motion::HandState;
 use nalgebra::{UnitQuaternion, Vector3};
@@ -77,7 +77,10 @@ pub struct Description {
     pub local_normalization: Option<Normalization>,
     /// Sources of the motions and their terms of use, as their datasets state them.
     pub data: Vec<String>,
-    /// Encoded motions: those that it was trained on and the held-out ones.
+    /// Names of the objects of all motions that it was trained on, and of those that the function knew from which the
+    /// training went on.
+    pub objects: BTreeSet<String>,
+    /// Encoded motions: those that it was trained on and the held-out ones, without motions whose codes were given.
     pub demonstrations: Vec<EncodedDemonstration>,
     /// Learning curve: losses of all epochs.
     pub training_curve: Vec<Epoch>,
@@ -99,7 +102,7 @@ pub struct EncodedDemonstration {
     pub rest_height_m: f64,
     /// Mean of its latent code.
     pub latent_mean: Vec<f64>,
-    /// Standard deviation of its latent code; 0 if the code was given, and not the encoder's.
+    /// Standard deviation of its latent code.
     pub latent_deviation: Vec<f64>,
     /// Reconstruction error at the grasp: the motion decoded from the mean code against the original.
     pub grasp_error: HandDistance,
@@ -357,7 +360,7 @@ impl Cgf {
         }
     }
 
-    /// Encodes the motions of the training set and stores the results.
+    /// Encodes the motions of the training set that have no given code, and stores the results.
     pub(crate) fn learn_posteriors(&mut self, set: &TrainingSet) -> Result<(), CgfError> {
         let features = set
             .scenes
@@ -365,15 +368,9 @@ impl Cgf {
             .map(|scene| self.feature(scene))
             .collect::<Result<Vec<_>, _>>()?;
         let mut demonstrations = Vec::with_capacity(set.tracks.len());
-        for track in &set.tracks {
+        for track in set.tracks.iter().filter(|track| track.code.is_none()) {
             let (scene, feature) = (&set.scenes[track.scene], &features[track.scene]);
-            let posterior = match &track.code {
-                None => self.encode(feature, track)?,
-                Some(code) => Posterior {
-                    mean: code.clone(),
-                    deviation: vec![0.0; code.len()],
-                },
-            };
+            let posterior = self.encode(feature, track)?;
             let decoded = self.decode(feature, std::slice::from_ref(&posterior.mean), &[0.0])?;
             let shown = track.at(0.0);
             let grasp_error = decoded.first().and_then(|motion| motion.first()).map_or(
@@ -508,13 +505,6 @@ impl EncodedDemonstration {
     /// Whether the direction against gravity is one, about a unit vector.
     fn has_rest(&self) -> bool {
         (Vector3::from(self.rest_up).norm() - 1.0).abs() < 1e-3 && self.rest_height_m.is_finite()
-    }
-
-    /// Says whether its code is the encoder's: otherwise it was given.
-    pub fn is_encoded(&self) -> bool {
-        self.latent_deviation
-            .iter()
-            .any(|&deviation| deviation > 0.0)
     }
 
     /// Says whether the network was trained on it.

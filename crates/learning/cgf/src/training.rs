@@ -1,6 +1,9 @@
 //! Training: demonstrations in, a grasping function out (section III-C of the paper).
 
-use std::{collections::BTreeMap, sync::Arc};
+use std::{
+    collections::{BTreeMap, BTreeSet},
+    sync::Arc,
+};
 
 use geometry::DistanceField;
 use options::Options;
@@ -69,8 +72,8 @@ pub struct Trainer<'a> {
     pub(crate) statistics: Statistics,
     pub(crate) curve: Vec<Epoch>,
     pub(crate) best: Option<Best>,
-    /// Whether it goes on from another training's function.
-    is_continued: bool,
+    /// The objects that the function knew from which it goes on, if it does.
+    known_before: Option<&'a BTreeSet<String>>,
 }
 
 /// The weights with the least loss on held-out motions so far.
@@ -178,7 +181,7 @@ impl<'a> Trainer<'a> {
             statistics: Statistics::Measured,
             curve: Vec::new(),
             best: None,
-            is_continued: false,
+            known_before: None,
         };
         if initialization == Initialization::Centered {
             trainer.center_features(&mut random)?;
@@ -191,7 +194,7 @@ impl<'a> Trainer<'a> {
     /// # Errors
     ///
     /// Fails if it is of another hand or network.
-    pub fn continue_from(&mut self, cgf: &Cgf) -> Result<(), CgfError> {
+    pub fn continue_from(&mut self, cgf: &'a Cgf) -> Result<(), CgfError> {
         cgf.check_hand(&self.objective.hand.joint_names())?;
         let description = cgf.description();
         if description.network != *self.batches.network {
@@ -202,7 +205,7 @@ impl<'a> Trainer<'a> {
         let local = &description.local_normalization;
         self.objective.local_normalization.clone_from(local);
         self.statistics = Statistics::Stored;
-        self.is_continued = true;
+        self.known_before = Some(&description.objects);
         Ok(())
     }
 
@@ -223,7 +226,7 @@ impl<'a> Trainer<'a> {
     /// Says whether an epoch, counted from 0, leaves the point network's statistics as they are.
     pub(crate) fn is_fixed_in(&self, epoch: usize) -> bool {
         let share = epoch as f64 / self.config().epochs as f64;
-        self.is_continued || share >= self.config().fixed_statistics_after
+        self.known_before.is_some() || share >= self.config().fixed_statistics_after
     }
 
     /// Starts with features of mean 0 over the objects.
@@ -360,6 +363,11 @@ impl<'a> Trainer<'a> {
     /// Fails if their weights are no longer numbers.
     pub fn finish(self) -> Result<TrainingResult, CgfError> {
         let hand = self.objective.hand;
+        let learned = self.set.tracks.iter();
+        let learned = learned.filter(|track| track.split == Split::Training);
+        let learned = learned.map(|track| &self.set.scenes[track.scene].object);
+        let known_before = self.known_before.into_iter().flatten();
+        let objects: BTreeSet<String> = learned.chain(known_before).cloned().collect();
         let description = |epoch: usize| Description {
             version: VERSION.to_owned(),
             epoch,
@@ -371,6 +379,7 @@ impl<'a> Trainer<'a> {
             normalization: self.batches.normalization.clone(),
             local_normalization: self.objective.local_normalization.clone(),
             data: Vec::new(),
+            objects: objects.clone(),
             demonstrations: Vec::new(),
             training_curve: self.curve.clone(),
         };

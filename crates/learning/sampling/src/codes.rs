@@ -159,10 +159,9 @@ impl<'a> CodeSource<'a> {
     }
 }
 
-/// Says whether the function was trained on demonstrations of the object.
+/// Says whether the function was trained on motions to the object.
 pub(crate) fn is_learned(cgf: &Cgf, object: &SampledObject<'_>) -> bool {
-    let mut all = cgf.description().demonstrations.iter();
-    all.any(|known| known.is_learned() && known.object == object.name)
+    cgf.description().objects.contains(object.name)
 }
 
 /// Returns the object's resting orientations: the one that is given; else its own, or upright on its

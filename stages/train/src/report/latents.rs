@@ -82,8 +82,7 @@ fn rows(description: &Description) -> Vec<LatentDimension> {
         .map(|dimension| {
             let codes = || {
                 let learned = description.of_split(Split::Training);
-                let encoded = learned.filter(|demonstration| demonstration.is_encoded());
-                encoded.filter_map(move |demonstration| code(demonstration, dimension))
+                learned.filter_map(move |demonstration| code(demonstration, dimension))
             };
             let center = mean(codes().map(|(mean, _)| mean));
             let variance = mean(codes().map(|(mean, _)| (mean - center).powi(2)));

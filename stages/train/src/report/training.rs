@@ -147,6 +147,7 @@ fn rows(curve: &[Epoch]) -> Vec<EpochLosses> {
                 contact_m2: losses.contact.into(),
                 penetration_m2: losses.penetration.into(),
                 coarse: losses.coarse.into(),
+                prior: losses.prior.into(),
             });
         }
     }
