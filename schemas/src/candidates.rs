@@ -94,7 +94,7 @@ columns! {
         demonstration: String
             => "sequence that code or motion comes from, of a path the first; empty if there is none",
         object_split: Option<ObjectSplit>
-            => "whether its function was trained on demonstrations of the object: `seen` or `unseen`; empty without training",
+            => "whether its function was trained on motions to the object: `seen` or `unseen`; empty without training",
     }
 }
 
@@ -132,7 +132,7 @@ words! {
 }
 
 words! {
-    /// Whether a function was trained on demonstrations of an object.
+    /// Whether a function was trained on motions to an object.
     #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
     pub enum ObjectSplit: "object split" {
         /// It was.

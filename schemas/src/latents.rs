@@ -1,7 +1,7 @@
 //! `latents`: the use of a model's latent dimensions, one partition per model, one row per
 //! dimension.
 //!
-//! All statistics are over the training motions. A dimension is active if the variance of its means
+//! All statistics are over the encoded training motions. A dimension is active if the variance of its means
 //! is more than 0.01 (Burda, Grosse and Salakhutdinov, *Importance Weighted Autoencoders*, 2016,
 //! section 5.2): the others carry no information about the motion.
 

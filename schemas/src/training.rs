@@ -1,7 +1,7 @@
 //! `training`: how a training went, one partition per model, one row per epoch and set of motions that
 //! was measured in it.
 //!
-//! Losses are means over motions, before they are weighted; `total` is their weighted sum. `training` is
+//! Losses are means over motions, before they are weighted; `total` is the weighted sum of those before `prior`. `training` is
 //! as the motions were seen, turned and with noise; the others as they were recorded, after the epoch,
 //! decoded from their mean codes.
 
@@ -28,7 +28,7 @@ columns! {
         contact_m2: f64 ["m²"] => "squared distances of the finger tips from contact",
         penetration_m2: f64 ["m²"] => "squared depths of the links in object and table",
         coarse: f64 ["1"] => "squared errors of the first decoder's grasp, in the network's units; 0 without a second decoder",
-        prior: f64 ["1"] => "squared errors of the flow's velocity, not in total; 0 without a flow, and where it is not measured",
+        prior: Option<f64> ["1"] => "squared errors of the flow's velocity, not in total; null without a flow, and for motions not learned from",
     }
 }
 

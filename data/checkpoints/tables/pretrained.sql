@@ -17,7 +17,7 @@ with
             (6, 'screen_force_closure', 'refined', '`dexgraspbench_force_closure`'),
             (7, 'screen_paper', 'refined', '`paper`')) as names(number, stage, motions, protocol))
 select
-    motions, protocol, sum(n) as candidates,
+    motions as "motions", protocol as "protocol", sum(n) as "candidates",
     round(avg(case when object_split = 'seen' then share end), 1) as "succeed, seen, %",
     round(avg(case when object_split = 'unseen' then share end), 1) as "succeed, unseen, %",
     round(min(case when object_split = 'unseen' then share end)) as "least unseen object, %"

@@ -17,7 +17,7 @@ const DATASET: &str = "$DEXYCB";
 /// Files that decide results, beside the program and the dataset.
 const SOURCES: [&str; 5] = [
     "pipelines",
-    "data/checkpoints",
+    "data/checkpoints/allegro_right",
     "data/hands",
     "data/robots",
     "data/sample/recipe.toml",

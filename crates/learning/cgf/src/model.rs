@@ -77,10 +77,9 @@ pub struct Description {
     pub local_normalization: Option<Normalization>,
     /// Sources of the motions and their terms of use, as their datasets state them.
     pub data: Vec<String>,
-    /// Names of the objects of all motions that it was trained on, and of those that the function knew from which the
-    /// training went on.
+    /// Names of the objects that it has learned from, in this training and in those before from which it goes on.
     pub objects: BTreeSet<String>,
-    /// Encoded motions: those that it was trained on and the held-out ones, without motions whose codes were given.
+    /// Encoded motions of all splits; motions whose codes were given are not among them.
     pub demonstrations: Vec<EncodedDemonstration>,
     /// Learning curve: losses of all epochs.
     pub training_curve: Vec<Epoch>,
@@ -484,13 +483,20 @@ impl Description {
     ///
     /// Fails if it cannot be read, is damaged or of another version.
     pub fn read(path: &Path) -> Result<Self, CgfError> {
-        let description: Self = serde_json::from_slice(&read(path)?)?;
-        if description.version != VERSION {
+        /// What all versions have.
+        #[derive(Deserialize)]
+        struct AnyVersion {
+            version: String,
+        }
+        let json = read(path)?;
+        let AnyVersion { version } = serde_json::from_slice(&json)?;
+        if version != VERSION {
             return Err(CgfError::Version {
                 expected: VERSION,
-                found: description.version,
+                found: version,
             });
         }
+        let description: Self = serde_json::from_slice(&json)?;
         let mut demonstrations = description.demonstrations.iter();
         if let Some(one) = demonstrations.find(|one| !one.has_rest()) {
             return Err(CgfError::RestingPose {

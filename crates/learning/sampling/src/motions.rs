@@ -39,7 +39,7 @@ const CHUNK: usize = 256;
 /// The motions of one object.
 #[derive(Debug, Clone, PartialEq)]
 pub struct SampledMotions {
-    /// Whether the function was trained on demonstrations of the object.
+    /// Whether the function was trained on motions to the object.
     pub is_learned: bool,
     /// The motions, by their numbers.
     pub motions: Vec<SampledMotion>,

@@ -11,12 +11,13 @@ use crate::{
 };
 
 /// Kinds of stages in the order of the flow; others follow.
-const FLOW: [&str; 16] = [
+const FLOW: [&str; 17] = [
     "ingest",
     "retarget",
     "replay",
     "transfer",
     "train",
+    "pretrained",
     "sample",
     "interpolate",
     "eigengrasp",

@@ -1,6 +1,6 @@
 //! Losses and learning rate over the epochs.
 
-use cgf::{Description, Epoch, Losses, TrainingConfig};
+use cgf::{Description, Epoch, LatentPrior, Losses, TrainingConfig};
 use charts::{Captions, Scale, Series, lines};
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Max, Mean, OptionsUsed, Outcome, Output, Scope,
@@ -103,7 +103,7 @@ impl Output for TrainingReport {
         cx: &Context,
     ) -> Result<Outcome<TrainingMetrics>, BoxedDiagnostic> {
         let description = description(inputs)?;
-        let rows = rows(&description.training_curve);
+        let rows = rows(&description);
         cx.write(&rows)?;
         draw(&description, cx)?;
         let metrics = TrainingMetrics::of(&description.training_curve);
@@ -127,9 +127,10 @@ fn line(summary: &Summary<TrainingMetrics>) -> String {
     text
 }
 
-fn rows(curve: &[Epoch]) -> Vec<EpochLosses> {
+fn rows(description: &Description) -> Vec<EpochLosses> {
+    let has_flow = description.network.prior == LatentPrior::Flow;
     let mut rows = Vec::new();
-    for epoch in curve {
+    for epoch in &description.training_curve {
         for split in Split::ALL {
             let Some(losses) = epoch.losses(split) else {
                 continue;
@@ -147,7 +148,7 @@ fn rows(curve: &[Epoch]) -> Vec<EpochLosses> {
                 contact_m2: losses.contact.into(),
                 penetration_m2: losses.penetration.into(),
                 coarse: losses.coarse.into(),
-                prior: losses.prior.into(),
+                prior: (has_flow && split == Split::Training).then_some(losses.prior.into()),
             });
         }
     }

@@ -254,7 +254,7 @@ fn going_on(inputs: &Inputs, checkpoint: Artifact) -> Inputs {
 }
 
 #[test]
-fn a_training_that_goes_on_keeps_the_codes_of_motions_that_were_drawn() {
+fn a_training_that_goes_on_does_not_encode_motions_that_were_drawn() {
     let code = vec![0.25; config().network.latent_dim];
     let mut candidates = candidates(&[Vector3::z(), Vector3::z()]);
     candidates.candidates[1].latent.clone_from(&code);
@@ -296,6 +296,46 @@ fn a_training_that_goes_on_keeps_the_codes_of_motions_that_were_drawn() {
     assert!(is_encoded(&both, "can-0"));
     // Of another function the codes say nothing.
     assert!(is_encoded(&alone, "can-1"));
+}
+
+#[test]
+fn what_was_learned_before_is_known_after_a_training_that_goes_on() {
+    let candidates = candidates(&[Vector3::z()]);
+    let rollouts = rollouts(&candidates, &[Verdict::Held]);
+    let folder = tempfile::tempdir().unwrap();
+    let alone = with_accepted(folder.path(), &candidates, &rollouts);
+    let [of_first, of_second, of_third] = [(); 3].map(|()| tempfile::tempdir().unwrap());
+    let make = |inputs: &Inputs, config: &TrainConfig, folder: &Path| {
+        Train::make(
+            config,
+            inputs,
+            &Context::detached(&"cgf".parse().unwrap(), 7, folder),
+        )
+    };
+    // The first learns from both objects, the second from the can alone.
+    let both = going_on(&alone, trained(of_first.path(), &config()));
+    let of_can = |name: &&str| {
+        let artifacts = both.artifacts(name).iter();
+        let of_can = artifacts.filter(|one| !["c", "tin"].contains(&one.key.as_str()));
+        ((*name).to_owned(), of_can.cloned().collect())
+    };
+    let names = [
+        "checkpoint",
+        "objects",
+        "trajectories",
+        "candidates",
+        "rollouts",
+    ];
+    let of_can = Inputs::new(names.iter().map(of_can).collect(), both.files().to_vec());
+    make(&of_can, &config(), of_second.path()).unwrap();
+    let second = trained_in(of_second.path());
+    let description = cgf::Description::read(&of_second.path().join(checkpoint::LAST.description));
+    let names = ["can", "tin"].map(str::to_owned);
+    assert_eq!(description.unwrap().objects, names.into());
+    let mut unseen = config();
+    unseen.unseen.unseen_objects = vec!["tin".to_owned()];
+    let err = make(&going_on(&alone, second), &unseen, of_third.path()).unwrap_err();
+    assert!(err.to_string().contains("object `tin`"), "{err}");
 }
 
 #[test]
