@@ -3,12 +3,14 @@
 //! Van den Bergen, *Proximity Queries and Penetration Depth Computation on 3D Game Objects*, 2001: a polytope inside
 //! the differences of the bodies' points grows towards their boundary, always where it is nearest to the origin.
 
+use arrayvec::ArrayVec;
 use nalgebra::Vector3;
 
 use crate::distance::{Corner, Simplex};
 
-/// Maximum number of corners of the polytope: boxes need 8 to 26, cylinders the more the finer.
-const MAX_CORNERS: usize = 64;
+/// Maximum number of corners of the polytope: boxes need 8 to 26; of 300,000 random pairs none needed more than 250, and
+/// only about a round body's axis, where all ways out are about as long, are there too few.
+const MAX_CORNERS: usize = 256;
 /// Number of triangles of a closed surface with so many corners.
 const MAX_FACES: usize = 2 * MAX_CORNERS - 4;
 /// The depth is known this well, in meters, unless rounding or the number of corners keeps it from that; then it is
@@ -32,18 +34,17 @@ pub(crate) struct Separation {
 #[derive(Debug, Clone, Copy)]
 struct Face {
     /// Numbers of its corners, counterclockwise from outside.
-    corners: [usize; 3],
+    corners: [u8; 3],
     outward: Vector3<f64>,
     /// Distance of its plane from the origin, in meters.
     off_m: f64,
 }
 
 /// A growing polytope.
+#[derive(Default)]
 struct Polytope {
-    corners: [Corner; MAX_CORNERS],
-    n_corners: usize,
-    faces: [Face; MAX_FACES],
-    n_faces: usize,
+    corners: ArrayVec<Corner, MAX_CORNERS>,
+    faces: ArrayVec<Face, MAX_FACES>,
 }
 
 /// Returns the shortest way out of an overlap; `None` if the differences of the bodies' points have no volume.
@@ -54,20 +55,25 @@ pub(crate) fn way_out(
     within: &Simplex,
 ) -> Option<Separation> {
     let first = tetrahedron(&farthest, within)?;
-    let mut polytope = Polytope::of(&first)?;
-    let mut best = None;
+    let mut polytope = Polytope::default();
+    if !polytope.begin(&first) {
+        return None;
+    }
+    // The shortest way found: a face and the boundary's corner farthest along its normal.
+    let mut best: Option<(Face, Corner)> = None;
+    let length_m = |(face, corner): &(Face, Corner)| corner.difference.dot(&face.outward);
     loop {
         let nearest = polytope.nearest()?;
-        let corner = farthest(&nearest.outward);
-        let found = polytope.way_out(&nearest, &corner);
-        if found.depth_m - nearest.off_m <= CLOSE_M {
-            return Some(found);
+        let found = (nearest, farthest(&nearest.outward));
+        if length_m(&found) - nearest.off_m <= CLOSE_M {
+            return Some(polytope.way_out(&found));
         }
-        if best.is_none_or(|best: Separation| found.depth_m < best.depth_m) {
-            best = Some(found);
-        }
-        if polytope.n_corners == MAX_CORNERS || !polytope.grow(corner) {
-            return best;
+        let best = match &mut best {
+            Some(best) if length_m(best) <= length_m(&found) => best,
+            best => best.insert(found),
+        };
+        if !polytope.grow(found.1) {
+            return Some(polytope.way_out(best));
         }
     }
 }
@@ -117,8 +123,8 @@ fn tetrahedron(
 }
 
 impl Polytope {
-    /// `None` if the corners are in one plane.
-    fn of(tetrahedron: &[Corner; 4]) -> Option<Self> {
+    /// Makes it a tetrahedron; `false` if the corners are in one plane.
+    fn begin(&mut self, tetrahedron: &[Corner; 4]) -> bool {
         let [a, b, c, d] = tetrahedron.map(|corner| corner.difference);
         let volume = (b - a).dot(&(c - a).cross(&(d - a)));
         // From outside each side is counterclockwise.
@@ -127,87 +133,69 @@ impl Polytope {
         } else {
             [[0, 1, 2], [0, 3, 1], [0, 2, 3], [1, 3, 2]]
         };
-        let nowhere = Face {
-            corners: [0; 3],
-            outward: Vector3::zeros(),
-            off_m: f64::INFINITY,
-        };
-        let mut polytope = Self {
-            corners: [tetrahedron[0]; MAX_CORNERS],
-            n_corners: 4,
-            faces: [nowhere; MAX_FACES],
-            n_faces: 0,
-        };
-        polytope.corners[..4].copy_from_slice(tetrahedron);
-        sides
-            .into_iter()
-            .all(|side| polytope.add(side))
-            .then_some(polytope)
+        self.corners.extend(tetrahedron.iter().copied());
+        sides.into_iter().all(|side| self.add(side))
+    }
+
+    fn corners(&self, face: &Face) -> [Corner; 3] {
+        face.corners.map(|number| self.corners[usize::from(number)])
     }
 
     /// Adds a face; `false` if it has no area or there is no room.
-    fn add(&mut self, corners: [usize; 3]) -> bool {
-        let [a, b, c] = corners.map(|corner| self.corners[corner].difference);
+    fn add(&mut self, corners: [u8; 3]) -> bool {
+        let mut face = Face {
+            corners,
+            outward: Vector3::zeros(),
+            off_m: 0.0,
+        };
+        let [a, b, c] = self.corners(&face).map(|corner| corner.difference);
         let Some(outward) = (b - a).cross(&(c - a)).try_normalize(0.0) else {
             return false;
         };
-        let Some(face) = self.faces.get_mut(self.n_faces) else {
-            return false;
-        };
-        *face = Face {
-            corners,
-            outward,
-            off_m: outward.dot(&a),
-        };
-        self.n_faces += 1;
-        true
+        face.outward = outward;
+        face.off_m = outward.dot(&a);
+        self.faces.try_push(face).is_ok()
     }
 
     fn nearest(&self) -> Option<Face> {
-        let faces = self.faces[..self.n_faces].iter();
+        let faces = self.faces.iter();
         faces.min_by(|a, b| a.off_m.total_cmp(&b.off_m)).copied()
     }
 
     /// Takes in a corner outside; `false` if rounding makes the surface leak, or there is no room.
     fn grow(&mut self, corner: Corner) -> bool {
+        let Ok(number) = u8::try_from(self.corners.len()) else {
+            return false;
+        };
+        self.corners.push(corner);
         // The sides of the faces that see it which are no other's: its horizon.
-        let mut horizon = [[0; 2]; MAX_FACES];
-        let mut n = 0;
-        let mut kept = 0;
-        for idx in 0..self.n_faces {
-            let face = self.faces[idx];
-            if face.outward.dot(&corner.difference) - face.off_m <= FLAT_M {
-                self.faces[kept] = face;
-                kept += 1;
-                continue;
-            }
-            let [a, b, c] = face.corners;
-            for [from, to] in [[a, b], [b, c], [c, a]] {
-                if let Some(shared) = horizon[..n].iter().position(|side| *side == [to, from]) {
-                    n -= 1;
-                    horizon[shared] = horizon[n];
-                } else if n < MAX_FACES {
-                    horizon[n] = [from, to];
-                    n += 1;
-                } else {
-                    return false;
+        let mut horizon = ArrayVec::<[u8; 2], MAX_FACES>::new();
+        let mut has_room = true;
+        self.faces.retain(|face| {
+            let is_kept = face.outward.dot(&corner.difference) - face.off_m <= FLAT_M;
+            if !is_kept {
+                let [a, b, c] = face.corners;
+                for [from, to] in [[a, b], [b, c], [c, a]] {
+                    if let Some(shared) = horizon.iter().position(|side| *side == [to, from]) {
+                        horizon.swap_remove(shared);
+                    } else {
+                        has_room &= horizon.try_push([from, to]).is_ok();
+                    }
                 }
             }
-        }
-        self.n_faces = kept;
-        let number = self.n_corners;
-        self.corners[number] = corner;
-        self.n_corners += 1;
-        n > 0
-            && horizon[..n]
+            is_kept
+        });
+        has_room
+            && !horizon.is_empty()
+            && horizon
                 .iter()
                 .all(|&[from, to]| self.add([from, to, number]))
     }
 
-    /// Returns the way out along a face's normal, as long as the boundary's `corner` farthest along it asks: where the
-    /// bodies are curved the face itself lies within the boundary. It is through the face's point nearest to the origin.
-    fn way_out(&self, face: &Face, corner: &Corner) -> Separation {
-        let [a, b, c] = face.corners.map(|corner| self.corners[corner]);
+    /// Returns the way out along a face's normal to the boundary, whose corner is the farthest along it: where the bodies
+    /// are curved the face itself lies inside. It is through the face's point nearest to the origin.
+    fn way_out(&self, (face, corner): &(Face, Corner)) -> Separation {
+        let [a, b, c] = self.corners(face);
         let [p, q, r] = [a, b, c].map(|corner| corner.difference);
         let foot = face.outward * face.off_m;
         let share = |one: Vector3<f64>, two: Vector3<f64>| {

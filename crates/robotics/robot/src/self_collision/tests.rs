@@ -10,9 +10,6 @@ use super::*;
 use crate::distance::tests::{pose, shape as shape_of_size};
 
 const FAR_M: f64 = 10.0;
-/// The number of corners of a polytope limits how well the depth of round bodies is known, in meters: in 300,000 random
-/// pairs it was off by 7 µm at most.
-const DEPTH_M: f64 = 1e-5;
 
 fn shape() -> impl Strategy<Value = Shape> {
     shape_of_size(0.005..0.03)
@@ -176,7 +173,7 @@ fn gaps_of_primitives_have_closed_forms() {
     check((&rod, origin()), (&rod, at(0.03, 0.0, 0.0)), 0.01);
     check((&rod, origin()), (&rod, turned(0.015, 0.0, 0.01)), -0.005);
     check((&rod, origin()), (&rod, turned(0.0, 0.0, 0.0)), -0.02);
-    // A rod's middle in a disk's: all ways to its wall are about as long, so that no number of corners is enough.
+    // A ball about a disk's axis: all ways to its wall are about as long, so that no number of corners is enough.
     let disk = Shape::Cylinder {
         radius_m: 0.01,
         half_length_m: 0.02,
@@ -186,7 +183,7 @@ fn gaps_of_primitives_have_closed_forms() {
         let found = gap_of((&disk, &origin()), (&point, &at(off_m, 0.0, 0.0)));
         let expected = off_m - 0.011;
         assert!(
-            (found.gap_m - expected).abs() < 1e-6,
+            (found.gap_m - expected).abs() < 1e-7,
             "{found:?}, not {expected}"
         );
         let foot_m = signed_distance(&disk, &found.points[0].coords);
@@ -222,9 +219,9 @@ proptest! {
         let found = gap_of((&shape, &a), (&Shape::Sphere { radius_m }, &b));
         let center = a.inverse_transform_point(&b.translation.vector.into());
         let expected = signed_distance(&shape, &center.coords) - radius_m;
-        prop_assert!((found.gap_m - expected).abs() < DEPTH_M, "{found:?}, not {expected}");
+        prop_assert!((found.gap_m - expected).abs() < 1e-7, "{found:?}, not {expected}");
         let foot = a.inverse_transform_point(&found.points[0]);
-        prop_assert!(signed_distance(&shape, &foot.coords).abs() < DEPTH_M, "{found:?}");
+        prop_assert!(signed_distance(&shape, &foot.coords).abs() < 1e-6, "{found:?}");
         let way = found.points[1] - found.points[0] - found.normal * found.gap_m;
         prop_assert!(way.norm() < 1e-9, "{found:?}");
     }
@@ -236,14 +233,14 @@ proptest! {
     ) {
         let found = gap_of((&one, &a), (&two, &b));
         let expected = gap_by_directions((&one, &a), (&two, &b));
-        prop_assert!(found.gap_m >= expected - DEPTH_M, "{found:?}, not {expected}");
+        prop_assert!(found.gap_m >= expected - 1e-6, "{found:?}, not {expected}");
         let along_normal = gap_along((&one, &a), (&two, &b), &found.normal);
-        prop_assert!((found.gap_m - along_normal).abs() < DEPTH_M, "{found:?}, not {along_normal}");
+        prop_assert!((found.gap_m - along_normal).abs() < 1e-6, "{found:?}, not {along_normal}");
         // Both nearest points are where the surfaces are.
         for ((point, pose), shape) in found.points.iter().zip([a, b]).zip([&one, &two]) {
             let at = pose.inverse_transform_point(point);
             let off_m = signed_distance(shape, &at.coords);
-            prop_assert!(off_m.abs() < DEPTH_M, "{off_m}: {found:?}");
+            prop_assert!(off_m.abs() < 1e-5, "{off_m}: {found:?}");
         }
         // The way along the normal parts them, if they overlap.
         let way_m = 1e-6 - found.gap_m.min(0.0);
@@ -257,7 +254,7 @@ proptest! {
     fn gaps_are_symmetric(one in shape(), two in shape(), a in pose(0.03), b in pose(0.03)) {
         let found = gap_of((&one, &a), (&two, &b));
         let other = gap_of((&two, &b), (&one, &a));
-        prop_assert!((found.gap_m - other.gap_m).abs() < DEPTH_M, "{found:?} {other:?}");
+        prop_assert!((found.gap_m - other.gap_m).abs() < 1e-6, "{found:?} {other:?}");
     }
 
     /// The gap's rate is the velocity of the second point along the normal, less that of the first.
@@ -282,6 +279,6 @@ proptest! {
         let [ahead, behind] = [gap_at(H) - found.gap_m, found.gap_m - gap_at(-H)].map(|way| way / H);
         // Where two ways out are equally short the rate has two values.
         prop_assume!((ahead - behind).abs() < 1e-3);
-        prop_assert!((ahead + behind - 2.0 * expected).abs() < 2e-2, "{ahead} {behind}, not {expected}");
+        prop_assert!((ahead + behind - 2.0 * expected).abs() < 4e-3, "{ahead} {behind}, not {expected}");
     }
 }
