@@ -1,8 +1,8 @@
 //! `checkpoint`: the trained grasping function, one partition.
 //!
 //! Two files each of the best and of the last epoch: weights (safetensors, `f32`) and everything
-//! needed to use them (JSON: widths, normalization, hand, joint names, training curve, sources and terms of the data). `crates/learning/cgf`
-//! reads and writes both.
+//! needed to use them (JSON: widths, normalization, hand, joint names, the objects learned from, latent
+//! codes, training curve, sources and terms of the data). `crates/learning/cgf` reads and writes both.
 
 /// Bump on any change to the names or shapes of the tensors or to the JSON's keys.
 pub const VERSION: &str = "checkpoint/5";

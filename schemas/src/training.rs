@@ -1,9 +1,9 @@
 //! `training`: how a training went, one partition per model, one row per epoch and set of motions that
 //! was measured in it.
 //!
-//! Losses are means over motions, before they are weighted; `total` is the weighted sum of those before `prior`. `training` is
-//! as the motions were seen, turned and with noise; the others as they were recorded, after the epoch,
-//! decoded from their mean codes.
+//! Losses are means over motions, before they are weighted; `total` is the weighted sum of those before
+//! `prior`. `training` is as the motions were seen, turned and with noise; the others as they were
+//! recorded, after the epoch, decoded from their mean codes.
 
 use serde::{Deserialize, Serialize};
 
