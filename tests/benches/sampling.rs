@@ -1,5 +1,5 @@
 //! Speed of sampling motions at the released model's size, with and without their exact rates, beside PyTorch: as the
-//! released code does it and as well as one can.
+//! released code does it and as well as one can; and of the function of this repository, from noise to motions.
 //!
 //! `PIPELINE_PYTHON` names a Python that has `torch`, `python3` where it is not set; without it PyTorch
 //! is skipped. All run on one thread, in turns of a few hundred motions; times are CPU times.
@@ -14,6 +14,7 @@ use std::{
     collections::BTreeMap,
     env,
     hint::black_box,
+    path::Path,
     process::{Command, ExitCode},
     sync::Arc,
 };
@@ -45,6 +46,8 @@ const MIN_BESIDE_RELEASED: f64 = 40.0;
 const MIN_BESIDE_BATCHED: f64 = 1.5;
 const MIN_BESIDE_FACTORED: f64 = 2.0;
 const MAX_FOR_RATES: f64 = 3.0;
+/// CPU time of a motion of the trained function, in milliseconds.
+const MAX_TRAINED_MS: f64 = 1.0;
 /// Relative difference of a ratio of two sums of turns from run to run, with other programs beside.
 const NOISE: f64 = 0.1;
 
@@ -61,12 +64,17 @@ fn main() -> ExitCode {
     }
     let pool = ThreadPoolBuilder::new().num_threads(1).build().unwrap();
     let [relu, silu] = [Activation::Relu, Activation::Silu].map(Ours::new);
+    let trained = Ours::trained();
     let mut torch = Torch::start(&relu);
     let mut lanes: Vec<Lane> = vec![
         Lane::new("ours, ReLU", |n| relu.values(&pool, n)),
         Lane::new("ours, ReLU, with rates", |n| relu.rates(&pool, n)),
         Lane::new("ours, SiLU", |n| silu.values(&pool, n)),
         Lane::new("ours, SiLU, with rates", |n| silu.rates(&pool, n)),
+        Lane::new("the trained function", |n| trained.values(&pool, n)),
+        Lane::new("the trained function, with rates", |n| {
+            trained.rates(&pool, n)
+        }),
     ];
     let mut ways = [
         "released",
@@ -137,6 +145,11 @@ fn main() -> ExitCode {
         let what = format!("{what} with both derivatives over without");
         limits.keep(&what, with / without, ..=MAX_FOR_RATES);
     }
+    limits.keep(
+        "ms for a motion of the trained function",
+        1e3 * ours[4],
+        ..=MAX_TRAINED_MS,
+    );
     limits.end()
 }
 
@@ -159,15 +172,24 @@ impl<'a> Lane<'a> {
     }
 }
 
-/// A network of the released model's size that was hardly trained, and an object.
+/// A function and an object.
 struct Ours {
     cgf: Cgf,
     scene: RestingObject,
     times: Vec<f64>,
-    latents: Vec<Vec<f64>>,
+    noise: Vec<Vec<f64>>,
 }
 
 impl Ours {
+    /// The function of this repository.
+    fn trained() -> Self {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("data/checkpoints/allegro_right");
+        let file = |name| folder.join(name);
+        let cgf = Cgf::load(&file("last.safetensors"), &file("last.json")).unwrap();
+        Self::of(cgf, scene())
+    }
+
+    /// A network of the released model's size that was hardly trained.
     fn new(activation: Activation) -> Self {
         let hand =
             RobotModel::from_urdf(include_str!("../../data/robots/allegro_right.urdf")).unwrap();
@@ -179,16 +201,7 @@ impl Ours {
         network.activation = activation;
         training.epochs = 1;
         training.penetration_weight = 0.0;
-        let mut random = Random::new(1, 0);
-        let mut point = |_| Point3::from(Vector3::from_fn(|_, _| 0.05 * random.normal()));
-        let scene = RestingObject {
-            object: "cloud".to_owned(),
-            rest: RestingPose {
-                up_in_object: Vector3::z_axis(),
-                height_m: 0.1,
-            },
-            points_in_object: (0..2000).map(&mut point).collect(),
-        };
+        let scene = scene();
         let track = |name: &str, x: f64| TrainingMotion {
             name: name.to_owned(),
             scene: 0,
@@ -219,11 +232,16 @@ impl Ours {
         let cgf = cgf::train(&set, &Arc::new(hand), &network, &training, 7, |_| {})
             .unwrap()
             .last;
+        Self::of(cgf, scene)
+    }
+
+    fn of(cgf: Cgf, scene: RestingObject) -> Self {
         let mut random = Random::new(2, 0);
-        let mut latent = |_| (0..256).map(|_| random.normal()).collect();
+        let width = cgf.description().network.latent_dim;
+        let mut noise = |_| (0..width).map(|_| random.normal()).collect();
         Self {
             times: Cgf::times(STEPS),
-            latents: (0..TURN).map(&mut latent).collect(),
+            noise: (0..TURN).map(&mut noise).collect(),
             cgf,
             scene,
         }
@@ -231,20 +249,25 @@ impl Ours {
 
     fn values(&self, pool: &ThreadPool, n: usize) -> f64 {
         self.timed(pool, |feature| {
-            let latents = self.latents.get(..n).unwrap();
-            black_box(self.cgf.decode(feature, latents, &self.times).unwrap());
+            let latents = self.latents(feature, n);
+            black_box(self.cgf.decode(feature, &latents, &self.times).unwrap());
         })
     }
 
     fn rates(&self, pool: &ThreadPool, n: usize) -> f64 {
         self.timed(pool, |feature| {
-            let latents = self.latents.get(..n).unwrap();
+            let latents = self.latents(feature, n);
             black_box(
                 self.cgf
-                    .decode_with_rates(feature, latents, &self.times)
+                    .decode_with_rates(feature, &latents, &self.times)
                     .unwrap(),
             );
         })
+    }
+
+    fn latents(&self, feature: &ObjectFeature, n: usize) -> Vec<Vec<f64>> {
+        let noise = self.noise.get(..n).unwrap().to_vec();
+        self.cgf.prior_codes(feature, noise).unwrap()
     }
 
     /// Returns the CPU seconds of the object's feature and of the work with it.
@@ -254,6 +277,20 @@ impl Ours {
             work(&self.cgf.feature(&self.scene).unwrap());
             cpu_time::thread_s() - before
         })
+    }
+}
+
+/// A cloud of points on a table.
+fn scene() -> RestingObject {
+    let mut random = Random::new(1, 0);
+    let mut point = |_| Point3::from(Vector3::from_fn(|_, _| 0.05 * random.normal()));
+    RestingObject {
+        object: "cloud".to_owned(),
+        rest: RestingPose {
+            up_in_object: Vector3::z_axis(),
+            height_m: 0.1,
+        },
+        points_in_object: (0..2000).map(&mut point).collect(),
     }
 }
 
