@@ -190,6 +190,15 @@ class Grasping(unittest.TestCase):
         np.testing.assert_allclose(inside, [-0.005, 0.01], atol=1e-4)
         self.assertAlmostEqual(found.resting_probabilities.sum(), 1, places=1)
 
+    def test_shapes_are_compared_over_size_and_rotation(self):
+        carton, longer = [
+            pipeline.Object.from_points(box(half), 0.3, name="box")
+            for half in [(0.02, 0.03, 0.05), (0.02, 0.03, 0.1)]
+        ]
+        turned = pipeline.Object.from_points(1.5 * box((0.03, 0.05, 0.02)), 0.3, name="turned")
+        self.assertLess(turned.mean_distance(carton), 1e-4)
+        self.assertGreater(longer.mean_distance(carton), 0.003)
+
     def test_own_motions_are_screened(self):
         given = self.lake.candidates(self.object.name, stage="refine")
         own = pipeline.Candidates(

@@ -68,6 +68,7 @@ class Misuse(unittest.TestCase):
             (pipeline.Object.from_points, [corners, 0.1]),
             (lambda options: pipeline.Object.from_points(corners, 0.1, options=options), [{"points_n": 64}]),
             (cube.distance, [corners]),
+            (cube.mean_distance, [cube]),
             (function.sample, [cube, 2]),
             (lambda options: function.sample(cube, 2, options=options), [{"steps": 9}]),
             (function.decode, [cube, codes, clock]),
