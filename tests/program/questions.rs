@@ -115,7 +115,14 @@ fn a_wrong_question_gets_the_near_name() {
         ),
         (
             "select d.objct from demonstrations d",
-            &["no column `objct`", "did you mean `object`?"],
+            &["no column `d.objct`", "did you mean `object`?"],
+        ),
+        (
+            "select o.split from objects o join demonstrations d on o.object = d.object",
+            &[
+                "no column `o.split`",
+                "hint: the columns are: center_of_mass_m",
+            ],
         ),
         (
             "select zzz from objects",

@@ -3,7 +3,7 @@
 use dataflow::{Diagnostic, nearest};
 use datafusion::{
     arrow::{datatypes::SchemaRef, error::ArrowError},
-    common::SchemaError,
+    common::{Column, SchemaError},
     error::DataFusionError,
     sql::sqlparser::parser::ParserError,
 };
@@ -82,13 +82,19 @@ fn column_error(fault: &SchemaError, tables: &[SchemaRef]) -> CommandError {
             field,
             valid_fields,
         } => {
-            let valid = valid_fields.iter().map(|column| column.name.clone());
+            // Of the table that the question names.
+            let of_table =
+                |column: &&Column| field.relation.is_none() || column.relation == field.relation;
+            let valid = valid_fields
+                .iter()
+                .filter(of_table)
+                .map(|column| column.name.clone());
             let mut columns: Vec<String> = valid.collect();
             if columns.is_empty() {
                 let known = tables.iter().flat_map(|table| table.fields().iter());
                 columns.extend(known.map(|field| field.name().clone()));
             }
-            no_column(&field.name, columns)
+            no_column(field, columns)
         }
         SchemaError::AmbiguousReference { field } => twice(&field.name),
         SchemaError::DuplicateQualifiedField { name, .. }
@@ -96,7 +102,8 @@ fn column_error(fault: &SchemaError, tables: &[SchemaRef]) -> CommandError {
     }
 }
 
-fn no_column(column: &str, mut columns: Vec<String>) -> CommandError {
+fn no_column(missing: &Column, mut columns: Vec<String>) -> CommandError {
+    let column = missing.name.as_str();
     // A total, which the engine has not computed where it is needed.
     if column.contains('(') {
         return CommandError::usage(
@@ -109,7 +116,7 @@ fn no_column(column: &str, mut columns: Vec<String>) -> CommandError {
     columns.dedup();
     let list = format!("the columns are: {}", columns.join(", "));
     CommandError::usage(
-        format!("no column `{column}`"),
+        format!("no column `{}`", missing.flat_name()),
         near(column, columns.iter().map(String::as_str), list),
     )
 }
