@@ -112,8 +112,10 @@ impl Output for Train {
     ) -> Result<Outcome<TrainMetrics>, BoxedDiagnostic> {
         let hand = Arc::new(hand(inputs)?);
         let mut set = training_set::read(inputs, &hand.joint_names())?;
-        training_set::split(&mut set, config, cx.seed());
+        training_set::mark_unseen(&mut set, config);
         let continued = continued(inputs, &set)?;
+        let before = continued.as_ref().map(Cgf::description);
+        training_set::hold_out(&mut set, before, config.held_out_share, cx.seed());
         let accepted = accepted::read(
             inputs,
             &mut set,

@@ -2,7 +2,7 @@
 
 use std::{collections::BTreeMap, sync::Arc};
 
-use cgf::{Random, RestingObject, TrainingMotion, TrainingSet};
+use cgf::{Description, Random, RestingObject, TrainingMotion, TrainingSet};
 use dataflow::{BoxedDiagnostic, InputError, Inputs};
 use geometry::DistanceField;
 use lake::{ReadArtifact, ReadInputs, table};
@@ -66,8 +66,8 @@ pub fn read(inputs: &Inputs, joints: &[String]) -> Result<TrainingSet, BoxedDiag
     Ok(set)
 }
 
-/// Says which motions are learned from.
-pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
+/// Marks the motions of unseen objects.
+pub(crate) fn mark_unseen(set: &mut TrainingSet, config: &TrainConfig) {
     let objects = set.scenes.iter().map(|scene| scene.object.as_str());
     let unseen = config.unseen.of(&objects.collect());
     for track in &mut set.tracks {
@@ -75,25 +75,42 @@ pub(crate) fn split(set: &mut TrainingSet, config: &TrainConfig, seed: u64) {
             track.split = Split::Unseen;
         }
     }
-    hold_out(set, config.held_out_share, seed);
 }
 
-/// Keeps back a share of the motions that would be learned from, never the last one of an object.
-fn hold_out(set: &mut TrainingSet, share: f64, seed: u64) {
-    let tracks = set.tracks.iter().enumerate();
-    let training: Vec<usize> = tracks
-        .filter(|(_, track)| track.split == Split::Training)
-        .map(|(idx, _)| idx)
+/// Keeps back a share of the motions that would be learned from, never the last one of an object. Those that `continued`
+/// knows stay what they were to it: learned from, or held out.
+pub(crate) fn hold_out(
+    set: &mut TrainingSet,
+    continued: Option<&Description>,
+    share: f64,
+    seed: u64,
+) {
+    let known = continued.map_or(&[][..], |continued| &continued.demonstrations);
+    let known: BTreeMap<&str, Split> = known
+        .iter()
+        .map(|motion| (motion.name.as_str(), motion.split))
         .collect();
+    let mut new: Vec<usize> = Vec::new();
     let mut left: BTreeMap<String, usize> = BTreeMap::new();
-    for &idx in &training {
-        let object = &set.scenes[set.tracks[idx].scene].object;
+    for (idx, track) in set.tracks.iter_mut().enumerate() {
+        if track.split != Split::Training {
+            continue;
+        }
+        match known.get(track.name.as_str()) {
+            Some(Split::HeldOut) => {
+                track.split = Split::HeldOut;
+                continue;
+            }
+            Some(Split::Training) => {}
+            Some(Split::Unseen) | None => new.push(idx),
+        }
+        let object = &set.scenes[track.scene].object;
         *left.entry(object.clone()).or_default() += 1;
     }
-    let wanted = share * training.len() as f64;
+    let wanted = share * new.len() as f64;
     let mut held_out = 0.0;
-    for k in Random::new(seed, HELD_OUT).permutation(training.len()) {
-        let track = &mut set.tracks[training[k]];
+    for k in Random::new(seed, HELD_OUT).permutation(new.len()) {
+        let track = &mut set.tracks[new[k]];
         let left = left
             .entry(set.scenes[track.scene].object.clone())
             .or_default();

@@ -224,6 +224,27 @@ fn reports_are_the_same_bytes_whatever_the_seed() {
 }
 
 #[test]
+fn a_training_that_goes_on_holds_out_what_was_held_out_before() {
+    let trained = Trained::new(TrainConfig {
+        held_out_share: 0.34,
+        ..config()
+    });
+    let splits = |description: &Description| -> BTreeMap<String, Split> {
+        let motions = description.demonstrations.iter();
+        motions.map(|one| (one.name.clone(), one.split)).collect()
+    };
+    let before = splits(&trained.description);
+    assert!(before.values().any(|split| *split == Split::HeldOut));
+    for seed in 8..14 {
+        let folder = TempDir::new().unwrap();
+        let cx = Context::detached(&"cgf".parse().unwrap(), seed, folder.path());
+        Train::make(&trained.config, &trained.inputs, &cx).unwrap();
+        let description = folder.path().join(checkpoint::LAST.description);
+        assert_eq!(splits(&Description::read(&description).unwrap()), before);
+    }
+}
+
+#[test]
 fn reports_read_only_the_files_they_need() {
     let config = config();
     assert_eq!(TrainingReport::units(&config, &scope()).unwrap(), []);
