@@ -125,6 +125,10 @@ fn a_wrong_question_gets_the_near_name() {
             ],
         ),
         (
+            "select x.object from demonstrations d",
+            &["no table `x` in `from`", "or its short name"],
+        ),
+        (
             "select zzz from objects",
             &["no column `zzz`", "the columns are: ", "mass_kg"],
         ),

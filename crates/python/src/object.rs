@@ -203,10 +203,10 @@ impl Object {
         )
     }
 
-    /// Mean distance between the surfaces of both objects in meters: this one is scaled to the size of `other`, turned
-    /// and moved to where it is least, so that equal shapes of any size have none.
+    /// Mean distance between the surfaces of two objects in meters, after this one is scaled to the size of `other` and
+    /// aligned with it: 0 for equal shapes of any size, infinite for a mesh without area.
     ///
-    /// `seed` is that of the 192 points on each surface.
+    /// `seed` is that of the 192 points sampled on each surface.
     #[pyo3(signature = (other, *, seed=7))]
     fn mean_distance(&self, py: Python<'_>, other: &Self, seed: u64) -> f64 {
         let meshes = [self, other].map(Self::mesh);

@@ -82,14 +82,20 @@ fn column_error(fault: &SchemaError, tables: &[SchemaRef]) -> CommandError {
             field,
             valid_fields,
         } => {
-            // Of the table that the question names.
-            let of_table =
+            // Columns of the table that the query names.
+            let is_of =
                 |column: &&Column| field.relation.is_none() || column.relation == field.relation;
-            let valid = valid_fields
-                .iter()
-                .filter(of_table)
-                .map(|column| column.name.clone());
-            let mut columns: Vec<String> = valid.collect();
+            let of_table = valid_fields.iter().filter(is_of);
+            let mut columns: Vec<String> = of_table.map(|column| column.name.clone()).collect();
+            if columns.is_empty()
+                && !valid_fields.is_empty()
+                && let Some(table) = &field.relation
+            {
+                return CommandError::usage(
+                    format!("no table `{table}` in `from`, for `{}`", field.flat_name()),
+                    "write the table's name, or its short name if `from` gives it one",
+                );
+            }
             if columns.is_empty() {
                 let known = tables.iter().flat_map(|table| table.fields().iter());
                 columns.extend(known.map(|field| field.name().clone()));

@@ -21,8 +21,8 @@ pub struct TrainConfig {
     /// The objects that nothing is learned from
     #[option(flatten)]
     pub unseen: UnseenObjects,
-    /// Share of the other trajectories that are held out for validation, in 0..1: enough to tell
-    /// learning from memorizing
+    /// Share of the other trajectories that are held out for validation, in 0..1: enough to tell learning from
+    /// memorizing; if the training goes on from another function, of those that are new to it
     #[option(default = 0.1, range = 0.0..1.0, why = "it is a share")]
     pub held_out_share: f64,
     /// Accepted motions of each object that is not unseen, the first ones, that are learned from beside its

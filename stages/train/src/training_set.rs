@@ -77,8 +77,8 @@ pub(crate) fn mark_unseen(set: &mut TrainingSet, config: &TrainConfig) {
     }
 }
 
-/// Keeps back a share of the motions that would be learned from, never the last one of an object. Those that `continued`
-/// knows stay what they were to it: learned from, or held out.
+/// Holds out a share of the motions that are new, never the last one of an object. A motion that `continued` learned
+/// from or held out stays so.
 pub(crate) fn hold_out(
     set: &mut TrainingSet,
     continued: Option<&Description>,
