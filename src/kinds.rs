@@ -1,11 +1,14 @@
 //! Every kind of stage: adding one is one line here.
 
 use dataflow::{Kind, code};
+use stage_camera::SimulatedCamera;
 use stage_cem_mpc::CemMpc;
+use stage_complete::Complete;
 use stage_dispatch::report::DispatchReport;
 use stage_eigengrasp::Eigengrasp;
 use stage_force_closure::ForceClosure;
 use stage_grasp_tta::GraspTta;
+use stage_ground_truth::GroundTruth;
 use stage_ingest::report::IngestReport;
 use stage_interpolate::Interpolate;
 use stage_pretrained::Pretrained;
@@ -20,6 +23,7 @@ use stage_screen::report::ScreenReport;
 use stage_shapes::Shapes;
 use stage_train::report::TrainReport;
 use stage_transfer::Transfer;
+use stage_views::RecordedViews;
 
 use crate::sample;
 
@@ -40,6 +44,10 @@ pub fn kinds() -> Vec<Kind> {
             &["hand_table"],
         ),
         Kind::of::<Shapes>(code!("stage-shapes")),
+        Kind::of::<SimulatedCamera>(code!("stage-camera")),
+        Kind::of::<RecordedViews>(code!("stage-views")),
+        Kind::of::<Complete>(code!("stage-complete")),
+        Kind::of::<GroundTruth>(code!("stage-ground_truth")),
         Kind::of::<Replay>(code!("stage-replay")),
         Kind::of::<Transfer>(code!("stage-transfer")),
         with_hand_file(

@@ -19,6 +19,7 @@
 pub mod candidates;
 pub mod checkpoint;
 mod columns;
+pub mod completions;
 pub mod demonstrations;
 pub mod distance_fields;
 pub mod draws;
@@ -42,6 +43,7 @@ pub mod tracking;
 pub mod training;
 pub mod trajectories;
 pub mod trials;
+pub mod views;
 
 pub use columns::JOINTS;
 pub use error::SchemaError;

@@ -42,7 +42,7 @@ pub trait Table: Sized {
 }
 
 /// Declares a table with a name, a version and the kind of item that one partition holds. A partition has rows, or one
-/// row, with the columns of `columns!`. The rows of a table beside another one are written into its artifact, as
+/// row, with the columns of `columns!`. What is beside another table is written into its artifact, as
 /// `NAME.parquet`.
 macro_rules! table {
     ($name:literal, $version:literal, per $partition:literal, rows: $row:ty) => {
@@ -53,6 +53,9 @@ macro_rules! table {
     };
     ($name:literal, $version:literal, per $partition:literal, row: $row:ty) => {
         table! {@impl $name, $version, $partition, crate::TABLE_FILE, $row, $row, std::slice::from_ref, |reader| reader.row()}
+    };
+    ($name:literal, $version:literal, per $partition:literal, row: $row:ty, beside $other:literal) => {
+        table! {@impl $name, $version, $partition, concat!($name, ".parquet"), $row, $row, std::slice::from_ref, |reader| reader.row()}
     };
     (@impl $name:literal, $version:literal, $partition:literal, $file:expr, $row:ty, $table:ty, $rows:expr, $read:expr) => {
         impl crate::Table for $table {

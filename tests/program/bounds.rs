@@ -29,12 +29,16 @@ fn whole() -> &'static str {
         let kinds = pipeline::kinds();
         let read = Pipeline::parse(Path::new("pipelines/arm.toml"), ARM, &kinds, None, &[]);
         let stages = read.unwrap().stages;
+        let makes = |kind: &Kind, artifact: &str| {
+            let mut outputs = kind.outputs.iter();
+            outputs.any(|output| output.artifact == artifact)
+        };
         let maker = |artifact: &str| {
-            let mut makers = stages.iter().filter(|stage| {
-                let mut outputs = stage.kind.outputs.iter();
-                outputs.any(|output| output.artifact == artifact)
-            });
-            makers.next().unwrap().name.clone()
+            let of_file = stages.iter().find(|stage| makes(&stage.kind, artifact));
+            // A stage that is added below has the name of its kind.
+            let added = || kinds.iter().find(|kind| makes(kind, artifact));
+            let name = of_file.map(|stage| stage.name.to_string());
+            name.unwrap_or_else(|| added().unwrap().name.to_owned())
         };
         let mut text = format!("{ARM}{PROGRAM}");
         let is_there = |kind: &Kind| stages.iter().any(|stage| stage.kind.name == kind.name);

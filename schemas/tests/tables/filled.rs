@@ -7,6 +7,7 @@ use nalgebra::{Isometry3, Unit, Vector3};
 use schemas::{
     Table,
     candidates::{Candidate, Candidates, DrawSource, ObjectSplit, Origin},
+    completions::CompletedObject,
     demonstrations::{self, Demonstration},
     distance_fields::FieldInfo,
     draws::{Draw, Draws, Refusal},
@@ -25,6 +26,7 @@ use schemas::{
     training::{self, Split},
     trajectories::{self, Trajectory},
     trials::Trials,
+    views::{View, Views},
 };
 use spatial::{Pose, RestingPose, Twist};
 
@@ -37,6 +39,8 @@ pub(crate) trait EachTable {
 /// Applies an operation to every filled table.
 pub(crate) fn each(tables: &impl EachTable) {
     tables.table("005_tomato_soup_can", &object());
+    tables.table("can", &views());
+    tables.table("can", &completion());
     tables.table("a", &demonstration());
     tables.table("can", &field());
     tables.table("a", &trajectory());
@@ -96,6 +100,34 @@ pub(crate) fn object() -> Object {
             seen_n: 3,
             probability: 0.5,
         }],
+    }
+}
+
+pub(crate) fn views() -> Views {
+    vec![View {
+        view: "can-0".to_owned(),
+        width: 3,
+        height: 2,
+        focal_px: [500.0, 501.0],
+        center_px: [1.0, 0.5],
+        world_from_camera: pose(0.1),
+        table: vec![[0.0, 0.0, 1.0, 0.02]],
+        depth_step_m: 1e-4,
+        depth: vec![0, 5000, 5001, 5002, 5003, 5004],
+        mask: vec![1, 2, 3],
+        world_from_object: vec![pose(0.4)],
+    }]
+}
+
+pub(crate) fn completion() -> CompletedObject {
+    CompletedObject {
+        world_from_object: pose(0.3),
+        views_n: 2,
+        seen_m: vec![[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]],
+        seen_normals: vec![[1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+        unseen_m: vec![0.01, 0.02, 0.0],
+        symmetric: true,
+        free_share: 0.25,
     }
 }
 

@@ -110,6 +110,17 @@ impl TriMesh {
         crate::hull::convex_hull(&self.vertices_m)
     }
 
+    /// Returns the convex hull of at most `corners_n` vertices, chosen so that all others lie in it or near to it; none is
+    /// added for one that is no farther than `tolerance_m` outside.
+    ///
+    /// # Errors
+    ///
+    /// Fails if the vertices span no volume.
+    pub fn few_hull(&self, corners_n: usize, tolerance_m: f64) -> Result<Self, GeometryError> {
+        let corners = crate::hull::few_hull_points(&self.vertices_m, &[], corners_n, tolerance_m)?;
+        crate::hull::convex_hull(&corners)
+    }
+
     /// Returns the mesh with its coordinates multiplied along each axis, mirrored where a factor is
     /// negative.
     #[must_use]

@@ -35,6 +35,9 @@ const DEEP: f64 = 0.15;
 /// Voxels along the longest side: a bowl's wall is then about two voxels.
 const RESOLUTION: u32 = 100;
 
+/// Voxels along the longest side of coarse parts.
+const COARSE_RESOLUTION: u32 = 40;
+
 /// Maximum protrusion of a part from the mesh where more parts could follow it, in meters.
 const THICKER_M: f64 = 0.002;
 
@@ -117,6 +120,55 @@ pub fn parts_within(
             few_hull_points(&part.vertices_m, feet, MAX_EXACT_VERTICES, tolerance_m)
         })
         .collect()
+}
+
+/// As [`convex_parts`], in a tenth of the time and off by up to a fiftieth of the longest side: for a surface that is no
+/// better known.
+///
+/// # Errors
+///
+/// Fails if the vertices span no volume.
+pub fn coarse_parts(
+    mesh: &TriMesh,
+    max_parts: usize,
+) -> Result<Vec<Vec<Point3<f64>>>, GeometryError> {
+    let hull = mesh.convex_hull()?;
+    let few = |points: &[Point3<f64>]| few_hull_points(points, &[], MAX_PART_VERTICES, ON_HULL_M);
+    if max_parts <= 1 || hull.volume_m3() < CONVEX * mesh.volume_m3() {
+        return Ok(vec![few(&hull.vertices_m)?]);
+    }
+    let parameters = VHACDParameters {
+        resolution: COARSE_RESOLUTION,
+        concavity: 0.01,
+        plane_downsampling: 8,
+        convex_hull_downsampling: 8,
+        fill_mode: FillMode::FloodFill {
+            detect_cavities: false,
+        },
+        max_convex_hulls: u32::try_from(max_parts).unwrap_or(u32::MAX),
+        ..VHACDParameters::default()
+    };
+    let split = VHACD::decompose(
+        &parameters,
+        &singles(&mesh.vertices_m),
+        &mesh.triangles,
+        false,
+    );
+    let (low, high) = mesh.bounds();
+    // Corners of voxels, which stick out.
+    let within = |vertex: &Point3<f64>| vertex.inf(&high).sup(&low);
+    let parts: Vec<_> = split
+        .compute_convex_hulls(1)
+        .iter()
+        .filter_map(|(vertices, _)| {
+            let vertices: Vec<_> = vertices.iter().map(|v| within(&double(v))).collect();
+            few(&vertices).ok()
+        })
+        .collect();
+    if parts.is_empty() {
+        return Ok(vec![few(&hull.vertices_m)?]);
+    }
+    Ok(parts)
 }
 
 /// Says whether a corner touches the table in a resting pose.

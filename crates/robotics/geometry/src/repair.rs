@@ -69,6 +69,15 @@ pub(crate) fn repaired(mut mesh: TriMesh) -> (TriMesh, Repairs) {
     (mesh, repairs)
 }
 
+impl TriMesh {
+    /// Returns the mesh without the vertices that no triangle uses, the others in their order.
+    #[must_use]
+    pub fn without_unused(mut self) -> Self {
+        leave_out_unused(&mut self);
+        self
+    }
+}
+
 /// Turns the triangles that are marked.
 fn turn(mesh: &mut TriMesh, marked: &[bool]) {
     for (triangle, _) in mesh

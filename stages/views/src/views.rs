@@ -1,0 +1,308 @@
+//! The stage: one unit per object.
+
+use std::{
+    fs,
+    path::{Path, PathBuf},
+};
+
+use dataflow::{
+    BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope,
+    SourceFile, Stage, Sum, Unit, counted,
+};
+use depth_view::TablePlane;
+use lake::WriteArtifact;
+use schemas::{
+    Table,
+    views::{View, Views},
+};
+
+use crate::{
+    bop::{self, CAMERAS, SceneObject},
+    cloud,
+    config::ViewsConfig,
+    error::{Fault, ViewsError},
+    file::{self, MAX_CLOUD_BYTES},
+    npy, object, ply, scene_image,
+    world::{self, Image},
+};
+
+/// Number of images that are not used, for they have no place in the world of the others: a fact.
+const UNUSED: &str = "unused";
+/// Why images were left out while listing, a line each: a fact.
+const LEFT_OUT: &str = "left out";
+/// File of an artifact that says why images were left out, a line each.
+const LEFT_OUT_FILE: &str = "left_out.txt";
+/// Most pixels of an object's images together: they are in memory.
+const MAX_PIXELS: usize = 1 << 25;
+/// Folders that are searched for a scene near `path`.
+const MAX_SEARCHED: usize = 200;
+
+/// Reads depth images of objects.
+pub struct RecordedViews;
+
+dataflow::metrics! {
+    /// Metrics of an object's images.
+    pub struct ViewsMetrics {
+        /// Number of images.
+        views_n: Sum,
+        /// Share of the object's pixels that have a depth.
+        measured_share: Mean,
+        /// Number of images that cannot be used.
+        left_out_n: Sum,
+        /// Number of images that are not used, for nothing says where their cameras were, or which of several objects they
+        /// show.
+        unused_n: Sum,
+    }
+}
+
+impl Stage for RecordedViews {
+    type Config = ViewsConfig;
+
+    const KIND: &'static str = "views";
+    const ABOUT: &'static str = "Reads depth images of objects on a table, or clouds of points";
+    const INPUTS: &'static [&'static str] = &[];
+    const OUTPUTS: Outputs<Self> = &[&Self];
+
+    fn prepare(config: &ViewsConfig) -> Result<(), BoxedDiagnostic> {
+        Ok(check_layout(&config.path)?)
+    }
+}
+
+impl Output for RecordedViews {
+    type Stage = Self;
+    type Metrics = ViewsMetrics;
+    type Inputs<'a> = &'a Inputs;
+
+    const ARTIFACT: &'static str = Views::NAME;
+    const SCHEMA: &'static str = Views::VERSION;
+    const PARTITION: &'static str = Views::PARTITION;
+    const LINE: Option<Line<ViewsMetrics>> = Some(|summary| {
+        let metrics = &summary.metrics;
+        let objects = counted(summary.n_made, "object");
+        let images = counted(metrics.views_n, "depth image");
+        let but = |n: f64, why| match n {
+            0.0 => String::new(),
+            _ => format!(", {n} {why}"),
+        };
+        let left_out = but(metrics.left_out_n, "left out as faulty");
+        let unused = but(metrics.unused_n, "not used (no poses, or several alike)");
+        format!("{objects} → {images}{left_out}{unused}")
+    });
+    /// The others choose units, images and names.
+    const OPTIONS: OptionsUsed = OptionsUsed::Only(&["table", "camera_m", "unit_m"]);
+
+    fn units(config: &ViewsConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
+        check_layout(&config.path)?;
+        if is_scene(&config.path) {
+            let objects = bop::objects(config)?;
+            let unit = |object| scene_unit(&config.path, object);
+            return Ok(objects.iter().map(unit).collect());
+        }
+        let name = config.object_name();
+        let unit = Unit::new(&name).with_label("object", &name);
+        let file = SourceFile::named_by_file(&config.path);
+        Ok(vec![unit.with_file(file)])
+    }
+
+    fn make(
+        config: &ViewsConfig,
+        inputs: &Inputs,
+        cx: &Context,
+    ) -> Result<Outcome<ViewsMetrics>, BoxedDiagnostic> {
+        let left_out = inputs.fact(LEFT_OUT).unwrap_or_default();
+        let mut left_out: Vec<String> = left_out.lines().map(str::to_owned).collect();
+        let list = inputs.files().iter().find(|file| file.name == CAMERAS);
+        let read = match list {
+            Some(list) => scene_images(list, config, inputs.files(), &mut left_out),
+            None => cloud_image(config, inputs.files()).map(|image| vec![image]),
+        };
+        let kept = read.and_then(|images| world::of_one_world(images, &mut left_out));
+        let images = match kept {
+            Ok(images) => images,
+            Err(fault) => return Ok(Outcome::skipped(fault.reason())),
+        };
+        if images.is_empty() {
+            let first = left_out.first().map_or("no image", String::as_str);
+            let more = match left_out.len().saturating_sub(1) {
+                0 => String::new(),
+                more => format!(" (and {more} more)"),
+            };
+            return Ok(Outcome::skipped(format!("{first}{more}")));
+        }
+        let unused_n = inputs.fact(UNUSED).and_then(|n| n.parse().ok());
+        let metrics = ViewsMetrics {
+            views_n: images.len() as f64,
+            measured_share: images.iter().map(measured_share).sum::<f64>() / images.len() as f64,
+            left_out_n: left_out.len() as f64,
+            unused_n: unused_n.unwrap_or(0.0),
+        };
+        let table = config.known_table();
+        let rows = images.iter().map(|image| row(image, table));
+        cx.write(&rows.collect::<Views>())?;
+        if !left_out.is_empty() {
+            cx.write_file(LEFT_OUT_FILE, (left_out.join("\n") + "\n").as_bytes())?;
+        }
+        Ok(Outcome::Made(metrics))
+    }
+}
+
+/// Says whether a scene's folder is at a path.
+fn is_scene(path: &Path) -> bool {
+    path.join(CAMERAS).exists()
+}
+
+/// Says whether a cloud's file is at a path.
+fn is_cloud(path: &Path) -> bool {
+    path.is_file() && cloud_format(path).is_some()
+}
+
+/// Checks that a scene or a cloud is at the option `path`.
+fn check_layout(path: &Path) -> Result<(), ViewsError> {
+    if is_scene(path) || is_cloud(path) {
+        return Ok(());
+    }
+    let path = path.to_owned();
+    if path.exists() {
+        let near = near(&path);
+        return Err(ViewsError::Neither { path, near });
+    }
+    Err(ViewsError::Nothing { path })
+}
+
+/// Reads the points of a cloud's bytes.
+type ReadPoints = fn(&[u8]) -> Result<Vec<[f64; 3]>, Fault>;
+
+/// Returns how the points of a cloud are read, by its extension.
+fn cloud_format(path: &Path) -> Option<ReadPoints> {
+    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
+        "ply" => Some(ply::points),
+        "npy" => Some(npy::points),
+        _ => None,
+    }
+}
+
+/// Looks for a scene up to two folders above a path, or for a scene or cloud up to two below it.
+fn near(path: &Path) -> Option<PathBuf> {
+    let mut above = path.ancestors().skip(1).take(2);
+    if let Some(scene) = above.find(|above| is_scene(above)) {
+        return Some(scene.to_owned());
+    }
+    let mut level = vec![path.to_owned()];
+    for _ in 0..2 {
+        let folders = level.iter().take(MAX_SEARCHED);
+        let entries = folders.flat_map(fs::read_dir).flatten().flatten();
+        level = entries.map(|entry| entry.path()).collect();
+        level.sort();
+        let mut found = level.iter();
+        if let Some(found) = found.find(|path| is_scene(path) || is_cloud(path)) {
+            return Some(found.clone());
+        }
+    }
+    None
+}
+
+/// Returns the unit of a scene's object.
+fn scene_unit(scene: &Path, object: &SceneObject) -> Unit {
+    let list = SourceFile::new(CAMERAS.to_owned(), scene.join(CAMERAS));
+    let mut unit = Unit::new(&object.name)
+        .with_label("object", &object.name)
+        .with_fact(UNUSED, object.unused_n.to_string())
+        .with_file(list);
+    let mut left_out = Vec::new();
+    for shown in &object.shown {
+        match shown.files(scene) {
+            Ok(files) => unit.files.extend(files),
+            Err(fault) => left_out.push(fault.of_image(shown.image)),
+        }
+    }
+    unit.with_fact(LEFT_OUT, left_out.join("\n"))
+}
+
+/// Reads the images of a scene's object; the reasons for those that cannot be used are added to `left_out`.
+fn scene_images(
+    list: &SourceFile,
+    config: &ViewsConfig,
+    files: &[SourceFile],
+    left_out: &mut Vec<String>,
+) -> Result<Vec<Image>, Fault> {
+    let cameras = bop::entries(&list.path)?;
+    let mut images: Vec<Image> = Vec::new();
+    let mut pixels_n = 0;
+    for (&number, entry) in &cameras {
+        let named = |name: &str| files.iter().find(|file| file.name.contains(name));
+        let Some(depth) = named(&bop::depth_file(number)) else {
+            continue;
+        };
+        let mask = named(&format!("/{number:06}_"));
+        match scene_image::read(format!("{number:06}"), entry, depth, mask, config) {
+            Ok(image) => {
+                pixels_n += image.view.mask.len();
+                images.push(image);
+            }
+            Err(fault) => left_out.push(fault.of_image(number)),
+        }
+        if pixels_n > MAX_PIXELS {
+            let problem = format!("its images have more than {MAX_PIXELS} pixels together");
+            return Err(Fault::new(problem, "choose fewer `images`"));
+        }
+    }
+    Ok(images)
+}
+
+/// Reads a cloud as an image.
+fn cloud_image(config: &ViewsConfig, files: &[SourceFile]) -> Result<Image, Fault> {
+    // Its unit has one.
+    let file = files.first().cloned();
+    let SourceFile { name, path, .. } = file.unwrap_or(SourceFile::named("", &config.path));
+    let bytes = file::read(&path, MAX_CLOUD_BYTES);
+    let parse = cloud_format(&path).unwrap_or(ply::points);
+    let points = bytes.and_then(|bytes| parse(&bytes));
+    let points = points.map_err(|fault| fault.in_file(&name))?;
+    let points = cloud::measured(&points, config.unit_m)?;
+    let view = cloud::depth_image(&points, &config.camera_in_world(), config.unit_m)?;
+    let (view, table) = object::found(view, None, config.known_table())?;
+    Ok(Image {
+        name,
+        view,
+        depth_step_m: cloud::DEPTH_STEP_M,
+        table,
+    })
+}
+
+/// Returns the share of an object's pixels that have a depth.
+fn measured_share(image: &Image) -> f64 {
+    let pixels = image.view.mask.iter().zip(&image.view.depth_m);
+    let (own_n, measured_n) = pixels
+        .filter(|(own, _)| **own)
+        .fold((0, 0), |(n, measured), it| {
+            (n + 1, measured + usize::from(*it.1 > 0.0))
+        });
+    measured_n as f64 / f64::from(own_n.max(1))
+}
+
+/// Returns an image as it is stored.
+fn row(image: &Image, table: Option<TablePlane>) -> View {
+    let view = &image.view;
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "depths are at most 65,535 steps of an image or 100 m of a cloud"
+    )]
+    let steps = |&depth_m: &f64| (depth_m / image.depth_step_m).round() as i64;
+    View {
+        view: image.name.clone(),
+        // No image has more pixels than an integer.
+        width: i64::try_from(view.intrinsics.width).unwrap_or(i64::MAX),
+        height: i64::try_from(view.intrinsics.height).unwrap_or(i64::MAX),
+        focal_px: view.intrinsics.focal,
+        center_px: view.intrinsics.center,
+        world_from_camera: view.world_from_camera,
+        table: table
+            .map(|table| [table.up.x, table.up.y, table.up.z, table.height_m])
+            .into_iter()
+            .collect(),
+        depth_step_m: image.depth_step_m,
+        depth: view.depth_m.iter().map(steps).collect(),
+        mask: View::runs(&view.mask),
+        world_from_object: Vec::new(),
+    }
+}
