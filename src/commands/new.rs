@@ -149,6 +149,8 @@ mod tests {
         there.retain(|path| !path.starts_with("pipelines/studies/tables/"));
         // They need a program or a trained function of this repository.
         there.remove("pipelines/camera.toml");
+        there.remove("pipelines/depth.toml");
+        there.remove("pipelines/studies/views.toml");
         there.remove("pipelines/pretrained.toml");
         there.remove("pipelines/studies/pretrained.toml");
         there.remove("pipelines/studies/agreement_pretrained.toml");

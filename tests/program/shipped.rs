@@ -18,6 +18,8 @@ struct Shipped {
     file: String,
     /// Whether a stage sends motions to a cell.
     dispatches: bool,
+    /// Whether it reads images instead of recordings.
+    reads_views: bool,
 }
 
 fn shipped() -> Vec<Shipped> {
@@ -31,6 +33,7 @@ fn shipped() -> Vec<Shipped> {
                 .stages
                 .iter()
                 .any(|stage| stage.kind.name == "dispatch"),
+            reads_views: read.stages.iter().any(|stage| stage.kind.name == "views"),
         });
     }
     assert!(all.len() > 7 && all.iter().any(|one| one.dispatches));
@@ -56,11 +59,20 @@ impl Shipped {
 #[test]
 fn each_is_planned_and_found_ready() {
     let bench = Bench::new();
+    let cloud = bench.root().join("cloud.ply");
+    let head = "ply\nformat ascii 1.0\nelement vertex 1";
+    let properties = ["x", "y", "z"].map(|axis| format!("property float {axis}\n"));
+    let text = format!("{head}\n{}end_header\n0 0 0.5\n", properties.concat());
+    fs::write(&cloud, text).unwrap();
     for one in shipped() {
         for command in ["plan", "doctor"] {
             let mut program = one.command(command, &bench);
-            let root = format!("ingest.root={}", bench.root().display());
-            let ran = program.args(["--set", &root]).output().unwrap();
+            let path = if one.reads_views {
+                format!("views.path={}", cloud.display())
+            } else {
+                format!("ingest.root={}", bench.root().display())
+            };
+            let ran = program.args(["--set", &path]).output().unwrap();
             let said = stderr(&ran);
             assert_eq!(
                 ran.status.code(),

@@ -34,12 +34,9 @@ impl Stage for Sample {
 
     const KIND: &'static str = "sample";
     const ABOUT: &'static str = "Samples motions for each object from a grasping function";
-    const INPUTS: &'static [&'static str] = &[
-        checkpoint::NAME,
-        Object::NAME,
-        FieldInfo::NAME,
-        Trajectory::NAME,
-    ];
+    const INPUTS: &'static [&'static str] = &[checkpoint::NAME, Object::NAME, FieldInfo::NAME];
+    /// Demonstrations, with which the report compares the samples.
+    const OPTIONAL_INPUTS: &'static [&'static str] = &[Trajectory::NAME];
     const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 
     /// Checks the hand's URDF.

@@ -237,7 +237,7 @@ fn grid(low: Point3<f64>, high: Point3<f64>, step_m: f64) -> impl Iterator<Item 
 
 #[cfg(test)]
 mod tests {
-    use depth_view::{Intrinsics, RenderedObject, StereoNoise, looking_at, render};
+    use depth_view::{DepthView, Intrinsics, RenderedObject, StereoNoise, looking_at, render};
     use geometry::solid::{ellipse, loft, rounded_rectangle};
     use nalgebra::UnitQuaternion;
     use spatial::Pose;
@@ -332,6 +332,30 @@ mod tests {
         // The image of the free space by half a turn is free, too.
         let both = volume(Completion::Symmetry);
         assert!(both < 0.9 * carved, "{both} {carved}");
+    }
+
+    #[test]
+    fn stray_pixels_of_a_mask_are_no_part_of_the_object() {
+        let carton = loft(&[0.0, 0.14].map(|z| rounded_rectangle(0.03, 0.045, 0.004, z)));
+        let object = RenderedObject {
+            mesh: &carton,
+            world_from_object: Pose::identity(),
+        };
+        let camera = looking_at(Point3::new(0.45, 0.1, 0.42), Point3::new(0.0, 0.0, 0.05));
+        let view = render(&object, &Intrinsics::of_field(640, 480, 1.2), &camera).view;
+        let mut stray = view.clone();
+        // A patch of the table behind it, apart from the outline.
+        let top = view.mask.iter().position(|&own| own).unwrap();
+        let (x, y) = view.intrinsics.coordinates(top);
+        for row in y - 60..y - 45 {
+            stray.mask[row * 640 + x..row * 640 + x + 15].fill(true);
+        }
+        let volume = |view: &DepthView| {
+            let observation = Observation::new(std::slice::from_ref(view), None).unwrap();
+            let shape = complete(&observation, Completion::Symmetry).unwrap();
+            shape.mesh.volume_m3()
+        };
+        assert!((volume(&stray) / volume(&view) - 1.0).abs() < 0.02);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! What views say of an object: points of its surface, and the space in which it is not.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 
 use depth_view::{DepthView, Intrinsics, SeenPoint, TablePlane, cloud, table_plane};
 use nalgebra::{Isometry3, Matrix3, Point3, Rotation3, UnitQuaternion, Vector3};
@@ -14,6 +14,10 @@ const LEAST_POINTS: usize = 50;
 const CELL_M: f64 = 0.0025;
 /// Least number of points in a cell and those about it.
 const LEAST_NEIGHBORS: usize = 6;
+/// Parts of an object that are farther apart than this are clusters of their own, in meters.
+const GAP_M: f64 = 0.01;
+/// Least size of a cluster, as a share of the largest one's points.
+const LEAST_CLUSTER: f64 = 0.15;
 /// Points farther below the table than this are errors, in meters.
 const BELOW_M: f64 = 0.005;
 
@@ -63,6 +67,12 @@ impl Observation {
         let on_table = |seen: &SeenPoint| table.above_m(&seen.point_in_world) > -BELOW_M;
         let seen: Vec<SeenPoint> = clouds.concat().into_iter().filter(on_table).collect();
         let seen = averaged(&seen);
+        let kept = largest_clusters(&seen);
+        let is_kept = |point: &Point3<f64>| kept.contains(&coarse_cell(point));
+        let seen: Vec<Surfel> = seen
+            .into_iter()
+            .filter(|seen| is_kept(&seen.point))
+            .collect();
         if seen.len() < LEAST_POINTS {
             return Err(CompletionError::FewPoints {
                 found: seen.len(),
@@ -75,11 +85,9 @@ impl Observation {
         let world_from_object: Pose<World, Object> = Pose::from_parts(foot.coords, rotation);
         let object_from_world = world_from_object.inverse();
         let cameras = views.iter().zip(&clouds).map(|(view, cloud)| {
-            ObservedView::new(
-                view,
-                cloud,
-                *(object_from_world * view.world_from_camera).inverse(),
-            )
+            let own = cloud.iter().filter(|seen| is_kept(&seen.point_in_world));
+            let camera_from_object = (object_from_world * view.world_from_camera).inverse();
+            ObservedView::new(view, own, *camera_from_object)
         });
         Ok(Self {
             points: seen
@@ -120,7 +128,11 @@ impl Observation {
 }
 
 impl ObservedView {
-    fn new(view: &DepthView, cloud: &[SeenPoint], camera_from_object: Isometry3<f64>) -> Self {
+    fn new<'a>(
+        view: &DepthView,
+        cloud: impl Iterator<Item = &'a SeenPoint>,
+        camera_from_object: Isometry3<f64>,
+    ) -> Self {
         let mut depth_m = vec![0.0; view.depth_m.len()];
         for seen in cloud {
             let in_camera = view
@@ -129,10 +141,12 @@ impl ObservedView {
             depth_m[seen.pixel] = in_camera.z;
         }
         fill(&mut depth_m, &view.mask, &view.intrinsics);
+        // What of the mask shows other things is beside the object.
+        let mask: Vec<bool> = depth_m.iter().map(|&depth_m| depth_m > 0.0).collect();
         Self {
             intrinsics: view.intrinsics,
             camera_from_object,
-            beside_px: beside(&view.mask, &view.intrinsics),
+            beside_px: beside(&mask, &view.intrinsics),
             depth_m,
         }
     }
@@ -207,10 +221,8 @@ fn averaged(seen: &[SeenPoint]) -> Vec<Surfel> {
         *points += seen.point_in_world.coords;
         *normals += seen.normal_in_world.into_inner();
     }
-    let around = |[x, y, z]: [i32; 3]| {
-        let near =
-            (-1..=1).flat_map(|a| (-1..=1).flat_map(move |b| (-1..=1).map(move |c| [a, b, c])));
-        let near = near.filter_map(|[a, b, c]| cells.get(&[x + a, y + b, z + c]));
+    let around = |at: [i32; 3]| {
+        let near = neighbors(at).filter_map(|other| cells.get(&other));
         near.map(|(n, ..)| n).sum::<usize>()
     };
     cells
@@ -223,6 +235,49 @@ fn averaged(seen: &[SeenPoint]) -> Vec<Surfel> {
             })
         })
         .collect()
+}
+
+/// Returns the cells of the largest cluster of points, and of those that are not much smaller: a mask's stray pixels show
+/// other things, and a part of an object may be hidden from a camera.
+fn largest_clusters(points: &[Surfel]) -> BTreeSet<[i32; 3]> {
+    let mut open: BTreeMap<[i32; 3], usize> = BTreeMap::new();
+    for surfel in points {
+        *open.entry(coarse_cell(&surfel.point)).or_default() += 1;
+    }
+    let mut clusters: Vec<(usize, BTreeSet<[i32; 3]>)> = Vec::new();
+    while let Some((first, n)) = open.pop_first() {
+        let (mut cells, mut points_n) = (BTreeSet::from([first]), n);
+        let mut frontier = vec![first];
+        while let Some(at) = frontier.pop() {
+            for other in neighbors(at) {
+                if let Some(n) = open.remove(&other) {
+                    points_n += n;
+                    cells.insert(other);
+                    frontier.push(other);
+                }
+            }
+        }
+        clusters.push((points_n, cells));
+    }
+    let largest_n = clusters.iter().map(|(n, _)| *n).max().unwrap_or_default();
+    let large = |n: usize| n as f64 >= LEAST_CLUSTER * largest_n as f64;
+    let kept = clusters.into_iter().filter(|(n, _)| large(*n));
+    kept.flat_map(|(_, cells)| cells).collect()
+}
+
+/// Returns the cell of a point by which clusters are told apart.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "cells of a centimeter in a room"
+)]
+fn coarse_cell(point: &Point3<f64>) -> [i32; 3] {
+    [0, 1, 2].map(|axis| (point[axis] / GAP_M).floor() as i32)
+}
+
+/// Returns a cell and those about it.
+fn neighbors([x, y, z]: [i32; 3]) -> impl Iterator<Item = [i32; 3]> {
+    let along = |at: i32| at - 1..=at + 1;
+    along(x).flat_map(move |x| along(y).flat_map(move |y| along(z).map(move |z| [x, y, z])))
 }
 
 /// Gives each pixel of the mask without a depth that of the nearest with one, along rows and columns.
