@@ -274,9 +274,9 @@ mod tests {
         }
     }
 
-    fn run(views: Views, out: &Path) -> Outcome<CompleteMetrics> {
+    fn run(views: &Views, out: &Path) -> Outcome<CompleteMetrics> {
         let folder = tempfile::tempdir().unwrap();
-        lake::table::write(folder.path(), &views).unwrap();
+        lake::table::write(folder.path(), views).unwrap();
         let given = vec![artifact(folder.path(), lake::table::FILE)];
         let inputs = Inputs::new(
             BTreeMap::from([(Views::NAME.to_owned(), given)]),
@@ -289,7 +289,7 @@ mod tests {
     #[test]
     fn an_object_is_estimated_as_it_stands() {
         let out = tempfile::tempdir().unwrap();
-        assert!(matches!(run(vec![view()], out.path()), Outcome::Made(_)));
+        assert!(matches!(run(&vec![view()], out.path()), Outcome::Made(_)));
         let object: Object = lake::table::read(&artifact(out.path(), lake::table::FILE)).unwrap();
         // 0.38 l of the density of water, by chance and errors of a fifth.
         assert!(
@@ -314,7 +314,7 @@ mod tests {
     #[test]
     fn a_view_without_object_or_table_is_skipped_with_its_reason() {
         let out = tempfile::tempdir().unwrap();
-        let reason = |view: View| match run(vec![view], out.path()) {
+        let reason = |view: View| match run(&vec![view], out.path()) {
             Outcome::Skipped { reason } => reason,
             other => panic!("{other:?}"),
         };

@@ -70,7 +70,7 @@ impl Png {
                 0 => 0,
                 1 => a,
                 2 => b,
-                3 => (a + b) / 2,
+                3 => i32::midpoint(a, b),
                 _ => nearest.unwrap(),
             };
             *byte = byte.wrapping_sub(u8::try_from(predicted).unwrap());

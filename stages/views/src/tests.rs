@@ -725,7 +725,7 @@ fn a_cloud_that_shows_no_object_on_a_table_is_skipped_with_the_reason() {
                 usize::from(more.get("table").is_some())
             ),
             (Err(reason), Some(expected)) => {
-                assert!(reason.contains(expected), "{expected}: {reason}")
+                assert!(reason.contains(expected), "{expected}: {reason}");
             }
             (Ok(_), Some(expected)) => panic!("{expected}: read"),
             (Err(reason), None) => panic!("{reason}"),

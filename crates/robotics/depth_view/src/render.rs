@@ -146,11 +146,11 @@ mod tests {
             center: [100.0, 100.0],
         };
         let Rendered { view, incidence } = render(&object, &intrinsics, &camera);
-        for pixel in 0..intrinsics.pixels_n() {
-            let depth_m = if view.mask[pixel] { 0.5 } else { 0.6 };
-            assert!((view.depth_m[pixel] - depth_m).abs() < 1e-6);
-            assert!(incidence[pixel] > 0.9);
+        for (own, found_m) in view.mask.iter().zip(&view.depth_m) {
+            let depth_m = if *own { 0.5 } else { 0.6 };
+            assert!((found_m - depth_m).abs() < 1e-6);
         }
+        assert!(incidence.iter().all(|&cosine| cosine > 0.9));
         // The top is 100.6 mm by 40.6 mm, at 0.5 m: 101 pixels by 41.
         let seen = view.mask.iter().filter(|&&of_object| of_object).count();
         assert_eq!(seen, 101 * 41);
