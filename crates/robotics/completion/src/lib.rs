@@ -1,7 +1,7 @@
 //! Closed shapes of objects from depth images.
 //!
 //! [`Observation`] gathers what one or several views say of an object on a table: its cleaned points, and which space is
-//! free. [`complete`] closes the shape on the side that no camera saw.
+//! free. [`complete()`] closes the shape on the side that no camera saw.
 //!
 //! ```
 //! use completion::{Completion, Observation, complete};
