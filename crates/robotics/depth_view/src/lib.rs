@@ -1,8 +1,8 @@
 //! Depth images: what a camera sees of an object on a table, and what follows from it.
 //!
 //! A [`DepthView`] is an image of depths with the camera's intrinsics, its pose and the pixels of one object.
-//! [`render`] makes one of a mesh, [`StereoNoise`] gives it the errors of a stereo camera; [`table_plane`] finds the
-//! table, [`largest_object`] the pixels of an object on it, [`cloud`] cleaned points of the object with their normals.
+//! [`render()`] makes one of a mesh, [`StereoNoise`] gives it the errors of a stereo camera; [`table_plane()`] finds the
+//! table, [`largest_object`] the pixels of an object on it, [`cloud()`] cleaned points of the object with their normals.
 //!
 //! ```
 //! use depth_view::{Intrinsics, RenderedObject, cloud, looking_at, render, table_plane};
