@@ -13,8 +13,8 @@ const TRIES: usize = 200;
 /// Points nearer to a plane than this lie on it, in meters at a depth of 1 m; it grows with the square of the depth, as a
 /// stereo camera's errors do, from a least distance.
 const NEAR_M: f64 = 0.008;
-/// The least such distance, in meters.
-const LEAST_NEAR_M: f64 = 0.002;
+/// The least and the greatest such distance, in meters: a room behind the table is no part of it.
+const NEAR_BOUNDS_M: [f64; 2] = [0.002, 0.012];
 /// Least share of the pixels that lie on the table, in percent.
 const LEAST_SHARE: f64 = 20.0;
 
@@ -77,8 +77,14 @@ pub fn table_plane(view: &DepthView) -> Result<TablePlane, ViewError> {
     };
     for _ in 0..3 {
         let on: Vec<Point3<f64>> = points.iter().filter(|&p| plane.holds(p)).copied().collect();
-        n = on.len();
-        plane = Plane::fitted(&on).unwrap_or(plane);
+        let Some(fitted) = Plane::fitted(&on) else {
+            break;
+        };
+        let held_n = points.iter().filter(|&point| fitted.holds(point)).count();
+        if held_n < n {
+            break;
+        }
+        (n, plane) = (held_n, fitted);
     }
     let share = 100.0 * n as f64 / points.len() as f64;
     if share < LEAST_SHARE {
@@ -126,7 +132,7 @@ impl Plane {
     }
 
     fn holds(&self, point: &Point3<f64>) -> bool {
-        let near_m = (NEAR_M * point.z.powi(2)).max(LEAST_NEAR_M);
+        let near_m = (NEAR_M * point.z.powi(2)).clamp(NEAR_BOUNDS_M[0], NEAR_BOUNDS_M[1]);
         (self.normal.dot(&point.coords) - self.offset_m).abs() < near_m
     }
 
@@ -164,6 +170,29 @@ mod tests {
         let noisy = table_plane(&StereoNoise::default().measured(&rendered, 1)).unwrap();
         assert!(noisy.up.z > 0.3_f64.to_radians().cos(), "{noisy:?}");
         assert!(noisy.height_m.abs() < 0.001, "{noisy:?}");
+    }
+
+    #[test]
+    fn a_room_behind_the_table_does_not_move_it() {
+        let camera = looking_at(Point3::new(0.5, 0.0, 0.25), Point3::new(0.0, 0.0, 0.02));
+        let mesh = TriMesh::cuboid(
+            Point3::new(-0.02, -0.02, 0.0),
+            Point3::new(0.02, 0.02, 0.05),
+        );
+        let object = RenderedObject {
+            mesh: &mesh,
+            world_from_object: Pose::identity(),
+        };
+        let mut view = render(&object, &Intrinsics::of_field(320, 240, 1.2), &camera).view;
+        // The table ends a meter away; behind it is a wall, and above it nothing.
+        for depth_m in &mut view.depth_m {
+            if !(0.0..1.0).contains(depth_m) || *depth_m == 0.0 {
+                *depth_m = 5.0 + 2.0 * *depth_m % 1.0;
+            }
+        }
+        let table = table_plane(&view).unwrap();
+        assert!(table.up.z > 0.2_f64.to_radians().cos(), "{table:?}");
+        assert!(table.height_m.abs() < 0.002, "{table:?}");
     }
 
     #[test]
