@@ -155,7 +155,8 @@ fn image(
         );
         let camera = looking_at(target + direction * config.distance_m, target);
         let rendered = render(object, &intrinsics, &camera);
-        if reaches_border(&rendered.view) || !rendered.view.mask.contains(&true) {
+        let mask = &rendered.view.mask;
+        if intrinsics.is_cut_off(mask) || !mask.contains(&true) {
             continue;
         }
         let mut view = config.noise.measured(&rendered, random.random());
@@ -178,15 +179,6 @@ fn known(
     let off = direction().into_inner() * config.position_error_m;
     let turn = UnitQuaternion::from_axis_angle(&direction(), config.orientation_error_rad);
     Pose::from_parts(camera.translation.vector + off, turn * camera.rotation)
-}
-
-fn reaches_border(view: &DepthView) -> bool {
-    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
-    let mut own = (0..view.mask.len()).filter(|&pixel| view.mask[pixel]);
-    own.any(|pixel| {
-        let (x, y) = view.intrinsics.coordinates(pixel);
-        x == 0 || y == 0 || x + 1 == width || y + 1 == height
-    })
 }
 
 fn stored(view: String, image: &DepthView, world_from_object: Pose<World, InObject>) -> View {

@@ -86,12 +86,7 @@ fn check_mask(view: &DepthView) -> Result<(), Fault> {
             OTHER,
         ));
     }
-    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
-    let at_border = |pixel| {
-        let (x, y) = view.intrinsics.coordinates(pixel);
-        x == 0 || y == 0 || x + 1 == width || y + 1 == height
-    };
-    if own().any(at_border) {
+    if view.intrinsics.is_cut_off(&view.mask) {
         return Err(ViewError::OutOfView.into());
     }
     Ok(())

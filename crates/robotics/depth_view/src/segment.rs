@@ -54,20 +54,10 @@ pub fn largest_object(view: &DepthView, table: &TablePlane) -> Result<Vec<bool>,
     for &pixel in &largest {
         mask[pixel] = true;
     }
-    if reaches_border(view, &mask) {
+    if view.intrinsics.is_cut_off(&mask) {
         return Err(ViewError::OutOfView);
     }
     Ok(mask)
-}
-
-/// Says whether a pixel of the mask is at the image's border.
-fn reaches_border(view: &DepthView, mask: &[bool]) -> bool {
-    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
-    let at_border = |pixel: usize| {
-        let (x, y) = view.intrinsics.coordinates(pixel);
-        x == 0 || y == 0 || x + 1 == width || y + 1 == height
-    };
-    (0..mask.len()).any(|pixel| mask[pixel] && at_border(pixel))
 }
 
 #[cfg(test)]

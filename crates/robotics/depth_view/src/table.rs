@@ -184,9 +184,9 @@ mod tests {
             world_from_object: Pose::identity(),
         };
         let mut view = render(&object, &Intrinsics::of_field(320, 240, 1.2), &camera).view;
-        // The table ends a meter away; behind it is a wall, and above it nothing.
+        // The table ends a meter away, and behind it is a wall with things before it.
         for depth_m in &mut view.depth_m {
-            if !(0.0..1.0).contains(depth_m) || *depth_m == 0.0 {
+            if *depth_m <= 0.0 || *depth_m >= 1.0 {
                 *depth_m = 5.0 + 2.0 * *depth_m % 1.0;
             }
         }

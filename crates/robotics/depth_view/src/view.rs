@@ -66,6 +66,14 @@ impl Intrinsics {
         Some(within(y, self.height)? * self.width + within(x, self.width)?)
     }
 
+    /// Says whether a pixel of a mask is at the image's border, so that a part of what the mask shows may be out of view.
+    pub fn is_cut_off(&self, mask: &[bool]) -> bool {
+        (0..mask.len()).any(|pixel| {
+            let (x, y) = self.coordinates(pixel);
+            mask[pixel] && (x == 0 || y == 0 || x + 1 == self.width || y + 1 == self.height)
+        })
+    }
+
     /// Returns the coordinates of a pixel by its index.
     pub fn coordinates(&self, pixel: usize) -> (usize, usize) {
         (pixel % self.width, pixel / self.width)
