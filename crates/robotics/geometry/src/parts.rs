@@ -157,13 +157,18 @@ pub fn coarse_parts(
     let (low, high) = mesh.bounds();
     // Corners of voxels, which stick out.
     let within = |vertex: &Point3<f64>| vertex.inf(&high).sup(&low);
-    let parts: Vec<_> = split
+    let bodies: Vec<TriMesh> = split
         .compute_convex_hulls(1)
         .iter()
         .filter_map(|(vertices, _)| {
             let vertices: Vec<_> = vertices.iter().map(|v| within(&double(v))).collect();
-            few(&vertices).ok()
+            convex_hull(&vertices).ok()
         })
+        .collect();
+    // It cuts into more than it is asked for.
+    let parts: Vec<_> = merged(bodies, max_parts, &SurfaceDistance::new(mesh))
+        .iter()
+        .filter_map(|part| few(&part.vertices_m).ok())
         .collect();
     if parts.is_empty() {
         return Ok(vec![few(&hull.vertices_m)?]);

@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use geometry::{
-    MAX_PART_VERTICES, SurfaceDistance, TriMesh, convex_parts, mass_properties, parts_within,
-    stable_rests,
+    MAX_PART_VERTICES, SurfaceDistance, TriMesh, coarse_parts, convex_parts, mass_properties,
+    parts_within, stable_rests,
 };
 use nalgebra::{Point3, Vector3};
 use rand::{Rng, SeedableRng};
@@ -339,6 +339,34 @@ fn a_cup_is_split_into_parts_that_leave_it_open() {
         volume > 0.8 * own && volume < 1.8 * own,
         "parts {volume} of {own}"
     );
+}
+
+#[test]
+fn coarse_parts_leave_a_cup_open_and_a_box_whole() {
+    let cup = cup();
+    let parts = coarse_parts(&cup, 12).unwrap();
+    assert!(parts.len() > 4 && parts.len() <= 12, "{}", parts.len());
+    let (low, high) = cup.bounds();
+    let longest_m = (high - low).max();
+    let surface = SurfaceDistance::new(&cup);
+    for part in &parts {
+        assert!(part.len() <= MAX_PART_VERTICES);
+        // Off by a voxel, 1/40 of the longest side, and its diagonal.
+        for corner in part {
+            let distance_m = surface.signed_distance(corner).distance_m;
+            assert!(distance_m < 0.05 * longest_m, "{distance_m} m");
+        }
+        let hull = TriMesh {
+            vertices_m: part.clone(),
+            triangles: Vec::new(),
+        };
+        let hull = SurfaceDistance::new(&hull.convex_hull().unwrap());
+        let inside = hull.signed_distance(&Point3::new(0.0, 0.0, 0.05));
+        assert!(inside.distance_m > 0.005, "a part fills the cup");
+    }
+    let brick = cuboid([0.0; 3], [0.05, 0.06, 0.07]);
+    let parts = coarse_parts(&brick, 12).unwrap();
+    assert_eq!((parts.len(), parts[0].len()), (1, 8));
 }
 
 #[test]
