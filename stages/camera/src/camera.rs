@@ -51,7 +51,7 @@ impl Stage for SimulatedCamera {
 
     const KIND: &'static str = "camera";
     const ABOUT: &'static str =
-        "Takes depth images of objects on a table by a simulated stereo camera";
+        "Takes depth images of objects by a simulated stereo camera";
     const INPUTS: &'static [&'static str] = CameraInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

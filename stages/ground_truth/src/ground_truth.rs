@@ -56,7 +56,7 @@ impl Stage for GroundTruth {
 
     const KIND: &'static str = "ground_truth";
     const ABOUT: &'static str =
-        "Puts motions that were planned on estimated objects before the true ones";
+        "Puts motions planned on estimates before the true objects";
     const INPUTS: &'static [&'static str] = GroundTruthInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 }
