@@ -50,8 +50,7 @@ impl Stage for SimulatedCamera {
     type Config = CameraConfig;
 
     const KIND: &'static str = "camera";
-    const ABOUT: &'static str =
-        "Takes depth images of objects by a simulated stereo camera";
+    const ABOUT: &'static str = "Takes depth images of objects by a simulated stereo camera";
     const INPUTS: &'static [&'static str] = CameraInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self];
 }

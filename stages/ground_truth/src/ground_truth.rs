@@ -55,8 +55,7 @@ impl Stage for GroundTruth {
     type Config = GroundTruthConfig;
 
     const KIND: &'static str = "ground_truth";
-    const ABOUT: &'static str =
-        "Puts motions planned on estimates before the true objects";
+    const ABOUT: &'static str = "Puts motions planned on estimates before the true objects";
     const INPUTS: &'static [&'static str] = GroundTruthInputs::INPUTS;
     const OUTPUTS: Outputs<Self> = &[&Self, &SiblingTable::<Self, Draws>::OUTPUT];
 }
