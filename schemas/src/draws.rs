@@ -24,6 +24,8 @@ words! {
         Table = "table",
         /// Another draw of the motion had a smaller residual.
         Residual = "residual",
+        /// Its refinement changed another draw of the motion less.
+        Change = "change",
         /// No motion of the hand could be formed of it.
         Motion = "motion",
     }

@@ -23,7 +23,7 @@ use schemas::{
 };
 use spatial::RestingPose;
 
-use crate::RefineConfig;
+use crate::{ChooseBy, RefineConfig};
 
 /// Refines candidate motions against object and table before physics.
 pub struct Refine;
@@ -222,7 +222,7 @@ impl Refinement<'_> {
         let drawn_n = attempts.len() as f64;
         let mut candidates: Vec<(Candidate, Refined)> = Vec::new();
         let mut draws = Draws::new();
-        for rows in rows_of_motions(attempts, self.config.draws) {
+        for rows in rows_of_motions(attempts, self.config) {
             draws.extend(rows.draws);
             candidates.extend(rows.kept);
         }
@@ -309,17 +309,30 @@ struct MotionRows {
     draws: Draws,
 }
 
-/// Makes of `draws` or more consecutive attempts with the same resting pose the rows of one motion.
-fn rows_of_motions(attempts: Vec<Attempt>, draws: usize) -> Vec<MotionRows> {
+/// Makes of at least as many consecutive attempts with the same resting pose as the options say the rows of one motion.
+fn rows_of_motions(attempts: Vec<Attempt>, config: &RefineConfig) -> Vec<MotionRows> {
     let rest = |attempt: &Attempt| attempt.candidate.table_from_object;
-    let residual_m2 = |attempt: &Attempt| Some(attempt.refined.as_ref().ok()?.residual_m2);
-    let choices = refinement::choose(attempts, draws, rest, residual_m2);
-    choices.into_iter().map(MotionRows::of).collect()
+    let score = |attempt: &Attempt| {
+        let refined = attempt.refined.as_ref().ok()?;
+        Some(match config.choose_by {
+            ChooseBy::Residual => (false, refined.residual_m2),
+            ChooseBy::Change => (!refined.is_opposed, refined.joints_moved_rad),
+        })
+    };
+    let choices = refinement::choose(attempts, config.draws, rest, score);
+    let refusal = match config.choose_by {
+        ChooseBy::Residual => Refusal::Residual,
+        ChooseBy::Change => Refusal::Change,
+    };
+    let rows = choices
+        .into_iter()
+        .map(|choice| MotionRows::of(choice, refusal));
+    rows.collect()
 }
 
 impl MotionRows {
-    /// Names all draws of a motion by the chosen one, and counts them through.
-    fn of(choice: Choice<Attempt>) -> Self {
+    /// Names all draws of a motion by the chosen one, and counts them through; the others are refused for this reason.
+    fn of(choice: Choice<Attempt>, refusal: Refusal) -> Self {
         let chosen = choice.draws.get(choice.chosen);
         let chosen_id = chosen.map(|attempt| attempt.candidate.candidate_id.clone());
         let candidate_id = chosen_id.unwrap_or_default();
@@ -339,7 +352,7 @@ impl MotionRows {
                         candidate.source.draw_n += before_n;
                         kept = Some((candidate, refined));
                     } else {
-                        draws.push(Draw::refused(&candidate, Refusal::Residual));
+                        draws.push(Draw::refused(&candidate, refusal));
                     }
                 }
                 Err(fault) => {
@@ -597,11 +610,50 @@ mod tests {
         assert!(err.hint().unwrap().contains("in `refine`"));
     }
 
+    /// The draw that was changed least is chosen whatever its residual is, but not one whose thumb nothing opposes.
+    #[test]
+    fn the_draw_that_was_changed_least_is_chosen_if_a_finger_opposes_its_thumb() {
+        let attempt = |name: &str, residual_m2, joints_moved_rad, is_opposed| Attempt {
+            candidate: candidate(name, 1, 0.5),
+            refused: Draws::new(),
+            refined: Ok(Refined {
+                motion: candidate("", 1, 0.5).motion,
+                residual_m2,
+                joints_moved_rad,
+                is_opposed,
+                palm_moved_m: 0.0,
+                approach_penetration_m: 0.0,
+            }),
+        };
+        let config = RefineConfig {
+            draws: 3,
+            choose_by: ChooseBy::Change,
+            ..config()
+        };
+        let attempts = vec![
+            attempt("box-0", 1e-6, 0.9, true),
+            attempt("box-1", 1e-4, 0.3, true),
+            attempt("box-2", 2e-2, 0.1, false),
+        ];
+        let motions = rows_of_motions(attempts, &config);
+        let [only] = &motions[..] else {
+            panic!("one motion");
+        };
+        assert_eq!(only.kept.as_ref().unwrap().0.candidate_id, "box-1");
+        let refusals: Vec<Option<Refusal>> = only.draws.iter().map(|draw| draw.refused).collect();
+        assert_eq!(
+            refusals,
+            [Some(Refusal::Change), None, Some(Refusal::Change)]
+        );
+    }
+
     #[test]
     fn a_motion_that_cannot_be_formed_is_a_refused_draw_and_the_others_go_on() {
         let refined = |residual_m2| Refined {
             motion: candidate("", 1, 0.5).motion,
             residual_m2,
+            joints_moved_rad: 0.0,
+            is_opposed: true,
             palm_moved_m: 0.0,
             approach_penetration_m: 0.0,
         };
@@ -617,7 +669,11 @@ mod tests {
             attempt("box-2", unformed()),
             attempt("box-3", unformed()),
         ];
-        let motions = rows_of_motions(attempts, 2);
+        let pairs = RefineConfig {
+            draws: 2,
+            ..config()
+        };
+        let motions = rows_of_motions(attempts, &pairs);
         let [some, none] = &motions[..] else {
             panic!("two pairs of draws");
         };

@@ -234,6 +234,7 @@ fn draws(inputs: &Inputs, facts: &Facts) -> Result<Option<Draws>, BoxedDiagnosti
                 Some(Refusal::Object) => "too deep in the object",
                 Some(Refusal::Table) => "too deep in the table",
                 Some(Refusal::Residual) => "another sample of the motion had a smaller residual",
+                Some(Refusal::Change) => "another sample of the motion was changed less",
                 Some(Refusal::Motion) => "no motion of the hand",
             };
             *draws.refused.entry(reason).or_default() += 1;

@@ -1,9 +1,9 @@
-//! Choice of one draw of a motion by its residual.
+//! Choice of one draw of a motion by a score.
 
 /// Draws of one motion, of which one is chosen.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Choice<T> {
-    /// Index in `draws` of the chosen one: that with the smallest residual, the first among equals.
+    /// Index in `draws` of the chosen one: that with the least score, the first among equals.
     pub chosen: usize,
     /// All draws, in their order.
     pub draws: Vec<T>,
@@ -13,8 +13,7 @@ pub struct Choice<T> {
 /// shared out evenly, at least `per_motion` to each motion; a pose with fewer has one motion. Choices are in the order
 /// of their chosen draws.
 ///
-/// `residual_m2` returns a draw's residual in square meters, or `None` of one that could not be refined, which any
-/// other beats.
+/// `score` returns what is least of the best draw, or `None` of one that could not be refined, which any other beats.
 ///
 /// ```
 /// let draws = vec![("lying", 0.3), ("upright", 0.2), ("lying", 0.1)];
@@ -22,11 +21,11 @@ pub struct Choice<T> {
 /// assert_eq!(choices[0].draws, [("upright", 0.2)]);
 /// assert_eq!((choices[1].chosen, choices[1].draws.len()), (1, 2));
 /// ```
-pub fn choose<T, P: PartialEq>(
+pub fn choose<T, P: PartialEq, S: PartialOrd>(
     draws: Vec<T>,
     per_motion: usize,
     resting_pose: impl Fn(&T) -> P,
-    residual_m2: impl Fn(&T) -> Option<f64>,
+    score: impl Fn(&T) -> Option<S>,
 ) -> Vec<Choice<T>> {
     let mut by_rest: Vec<(P, Vec<(usize, T)>)> = Vec::new();
     for (number, draw) in draws.into_iter().enumerate() {
@@ -44,8 +43,7 @@ pub fn choose<T, P: PartialEq>(
         for motion in 0..motions_n {
             let draws_n = least_n + usize::from(motion < more_n);
             let of_motion: Vec<(usize, T)> = alike.by_ref().take(draws_n).collect();
-            let residuals = of_motion.iter().map(|(_, draw)| residual_m2(draw));
-            let chosen = smallest(residuals.map(|residual| residual.unwrap_or(f64::INFINITY)));
+            let chosen = least(of_motion.iter().map(|(_, draw)| score(draw)));
             let number = of_motion
                 .get(chosen)
                 .map_or(usize::MAX, |(number, _)| *number);
@@ -57,9 +55,12 @@ pub fn choose<T, P: PartialEq>(
     choices.into_iter().map(|(_, choice)| choice).collect()
 }
 
-/// Returns the index of the smallest number, the first among equals; 0 of none.
-fn smallest(numbers: impl Iterator<Item = f64>) -> usize {
-    let least = numbers.enumerate().min_by(|(_, a), (_, b)| a.total_cmp(b));
+/// Returns the index of the least score, the first among equals; 0 of none.
+fn least<S: PartialOrd>(scores: impl Iterator<Item = Option<S>>) -> usize {
+    let scored = scores
+        .enumerate()
+        .filter_map(|(idx, score)| Some((idx, score?)));
+    let least = scored.reduce(|best, other| if other.1 < best.1 { other } else { best });
     least.map_or(0, |(idx, _)| idx)
 }
 
@@ -67,7 +68,7 @@ fn smallest(numbers: impl Iterator<Item = f64>) -> usize {
 mod tests {
     use super::*;
 
-    /// Chooses among draws with these resting poses and residuals; returns the chosen draw and all of each choice.
+    /// Chooses among draws with these resting poses and scores; returns the chosen draw and all of each choice.
     fn check(draws: &[(u8, Option<f64>)], per_motion: usize, expected: &[(usize, &[usize])]) {
         let numbers = (0..draws.len()).collect();
         let choices = choose(
@@ -84,7 +85,7 @@ mod tests {
     }
 
     #[test]
-    fn the_smallest_residual_of_consecutive_draws_is_chosen_the_first_among_equals() {
+    fn the_least_score_of_consecutive_draws_is_chosen_the_first_among_equals() {
         let draws = [
             (0, Some(2.0)),
             (0, Some(1.0)),

@@ -42,6 +42,8 @@ pub(crate) struct RefinedGrasp {
     pub(crate) squeeze_rad: Vec<f64>,
     /// Weighted squared residuals of object, table, contact and balance, in m².
     pub(crate) residual_m2: f64,
+    /// Whether the balance is defined.
+    pub(crate) is_opposed: bool,
 }
 
 impl Refiner<'_> {
@@ -67,19 +69,20 @@ impl Refiner<'_> {
         }
         let found = best.0.clone();
         for start in restarts(&found, &contacts, self.config.restart_angle_rad) {
-            if self.residual_m2(&best.0, &mut terms)? < RESTART_RESIDUAL_M2 {
+            if self.residual_m2(&best.0, &mut terms)?.0 < RESTART_RESIDUAL_M2 {
                 break;
             }
             self.try_restart(&mut best, grasp, start, &mut terms)?;
         }
         let (placed, _) = best;
-        let residual_m2 = self.residual_m2(&placed, &mut terms)?;
+        let (residual_m2, is_opposed) = self.residual_m2(&placed, &mut terms)?;
         let squeezed = self.squeezed(environment, &placed, &terms)?;
         let joints = squeezed.q.iter().zip(&placed.posture.q);
         Ok(RefinedGrasp {
             squeeze_rad: joints.map(|(squeezed, q)| squeezed - q).collect(),
             placed,
             residual_m2,
+            is_opposed,
         })
     }
 
@@ -103,23 +106,24 @@ impl Refiner<'_> {
         Ok(())
     }
 
-    /// Returns the weighted squared residuals of a grasp, in m².
+    /// Returns the weighted squared residuals of a grasp, in m², and whether its balance is defined.
     fn residual_m2(
         &mut self,
         placed: &PosedHand,
         terms: &mut StepTerms<'_>,
-    ) -> Result<f64, RefinementError> {
+    ) -> Result<(f64, bool), RefinementError> {
         let none = task(&[], None, None);
         let residual_m2 = self.solver.place(&none, &placed.posture, terms)?;
         let posed = self.solver.posed();
         let balance = terms.balance.as_ref();
         if balance.is_some_and(|balance| balance.is_defined(&posed)) {
-            return Ok(residual_m2);
+            return Ok((residual_m2, true));
         }
         // No finger opposes the thumb, or a tip is where the object has no surface: what is left is the thumb's
         // force, the object's weight, and a torque of that force at the characteristic length.
         let unbalanced = (1.0 + self.relative_load()).powi(2) + 1.0;
-        Ok(residual_m2 + self.config.balance_weight.powi(2) * unbalanced)
+        let unbalanced = self.config.balance_weight.powi(2) * unbalanced;
+        Ok((residual_m2 + unbalanced, false))
     }
 
     /// Returns where to search the grasp from. Fingers may be in each other there: the searches from there part them.

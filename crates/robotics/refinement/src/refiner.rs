@@ -26,6 +26,11 @@ pub struct Refined {
     /// Weighted squared residuals of object, table, contact, balance and, if it is on, self-collision at the grasp,
     /// and of the greatest depth in the object before the hand closes, in m²; smaller is better.
     pub residual_m2: f64,
+    /// Change of the joints' commands at the last step, as the root of its sum of squares over the joints, in radians
+    /// (meters if prismatic).
+    pub joints_moved_rad: f64,
+    /// Whether a finger opposes the thumb on the object's surface, so that contact forces can balance.
+    pub is_opposed: bool,
 }
 
 /// Refines motions of a hand to one object.
@@ -124,6 +129,7 @@ impl<'a> Refiner<'a> {
             placed,
             squeeze_rad,
             mut residual_m2,
+            is_opposed,
         } = self.grasp(environment, &drawn, &clearances_m)?;
         let mut refined = vec![placed];
         for idx in (0..drawn.len() - 1).rev() {
@@ -159,8 +165,13 @@ impl<'a> Refiner<'a> {
         residual_m2 += (self.config.object_weight * approach_penetration_m).powi(2);
         let last = drawn.len() - 1;
         let [from, to] = [&drawn, &refined].map(|steps| steps[last].posture.root.translation());
-        let motion = Motion::of_joints(motion.joints().clone(), steps)?;
+        let given = motion;
+        let motion = Motion::of_joints(given.joints().clone(), steps)?;
+        let joints = given.grasp().q_rad.iter().zip(&motion.grasp().q_rad);
+        let squares = joints.map(|(given, refined)| (refined - given).powi(2));
         Ok(Refined {
+            joints_moved_rad: squares.sum::<f64>().sqrt(),
+            is_opposed,
             motion: motion.differentiated()?,
             palm_moved_m: (to - from).norm(),
             approach_penetration_m,
@@ -467,6 +478,23 @@ mod tests {
             with_squeeze(&hand, &below, &squeeze_rad, SQUEEZE_SHARE),
             below
         );
+    }
+
+    #[test]
+    fn a_grasp_is_opposed_where_thumb_and_finger_touch_and_its_change_is_that_of_the_joints() {
+        let hand = fixture::hand();
+        let config = RefinementConfig::default();
+        let above = Pose::new(nalgebra::Isometry3::translation(0.0, 0.0, 0.3));
+        for (drawn, is_opposed) in [
+            (reach(&hand, 0.0, 0.55), true),
+            (reach(&hand, -0.1, 0.3).moved(&above), false),
+        ] {
+            let refined = refine(&hand, &config, &drawn);
+            assert_eq!(refined.is_opposed, is_opposed);
+            let [from, to] = [&drawn, &refined.motion]
+                .map(|motion| nalgebra::DVector::from_column_slice(&motion.grasp().q_rad));
+            assert!((refined.joints_moved_rad - (to - from).norm()).abs() < 1e-12);
+        }
     }
 
     #[test]
