@@ -37,7 +37,12 @@ fn main() -> ExitCode {
     let Some(dataset) = measured_data::folder("dexycb-right") else {
         return ExitCode::SUCCESS;
     };
-    let ways = [Completion::Hull, Completion::Carved, Completion::Symmetry];
+    let ways = [
+        Completion::Hull,
+        Completion::Carved,
+        Completion::Superquadric,
+        Completion::Symmetry,
+    ];
     let mut rows: Vec<Vec<Row>> = vec![Vec::new(); ways.len()];
     let mut folders: Vec<_> = fs::read_dir(dataset.join("models"))
         .unwrap()

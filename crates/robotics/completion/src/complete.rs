@@ -7,7 +7,7 @@ use nalgebra::{Point3, Vector3};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::{CompletionError, Observation, symmetry::symmetries};
+use crate::{CompletionError, Observation, superquadric::Superquadric, symmetry::symmetries};
 
 /// Cells of a hull of which a camera saw more to be free than this are carved, as a share.
 const CONCAVE_SHARE: f64 = 0.06;
@@ -38,6 +38,9 @@ pub enum Completion {
     /// its image; `carved` without a symmetry.
     #[default]
     Symmetry,
+    /// The superquadric on the table that is nearest to what is seen: of a box, a cylinder or an ellipsoid with rounded
+    /// edges; `hull` where none can be fitted.
+    Superquadric,
 }
 
 /// A closed shape.
@@ -71,6 +74,11 @@ pub fn complete(
     let (mesh, free_share) = match completion {
         Completion::Hull => (plain.mesh, plain.free_share),
         Completion::Carved => (plain.carved(own_free_m), plain.free_share),
+        Completion::Superquadric => {
+            let fitted = Superquadric::fitted(observation);
+            let mesh = fitted.map(|fitted| fitted.mesh());
+            (mesh.unwrap_or(plain.mesh), plain.free_share)
+        }
         Completion::Symmetry => {
             let hull = symmetries(observation).into_iter().find_map(|symmetry| {
                 let images = observation.points.iter().map(|point| symmetry.image(point));
@@ -263,7 +271,12 @@ mod tests {
         let can = loft(&[0.0, 0.11].map(|z| ellipse(0.035, 0.035, 2.0, z, 48)));
         for (body, yaw_rad) in [(&carton, 0.2), (&carton, 0.9), (&can, 0.0)] {
             let observation = observed(body, yaw_rad);
-            for completion in [Completion::Hull, Completion::Carved, Completion::Symmetry] {
+            for completion in [
+                Completion::Hull,
+                Completion::Carved,
+                Completion::Symmetry,
+                Completion::Superquadric,
+            ] {
                 let shape = complete(&observation, completion).unwrap();
                 assert!(shape.mesh.is_watertight());
                 let ratio = shape.mesh.volume_m3() / body.volume_m3();
@@ -295,6 +308,7 @@ mod tests {
         // It is 7 cm across; from 43 degrees above, the farthest 1.1 cm are behind its top.
         assert!(depth_m(Completion::Carved) < 0.063);
         assert!((depth_m(Completion::Symmetry) - 0.07).abs() < 0.012);
+        assert!((depth_m(Completion::Superquadric) - 0.07).abs() < 0.012);
     }
 
     #[test]

@@ -26,6 +26,7 @@
 mod complete;
 mod error;
 mod observation;
+mod superquadric;
 mod symmetry;
 
 pub use complete::{CompletedShape, Completion, complete};
