@@ -16,6 +16,7 @@ mod cdr;
 mod definitions;
 mod messages;
 pub mod motion;
+mod sensors;
 
 pub use cdr::{Cdr, CdrError, CdrReader, CdrWriter};
 pub use messages::{
@@ -23,6 +24,7 @@ pub use messages::{
     JointTrajectoryPoint, Marker, MarkerArray, MeshFile, Point, Pose, PoseStamped, Quaternion,
     Text, TfMessage, Time, Transform, TransformStamped, UvCoordinate, Vector3, json_of,
 };
+pub use sensors::{CameraInfo, Image, PointCloud2, PointField, RegionOfInterest};
 
 /// A `.msg` definition: the full name of the type, e.g. `std_msgs/Header`, and its text.
 pub type Part = (&'static str, &'static str);
@@ -59,12 +61,11 @@ pub trait Message: Cdr {
         writer.into_bytes()
     }
 
-    /// Reads what [`Message::to_cdr`] wrote.
+    /// Reads what [`Message::to_cdr`] wrote, or another program in either order of bytes.
     ///
     /// # Errors
     ///
-    /// Fails if the bytes end early, are not little-endian XCDR1, or hold a string that is not
-    /// UTF-8.
+    /// Fails if the bytes end early, are not XCDR1, or hold a string that is not UTF-8.
     fn from_cdr(bytes: &[u8]) -> Result<Self, CdrError> {
         Self::decode(&mut CdrReader::new(bytes)?)
     }

@@ -1,9 +1,10 @@
 //! Messages against the bytes that an independent implementation writes (`golden/messages.py`).
 
 use schemas::ros2::{
-    ColorRgba, CompressedImage, Duration, Header, JointState, JointTrajectory,
-    JointTrajectoryPoint, Marker, MarkerArray, MeshFile, Message, Point, Pose, PoseStamped,
-    Quaternion, Text, TfMessage, Time, Transform, TransformStamped, UvCoordinate, Vector3,
+    CameraInfo, ColorRgba, CompressedImage, Duration, Header, Image, JointState, JointTrajectory,
+    JointTrajectoryPoint, Marker, MarkerArray, MeshFile, Message, Point, PointCloud2, PointField,
+    Pose, PoseStamped, Quaternion, RegionOfInterest, Text, TfMessage, Time, Transform,
+    TransformStamped, UvCoordinate, Vector3,
 };
 
 const GOLDEN: &str = include_str!("golden/messages.txt");
@@ -192,4 +193,76 @@ fn markers_have_the_bytes_of_ros2() {
         },
     );
     check(7, &MarkerArray::default());
+}
+
+#[test]
+fn messages_of_cameras_have_the_bytes_of_ros2() {
+    let header = || header(1, 2, "optical");
+    check(
+        8,
+        &Image {
+            header: header(),
+            height: 1,
+            width: 2,
+            encoding: "16UC1".to_owned(),
+            is_bigendian: 0,
+            step: 4,
+            data: vec![1, 0, 2, 3],
+        },
+    );
+    check(
+        9,
+        &CompressedImage {
+            header: header(),
+            format: "16UC1; compressedDepth png".to_owned(),
+            data: vec![1, 2, 3],
+        },
+    );
+    check(
+        10,
+        &CameraInfo {
+            header: header(),
+            height: 480,
+            width: 640,
+            distortion_model: "plumb_bob".to_owned(),
+            d: vec![0.1, 0.2, 0.3, 0.4, 0.5],
+            k: [600.0, 0.0, 320.0, 0.0, 601.0, 240.0, 0.0, 0.0, 1.0],
+            r: [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0],
+            p: [
+                600.0, 0.0, 320.0, -30.0, 0.0, 601.0, 240.0, 0.0, 0.0, 0.0, 1.0, 0.0,
+            ],
+            binning_x: 1,
+            binning_y: 2,
+            roi: RegionOfInterest {
+                x_offset: 3,
+                y_offset: 4,
+                height: 5,
+                width: 6,
+                do_rectify: true,
+            },
+        },
+    );
+    let field = |name: &str, offset, datatype| PointField {
+        name: name.to_owned(),
+        offset,
+        datatype,
+        count: 1,
+    };
+    check(
+        11,
+        &PointCloud2 {
+            header: header(),
+            height: 1,
+            width: 1,
+            fields: vec![
+                field("x", 0, PointField::FLOAT32),
+                field("rgb", 16, PointField::FLOAT64),
+            ],
+            is_bigendian: false,
+            point_step: 24,
+            row_step: 24,
+            data: (0..24).collect(),
+            is_dense: true,
+        },
+    );
 }

@@ -1,4 +1,4 @@
-//! XCDR1, little endian: the wire format of ROS 2 (OMG DDS-XTypes 1.3, §7.4.1).
+//! XCDR1, the wire format of ROS 2 (OMG DDS-XTypes 1.3, §7.4.1): written little endian, read in both orders of bytes.
 
 /// Encapsulation header of little-endian XCDR1; alignment counts from behind it.
 const ENCAPSULATION: [u8; 4] = [0, 1, 0, 0];
@@ -20,8 +20,8 @@ pub trait Cdr: Sized {
 #[derive(Debug, Clone, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CdrError {
-    /// The first four bytes are not `00 01 00 00`.
-    #[error("encapsulation is not little-endian XCDR1")]
+    /// The first two bytes are neither `00 01` nor `00 00`.
+    #[error("encapsulation is not XCDR1")]
     Encapsulation,
     /// The bytes end inside a value.
     #[error("message ends at byte {end}, {missing} bytes too early")]
@@ -92,6 +92,7 @@ impl Default for CdrWriter {
 pub struct CdrReader<'a> {
     bytes: &'a [u8],
     at: usize,
+    is_big_endian: bool,
 }
 
 impl<'a> CdrReader<'a> {
@@ -99,11 +100,15 @@ impl<'a> CdrReader<'a> {
     ///
     /// # Errors
     ///
-    /// Fails if the message does not begin with that of little-endian XCDR1.
+    /// Fails if the message does not begin with that of XCDR1.
     pub fn new(message: &'a [u8]) -> Result<Self, CdrError> {
         // The last two bytes are options, which a reader ignores.
         match message.split_at_checked(ENCAPSULATION.len()) {
-            Some(([0, 1, _, _], bytes)) => Ok(Self { bytes, at: 0 }),
+            Some(([0, order @ (0 | 1), _, _], bytes)) => Ok(Self {
+                bytes,
+                at: 0,
+                is_big_endian: *order == 0,
+            }),
             _ => Err(CdrError::Encapsulation),
         }
     }
@@ -123,11 +128,15 @@ impl<'a> CdrReader<'a> {
         Ok(taken)
     }
 
+    /// Returns the bytes of a number, the lowest first.
     fn number<const N: usize>(&mut self) -> Result<[u8; N], CdrError> {
         let padding = self.at.next_multiple_of(N) - self.at;
         self.take(padding)?;
         let mut number = [0; N];
         number.copy_from_slice(self.take(N)?);
+        if self.is_big_endian {
+            number.reverse();
+        }
         Ok(number)
     }
 
@@ -187,6 +196,22 @@ impl Cdr for String {
     }
 }
 
+impl<T: Cdr + Copy + Default, const N: usize> Cdr for [T; N] {
+    fn encode(&self, writer: &mut CdrWriter) {
+        for element in self {
+            element.encode(writer);
+        }
+    }
+
+    fn decode(reader: &mut CdrReader<'_>) -> Result<Self, CdrError> {
+        let mut elements = [T::default(); N];
+        for element in &mut elements {
+            *element = T::decode(reader)?;
+        }
+        Ok(elements)
+    }
+}
+
 impl<T: Cdr> Cdr for Vec<T> {
     fn encode(&self, writer: &mut CdrWriter) {
         writer.put_length(self.len());
@@ -210,7 +235,7 @@ impl<T: Cdr> Cdr for Vec<T> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::ros2::{JointTrajectory, JointTrajectoryPoint, Message};
+    use crate::ros2::{JointState, JointTrajectory, JointTrajectoryPoint, Message};
 
     fn trajectory() -> JointTrajectory {
         JointTrajectory {
@@ -245,12 +270,23 @@ mod tests {
     }
 
     #[test]
-    fn big_endian_is_refused() {
-        let mut bytes = trajectory().to_cdr();
-        bytes[1] = 0;
-        assert_eq!(
-            JointTrajectory::from_cdr(&bytes),
-            Err(CdrError::Encapsulation)
-        );
+    fn both_orders_of_bytes_are_read() {
+        // Stamp, frame `a`, number of names, the name `bc`, and no numbers.
+        let little = "00010000 01000000 02000000 02000000 61000000 01000000 03000000 62630000 \
+                      00000000 00000000 00000000";
+        let big = "00000000 00000001 00000002 00000002 61000000 00000001 00000003 62630000 \
+                   00000000 00000000 00000000";
+        let read = |hex: &str| {
+            let digits: Vec<char> = hex.chars().filter(|c| !c.is_whitespace()).collect();
+            let byte = |pair: &[char]| u8::from_str_radix(&String::from_iter(pair), 16).unwrap();
+            let mut bytes: Vec<u8> = digits.chunks(2).map(byte).collect();
+            let state = JointState::from_cdr(&bytes).unwrap();
+            bytes[1] = 2;
+            assert_eq!(JointState::from_cdr(&bytes), Err(CdrError::Encapsulation));
+            state
+        };
+        assert_eq!(read(little), read(big));
+        assert_eq!(read(big).header.stamp.nanosec, 2);
+        assert_eq!(read(big).name, ["bc"]);
     }
 }

@@ -59,6 +59,30 @@ pub(super) const COMPRESSED_IMAGE: Part = (
     "sensor_msgs/CompressedImage",
     "std_msgs/Header header\nstring format\nuint8[] data\n",
 );
+pub(super) const IMAGE: Part = (
+    "sensor_msgs/Image",
+    "std_msgs/Header header\nuint32 height\nuint32 width\nstring encoding\nuint8 is_bigendian\nuint32 step\n\
+     uint8[] data\n",
+);
+pub(super) const REGION_OF_INTEREST: Part = (
+    "sensor_msgs/RegionOfInterest",
+    "uint32 x_offset\nuint32 y_offset\nuint32 height\nuint32 width\nbool do_rectify\n",
+);
+pub(super) const CAMERA_INFO: Part = (
+    "sensor_msgs/CameraInfo",
+    "std_msgs/Header header\nuint32 height\nuint32 width\nstring distortion_model\nfloat64[] d\nfloat64[9] k\n\
+     float64[9] r\nfloat64[12] p\nuint32 binning_x\nuint32 binning_y\nsensor_msgs/RegionOfInterest roi\n",
+);
+pub(super) const POINT_FIELD: Part = (
+    "sensor_msgs/PointField",
+    "uint8 INT8=1\nuint8 UINT8=2\nuint8 INT16=3\nuint8 UINT16=4\nuint8 INT32=5\nuint8 UINT32=6\n\
+     uint8 FLOAT32=7\nuint8 FLOAT64=8\nstring name\nuint32 offset\nuint8 datatype\nuint32 count\n",
+);
+pub(super) const POINT_CLOUD2: Part = (
+    "sensor_msgs/PointCloud2",
+    "std_msgs/Header header\nuint32 height\nuint32 width\nsensor_msgs/PointField[] fields\nbool is_bigendian\n\
+     uint32 point_step\nuint32 row_step\nuint8[] data\nbool is_dense\n",
+);
 pub(super) const UV_COORDINATE: Part =
     ("visualization_msgs/UVCoordinate", "float32 u\nfloat32 v\n");
 pub(super) const MESH_FILE: Part = (

@@ -23,6 +23,7 @@ macro_rules! fields {
         }
     };
 }
+pub(super) use fields;
 
 /// `builtin_interfaces/Time`: a point in time.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize)]
@@ -245,14 +246,14 @@ pub struct ColorRgba {
 }
 fields!(ColorRgba { r, g, b, a });
 
-/// `sensor_msgs/CompressedImage`; markers carry one, always empty here.
+/// `sensor_msgs/CompressedImage`, e.g. of a depth camera; markers carry one, always empty here.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize)]
 pub struct CompressedImage {
     /// Time and frame.
     pub header: Header,
-    /// E.g. `png`.
+    /// E.g. `png`, or `16UC1; compressedDepth png`.
     pub format: String,
-    /// The image file's bytes.
+    /// The image file's bytes; of depths behind a header of 12 bytes.
     pub data: Vec<u8>,
 }
 fields!(CompressedImage {
@@ -372,6 +373,7 @@ macro_rules! root {
         }
     };
 }
+pub(super) use root;
 
 root!(
     JointState,

@@ -78,6 +78,17 @@ messages = [
              "text", "", make("visualization_msgs/msg/MeshFile", "a.stl", bytes_of(9)), True),
     ]),
     make("visualization_msgs/msg/MarkerArray", []),
+    make("sensor_msgs/msg/Image", header(1, 2, "optical"), 1, 2, "16UC1", 0, 4, bytes_of(1, 0, 2, 3)),
+    make("sensor_msgs/msg/CompressedImage", header(1, 2, "optical"), "16UC1; compressedDepth png",
+         bytes_of(1, 2, 3)),
+    make("sensor_msgs/msg/CameraInfo", header(1, 2, "optical"), 480, 640, "plumb_bob",
+         floats(0.1, 0.2, 0.3, 0.4, 0.5), floats(600, 0, 320, 0, 601, 240, 0, 0, 1),
+         floats(1, 0, 0, 0, 1, 0, 0, 0, 1), floats(600, 0, 320, -30, 0, 601, 240, 0, 0, 0, 1, 0), 1, 2,
+         make("sensor_msgs/msg/RegionOfInterest", 3, 4, 5, 6, True)),
+    make("sensor_msgs/msg/PointCloud2", header(1, 2, "optical"), 1, 1, [
+        make("sensor_msgs/msg/PointField", "x", 0, 7, 1),
+        make("sensor_msgs/msg/PointField", "rgb", 16, 8, 1),
+    ], False, 24, 24, bytes_of(*range(24)), True),
 ]
 
 for message in messages:

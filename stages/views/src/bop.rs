@@ -23,7 +23,7 @@ const OBJECTS: &str = "scene_gt.json";
 /// Folders of masks, of which the first that is there is used: of what is seen of an object, and of all of it.
 const MASKS: [&str; 2] = ["mask_visib", "mask"];
 /// Most views of an object.
-const MAX_VIEWS: usize = 64;
+pub(crate) const MAX_VIEWS: usize = 64;
 
 /// An object of a scene.
 #[derive(Debug)]

@@ -14,16 +14,22 @@ const MAX_UNIT_M: f64 = 1000.0;
 /// Options of `kind = "views"`.
 #[options(also = Self::other_faults)]
 pub struct ViewsConfig {
-    /// Folder of a scene in BOP layout, with `scene_camera.json` and `depth`, or a cloud of points, `.ply` or `.npy`
+    /// Folder of a scene in BOP layout, with `scene_camera.json` and `depth`; or a cloud of points, `.ply` or `.npy`; or a
+    /// recording of a depth camera in ROS 2, `.mcap` or the folder of rosbag2 with one
     #[option(path)]
     pub path: PathBuf,
-    /// Name of the object where the files have none, which are a cloud, and a scene without masks or `scene_gt.json`;
-    /// without it, the name of the file or folder
+    /// Name of the object where the files have none, which are a cloud, a recording, and a scene without masks or
+    /// `scene_gt.json`; without it, the name of the file or folder
     #[option(default)]
     pub name: Option<String>,
-    /// Numbers of the scene's images that are read; empty: all
+    /// Numbers of the images that are read, in a recording counted from 0 in the order of time; empty: all of a scene, the
+    /// first of a recording
     #[option(default)]
     pub images: Vec<u32>,
+    /// Topic of a recording that is read, of depth images or of clouds; without it, the only one of depth images, or else
+    /// the only one of clouds
+    #[option(default)]
+    pub topic: Option<String>,
     /// The table, if it is known, in the frame of the camera poses, of the camera if there are none, or of the cloud: unit
     /// vector against gravity, and the table's height along it (1, m); without it, it is searched in the images
     #[option(default)]
@@ -31,7 +37,7 @@ pub struct ViewsConfig {
     /// Position of the camera in the cloud's frame (m): most clouds are in that of their camera
     #[option(default)]
     pub camera_m: [f64; 3],
-    /// Length of the cloud's unit (m): 0.001 if it is in millimeters
+    /// Length of the cloud's unit (m): 0.001 if it is in millimeters; of a recording, what a meter of its messages is
     #[option(default = 1.0, range = above(0.0, MAX_UNIT_M), why = "it is a unit of length")]
     pub unit_m: f64,
 }

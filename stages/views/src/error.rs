@@ -5,6 +5,9 @@ use std::{io, path::PathBuf};
 use dataflow::Diagnostic;
 use depth_view::ViewError;
 
+/// The format of a recording that was compressed as a whole.
+pub(crate) const COMPRESSED: &str = "compressed as a whole";
+
 /// Why nothing can be read at the option `path`.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -15,13 +18,31 @@ pub enum ViewsError {
         /// The option.
         path: PathBuf,
     },
-    /// What is there has neither layout.
-    #[error("neither a scene in BOP layout nor a cloud of points: `{}`", path.display())]
+    /// What is there has no layout that is read.
+    #[error("neither a scene in BOP layout, nor a cloud of points, nor a recording in MCAP format: `{}`", path.display())]
     Neither {
         /// The option.
         path: PathBuf,
-        /// A scene or a cloud nearby.
+        /// What is read, nearby.
         near: Option<PathBuf>,
+    },
+    /// A recording is in another format.
+    #[error("the recording is {}, and MCAP alone is read: `{}`", form, file.display())]
+    OtherRecording {
+        /// What programs that convert it are given: the file, or its folder.
+        recording: PathBuf,
+        /// The file.
+        file: PathBuf,
+        /// Its format.
+        form: &'static str,
+    },
+    /// A recording was split into several files.
+    #[error("the recording has {} files, at most 1 is read: `{}`", parts.len(), folder.display())]
+    SeveralRecordings {
+        /// Its folder.
+        folder: PathBuf,
+        /// The files.
+        parts: Vec<PathBuf>,
     },
     /// A file that lists the images or their objects cannot be used.
     #[error("{problem}, in `{}`", folder.display())]
@@ -77,8 +98,21 @@ impl Diagnostic for ViewsError {
                 near: Some(near), ..
             } => format!("set `path` to `{}`", near.display()),
             Self::Neither { .. } => {
-                "set `path` to a folder with `scene_camera.json` and `depth`, or to a `.ply` or `.npy`"
+                "set `path` to a folder with `scene_camera.json` and `depth`, or to a `.ply`, `.npy` or `.mcap`"
                     .to_owned()
+            }
+            Self::OtherRecording { file, form, .. } if *form == COMPRESSED => {
+                format!("unpack it with `zstd -d {}`", file.display())
+            }
+            Self::OtherRecording { recording, .. } => format!(
+                "convert it with `ros2 bag convert`, or with `rosbags-convert --src {} --dst {}_mcap --dst-storage \
+                 mcap`",
+                recording.display(),
+                recording.with_extension("").display()
+            ),
+            Self::SeveralRecordings { parts, .. } => {
+                let first = parts.first().map_or_else(String::new, |part| part.display().to_string());
+                format!("set `path` to one of them, e.g. `{first}`")
             }
             Self::List { hint, .. } => hint.clone(),
             Self::Folder { .. } => return None,
@@ -139,6 +173,11 @@ impl Fault {
     /// Names the file that the problem is of.
     pub(crate) fn in_file(self, name: &str) -> Self {
         Self::new(format!("`{name}` {}", self.problem), self.hint)
+    }
+
+    /// Names the topic that the problem is of.
+    pub(crate) fn on_topic(self, topic: &str) -> Self {
+        Self::new(format!("on `{topic}`: {}", self.problem), self.hint)
     }
 
     /// Returns the reason for which an image of this number is left out.

@@ -16,7 +16,7 @@ pub(crate) const MAX_LIST_BYTES: u64 = 256 << 20;
 pub(crate) const MAX_CLOUD_BYTES: u64 = 512 << 20;
 
 /// How a pointer of Git LFS begins (<https://github.com/git-lfs/git-lfs/blob/main/docs/spec.md>).
-const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
+pub(crate) const LFS_POINTER: &[u8] = b"version https://git-lfs.github.com/spec/";
 
 /// Looks whether a file can be read, without opening it: opening a pipe would wait for somebody to write into it.
 pub(crate) fn look(path: &Path, most: u64) -> Result<(), Fault> {

@@ -91,13 +91,7 @@ fn parse_header(header: &[u8]) -> Result<([usize; 2], u8), Fault> {
     let &[bits, color, 0, 0, interlaced] = rest else {
         return Err(damaged());
     };
-    let number = |&bytes| usize::try_from(u32::from_be_bytes(bytes)).unwrap_or(usize::MAX);
-    let size: [usize; 2] = [number(width), number(height)];
-    let within = size.map(|side| (1..=MAX_SIDE).contains(&side));
-    if within != [true; 2] || size[0] * size[1] > MAX_PIXELS {
-        let found = format!("{} by {} pixels", size[0], size[1]);
-        return Err(Fault::unsupported(found, "up to 4096 by 4096"));
-    }
+    let size = checked_size([width, height].map(|&bytes| u32::from_be_bytes(bytes)))?;
     match (color, bits, interlaced) {
         (0, 8 | 16, 0) => Ok((size, bits)),
         (0, 8 | 16, _) => Err(Fault::unsupported("interlaced rows", GRAY)),
@@ -106,6 +100,17 @@ fn parse_header(header: &[u8]) -> Result<([usize; 2], u8), Fault> {
         (4, ..) => Err(Fault::unsupported("transparency", GRAY)),
         _ => Err(damaged()),
     }
+}
+
+/// Checks that an image of this many columns and rows is none of excessive size.
+pub(crate) fn checked_size(size: [u32; 2]) -> Result<[usize; 2], Fault> {
+    let size = size.map(|side| usize::try_from(side).unwrap_or(usize::MAX));
+    let within = size.map(|side| (1..=MAX_SIDE).contains(&side));
+    if within != [true; 2] || size[0] * size[1] > MAX_PIXELS {
+        let found = format!("{} by {} pixels", size[0], size[1]);
+        return Err(Fault::unsupported(found, "up to 4096 by 4096"));
+    }
+    Ok(size)
 }
 
 /// Inflates data that must have this many bytes.

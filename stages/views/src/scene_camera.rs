@@ -57,51 +57,61 @@ impl SceneCamera {
     }
 
     /// Returns the intrinsics in an image of this many columns and rows.
-    pub(crate) fn intrinsics(&self, [width, height]: [usize; 2]) -> Result<Intrinsics, Fault> {
-        let [fx, skew, cx, below, fy, cy, x, y, one] = self.matrix;
-        let largest = |numbers: &[f64]| numbers.iter().fold(0.0, |a, b| b.abs().max(a));
-        if largest(&[below, x, y, one - 1.0]) > ROUNDED || skew.abs() > SKEW_PX {
-            let problem = format!(
-                "`cam_K` is that of no rectified image: its skew is {skew} px, and 0, 0, 0, 1 are \
-                 {below}, {x}, {y}, {one}"
-            );
-            return Err(Fault::new(problem, MATRIX));
-        }
-        let longest = width.max(height) as f64;
-        let [least, most] = FOCAL_SIDES.map(|sides| sides * longest);
-        let is_focal = |focal: &&f64| (least..=most).contains(*focal);
-        if let Some(focal) = [fx, fy].iter().find(|focal| !is_focal(focal)) {
-            return Err(Fault::new(
-                format!("a focal length is {focal} px, expected {least} to {most} px"),
-                "give it in pixels of this image, not in millimeters",
-            ));
-        }
-        let sides = [width, height].map(|side| side as f64);
-        let is_inside = |at: f64, side: f64| (-0.5..=side - 0.5).contains(&at);
-        if !(is_inside(cx, sides[0]) && is_inside(cy, sides[1])) {
-            return Err(Fault::new(
-                format!(
-                    "the principal point ({cx}, {cy}) is outside of the image of {width} by {height} pixels"
-                ),
-                "give the `cam_K` of an image of this size",
-            ));
-        }
-        let off = |at: f64, side: f64| (at / side - 0.5).abs();
-        if off(cx, sides[0]).min(off(cy, sides[1])) > OFF_MIDDLE
-            && off(cy, sides[0]).max(off(cx, sides[1])) < IN_MIDDLE
-        {
-            return Err(Fault::new(
-                format!("the principal point ({cx}, {cy}) is that of an image turned by a quarter"),
-                "turn `cam_K` with the image: fx with fy, and cx with cy",
-            ));
-        }
-        Ok(Intrinsics {
-            width,
-            height,
-            focal: [fx, fy],
-            center: [cx, cy],
-        })
+    pub(crate) fn intrinsics(&self, size: [usize; 2]) -> Result<Intrinsics, Fault> {
+        pinhole(&self.matrix, size, "cam_K")
     }
+}
+
+/// Returns the intrinsics in an image of this many columns and rows, from their matrix row by row; `key` is what it is
+/// called.
+pub(crate) fn pinhole(
+    matrix: &[f64; 9],
+    [width, height]: [usize; 2],
+    key: &str,
+) -> Result<Intrinsics, Fault> {
+    let [fx, skew, cx, below, fy, cy, x, y, one] = *matrix;
+    let largest = |numbers: &[f64]| numbers.iter().fold(0.0, |a, b| b.abs().max(a));
+    if largest(&[below, x, y, one - 1.0]) > ROUNDED || skew.abs() > SKEW_PX {
+        let problem = format!(
+            "`{key}` is that of no rectified image: its skew is {skew} px, and 0, 0, 0, 1 are \
+                 {below}, {x}, {y}, {one}"
+        );
+        return Err(Fault::new(problem, MATRIX));
+    }
+    let longest = width.max(height) as f64;
+    let [least, most] = FOCAL_SIDES.map(|sides| sides * longest);
+    let is_focal = |focal: &&f64| (least..=most).contains(*focal);
+    if let Some(focal) = [fx, fy].iter().find(|focal| !is_focal(focal)) {
+        return Err(Fault::new(
+            format!("a focal length is {focal} px, expected {least} to {most} px"),
+            "give it in pixels of this image, not in millimeters",
+        ));
+    }
+    let sides = [width, height].map(|side| side as f64);
+    let is_inside = |at: f64, side: f64| (-0.5..=side - 0.5).contains(&at);
+    if !(is_inside(cx, sides[0]) && is_inside(cy, sides[1])) {
+        return Err(Fault::new(
+            format!(
+                "the principal point ({cx}, {cy}) is outside of the image of {width} by {height} pixels"
+            ),
+            format!("give the `{key}` of an image of this size"),
+        ));
+    }
+    let off = |at: f64, side: f64| (at / side - 0.5).abs();
+    if off(cx, sides[0]).min(off(cy, sides[1])) > OFF_MIDDLE
+        && off(cy, sides[0]).max(off(cx, sides[1])) < IN_MIDDLE
+    {
+        return Err(Fault::new(
+            format!("the principal point ({cx}, {cy}) is that of an image turned by a quarter"),
+            format!("turn `{key}` with the image: fx with fy, and cx with cy"),
+        ));
+    }
+    Ok(Intrinsics {
+        width,
+        height,
+        focal: [fx, fy],
+        center: [cx, cy],
+    })
 }
 
 /// Says whether an entry has a camera's pose, right or wrong.

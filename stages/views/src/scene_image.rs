@@ -16,7 +16,7 @@ use crate::{
 };
 
 /// The greatest number of 16 bits stands for no measurement: sensors write it where they are saturated.
-const SATURATED: u16 = u16::MAX;
+pub(crate) const SATURATED: u16 = u16::MAX;
 
 /// Reads an image from its files, with its entry in `scene_camera.json`.
 pub(crate) fn read(

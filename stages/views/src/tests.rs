@@ -24,12 +24,12 @@ use crate::{
     png::GrayImage,
 };
 
-/// What becomes of each object: its images, metrics and what was left out, or why it is skipped.
-type Objects = BTreeMap<String, Result<(Views, ViewsMetrics, String), String>>;
+/// What becomes of each object: its images, metrics and what is said of them, or why it is skipped.
+pub(crate) type Objects = BTreeMap<String, Result<(Views, ViewsMetrics, String), String>>;
 
-const EYES: [[f64; 3]; 3] = [[0.5, 0.1, 0.4], [-0.3, 0.4, 0.45], [0.1, -0.5, 0.35]];
+pub(crate) const EYES: [[f64; 3]; 3] = [[0.5, 0.1, 0.4], [-0.3, 0.4, 0.45], [0.1, -0.5, 0.35]];
 
-fn config(path: &Path, more: &Value) -> ViewsConfig {
+pub(crate) fn config(path: &Path, more: &Value) -> ViewsConfig {
     let mut table = json!({"path": path});
     for (key, value) in more.as_object().unwrap() {
         table[key] = value.clone();
@@ -37,7 +37,7 @@ fn config(path: &Path, more: &Value) -> ViewsConfig {
     serde_json::from_value(table).unwrap()
 }
 
-fn made(config: &ViewsConfig) -> Result<Objects, BoxedDiagnostic> {
+pub(crate) fn made(config: &ViewsConfig) -> Result<Objects, BoxedDiagnostic> {
     RecordedViews::prepare(config)?;
     let mut objects = Objects::new();
     for unit in RecordedViews::units(config, &Scope::default())? {
@@ -52,8 +52,11 @@ fn made(config: &ViewsConfig) -> Result<Objects, BoxedDiagnostic> {
                 let path = folder.path().join(TABLE_FILE);
                 let files = [(TABLE_FILE.to_owned(), path)].into();
                 let views = lake::table::read(&Artifact { key, labels, files }).unwrap();
-                let left_out = fs::read_to_string(folder.path().join("left_out.txt"));
-                Ok((views, metrics, left_out.unwrap_or_default()))
+                let said = ["left_out.txt", "notes.txt"].map(|name| {
+                    let said = fs::read_to_string(folder.path().join(name));
+                    said.unwrap_or_default()
+                });
+                Ok((views, metrics, said.concat()))
             }
             Outcome::Skipped { reason } => Err(reason),
             other => panic!("{other:?}"),
@@ -64,7 +67,7 @@ fn made(config: &ViewsConfig) -> Result<Objects, BoxedDiagnostic> {
 }
 
 /// Returns what becomes of the only object.
-fn only(config: &ViewsConfig) -> Result<(Views, ViewsMetrics, String), String> {
+pub(crate) fn only(config: &ViewsConfig) -> Result<(Views, ViewsMetrics, String), String> {
     let mut objects = made(config).unwrap();
     assert_eq!(objects.len(), 1);
     objects.pop_first().unwrap().1
@@ -76,7 +79,7 @@ fn scene(images: &[(u32, SceneImage)]) -> TempDir {
     folder
 }
 
-fn as_depth_views(views: &Views) -> Vec<DepthView> {
+pub(crate) fn as_depth_views(views: &Views) -> Vec<DepthView> {
     let view = |view: &schemas::views::View| DepthView {
         intrinsics: Intrinsics {
             width: usize::try_from(view.width).unwrap(),
@@ -92,7 +95,7 @@ fn as_depth_views(views: &Views) -> Vec<DepthView> {
 }
 
 /// Returns the volume of the shape that is completed from images, relative to a mesh.
-fn relative_volume(views: &Views, mesh: &TriMesh) -> f64 {
+pub(crate) fn relative_volume(views: &Views, mesh: &TriMesh) -> f64 {
     let observation = Observation::new(&as_depth_views(views), None).unwrap();
     let shape = complete(&observation, Completion::Symmetry).unwrap();
     shape.mesh.volume_m3() / mesh.volume_m3()
@@ -126,7 +129,7 @@ fn a_written_scene_is_read_back_as_it_was() {
 }
 
 /// Returns an image's points in the world.
-fn cloud(view: &DepthView) -> Vec<Point3<f64>> {
+pub(crate) fn cloud(view: &DepthView) -> Vec<Point3<f64>> {
     let points = (0..view.depth_m.len()).filter_map(|pixel| view.point_in_camera(pixel));
     points
         .filter(|point| point.z < 2.0)
@@ -134,7 +137,7 @@ fn cloud(view: &DepthView) -> Vec<Point3<f64>> {
         .collect()
 }
 
-fn saved(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
+pub(crate) fn saved(name: &str, bytes: &[u8]) -> (TempDir, PathBuf) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join(name);
     fs::write(&path, bytes).unwrap();
@@ -588,7 +591,11 @@ fn a_path_with_neither_layout_is_an_error_that_names_what_is_near() {
         "test/000001`",
     );
     check("other", "neither a scene", "other/clouds/mug.ply`");
-    check("notes.txt", "neither a scene", "a `.ply` or `.npy`");
+    check(
+        "notes.txt",
+        "neither a scene",
+        "a `.ply`, `.npy` or `.mcap`",
+    );
     check(
         "empty",
         "neither a scene",

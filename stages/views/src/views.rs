@@ -1,9 +1,6 @@
 //! The stage: one unit per object.
 
-use std::{
-    fs,
-    path::{Path, PathBuf},
-};
+use std::path::Path;
 
 use dataflow::{
     BoxedDiagnostic, Context, Inputs, Line, Mean, OptionsUsed, Outcome, Output, Outputs, Scope,
@@ -20,9 +17,12 @@ use crate::{
     bop::{self, CAMERAS, SceneObject},
     cloud,
     config::ViewsConfig,
-    error::{Fault, ViewsError},
+    error::Fault,
     file::{self, MAX_CLOUD_BYTES},
-    npy, object, ply, scene_image,
+    layout::{self, Layout},
+    object, ply,
+    recording::{self, Choice, Recorded},
+    scene_image,
     world::{self, Image},
 };
 
@@ -30,12 +30,16 @@ use crate::{
 const UNUSED: &str = "unused";
 /// Why images were left out while listing, a line each: a fact.
 const LEFT_OUT: &str = "left out";
+/// The topic that is read of a recording, and the numbers of its images: facts.
+const TOPIC: &str = "topic";
+const IMAGES: &str = "images";
 /// File of an artifact that says why images were left out, a line each.
 const LEFT_OUT_FILE: &str = "left_out.txt";
-/// Most pixels of an object's images together: they are in memory.
-const MAX_PIXELS: usize = 1 << 25;
-/// Folders that are searched for a scene near `path`.
-const MAX_SEARCHED: usize = 200;
+/// File of an artifact that says what is to be known of images that are used, a line each.
+const NOTES_FILE: &str = "notes.txt";
+/// What the poses of cameras are, for messages.
+const SCENE_POSES: &str = "`cam_R_w2c` and `cam_t_w2c` take the world to the camera, in mm";
+const RECORDED_POSES: &str = "choose one of the `images`, or record a tf that follows the camera";
 
 /// Reads depth images of objects.
 pub struct RecordedViews;
@@ -64,7 +68,8 @@ impl Stage for RecordedViews {
     const OUTPUTS: Outputs<Self> = &[&Self];
 
     fn prepare(config: &ViewsConfig) -> Result<(), BoxedDiagnostic> {
-        Ok(check_layout(&config.path)?)
+        layout::of(&config.path)?;
+        Ok(())
     }
 }
 
@@ -92,16 +97,25 @@ impl Output for RecordedViews {
     const OPTIONS: OptionsUsed = OptionsUsed::Only(&["table", "camera_m", "unit_m"]);
 
     fn units(config: &ViewsConfig, _scope: &Scope) -> Result<Vec<Unit>, BoxedDiagnostic> {
-        check_layout(&config.path)?;
-        if is_scene(&config.path) {
-            let objects = bop::objects(config)?;
-            let unit = |object| scene_unit(&config.path, object);
-            return Ok(objects.iter().map(unit).collect());
-        }
+        let file = match layout::of(&config.path)? {
+            Layout::Scene => {
+                let objects = bop::objects(config)?;
+                let unit = |object| scene_unit(&config.path, object);
+                return Ok(objects.iter().map(unit).collect());
+            }
+            Layout::Cloud => config.path.clone(),
+            Layout::Recording(file) => file,
+        };
         let name = config.object_name();
-        let unit = Unit::new(&name).with_label("object", &name);
-        let file = SourceFile::named_by_file(&config.path);
-        Ok(vec![unit.with_file(file)])
+        let mut unit = Unit::new(&name).with_label("object", &name);
+        if layout::is_recording(&file) {
+            let images: Vec<String> = config.images.iter().map(ToString::to_string).collect();
+            unit = unit.with_fact(IMAGES, images.join(" "));
+            if let Some(topic) = &config.topic {
+                unit = unit.with_fact(TOPIC, topic);
+            }
+        }
+        Ok(vec![unit.with_file(SourceFile::named_by_file(&file))])
     }
 
     fn make(
@@ -111,12 +125,14 @@ impl Output for RecordedViews {
     ) -> Result<Outcome<ViewsMetrics>, BoxedDiagnostic> {
         let left_out = inputs.fact(LEFT_OUT).unwrap_or_default();
         let mut left_out: Vec<String> = left_out.lines().map(str::to_owned).collect();
-        let list = inputs.files().iter().find(|file| file.name == CAMERAS);
-        let read = match list {
-            Some(list) => scene_images(list, config, inputs.files(), &mut left_out),
-            None => cloud_image(config, inputs.files()).map(|image| vec![image]),
-        };
-        let kept = read.and_then(|images| world::of_one_world(images, &mut left_out));
+        let read = read(config, inputs, &mut left_out);
+        let mut notes = Vec::new();
+        let mut unused_n = 0;
+        let kept = read.and_then(|read| {
+            notes = read.recorded.notes;
+            unused_n = read.recorded.unused_n;
+            world::of_one_world(read.recorded.images, read.poses, &mut left_out)
+        });
         let images = match kept {
             Ok(images) => images,
             Err(fault) => return Ok(Outcome::skipped(fault.reason())),
@@ -129,76 +145,59 @@ impl Output for RecordedViews {
             };
             return Ok(Outcome::skipped(format!("{first}{more}")));
         }
-        let unused_n = inputs.fact(UNUSED).and_then(|n| n.parse().ok());
         let metrics = ViewsMetrics {
             views_n: images.len() as f64,
             measured_share: images.iter().map(measured_share).sum::<f64>() / images.len() as f64,
             left_out_n: left_out.len() as f64,
-            unused_n: unused_n.unwrap_or(0.0),
+            unused_n: unused_n as f64,
         };
         let table = config.known_table();
         let rows = images.iter().map(|image| row(image, table));
         cx.write(&rows.collect::<Views>())?;
-        if !left_out.is_empty() {
-            cx.write_file(LEFT_OUT_FILE, (left_out.join("\n") + "\n").as_bytes())?;
+        for (file, lines) in [(LEFT_OUT_FILE, left_out), (NOTES_FILE, notes)] {
+            if !lines.is_empty() {
+                cx.write_file(file, (lines.join("\n") + "\n").as_bytes())?;
+            }
         }
         Ok(Outcome::Made(metrics))
     }
 }
 
-/// Says whether a scene's folder is at a path.
-fn is_scene(path: &Path) -> bool {
-    path.join(CAMERAS).exists()
+/// What is read of a unit, and what the poses of its cameras are.
+struct Read {
+    recorded: Recorded,
+    poses: &'static str,
 }
 
-/// Says whether a cloud's file is at a path.
-fn is_cloud(path: &Path) -> bool {
-    path.is_file() && cloud_format(path).is_some()
-}
-
-/// Checks that a scene or a cloud is at the option `path`.
-fn check_layout(path: &Path) -> Result<(), ViewsError> {
-    if is_scene(path) || is_cloud(path) {
-        return Ok(());
+/// Reads the images of a unit; the reasons for those that cannot be used are added to `left_out`.
+fn read(config: &ViewsConfig, inputs: &Inputs, left_out: &mut Vec<String>) -> Result<Read, Fault> {
+    let files = inputs.files();
+    if let Some(list) = files.iter().find(|file| file.name == CAMERAS) {
+        let unused_n = inputs.fact(UNUSED).and_then(|n| n.parse().ok());
+        let recorded = Recorded {
+            images: scene_images(list, config, files, left_out)?,
+            unused_n: unused_n.unwrap_or(0),
+            notes: Vec::new(),
+        };
+        let poses = SCENE_POSES;
+        return Ok(Read { recorded, poses });
     }
-    let path = path.to_owned();
-    if path.exists() {
-        let near = near(&path);
-        return Err(ViewsError::Neither { path, near });
+    let poses = RECORDED_POSES;
+    if let Some(file) = files.iter().find(|file| layout::is_recording(&file.path)) {
+        let images = inputs.fact(IMAGES).unwrap_or_default().split_whitespace();
+        let choice = Choice {
+            topic: inputs.fact(TOPIC),
+            images: images.flat_map(str::parse).collect(),
+        };
+        let recorded = recording::read(file, &choice, config, left_out)?;
+        return Ok(Read { recorded, poses });
     }
-    Err(ViewsError::Nothing { path })
-}
-
-/// Reads the points of a cloud's bytes.
-type ReadPoints = fn(&[u8]) -> Result<Vec<[f64; 3]>, Fault>;
-
-/// Returns how the points of a cloud are read, by its extension.
-fn cloud_format(path: &Path) -> Option<ReadPoints> {
-    match path.extension()?.to_str()?.to_ascii_lowercase().as_str() {
-        "ply" => Some(ply::points),
-        "npy" => Some(npy::points),
-        _ => None,
-    }
-}
-
-/// Looks for a scene up to two folders above a path, or for a scene or cloud up to two below it.
-fn near(path: &Path) -> Option<PathBuf> {
-    let mut above = path.ancestors().skip(1).take(2);
-    if let Some(scene) = above.find(|above| is_scene(above)) {
-        return Some(scene.to_owned());
-    }
-    let mut level = vec![path.to_owned()];
-    for _ in 0..2 {
-        let folders = level.iter().take(MAX_SEARCHED);
-        let entries = folders.flat_map(fs::read_dir).flatten().flatten();
-        level = entries.map(|entry| entry.path()).collect();
-        level.sort();
-        let mut found = level.iter();
-        if let Some(found) = found.find(|path| is_scene(path) || is_cloud(path)) {
-            return Some(found.clone());
-        }
-    }
-    None
+    let recorded = Recorded {
+        images: vec![cloud_image(config, files)?],
+        unused_n: 0,
+        notes: Vec::new(),
+    };
+    Ok(Read { recorded, poses })
 }
 
 /// Returns the unit of a scene's object.
@@ -227,7 +226,6 @@ fn scene_images(
 ) -> Result<Vec<Image>, Fault> {
     let cameras = bop::entries(&list.path)?;
     let mut images: Vec<Image> = Vec::new();
-    let mut pixels_n = 0;
     for (&number, entry) in &cameras {
         let named = |name: &str| files.iter().find(|file| file.name.contains(name));
         let Some(depth) = named(&bop::depth_file(number)) else {
@@ -235,16 +233,10 @@ fn scene_images(
         };
         let mask = named(&format!("/{number:06}_"));
         match scene_image::read(format!("{number:06}"), entry, depth, mask, config) {
-            Ok(image) => {
-                pixels_n += image.view.mask.len();
-                images.push(image);
-            }
+            Ok(image) => images.push(image),
             Err(fault) => left_out.push(fault.of_image(number)),
         }
-        if pixels_n > MAX_PIXELS {
-            let problem = format!("its images have more than {MAX_PIXELS} pixels together");
-            return Err(Fault::new(problem, "choose fewer `images`"));
-        }
+        world::check_pixels(&images)?;
     }
     Ok(images)
 }
@@ -255,7 +247,7 @@ fn cloud_image(config: &ViewsConfig, files: &[SourceFile]) -> Result<Image, Faul
     let file = files.first().cloned();
     let SourceFile { name, path, .. } = file.unwrap_or(SourceFile::named("", &config.path));
     let bytes = file::read(&path, MAX_CLOUD_BYTES);
-    let parse = cloud_format(&path).unwrap_or(ply::points);
+    let parse = layout::cloud_format(&path).unwrap_or(ply::points);
     let points = bytes.and_then(|bytes| parse(&bytes));
     let points = points.map_err(|fault| fault.in_file(&name))?;
     let points = cloud::measured(&points, config.unit_m)?;

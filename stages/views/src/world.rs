@@ -11,6 +11,8 @@ use crate::{
 /// Tables of one world differ by at most this angle, in radians (6 degrees), and by this height at the object, in meters.
 const TILT_RAD: f64 = 0.105;
 const HEIGHT_M: f64 = 0.025;
+/// Most pixels of an object's images together: they are in memory.
+const MAX_PIXELS: usize = 1 << 25;
 /// What images show of one object is at most this far apart, along each axis of the world, in meters.
 const APART_M: f64 = 0.1;
 
@@ -28,13 +30,14 @@ pub(crate) struct Image {
 }
 
 /// Keeps the images in which the object stands on the table of the first image that shows one; the reasons for the others
-/// are added to `left_out`.
+/// are added to `left_out`. `poses` says what the cameras' poses are, for messages.
 ///
 /// # Errors
 ///
 /// Fails if none shows a table, or the images do not show the same object on the same table.
 pub(crate) fn of_one_world(
     images: Vec<Image>,
+    poses: &'static str,
     left_out: &mut Vec<String>,
 ) -> Result<Vec<Image>, Fault> {
     let shows_table = |image: &&Image| image.table.is_ok();
@@ -53,10 +56,7 @@ pub(crate) fn of_one_world(
                 "the {what} in image {} is {off} from that in {first}",
                 image.name
             );
-            Fault::new(
-                problem,
-                "`cam_R_w2c` and `cam_t_w2c` take the world to the camera, in mm",
-            )
+            Fault::new(problem, poses)
         };
         if let Ok(table) = &image.table
             && let Some(off) = table_off(&first_table, table, &bounds)
@@ -77,6 +77,16 @@ pub(crate) fn of_one_world(
         kept.push(image);
     }
     Ok(kept)
+}
+
+/// Checks that images are not too many for the memory.
+pub(crate) fn check_pixels(images: &[Image]) -> Result<(), Fault> {
+    let pixels = images.iter().map(|image| image.view.mask.len());
+    if pixels.sum::<usize>() > MAX_PIXELS {
+        let problem = format!("its images have more than {MAX_PIXELS} pixels together");
+        return Err(Fault::new(problem, "choose fewer `images`"));
+    }
+    Ok(())
 }
 
 /// Returns how far two images' tables are from each other at an object, if they are not the same.

@@ -1,13 +1,17 @@
-//! Recordings: MCAP files of ROS 2 messages that ROS 2 tools, Foxglove and Rerun open as they are.
+//! Recordings: MCAP files of ROS 2 messages that ROS 2 tools, Foxglove and Rerun open as they are. Those of others are
+//! read too, with [`scan`].
 //!
 //! Equal messages give equal bytes: there is no clock, no host and no library version in the file,
 //! and compression runs on one thread. Times are nanoseconds as the caller counts them; motions
 //! begin at [`schemas::ros2::motion::START_NS`].
 
+mod scan;
+
 use std::{
     collections::BTreeMap,
     fs::{self, File},
     io::{self, BufWriter, Write},
+    ops::ControlFlow,
     path::{Path, PathBuf},
 };
 
@@ -15,7 +19,7 @@ use mcap::{
     Attachment, Compression, McapError, Summary, WriteOptions, Writer,
     read::{MessageStream, Options, attachment, metadata},
     records::{MessageHeader, Metadata},
-    sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions},
+    sans_io::LinearReaderOptions,
 };
 use schemas::ros2::{
     CdrError, Message,
@@ -24,6 +28,8 @@ use schemas::ros2::{
         TF_STATIC,
     },
 };
+
+pub use scan::{ScanError, ScannedMessage, scan};
 
 use crate::{LakeError, atomic::io_error};
 
@@ -314,20 +320,9 @@ fn check(bytes: &[u8]) -> Result<(), McapError> {
         .with_validate_data_section_crc(true)
         .with_validate_summary_section_crc(true)
         .with_record_length_limit(longest);
-    let mut reader = LinearReader::new_with_options(options);
-    let mut left = bytes;
-    while let Some(event) = reader.next_event() {
-        match event? {
-            LinearReadEvent::ReadRequest(n) => {
-                let (read, rest) = left.split_at(n.min(left.len()));
-                reader.insert(read.len()).copy_from_slice(read);
-                reader.notify_read(read.len());
-                left = rest;
-            }
-            LinearReadEvent::Record { .. } => {}
-        }
-    }
-    Ok(())
+    scan::records(bytes, bytes.len() as u64, options, |_, _| {
+        Ok(ControlFlow::Continue(()))
+    })
 }
 
 fn parse(bytes: &[u8]) -> Result<Contents, McapError> {
